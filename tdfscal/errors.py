@@ -1,0 +1,54 @@
+"""The errors a user can cause, by cause; each carries its exit status."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+
+class TdfscalError(Exception):
+    """What is wrong, where, and what to do about it: one paragraph.
+
+    Parameters
+    ----------
+    what : what is wrong, a sentence without its full stop.
+    where : file, field, line or time; put in front of the sentence.
+    hint : what to do, a sentence without its full stop.
+    """
+
+    exit_status: ClassVar[int] = 3
+
+    def __init__(self, what: str, *, where: str | None = None, hint: str | None = None) -> None:
+        self.what, self.where, self.hint = what, where, hint
+        place = f"{where}: " if where else ""
+        advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
+        super().__init__(f"{place}{what}.{advice}")
+
+
+class UsageError(TdfscalError):
+    """The command line asks for what cannot be done, or names a file that is not there."""
+
+    exit_status = 2
+
+
+class RigError(TdfscalError):
+    """The rig file is wrong."""
+
+    exit_status = 2
+
+
+class DataError(TdfscalError):
+    """A log, point file or calibration file cannot be used."""
+
+    exit_status = 3
+
+
+class NotIdentifiableError(TdfscalError):
+    """The data do not determine what was asked for."""
+
+    exit_status = 4
+
+
+class NotConvergedError(TdfscalError):
+    """The iteration found no answer that can be trusted."""
+
+    exit_status = 4

@@ -1,0 +1,1 @@
+"""Numpy and scipy only: arrays in, arrays out."""

@@ -1,0 +1,244 @@
+"""The records that pass from room to room: frozen, SI units, shapes in the docstrings.
+
+n is the number of supports (one NCP with its TDFS each), K the number of postures.
+Frames: BCS, the base of the mechanism; LCS, the terminal; a sensor's own frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+Rows = Literal["timeseries", "postures"]
+Integrity = Literal["verified", "unverified", "salvaged"]
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A quantity known as value ± std: std 0 is known exactly, std ∞ is unknown.
+
+    value, std : arrays of one shape.
+    """
+
+    value: FloatArray
+    std: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """Standard uncertainties that the log's own scatter cannot show (rig.yaml, `uncertainty`)."""
+
+    positioner: float = 0.0
+    """NCP repeatability, m per axis and posture."""
+    hinge: float = 0.0
+    """Hinge coordinates in the LCS, m per coordinate, constant."""
+    datum: float = 0.0
+    """Offset between an NCP's servo coordinates and its hinge centre, m per axis, constant."""
+    force_noise: float = 0.0
+    """Force, N per axis and posture, beyond the standard error of the dwell's mean."""
+    force_sensitivity: float = 0.0
+    """Gain and crosstalk, relative, constant."""
+    hinge_moment: float = 0.0
+    """Friction of the hinges, N·m per axis and posture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """Limits of the quality gate (rig.yaml, `acceptance`)."""
+
+    angle_std: float = 5.0e-3
+    identifiable: float = 0.05
+    birge_max: float = 2.0
+    contact_force: float | None = None
+    contact_torque: float | None = None
+    contact_rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """What is known of the rig, resolved to arrays."""
+
+    name: str
+    supports: tuple[str, ...]
+    gravity: float
+    """Magnitude, m/s², along −Z of the BCS."""
+    gravity_tilt_std: float
+    """rad, per horizontal axis of the BCS."""
+    mass: Known
+    """(), kg."""
+    barycentre: Known
+    """(3,), m, LCS."""
+    inertia: FloatArray | None
+    """(3, 3), kg m² about the LCS origin; used in motion only."""
+    hinge: FloatArray
+    """(n, 3), SHC in the LCS, m."""
+    zero: Known
+    """(n, 3), N, sensor frames."""
+    nominal_rpy: FloatArray
+    """(n, 3), rad, roll, pitch, yaw of the nominal mounting."""
+    rpy_std: FloatArray
+    """(n, 3), rad, prior about the nominal mounting; ∞ where there is none."""
+    capacity: FloatArray
+    """(n, 3), full scale in N; ∞ where not stated."""
+    declared: Declared
+    acceptance: Acceptance
+
+    @property
+    def n(self) -> int:
+        """Number of supports."""
+        return len(self.supports)
+
+
+@dataclass(frozen=True, slots=True)
+class LogMapping:
+    """How a recorder names things, and in which units (rig.yaml, `log`; defaults filled in).
+
+    position, force : per support, three fields, or one field with members x, y, z.
+    """
+
+    supports: tuple[str, ...]
+    position: tuple[tuple[str, ...], ...]
+    force: tuple[tuple[str, ...], ...]
+    rows: Rows = "timeseries"
+    time_field: str = "time"
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    time_source: Literal["header", "log", "publish"] = "log"
+    length_unit: str = "m"
+    force_unit: str = "N"
+    force_on: Literal["terminal", "sensor"] = "terminal"
+    decimal: Literal[".", ","] = "."
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One vector signal: time (N,) in s, ascending; value (N, 3)."""
+
+    time: FloatArray
+    value: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class InputFile:
+    """A file that went into a result."""
+
+    path: str
+    sha256: str
+    bytes: int
+    integrity: Integrity
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """A recorded campaign, or a piece of one, in SI units and tdfscal's sign.
+
+    position : per support, hinge centre in the BCS by the NCP's servo, m.
+    force : per support, the force the NCP exerts on the terminal, in the sensor's frame, N.
+    With rows == "postures" each row is one static posture and time is the row's number
+    where the file has no time.
+    """
+
+    supports: tuple[str, ...]
+    position: tuple[Series, ...]
+    force: tuple[Series, ...]
+    rows: Rows = "timeseries"
+    inputs: tuple[InputFile, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A stretch of the log, or a posture, that is not used, and why."""
+
+    start: float
+    end: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Dwells:
+    """Static dwells: NCPs at rest, forces settled.
+
+    start, end : (K,), s, the stretch that was averaged.
+    position : (K, n, 3), m, BCS; mean. position_cov : (K, n, 3, 3), m², of the mean.
+    force : (K, n, 3), N, sensor frames; mean. force_cov : (K, n, 3, 3), N², of the mean,
+        by the effective sample size; zeros with rows == "postures".
+    force_min, force_max : (K, n, 3), N, extremes within the dwell.
+    count : (K, n), force samples averaged. effective : (K, n), effective sample size.
+    """
+
+    supports: tuple[str, ...]
+    start: FloatArray
+    end: FloatArray
+    position: FloatArray
+    position_cov: FloatArray
+    force: FloatArray
+    force_cov: FloatArray
+    force_min: FloatArray
+    force_max: FloatArray
+    count: IntArray
+    effective: FloatArray
+    left_out: tuple[LeftOut, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
+@dataclass(frozen=True, slots=True)
+class PointSet:
+    """Named points of one file.
+
+    group : support's name, per point. point : its label. xyz : (N, 3), m, in the file's frame.
+    std : (N, 3), m, standard uncertainties that the file gives, NaN-free; None where it gives none.
+    """
+
+    group: tuple[str, ...]
+    point: tuple[str, ...]
+    xyz: FloatArray
+    std: FloatArray | None
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Instrument:
+    """A spherical instrument's standard uncertainties: range (m), range_ppm, angle_arcsec."""
+
+    range: float
+    range_ppm: float
+    angle_arcsec: float
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerSession:
+    """A laser-tracker survey: targets on the sensors, and one point moved by each NCP.
+
+    nominal : TDFS frames (drawing). targets, moves : tracker's frame. servo : BCS.
+    drawing : standard uncertainty of the nominal points, m per axis.
+    """
+
+    instrument: Instrument
+    drawing: float
+    nominal: PointSet
+    targets: PointSet
+    servo: PointSet
+    moves: PointSet
+
+
+@dataclass(frozen=True, slots=True)
+class Rotations:
+    """Installation rotations X_i of all sensors with their covariance.
+
+    rotation : (n, 3, 3), sensor frame → BCS, det = +1.
+    covariance : (3n, 3n), rad², of d with R_true = exp([d]×) · rotation, d in the BCS.
+    """
+
+    supports: tuple[str, ...]
+    rotation: FloatArray
+    covariance: FloatArray

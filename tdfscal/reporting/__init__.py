@@ -1,0 +1,1 @@
+"""Results as plain rows, then as text and pages."""

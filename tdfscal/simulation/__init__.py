@@ -1,0 +1,1 @@
+"""Forward physics of the rig, independent of the measurement model."""
