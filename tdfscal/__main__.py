@@ -1,0 +1,5 @@
+"""`python -m tdfscal`."""
+
+from tdfscal.cli import main
+
+main()

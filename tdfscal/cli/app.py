@@ -1,0 +1,57 @@
+"""The application, and what its commands share."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tdfscal import __version__
+
+app = typer.Typer(
+    name="tdfscal",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Calibrate how three-axis force sensors are mounted on a parallel assembly mechanism.",
+)
+
+
+def _version(value: bool) -> None:
+    if value:
+        print(f"tdfscal {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    del version
+
+
+Paths = Annotated[
+    list[Path], typer.Argument(metavar="PATH…", help="Campaign folder, or log files.")
+]
+RigFile = Annotated[
+    Path | None, typer.Option("--rig", metavar="FILE", help="rig.yaml, where no folder holds one.")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
+
+
+def command_line() -> str:
+    """Return the command as the user gave it."""
+    return " ".join(["tdfscal", *sys.argv[1:]])
+
+
+def emit(document: Any) -> None:
+    """Print one JSON object."""
+    import json
+
+    print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1))

@@ -1,0 +1,87 @@
+"""`tdfscal calibrate`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from tdfscal.cli.app import command_line
+from tdfscal.errors import UsageError
+from tdfscal.files.calibration import dump_calibration, save_calibration
+from tdfscal.reporting.text import render
+from tdfscal.selfcalibration import Estimator
+from tdfscal.workflow import Method, calibrate
+
+DEFAULT_OUTPUT = Path("calibration.yaml")
+SUFFIXES = (".yaml", ".yml", ".json")
+
+
+def run(
+    paths: list[Path],
+    *,
+    rig: Path | None,
+    method: Method | None,
+    estimator: Estimator,
+    trials: int | None,
+    seed: int,
+    output: Path | None,
+    json: bool,
+    allow_rejected: bool,
+    salvage: bool,
+    quiet: bool,
+) -> int:
+    """Calibrate, print, write; return the exit status."""
+    target = output or DEFAULT_OUTPUT
+    to_stdout = str(target) == "-"
+    _check_target(target, to_stdout=to_stdout)
+    started = time.monotonic()
+
+    def progress(stage: str) -> None:
+        if not quiet:
+            print(f"[{time.monotonic() - started:5.1f} s] {stage} …", file=sys.stderr, flush=True)
+
+    outcome = calibrate(
+        paths,
+        rig=rig,
+        method=method,
+        estimator=estimator,
+        trials=trials,
+        seed=seed,
+        salvage=salvage,
+        command=command_line(),
+        progress=progress,
+    )
+    result = outcome.calibration
+    accepted = result.status == "accepted"
+    write = accepted or allow_rejected
+    if json:
+        sys.stdout.write(dump_calibration(result, "json"))
+    elif to_stdout:
+        sys.stdout.write(dump_calibration(result, "yaml") if write else render(result))
+    else:
+        sys.stdout.write(render(result))
+    if write and not to_stdout:
+        save_calibration(result, target)
+        if not json:
+            print(f"\nwrote {target}")
+    if not accepted:
+        what = "was written as rejected" if write and not to_stdout else "nothing was written"
+        print(f"tdfscal: the quality gate rejects this result; {what}", file=sys.stderr)
+    return 0 if accepted else 1
+
+
+def _check_target(target: Path, *, to_stdout: bool) -> None:
+    """Refuse before the work what could not be written after it."""
+    if to_stdout:
+        return
+    if target.suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            "a calibration file's name ends in .json, .yaml or .yml",
+            where=str(target),
+            hint="choose one of them",
+        )
+    if not target.absolute().parent.is_dir():
+        raise UsageError(
+            "the folder for the result does not exist", where=str(target), hint="create it first"
+        )

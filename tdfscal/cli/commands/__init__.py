@@ -1,0 +1,9 @@
+"""The commands, in the order in which the help lists them.
+
+Each module declares its options and imports what it needs inside the command, so that the help
+stays light.
+"""
+
+from tdfscal.cli.commands import calibrate, report, schema, simulate
+
+__all__ = ["calibrate", "report", "schema", "simulate"]

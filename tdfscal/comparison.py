@@ -1,0 +1,180 @@
+"""Calibrations side by side: do they agree within their uncertainties, and do they drift."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.records import FloatArray, Rotations
+
+K = 2.0
+"""Coverage factor of the expanded uncertainties in E_n."""
+VERIFIED_P = 0.01
+"""Joint χ² less probable than this is disagreement, whatever the single angles say."""
+ANGLES = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A against B, taken as independent.
+
+    rotation_vector : (n, 3), rad, d_i = log(X_{A,i} X_{B,i}ᵀ) in the BCS; its covariance (3n, 3n)
+    is the sum of both. rpy : (n, 3), rad, roll, pitch, yaw of A minus those of B, in (−π, π];
+    rpy_std : its standard uncertainty. en : (n, 3), |rpy| / √(U_A² + U_B²), U with k = 2.
+    chi2 of all rotation vectors together with dof = 3n, p_value. verified : no E_n above 1 and a
+    plausible χ². verdict : the same in words.
+    """
+
+    names: tuple[str, str]
+    supports: tuple[str, ...]
+    rotation_vector: FloatArray
+    covariance: FloatArray
+    rpy: FloatArray
+    rpy_std: FloatArray
+    en: FloatArray
+    chi2: float
+    dof: int
+    p_value: float
+    verified: bool
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """Several calibrations in the order given, oldest first.
+
+    rpy, rpy_std : (F, n, 3), rad. drift, drift_std : (F, n, 3), rad, against the first.
+    against_first, steps : each later file against the first and against the one before it.
+    """
+
+    names: tuple[str, ...]
+    supports: tuple[str, ...]
+    rpy: FloatArray
+    rpy_std: FloatArray
+    drift: FloatArray
+    drift_std: FloatArray
+    against_first: tuple[Comparison, ...]
+    steps: tuple[Comparison, ...]
+
+
+def compare(calibrations: Sequence[tuple[str, Rotations]]) -> History:
+    """Compare two or more calibrations of the same sensors; (name, rotations), oldest first.
+
+    Raises DataError where there are fewer than two, or where their supports differ.
+    """
+    if len(calibrations) < 2:
+        raise DataError("one calibration cannot be compared", hint="name two files or more")
+    first = calibrations[0]
+    ordered = [(name, in_order_of(first[1], rotations)) for name, rotations in calibrations]
+    against_first = tuple(compare_pair(later, first) for later in ordered[1:])
+    rpy = np.stack([so3.to_rpy(r.rotation) for _, r in ordered])
+    zero = np.zeros((1, *rpy.shape[1:]))
+    return History(
+        names=tuple(name for name, _ in ordered),
+        supports=first[1].supports,
+        rpy=rpy,
+        rpy_std=np.stack([rpy_std(r) for _, r in ordered]),
+        drift=np.concatenate([zero, [c.rpy for c in against_first]]),
+        drift_std=np.concatenate([zero, [c.rpy_std for c in against_first]]),
+        against_first=against_first,
+        steps=tuple(compare_pair(b, a) for a, b in pairwise(ordered)),
+    )
+
+
+def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparison:
+    """A minus B. Two calibrations that share an input (a weighing, a drawing) agree better than
+    independent ones would, and the test sees less of a real difference then.
+
+    Raises DataError where the supports differ or a covariance is not positive definite.
+    """
+    first, second = a[1], in_order_of(a[1], b[1])
+    for name, rotations in (a, b):
+        _require_covariance(name, rotations)
+    n = len(first.supports)
+    d = so3.log(first.rotation @ np.swapaxes(second.rotation, 1, 2))
+    covariance = first.covariance + second.covariance
+    chi2 = float(d.reshape(-1) @ np.linalg.solve(covariance, d.reshape(-1)))
+    p_value = float(chi2_sf(chi2, 3 * n))
+    difference = so3.to_rpy(first.rotation) - so3.to_rpy(second.rotation)
+    rpy = np.pi - (np.pi - difference) % (2 * np.pi)
+    std = np.hypot(rpy_std(first), rpy_std(second))
+    en = np.abs(rpy) / (K * std)
+    verified = bool(np.all(en <= 1)) and p_value >= VERIFIED_P
+    return Comparison(
+        names=(a[0], b[0]),
+        supports=first.supports,
+        rotation_vector=d,
+        covariance=covariance,
+        rpy=rpy,
+        rpy_std=std,
+        en=en,
+        chi2=chi2,
+        dof=3 * n,
+        p_value=p_value,
+        verified=verified,
+        verdict=_verdict((a[0], b[0]), first.supports, rpy, en, p_value),
+    )
+
+
+def in_order_of(model: Rotations, other: Rotations) -> Rotations:
+    """`other` with its supports in the order of `model`; DataError where they differ."""
+    if set(model.supports) != set(other.supports) or len(model.supports) != len(other.supports):
+        raise DataError(
+            f"the calibrations are of different supports: {', '.join(model.supports)} and "
+            f"{', '.join(other.supports)}",
+            hint="compare calibrations of the same rig",
+        )
+    order = np.array([other.supports.index(name) for name in model.supports])
+    rows = (3 * order[:, None] + np.arange(3)).reshape(-1)
+    return Rotations(model.supports, other.rotation[order], other.covariance[np.ix_(rows, rows)])
+
+
+def rpy_std(rotations: Rotations) -> FloatArray:
+    """Standard uncertainty (n, 3), rad, of roll, pitch, yaw."""
+    n = len(rotations.supports)
+    J = so3.rpy_jacobian(rotations.rotation)
+    blocks = rotations.covariance.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
+    return np.asarray(np.sqrt(np.einsum("nij,njk,nik->ni", J, blocks, J)))
+
+
+def _require_covariance(name: str, rotations: Rotations) -> None:
+    C = rotations.covariance
+    scale = np.sqrt(np.abs(np.diag(C)))
+    if not (np.all(np.isfinite(C)) and np.all(scale > 0)) or (
+        np.linalg.eigvalsh(C / scale[:, None] / scale)[0] <= 1e-12
+    ):
+        raise DataError(
+            "the covariance of the rotations is not positive definite",
+            where=name,
+            hint="calibrate again; a rotation that the data do not determine cannot be compared",
+        )
+
+
+def _verdict(
+    names: tuple[str, str],
+    supports: tuple[str, ...],
+    rpy: FloatArray,
+    en: FloatArray,
+    p_value: float,
+) -> str:
+    i, k = np.unravel_index(int(np.argmax(en)), en.shape)
+    worst = f"{ANGLES[k]} of {supports[i]}: {rpy[i, k] * 1e3:+.3g} mrad, E_n = {en[i, k]:.2f}"
+    pair = f"{names[0]} and {names[1]}"
+    above = int(np.sum(en > 1))
+    if above:
+        return (
+            f"not verified: {pair} differ beyond their uncertainties in {above} of {en.size} "
+            f"angles (worst: {worst}; joint p = {p_value:.2g})"
+        )
+    if p_value < VERIFIED_P:
+        return (
+            f"not verified: no single angle is beyond its uncertainty (worst: {worst}), but all "
+            f"differences together are (p = {p_value:.2g})"
+        )
+    return f"verified: {pair} agree within their uncertainties (worst: {worst}; p = {p_value:.2g})"

@@ -1,0 +1,187 @@
+"""Log → dwells, with statistics and what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+from scipy.special import ndtri
+
+from tdfscal.dwells.bins import Bins, reduce_to_bins
+from tdfscal.dwells.options import DwellOptions
+from tdfscal.dwells.postures import postures_as_dwells
+from tdfscal.dwells.search import Field, prepare, search
+from tdfscal.dwells.statistics import Extent, Moments, dwell_moments
+from tdfscal.errors import DataError
+from tdfscal.records import Dwells, FloatArray, LeftOut, Log
+
+_DRIFT_ALARM = 1e-2  # false drifts per log
+_SETTLING = 10.0  # s; a change that lasts longer is drift, not settling
+_MANY = 10  # dwells that show what is common
+_ALIKE = 0.8  # share of them with one sign
+_VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line or bow
+_MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
+
+
+def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None) -> Dwells:
+    """Static dwells of a log: NCPs at rest, forces settled.
+
+    pieces : one log, or its consecutive pieces; streams may differ in rate. It is read once and
+        reduced to bins on the way, so memory does not grow with the log.
+    options : overrides; by default everything follows from the log's own noise.
+
+    With rows == "postures" each row is one dwell, without scatter.
+
+    Raises
+    ------
+    DataError
+        for an empty log, times that step back, or readings that are not numbers. A log without a
+        single dwell is no error here: `left_out` says why.
+    """
+    options = options or DwellOptions()
+    stream = iter([pieces] if isinstance(pieces, Log) else pieces)
+    first = next(stream, None)
+    if first is None:
+        raise DataError("the log is empty", hint="give a log with recorded samples")
+    warnings: list[str] = []
+    rest = _noting(chain([first], stream), warnings)
+    if first.rows == "postures":
+        found = postures_as_dwells(rest)
+    else:
+        found = dwells_of_bins(reduce_to_bins(rest, options), options)
+    return replace(found, warnings=(*dict.fromkeys(warnings), *found.warnings))
+
+
+def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
+    """The same from bins.
+
+    The search runs three times: the first round shows the drift common to all dwells, which the
+    second tells from settling; this shows the noise of long means, which the third weighs against
+    the bias that settling leaves.
+    """
+    field = prepare(bins, options or DwellOptions())
+    rate, long_run = np.zeros(len(field.forces.value)), field.long_run
+    extents, left_out = search(field, rate, long_run, rough=True)
+    for _ in range(2):
+        if extents:
+            moments = dwell_moments(bins, extents)
+            rate = _common_drift(field, extents, moments)
+            found = _long_run(bins, moments)
+            long_run = np.where(found > 0, found, field.long_run)
+        extents, left_out = search(field, rate, long_run)
+    return _with_statistics(field, extents, left_out)
+
+
+def _noting(pieces: Iterable[Log], warnings: list[str]) -> Iterator[Log]:
+    """Pass pieces on and keep their warnings."""
+    for piece in pieces:
+        warnings.extend(piece.warnings)
+        yield piece
+
+
+def _spans(field: Field, extents: list[Extent]) -> FloatArray:
+    """Lengths of the dwells, (K,), s."""
+    return np.array([(e.end - e.begin) * field.bins.width for e in extents])
+
+
+def _common_drift(field: Field, extents: list[Extent], moments: Moments) -> FloatArray:
+    """Drift of the forces that all dwells share, (3n,), N/s; 0 where the dwells show none.
+
+    Settling takes the sign of the move before it; the drift of a zero keeps its own.
+    """
+    n = len(field.bins.supports)
+    slope = moments.drift[:, n:] / _spans(field, extents)[:, None, None]
+    middle = np.median(slope, axis=0)
+    alike = np.mean(np.sign(slope) == np.sign(middle), axis=0) >= _ALIKE
+    spread = 1.4826 * np.median(np.abs(slope - middle), axis=0) / np.sqrt(len(slope))
+    z = float(-ndtri(0.5 * _DRIFT_ALARM / middle.size))
+    common = alike & (np.abs(middle) > z * _MEDIAN * spread) & (len(slope) >= _MANY)
+    return np.asarray(np.where(common, middle, 0.0).ravel())
+
+
+def _long_run(bins: Bins, moments: Moments) -> FloatArray:
+    """Standard deviation of a bin as it counts in a long mean, (6n,), m and N."""
+    samples = bins.width / bins.period
+    density = np.median(moments.density, axis=0) / samples[:, None]
+    return np.asarray(np.sqrt(density).ravel())
+
+
+def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut]) -> Dwells:
+    bins, n = field.bins, len(field.bins.supports)
+    moments = dwell_moments(bins, extents)
+    unsettled, warnings = _drifts(field, extents, moments)
+    keep = np.array([k for k in range(len(extents)) if k not in unsettled], dtype=np.int64)
+    left_out = left_out + [
+        field.out(extents[k].begin, extents[k].end, reason) for k, reason in unsettled.items()
+    ]
+    force = moments.mean[:, n:]
+    low, high = force.copy(), force.copy()
+    for k, extent in enumerate(extents):
+        rows = extent.rows
+        low[k] = np.nanmin(bins.mean[rows, n:] + bins.low[rows], axis=0)
+        high[k] = np.nanmax(bins.mean[rows, n:] + bins.high[rows], axis=0)
+    return Dwells(
+        supports=bins.supports,
+        start=np.array([field.time(extents[k].begin) for k in keep]),
+        end=np.array([field.time(extents[k].end - 1) + bins.width for k in keep]),
+        position=moments.mean[keep, :n],
+        position_cov=moments.cov[keep, :n],
+        force=force[keep],
+        force_cov=moments.cov[keep, n:],
+        force_min=low[keep],
+        force_max=high[keep],
+        count=moments.count[keep, n:],
+        effective=moments.effective[keep, n:],
+        left_out=tuple(sorted(left_out, key=lambda out: out.start)),
+        warnings=tuple(warnings),
+    )
+
+
+def _drifts(
+    field: Field, extents: list[Extent], moments: Moments
+) -> tuple[dict[int, str], list[str]]:
+    """Dwells that are not settled after all (index → reason), and warnings of slow drift.
+
+    A line or a bow of the forces that neither the noise nor the drift common to all dwells
+    explains is settling in a short dwell, and drift in a long one.
+    """
+    if not extents:
+        return {}, []
+    bins, n = field.bins, len(field.bins.supports)
+    span = _spans(field, extents)
+    z = float(-ndtri(0.5 * _DRIFT_ALARM / moments.drift.size))
+    limit = (
+        z * moments.drift_std * _beyond_noise(moments.drift, moments.drift_std)
+        + 1.001 * bins.quantum
+        + 1e-12 * np.abs(moments.mean)
+    )
+    significant = np.abs(moments.drift) > limit
+    common = _common_drift(field, extents, moments).reshape(n, 3)
+    own = np.abs(moments.drift[:, n:] - common * span[:, None, None]) > limit[:, n:]
+    bow = moments.bow[:, n:]
+    bent = np.abs(bow) > z * _beyond_noise(bow, np.ones_like(bow))
+    unsettled: dict[int, str] = {}
+    warnings: list[str] = []
+    for k, extent in enumerate(extents):
+        if span[k] < _SETTLING and (own[k] | bent[k]).any():
+            unsettled[k] = "forces never settled: they still change to the end of the stop"
+        elif significant[k].any():
+            strength = np.where(significant[k], np.abs(moments.drift[k]) / limit[k], 0.0)
+            stream, axis = np.unravel_index(int(np.argmax(strength)), strength.shape)
+            what = "position" if stream < n else "force"
+            unit, scale = ("µm", 1e6) if stream < n else ("N", 1.0)
+            change = scale * moments.drift[k, stream, axis]
+            warnings.append(
+                f"dwell {field.time(extent.begin):.2f} to {field.time(extent.end):.2f} s: "
+                f"the {what} of {bins.supports[stream % n]} drifts by {change:.3g} {unit} "
+                f"along {'xyz'[axis]}"
+            )
+    return unsettled, warnings
+
+
+def _beyond_noise(value: FloatArray, std: FloatArray) -> FloatArray:
+    """Factor (S, 3) by which most dwells exceed their std: vibration leaves lines and bows too."""
+    z = np.divide(np.abs(value), std, out=np.zeros_like(value), where=std > 0)
+    return np.asarray(np.clip(1.4826 * np.median(z, axis=0), 1.0, _VIBRATION))

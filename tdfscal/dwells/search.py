@@ -1,0 +1,230 @@
+"""The search for dwells on bins: rest of the NCPs, then settled stretches within each rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.dwells.bins import Bins
+from tdfscal.dwells.changes import (
+    Noise,
+    Signals,
+    runs,
+    segment,
+    signals,
+    threshold,
+    together,
+)
+from tdfscal.dwells.options import DwellOptions
+from tdfscal.dwells.settle import Settled, Stretch, one_decay, one_level, settled_part
+from tdfscal.dwells.statistics import Extent
+from tdfscal.records import BoolArray, FloatArray, LeftOut
+
+_SHORTEST = 0.2  # s
+_SHORTEST_BINS = 5
+_MENTIONED = 0.1  # s; shorter moments of rest within a move are not worth a line
+_JOLT = 1.0  # s; longest burst that a dwell may carry on after
+_SAME_LEVEL = 1e-4  # p of the forces before and after a burst being one level
+_UNSETTLED = 1.0  # bias / standard error that a dwell may not exceed
+_TRANSIENT = 0.6  # s; a level held for less, and left again, is the crest of an oscillation
+_CLEAR = 0.1  # largest share of a rest that is kept clear of each neighbouring move
+_ONSET = 25  # bins looked at to see how a move begins
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """What the search works on: signals, where they change, their noise, the limits in bins.
+
+    visible : (3n,), m, change of a position between two bins that stands out of the noise.
+    noise : of 6n axes, positions first.
+    """
+
+    bins: Bins
+    positions: Signals
+    forces: Signals
+    moving: BoolArray
+    disturbed: BoolArray
+    noise: Noise
+    visible: FloatArray
+    shortest: int
+    settle: int | None
+
+    @property
+    def long_run(self) -> FloatArray:
+        """First guess (6n,), from the longest windows whose noise was measured."""
+        width = 2 ** (len(self.noise.difference) - 1)
+        return np.asarray(self.noise.of_mean(width) * np.sqrt(width))
+
+    def time(self, index: int) -> float:
+        """Time of a bin's edge, s."""
+        if index < len(self.bins):
+            return float(self.bins.start[index])
+        return float(self.bins.start[-1] + self.bins.width)
+
+    def out(self, begin: int, end: int, reason: str) -> LeftOut:
+        """A stretch of bins left out; `end` is exclusive."""
+        return LeftOut(self.time(begin), self.time(end - 1) + self.bins.width, reason)
+
+
+def prepare(bins: Bins, options: DwellOptions) -> Field:
+    """Noise and changes of all signals."""
+    n = len(bins.supports)
+    positions, forces = signals(bins, slice(0, n)), signals(bins, slice(n, 2 * n))
+    gap = positions.gap | forces.gap | _jumps(bins)
+    moving, position_noise = segment(positions, gap, bins.width, options.position_threshold)
+    moving = _dilated(moving)
+    disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold)
+    shortest = options.min_duration or max(_SHORTEST, _SHORTEST_BINS * bins.width)
+    settle = options.settle_time
+    return Field(
+        bins=bins,
+        positions=positions,
+        forces=forces,
+        moving=moving,
+        disturbed=disturbed,
+        noise=together(position_noise, force_noise),
+        visible=threshold(positions, position_noise)[0],
+        shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
+        settle=None if settle is None else int(np.ceil(settle / bins.width)),
+    )
+
+
+def search(
+    field: Field, rate: FloatArray, long_run: FloatArray, *, rough: bool = False
+) -> tuple[list[Extent], list[LeftOut]]:
+    """Dwells of all stretches of rest, and what is left out.
+
+    rough : take what may still be biased by the end of settling, for a first look at the noise.
+
+    rate : (3n,), N/s, drift of the forces to take out before levels are compared.
+    long_run : (6n,), positions first; see `Stretch`.
+    """
+    time = field.bins.start - field.bins.start[0]
+    value = np.concatenate([field.positions.value, field.forces.value - rate[:, None] * time])
+    axes = len(field.positions.value)
+    stretch = Stretch.of(value, field.noise, slice(axes, None), long_run, field.bins.width)
+    extents: list[Extent] = []
+    left_out: list[LeftOut] = []
+    for begin, end in zip(*runs(~field.moving), strict=True):
+        if (end - begin) * field.bins.width >= _MENTIONED:
+            kept, out = _within_rest(field, stretch, int(begin), int(end), rough)
+            extents += kept
+            left_out += out
+    return extents, left_out
+
+
+def _jumps(bins: Bins) -> BoolArray:
+    """Bins that follow a stretch without any sample."""
+    step = np.diff(bins.start, prepend=bins.start[0] - bins.width)
+    return np.asarray(step > 1.5 * bins.width)
+
+
+def _dilated(flag: BoolArray) -> BoolArray:
+    """One bin more on either side: a bin at the edge of a move may hold its first samples."""
+    wide = flag.copy()
+    wide[1:] |= flag[:-1]
+    wide[:-1] |= flag[1:]
+    return wide
+
+
+def _kept_clear(field: Field, begin: int, end: int, *, after: bool) -> int:
+    """Bins at the end of a rest (after: of the move's end at its begin) to keep clear of a move.
+
+    A smooth move begins like t³, unseen at first. It needs as long to stand out of the noise as
+    from there to eight times as far.
+    """
+    value = field.positions.value
+    most = max(int(_CLEAR * (end - begin)), 1)
+    if after:
+        held, outside = value[:, begin : begin + 5], value[:, max(begin - _ONSET, 0) : begin + 2]
+        outside = outside[:, ::-1]
+    else:
+        held, outside = value[:, max(end - 5, 0) : end], value[:, max(end - 2, 0) : end + _ONSET]
+    if outside.shape[1] <= 2:
+        return 0  # the log begins or ends at rest
+    away = np.abs(outside - np.median(held, axis=1)[:, None])
+    visible = np.maximum(field.visible, np.finfo(np.float64).tiny)
+    excursion = (away / visible[:, None]).max(axis=0)
+    seen, far = excursion > 1.0, excursion > 8.0
+    return min(int(np.argmax(far) - np.argmax(seen)) + 1 if far.any() else 3, most)
+
+
+def _within_rest(
+    field: Field, stretch: Stretch, begin: int, end: int, rough: bool
+) -> tuple[list[Extent], list[LeftOut]]:
+    """Settled stretches within one stretch of rest [begin, end), and what is left out."""
+    length = (end - begin) * field.bins.width
+    if end - begin < field.shortest:
+        wanted = field.shortest * field.bins.width
+        reason = f"too short: at rest for {length:.2f} s, {wanted:.2f} s needed"
+        return [], [field.out(begin, end, reason)]
+    clear = (
+        begin + _kept_clear(field, begin, end, after=True),
+        end - _kept_clear(field, begin, end, after=False),
+    )
+    first = clear[0] if field.settle is None else max(begin + field.settle, clear[0])
+    settled: list[Settled] = []
+    for start, stop in _calm(field, begin, end):
+        start, stop = max(start, first), min(stop, clear[1])
+        if stop - start < field.shortest:
+            continue
+        part: Settled | None = Settled(start, stop)
+        if field.settle is None:
+            part = settled_part(stretch, start, stop, begin, field.shortest, rough=rough)
+        if part is not None and part.ratio <= _UNSETTLED:
+            settled.append(part)
+    settled = [
+        part
+        for part, later in zip(settled, [*settled[1:], None], strict=True)
+        if later is None or not one_decay(stretch, part, later)
+    ]
+    if not settled:
+        reason = f"forces never settled in {length:.2f} s at rest"
+        return [], [field.out(begin, end, reason)]
+    return _joined(field, stretch, settled)
+
+
+def _calm(field: Field, begin: int, end: int) -> list[tuple[int, int]]:
+    """Stretches of [begin, end) without change of force, the crests of oscillations left out."""
+    first, last = runs(~field.disturbed[begin:end])
+    calm = [(begin + int(a), begin + int(b)) for a, b in zip(first, last, strict=True)]
+    held = round(_TRANSIENT / field.bins.width)
+    kept = []
+    for k, (start, stop) in enumerate(calm):
+        length = stop - start
+        if k + 1 < len(calm):
+            if length < held or length < calm[k + 1][0] - stop:
+                continue
+        elif k and length < min(held, calm[k - 1][1] - calm[k - 1][0]):
+            continue
+        kept.append((start, stop))
+    return kept
+
+
+def _joined(
+    field: Field, stretch: Stretch, settled: list[Settled]
+) -> tuple[list[Extent], list[LeftOut]]:
+    """Join what a burst of force has cut in two, where the level before and after is one."""
+    groups: list[list[Settled]] = [[settled[0]]]
+    for part in settled[1:]:
+        last = groups[-1][-1]
+        pause = part.begin - last.end
+        brief = pause * field.bins.width <= _JOLT
+        brief &= pause <= (last.end - last.begin) + (part.end - part.begin)
+        if brief and one_level(stretch, last, part, _SAME_LEVEL):
+            groups[-1].append(part)
+        else:
+            groups.append([part])
+    extents, out = [], []
+    for group in groups:
+        begin, end = group[0].begin, group[-1].end
+        used = np.zeros(end - begin, dtype=np.bool_)
+        for part in group:
+            used[part.begin - begin : part.end - begin] = True
+        extents.append(Extent(begin, end, used))
+        out += [
+            field.out(a.end, b.begin, "jolt: a burst of force, excluded from the dwell around it")
+            for a, b in zip(group[:-1], group[1:], strict=True)
+        ]
+    return extents, out

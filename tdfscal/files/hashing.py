@@ -1,0 +1,78 @@
+"""What identifies an input file in a result: its SHA-256, size and integrity."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from types import TracebackType
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.records import InputFile, Integrity
+
+_BLOCK = 1 << 20
+
+
+def input_file(path: Path, integrity: Integrity) -> InputFile:
+    """Describe a file by its content, read in blocks.
+
+    Parameters
+    ----------
+    path : the file; its text goes into the record as it was given.
+    integrity : how far the reader could check the content.
+
+    Raises
+    ------
+    UsageError : the file is not there or cannot be opened.
+    """
+    digest, size = _sha256(path, lambda: False)
+    return InputFile(str(path), digest, size, integrity)
+
+
+class Fingerprint:
+    """The same, computed in a thread beside the reading of the file.
+
+    A context manager: leaving it early abandons the computation.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._stop = threading.Event()
+        self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256")
+        self._digest: Future[tuple[str, int]] = self._pool.submit(_sha256, path, self._stop.is_set)
+
+    def result(self, integrity: Integrity) -> InputFile:
+        """Wait for the digest and return the record."""
+        digest, size = self._digest.result()
+        return InputFile(str(self._path), digest, size, integrity)
+
+    def __enter__(self) -> Fingerprint:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._stop.set()
+        self._pool.shutdown(wait=True)
+
+
+def _sha256(path: Path, stopped: Callable[[], bool]) -> tuple[str, int]:
+    digest = hashlib.sha256()
+    size = 0
+    try:
+        with path.open("rb") as stream:
+            while not stopped() and (block := stream.read(_BLOCK)):
+                digest.update(block)
+                size += len(block)
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        raise UsageError(
+            f"the file cannot be opened ({error.strerror})", where=str(path)
+        ) from error
+    except OSError as error:
+        raise DataError(f"the file cannot be read ({error.strerror})", where=str(path)) from error
+    return digest.hexdigest(), size

@@ -1,0 +1,88 @@
+"""A log as one table: CSV as a machine's recorder writes it, and Parquet with default names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray, Log
+
+MM = 1000.0
+AXES = ("x", "y", "z")
+
+
+def csv_block(log: Log) -> dict[str, Any]:
+    """The rig file's `log` block that reads what `write_csv` writes."""
+    return {
+        **_rows(log),
+        "time": {"field": "t_s", "unit": "s"},
+        "length_unit": "mm",
+        "force_unit": "N",
+        "force_on": "terminal",
+        "supports": {
+            name: {
+                "position": [f"NCP{i}_ActPos{a.upper()}" for a in AXES],
+                "force": [f"TDFS{i}_F{a}" for a in AXES],
+            }
+            for i, name in enumerate(log.supports, 1)
+        },
+    }
+
+
+def parquet_block(log: Log) -> dict[str, Any] | None:
+    """The rig file's `log` block for `write_parquet`: none where the defaults say it all."""
+    return _rows(log) or None
+
+
+def _rows(log: Log) -> dict[str, Any]:
+    return {"rows": "postures"} if log.rows == "postures" else {}
+
+
+def write_csv(path: Path, log: Log) -> None:
+    """Positions in mm, forces in N, time in s; shortest decimals that read back as they are.
+
+    Raises UsageError where the signals do not share one clock.
+    """
+    block = csv_block(log)["supports"]
+    names = ["t_s"]
+    for support in log.supports:
+        names += [*block[support]["position"], *block[support]["force"]]
+    scale = np.tile([MM] * 3 + [1.0] * 3, len(log.supports))
+    table = np.column_stack([_clock(log), _signals(log) * scale])
+    with path.open("w", encoding="ascii", newline="\n") as file:
+        file.write(",".join(names) + "\n")
+        file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+
+
+def write_parquet(path: Path, log: Log) -> None:
+    """SI units and default names (`time`, `<name>.x` … `<name>.fz`), page checksums on.
+
+    Raises UsageError where the signals do not share one clock.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    members = (*AXES, *(f"f{a}" for a in AXES))
+    names = [f"{support}.{member}" for support in log.supports for member in members]
+    columns = [_clock(log), *_signals(log).T]
+    table = pa.table(dict(zip(["time", *names], map(pa.array, columns), strict=True)))
+    pq.write_table(table, path, compression="zstd", write_page_checksum=True)
+
+
+def _clock(log: Log) -> FloatArray:
+    time = log.position[0].time
+    for series in (*log.position, *log.force):
+        if not np.array_equal(series.time, time):
+            raise UsageError(
+                "signals of different rates do not fit into one table",
+                hint="write MCAP, or simulate with one rate",
+            )
+    return time
+
+
+def _signals(log: Log) -> FloatArray:
+    pairs = zip(log.position, log.force, strict=True)
+    return np.hstack([series.value for pair in pairs for series in pair])

@@ -1,0 +1,236 @@
+"""Chunks of an MCAP file: decompression within stated bounds, and where the messages are."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+import lz4.frame
+import numpy as np
+import zstandard
+from mcap.opcode import Opcode
+
+from tdfscal.records import IntArray
+
+MAX_CHUNK: Final = 512 << 20
+"""Largest chunk, in bytes when decompressed, that is read."""
+
+_CHUNK: Final = struct.Struct("<QQQII")
+_HEAD: Final = struct.Struct("<BQ")
+_MESSAGE_HEAD: Final = 22
+"""Channel, sequence, log time and publish time, in bytes."""
+DATA: Final = _HEAD.size + _MESSAGE_HEAD
+"""From the start of a message's record to its data, in bytes."""
+
+Define = Callable[[int, bytes], None]
+
+
+class Chunk(NamedTuple):
+    """A chunk record as stored."""
+
+    size: int
+    crc: int
+    compression: str
+    data: memoryview
+
+
+@dataclass(frozen=True, slots=True)
+class Messages:
+    """Messages within a buffer of records, in file order.
+
+    data : the buffer. offset : (N,), where each message's record starts.
+    length : (N,), bytes of message data. channel : (N,).
+    """
+
+    data: bytes
+    offset: IntArray
+    length: IntArray
+    channel: IntArray
+
+    def of(self, channel: int) -> Messages:
+        """Return the messages of one channel."""
+        mask = self.channel == channel
+        return Messages(self.data, self.offset[mask], self.length[mask], self.channel[mask])
+
+    def at(self, k: int) -> Messages:
+        """Return message k alone."""
+        one = slice(k, k + 1)
+        return Messages(self.data, self.offset[one], self.length[one], self.channel[one])
+
+    def log_time(self) -> IntArray:
+        """(N,), ns."""
+        return gather(self.data, self.offset + 15, "<u8").astype(np.int64)
+
+    def publish_time(self) -> IntArray:
+        """(N,), ns."""
+        return gather(self.data, self.offset + 23, "<u8").astype(np.int64)
+
+    def bytes_of(self, k: int) -> bytes:
+        """Return the data of message k."""
+        start = int(self.offset[k]) + DATA
+        return self.data[start : start + int(self.length[k])]
+
+    def counts(self) -> dict[int, int]:
+        """Messages by channel."""
+        found = np.bincount(self.channel)
+        return {int(c): int(found[c]) for c in np.flatnonzero(found)}
+
+
+def gather(data: bytes, offset: IntArray, dtype: str) -> np.ndarray[Any, Any]:
+    """Read one value of `dtype` at each byte offset, aligned or not.
+
+    Raises
+    ------
+    ValueError : an offset outside the buffer.
+    """
+    kind = np.dtype(dtype)
+    places = len(data) - kind.itemsize + 1
+    if offset.size == 0:
+        return np.empty(0, dtype=kind)
+    if places <= 0 or int(offset.min()) < 0 or int(offset.max()) >= places:
+        raise ValueError("an offset lies outside its chunk")
+    return np.ndarray((places,), kind, data, 0, (1,))[offset]
+
+
+def parse_chunk(content: bytes) -> Chunk:
+    """Split a chunk record into its parts.
+
+    Raises
+    ------
+    ValueError, struct.error : it does not add up.
+    """
+    _, _, size, crc, name_length = _CHUNK.unpack_from(content)
+    start = _CHUNK.size + name_length
+    if name_length > 64 or start + 8 > len(content):
+        raise ValueError("its header does not fit")
+    compression = content[_CHUNK.size : start].decode("ascii")
+    (length,) = struct.unpack_from("<Q", content, start)
+    if start + 8 + length != len(content):
+        raise ValueError("its length does not add up")
+    return Chunk(size, crc, compression, memoryview(content)[start + 8 :])
+
+
+def decompressed(chunk: Chunk) -> bytes:
+    """Return a chunk's records: never more bytes than it states, and its checksum checked.
+
+    Raises
+    ------
+    ValueError : too large, damaged, or compressed in a way that is not known.
+    """
+    if chunk.size > MAX_CHUNK:
+        raise ValueError(f"it states {chunk.size} bytes, more than {MAX_CHUNK >> 20} MiB")
+    data = _decompress(chunk)
+    if len(data) != chunk.size:
+        raise ValueError(f"it states {chunk.size} bytes and holds {len(data)}")
+    if chunk.crc and zlib.crc32(data) != chunk.crc:
+        raise ValueError("its checksum does not match")
+    return data
+
+
+def _decompress(chunk: Chunk) -> bytes:
+    if chunk.compression == "":
+        return bytes(chunk.data)
+    if chunk.compression == "zstd":
+        try:
+            stated = zstandard.get_frame_parameters(chunk.data).content_size
+            # The library allocates what the frame states: look before it does.
+            if stated not in (chunk.size, zstandard.CONTENTSIZE_UNKNOWN):
+                raise ValueError("its sizes contradict each other")
+            if chunk.size == 0:
+                return b""
+            return zstandard.ZstdDecompressor().decompress(chunk.data, chunk.size)
+        except zstandard.ZstdError as error:
+            raise ValueError(str(error)) from error
+    if chunk.compression == "lz4":
+        decoder = lz4.frame.LZ4FrameDecompressor()
+        try:
+            data: bytes = decoder.decompress(chunk.data, max_length=chunk.size + 1)
+        except (RuntimeError, EOFError) as error:
+            raise ValueError(str(error)) from error
+        return data
+    raise ValueError(f"its compression {chunk.compression!r} is not known")
+
+
+def index_offsets(records: Sequence[bytes]) -> IntArray | None:
+    """Return the offsets that a chunk's message indexes give, ascending; None without any.
+
+    A record is: channel u16, length u32 in bytes, then (time u64, offset u64) each.
+    """
+    parts: list[IntArray] = []
+    for content in records:
+        _, length = struct.unpack_from("<HI", content)
+        if length != len(content) - 6 or length % 16:
+            raise ValueError("a message index does not add up")
+        pairs = np.frombuffer(content, dtype="<u8", offset=6).reshape(-1, 2)
+        if pairs.size and int(pairs[:, 1].max()) > MAX_CHUNK:
+            raise ValueError("a message index points outside its chunk")
+        parts.append(pairs[:, 1].astype(np.int64))
+    if not parts:
+        return None
+    return np.sort(np.concatenate(parts), kind="stable")
+
+
+def messages_of(data: bytes, indexed: IntArray | None, define: Define) -> Messages:
+    """Find every message in a buffer of records.
+
+    The index only saves walking: the stretches between the messages that it names are walked,
+    so that the messages found tile the buffer whether the index is whole, partial or missing.
+
+    Parameters
+    ----------
+    indexed : offsets of messages, ascending, or None.
+    define : takes the schemas and channels met, as (opcode, content).
+
+    Raises
+    ------
+    ValueError : records that do not tile the buffer.
+    """
+    walked: list[int] = []
+    if indexed is None or indexed.size == 0:
+        _walk(data, 0, len(data), walked, define)
+        offset = np.array(walked, dtype=np.int64)
+    else:
+        if not (gather(data, indexed, "u1") == int(Opcode.MESSAGE)).all():
+            raise ValueError("a message index points to no message")
+        ends = indexed + _HEAD.size + _lengths(data, indexed)
+        starts = np.concatenate((indexed, [len(data)]))
+        before = np.concatenate(([0], ends))
+        if (starts < before).any():
+            raise ValueError("messages overlap by the message index")
+        for k in np.flatnonzero(starts > before):
+            _walk(data, int(before[k]), int(starts[k]), walked, define)
+        offset = np.sort(np.concatenate((indexed, np.array(walked, dtype=np.int64))))
+    length = _lengths(data, offset) - _MESSAGE_HEAD
+    if (length < 0).any():
+        raise ValueError("a message is shorter than its head")
+    channel = gather(data, offset + _HEAD.size, "<u2").astype(np.int64)
+    return Messages(data, offset, length, channel)
+
+
+def _lengths(data: bytes, offset: IntArray) -> IntArray:
+    length = gather(data, offset + 1, "<u8")
+    if length.size and int(length.max()) > len(data):
+        raise ValueError("a message is longer than its chunk")
+    return length.astype(np.int64)
+
+
+def _walk(data: bytes, start: int, stop: int, messages: list[int], define: Define) -> None:
+    """Go from record to record; note the messages, hand on schemas and channels."""
+    unpack, head, message = _HEAD.unpack_from, _HEAD.size, int(Opcode.MESSAGE)
+    while start < stop:
+        if start + head > stop:
+            raise ValueError("a record is cut short")
+        opcode, length = unpack(data, start)
+        end = start + head + length
+        if end > stop:
+            raise ValueError("a record is cut short")
+        if opcode == message:
+            messages.append(start)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            define(opcode, data[start + head : end])
+        elif opcode < 0x80:
+            raise ValueError(f"a record of kind {opcode:#04x} has no place in a chunk")
+        start = end

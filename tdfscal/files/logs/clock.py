@@ -1,0 +1,142 @@
+"""Time must ascend: duplicates, steps back and gaps of a recording's clock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.records import BoolArray, FloatArray, Rows
+
+MAX_STEP_BACK = 1.0
+"""A clock that steps back by more than this many seconds was set anew: refused."""
+MAX_DROPPED = 1e-3
+"""Largest share of samples (one at least) whose time does not ascend; they are left out."""
+GAP = 5.0
+"""An interval of more than this many median periods is a gap."""
+
+# Intervals are counted in bins of a relative width of 1 %, so that the memory is bounded.
+_BINS_PER_DECADE = 231
+_LOWEST, _HIGHEST = -10, 6
+_BINS = (_HIGHEST - _LOWEST) * _BINS_PER_DECADE
+
+
+class Clock:
+    """The clock of one stream in one file, followed from piece to piece.
+
+    Parameters
+    ----------
+    name : column or topic.
+    where : file.
+    rows : with "postures" nothing is left out: a time that does not ascend is refused.
+    after : s, the end of the file before; -∞ without one. The pause between is no gap.
+    """
+
+    def __init__(self, name: str, where: str, rows: Rows, after: float = -np.inf) -> None:
+        self.name, self.where, self._rows = name, where, rows
+        self._last = after
+        self._at_start = True
+        self._count = 0
+        self._duplicates = 0
+        self._back = 0
+        self._worst_back = 0.0
+        self._intervals = np.zeros(_BINS, dtype=np.int64)
+        self._longest = (0.0, 0.0)
+
+    def ascending(self, time: FloatArray) -> BoolArray | None:
+        """Return which samples are ahead of all before them; None where all are.
+
+        Parameters
+        ----------
+        time : (N,), s, the next samples of the stream.
+
+        Raises
+        ------
+        DataError : a step back of more than MAX_STEP_BACK.
+        """
+        if time.size == 0:
+            return None
+        self._count += time.size
+        step = np.diff(time, prepend=self._last)
+        if (step > 0.0).all():
+            self._note(time, step)
+            return None
+        # Against the latest time seen, not the sample before: one step back hides no other.
+        latest = np.maximum.accumulate(np.concatenate(([self._last], time)))[:-1]
+        keep: BoolArray = time > latest
+        self._refuse_if_set_anew(time, latest, keep)
+        same = time == latest
+        self._duplicates += int(np.count_nonzero(same))
+        back = ~keep & ~same
+        if back.any():
+            self._back += int(np.count_nonzero(back))
+            self._worst_back = max(self._worst_back, float((latest - time)[back].max()))
+        kept = time[keep]
+        self._note(kept, np.diff(kept, prepend=self._last))
+        return keep
+
+    def finish(self) -> list[str]:
+        """Return the warnings at the file's end.
+
+        Raises
+        ------
+        DataError : more samples than MAX_DROPPED do not ascend.
+        """
+        dropped = self._duplicates + self._back
+        warnings: list[str] = []
+        if dropped:
+            kinds = []
+            if self._duplicates:
+                kinds.append(f"{self._duplicates} repeat the time of the sample before")
+            if self._back:
+                kinds.append(f"{self._back} step back by up to {self._worst_back:.3g} s")
+            found = f"of {self._count} samples of {self.name}, {' and '.join(kinds)}"
+            if dropped > max(1.0, MAX_DROPPED * self._count):
+                raise DataError(
+                    found,
+                    where=self.where,
+                    hint="check the time field and its unit; a recording's clock must ascend",
+                )
+            warnings.append(f"{self.where}: {found}; they are left out")
+        return warnings + self._gaps()
+
+    def _refuse_if_set_anew(self, time: FloatArray, latest: FloatArray, keep: BoolArray) -> None:
+        limit = 0.0 if self._rows == "postures" else MAX_STEP_BACK
+        bad = (latest - time > limit) if limit else ~keep
+        if bad.any():
+            k = int(np.argmax(bad))
+            raise DataError(
+                f"the time of {self.name} goes from {latest[k]:.9g} s to {time[k]:.9g} s",
+                where=self.where,
+                hint="time must ascend; split the recording where its clock was set anew",
+            )
+
+    def _note(self, time: FloatArray, step: FloatArray) -> None:
+        if time.size == 0:
+            return
+        intervals = step[1:] if self._at_start else step
+        self._at_start = False
+        self._last = float(time[-1])
+        if intervals.size == 0 or self._rows == "postures":
+            return
+        k = int(np.argmax(intervals))
+        if intervals[k] > self._longest[0]:
+            at = float(time[k + time.size - intervals.size]) - float(intervals[k])
+            self._longest = (float(intervals[k]), at)
+        level = (np.log10(intervals) - _LOWEST) * _BINS_PER_DECADE
+        bins = np.clip(np.rint(level), 0, _BINS - 1).astype(np.int64)
+        self._intervals += np.bincount(bins, minlength=_BINS)
+
+    def _gaps(self) -> list[str]:
+        total = int(self._intervals.sum())
+        if total < 2:
+            return []
+        middle = int(np.searchsorted(np.cumsum(self._intervals), total / 2.0))
+        count = int(self._intervals[middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1 :].sum())
+        if count == 0:
+            return []
+        period = 10.0 ** (middle / _BINS_PER_DECADE + _LOWEST)
+        longest, at = self._longest
+        return [
+            f"{self.where}: {count} gap{'s' if count > 1 else ''} of more than {GAP:g} periods of "
+            f"{period:.2g} s in {self.name}, the longest of {longest:.3g} s at {at:.9g} s"
+        ]

@@ -1,0 +1,48 @@
+"""Damage that libraries report in their own ways becomes a DataError here."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tdfscal.errors import DataError, UsageError
+
+
+@contextmanager
+def damage(path: Path) -> Iterator[None]:
+    """Turn what pyarrow and the operating system raise on a damaged file into a DataError.
+
+    Raises
+    ------
+    UsageError : the file is not there, or is not to be read by this user.
+    DataError : everything else that a file's content can cause.
+    """
+    import pyarrow as pa
+
+    try:
+        yield
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        reason = error.strerror or str(error)
+        raise UsageError(f"the file cannot be opened ({reason})", where=str(path)) from error
+    except MemoryError as error:
+        raise DataError(
+            "the file declares lengths that do not fit in memory; it is damaged", where=str(path)
+        ) from error
+    except (
+        pa.ArrowException,
+        OSError,
+        EOFError,
+        ValueError,
+        OverflowError,
+        struct.error,
+    ) as error:
+        raise DataError(f"the file is damaged ({one_line(error)})", where=str(path)) from error
+
+
+def one_line(error: BaseException, limit: int = 160) -> str:
+    """Return an exception's text on one line, shortened."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    text = "".join(c if c.isprintable() else "·" for c in text)
+    return text if len(text) <= limit else text[: limit - 1] + "…"

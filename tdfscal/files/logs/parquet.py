@@ -1,0 +1,223 @@
+"""Logs as Parquet: the wanted columns only, batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from tdfscal.errors import DataError
+from tdfscal.files.logs import units
+from tdfscal.files.logs.faults import damage, one_line
+from tdfscal.files.logs.parquet_pages import has_checksums
+from tdfscal.files.logs.request import (
+    Block,
+    Outcome,
+    Piece,
+    Request,
+    check_fields_differ,
+    missing_fields,
+)
+from tdfscal.records import FloatArray
+
+_MAX_SAMPLES: Final = 1 << 16
+_MAX_THRIFT: Final = 64 << 20
+_TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """Leaf columns by path; time is None where rows are postures and the file has no time."""
+
+    time: str | None
+    components: tuple[tuple[str, str, str], ...]
+
+    @property
+    def names(self) -> list[str]:
+        """All paths to read."""
+        three = [name for signal in self.components for name in signal]
+        return ([self.time] if self.time is not None else []) + three
+
+
+def read_parquet(path: Path, request: Request, *, salvage: bool) -> Generator[Piece, None, Outcome]:
+    """Read a Parquet log in pieces; see `request.Reader`.
+
+    Page checksums are verified where the file has them, else its integrity is unverified.
+
+    Raises
+    ------
+    DataError : with the column and row of what is wrong.
+    """
+    where = str(path)
+    warnings: list[str] = []
+    with (
+        damage(path),
+        pq.ParquetFile(
+            path,
+            page_checksum_verification=True,
+            pre_buffer=False,
+            thrift_string_size_limit=_MAX_THRIFT,
+            thrift_container_size_limit=_MAX_THRIFT,
+        ) as file,
+    ):
+        columns = _resolve(file, request, where)
+        leaves = _leaves(file, columns)
+        _check_rows(file, where)
+        verified = True
+        first_row = 0
+        read = 0
+        for group in range(file.num_row_groups):
+            expected = file.metadata.row_group(group).num_rows
+            in_group = 0
+            try:
+                for batch in _batches(file, group, columns):
+                    if in_group == 0:
+                        _check_group(file, group, leaves, where)
+                        verified &= has_checksums(path, file.metadata.row_group(group), leaves)
+                    piece = _piece(batch, columns, request, first_row + in_group, where)
+                    in_group += batch.num_rows
+                    yield piece
+                if in_group != expected:
+                    raise DataError(
+                        f"row group {group} has {in_group} rows where {expected} are stated",
+                        where=where,
+                    )
+            except (pa.ArrowException, OSError, DataError) as error:
+                if not salvage:
+                    raise
+                warnings.append(
+                    f"{where}: row group {group} is damaged ({one_line(error)}); of its "
+                    f"{expected} rows {expected - in_group} are lost"
+                )
+            first_row += expected
+            read += in_group
+    if read == 0:
+        raise DataError("the file has no rows", where=where, hint="record the log again")
+    if warnings:
+        return Outcome("salvaged", tuple(warnings))
+    return Outcome("verified" if verified else "unverified")
+
+
+def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:
+    check_fields_differ(request, where=where)
+    schema = file.schema
+    paths = [schema.column(k).path for k in range(len(schema))]
+    names = [name for signal in request.signals for name in signal.components]
+    timed = request.rows == "timeseries" or request.time_field in paths
+    wanted = ([request.time_field] if timed else []) + names
+    missing = [name for name in wanted if name not in paths]
+    if missing:
+        raise missing_fields(missing, paths, where=where, kind="column")
+    for name in wanted:
+        if paths.count(name) > 1:
+            raise DataError(
+                f"column {name} is there {paths.count(name)} times",
+                where=where,
+                hint="give each column its own name",
+            )
+    return _Columns(
+        request.time_field if timed else None, tuple(s.components for s in request.signals)
+    )
+
+
+def _leaves(file: pq.ParquetFile, columns: _Columns) -> list[int]:
+    """Return the numbers of the leaf columns that are read."""
+    wanted = set(columns.names)
+    return [k for k in range(len(file.schema)) if file.schema.column(k).path in wanted]
+
+
+def _check_rows(file: pq.ParquetFile, where: str) -> None:
+    groups = range(file.metadata.num_row_groups)
+    rows = sum(file.metadata.row_group(group).num_rows for group in groups)
+    if rows != file.metadata.num_rows:
+        raise DataError("the footer contradicts itself about the number of rows", where=where)
+
+
+def _check_group(file: pq.ParquetFile, group: int, leaves: list[int], where: str) -> None:
+    """Check what the footer says twice against itself, for no checksum covers the footer.
+
+    To be called when the group's first batch is read: pyarrow aborts the process where it is
+    asked for the metadata of a column that is damaged, and raises where it reads it.
+    """
+    part = file.metadata.row_group(group)
+    for k in leaves:
+        chunk, column = part.column(k), file.schema.column(k)
+        if (
+            chunk.path_in_schema != column.path
+            or chunk.physical_type != column.physical_type
+            or chunk.num_values != part.num_rows
+        ):
+            raise DataError(
+                f"the footer contradicts itself about column {column.path}", where=where
+            )
+
+
+def _batches(file: pq.ParquetFile, group: int, columns: _Columns) -> Iterator[pa.Table]:
+    names = columns.names
+    for batch in file.iter_batches(batch_size=_MAX_SAMPLES, row_groups=[group], columns=names):
+        table = pa.Table.from_batches([batch])
+        while any(pa.types.is_struct(field.type) for field in table.schema):
+            table = table.flatten()
+        yield table
+
+
+def _piece(
+    table: pa.Table, columns: _Columns, request: Request, first_row: int, where: str
+) -> Piece:
+    value: dict[int, FloatArray] = {}
+    for number, signal in enumerate(request.signals):
+        vector = np.empty((table.num_rows, 3))
+        for axis, name in enumerate(columns.components[number]):
+            column = _numbers(table.column(name), name, first_row, where)
+            np.multiply(column, signal.factor, out=vector[:, axis])
+        value[number] = vector
+    if columns.time is None:
+        time = np.arange(first_row, first_row + table.num_rows, dtype=np.float64)
+        return (Block("row", time, value),)
+    time = _time(table.column(columns.time), columns.time, request, first_row, where)
+    return (Block(f"column {columns.time}", time, value),)
+
+
+def _time(column: Any, name: str, request: Request, first_row: int, where: str) -> FloatArray:
+    if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
+        # Such a column knows its own unit.
+        ticks = column.cast(pa.int64())
+        return _numbers(ticks, name, first_row, where) / _TICKS[column.type.unit]
+    factor = units.factor("time", request.time_unit)
+    if factor is None:
+        raise ValueError(request.time_unit)
+    return _numbers(column, name, first_row, where) * factor
+
+
+def _numbers(column: Any, name: str, first_row: int, where: str) -> FloatArray:
+    """Return a column as (N,) float64, each value present and finite."""
+    kind = column.type
+    is_number = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
+    if not is_number:
+        raise DataError(
+            f"column {name} holds {kind}, not numbers",
+            where=where,
+            hint="name a column of numbers in the log block of rig.yaml",
+        )
+    if column.null_count:
+        row = first_row + int(np.argmax(column.is_null().to_numpy()))
+        raise DataError(
+            "the cell is empty", where=f"{where}, column {name}, row {row}",
+            hint="a log has no holes; rows count from 0",
+        )  # fmt: skip
+    values: FloatArray = np.asarray(
+        column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64
+    )
+    if not np.isfinite(values).all():
+        k = int(np.argmin(np.isfinite(values)))
+        raise DataError(
+            f"{values[k]} is not a finite number",
+            where=f"{where}, column {name}, row {first_row + k}",
+            hint="each cell must be a finite number; rows count from 0",
+        )
+    return values

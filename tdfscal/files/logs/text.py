@@ -1,0 +1,136 @@
+"""Logs as text: CSV, TSV and what recorders make of them; plain, gzip or zstd."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import BinaryIO, Final, cast
+
+import numpy as np
+import pyarrow as pa
+import zstandard
+
+from tdfscal.errors import DataError
+from tdfscal.files.logs.faults import damage
+from tdfscal.files.logs.request import Block, Outcome, Piece, Request, split
+from tdfscal.files.logs.text_header import Header, find_header
+from tdfscal.files.logs.text_rows import RowParser, Rows
+from tdfscal.records import FloatArray, Integrity
+
+_BLOCK: Final = 8 << 20
+_HEAD: Final = 1 << 18
+_MAX_SAMPLES: Final = 1 << 16
+_GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+
+
+def read_text(path: Path, request: Request, *, salvage: bool) -> Generator[Piece, None, Outcome]:
+    """Read a text log in pieces; see `request.Reader`.
+
+    Raises
+    ------
+    DataError : with the line and column of what is wrong.
+    """
+    where = str(path)
+    with damage(path):
+        stream, integrity = _open(path)
+        with stream:
+            head = stream.read(_HEAD)
+            newline = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
+            text = _decode(head, where)
+            header = find_header(text, request, where=where)
+            parser = RowParser(header, newline, request.decimal, where)
+            line = header.lines + 1
+            rows_before, faults = 0, 0
+            warnings: list[str] = []
+            for block, whole in _blocks(stream, head, newline, header.lines, where):
+                if not whole and request.rows == "timeseries":
+                    warnings.append(
+                        f"{where}: the last line has no end and may be cut short; it is left out"
+                    )
+                    continue
+                rows = parser.parse(block, line, salvage=salvage)
+                piece = _piece(rows, header, request, rows_before)
+                rows_before += rows.count
+                faults += rows.faults
+                line += rows.lines
+                del block, rows
+                yield from split(piece, _MAX_SAMPLES)
+    if rows_before == 0:
+        raise DataError(
+            "the file has a header and no rows", where=where, hint="record the log again"
+        )
+    if faults:
+        warnings.append(f"{where}: {faults} lines cannot be read and are left out")
+    return Outcome("salvaged" if salvage and (faults or warnings) else integrity, tuple(warnings))
+
+
+def _open(path: Path) -> tuple[BinaryIO, Integrity]:
+    """Open a plain or compressed file by its first bytes, not by its name."""
+    with path.open("rb") as probe:
+        magic = probe.read(64)
+    if magic.startswith(_GZIP):
+        return cast(BinaryIO, pa.input_stream(str(path), compression="gzip")), "verified"
+    if magic.startswith(_ZSTD):
+        try:
+            checked = zstandard.get_frame_parameters(magic).has_checksum
+        except zstandard.ZstdError as error:
+            raise ValueError(str(error)) from error
+        stream = cast(BinaryIO, pa.input_stream(str(path), compression="zstd"))
+        return stream, "verified" if checked else "unverified"
+    return path.open("rb"), "unverified"
+
+
+def _decode(head: bytes, where: str) -> str:
+    """Decode the first lines; in the rows only ASCII matters."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise DataError("the text is UTF-16", where=where, hint="export it as UTF-8")
+    # The last character may be cut in two by the block's end; it is far below the header.
+    whole = head[: max(head.rfind(b"\n"), head.rfind(b"\r")) + 1] or head
+    try:
+        return whole.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return whole.decode("cp1252", errors="replace")
+
+
+def _blocks(
+    stream: BinaryIO, head: bytes, newline: bytes, skipped: int, where: str
+) -> Iterator[tuple[bytes, bool]]:
+    """Yield blocks of whole lines after the header; False with a last line without an end."""
+    start = 0
+    for _ in range(skipped):
+        found = head.find(newline, start)
+        if found < 0:
+            return
+        start = found + 1
+    rest = head[start:]
+    while data := stream.read(_BLOCK):
+        end = data.rfind(newline) + 1
+        if end:
+            yield rest + data[:end], True
+            rest = data[end:]
+        else:
+            rest += data
+            if len(rest) > 2 * _BLOCK:
+                raise DataError(
+                    f"a line is longer than {2 * _BLOCK >> 20} MiB", where=where,
+                    hint="this is not a table of numbers",
+                )  # fmt: skip
+    end = rest.rfind(newline) + 1
+    if end:
+        yield rest[:end], True
+    if rest[end:].strip():
+        yield rest[end:], False
+
+
+def _piece(rows: Rows, header: Header, request: Request, rows_before: int) -> Piece:
+    value: dict[int, FloatArray] = {}
+    for number, (columns, factor) in enumerate(zip(header.components, header.factors, strict=True)):
+        vector = np.empty((rows.count, 3))
+        for axis, column in enumerate(columns):
+            np.multiply(rows.columns[column], factor, out=vector[:, axis])
+        value[number] = vector
+    if header.time is None:
+        time = np.arange(rows_before, rows_before + rows.count, dtype=np.float64)
+        return (Block("row", time, value),)
+    time = rows.columns[header.time] * header.time_factor
+    return (Block(f"column {request.time_field}", time, value),)

@@ -1,0 +1,154 @@
+"""Rows of a text log: parsed fast as they should be, or line by line where something is wrong."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
+from tdfscal.errors import DataError
+from tdfscal.files.logs.text_header import Header, split_cells
+from tdfscal.records import FloatArray
+
+_PARSER_BLOCK = 1 << 20
+_SWAPPED = str.maketrans(",.", ".,")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows of one block.
+
+    columns : a column's number → (N,) as recorded. count : N.
+    lines : of the block, blank ones too. faults : lines that are left out.
+    """
+
+    columns: dict[int, FloatArray]
+    count: int
+    lines: int
+    faults: int = 0
+
+
+class RowParser:
+    r"""Parses blocks of whole lines.
+
+    Parameters
+    ----------
+    header : the table's shape and wanted columns.
+    newline : b"\n" or b"\r".
+    decimal : "." or ",".
+    where : file.
+    """
+
+    def __init__(self, header: Header, newline: bytes, decimal: str, where: str) -> None:
+        self._header, self._newline, self._decimal = header, newline, decimal
+        self._where = where
+        names = [str(c) for c in range(header.columns)]
+        wanted = [str(c) for c in header.wanted]
+        self._read = pa_csv.ReadOptions(column_names=names, block_size=_PARSER_BLOCK)
+        self._parse = pa_csv.ParseOptions(delimiter=header.separator)
+        self._convert = pa_csv.ConvertOptions(
+            column_types=dict.fromkeys(wanted, pa.float64()),
+            include_columns=wanted,
+            null_values=[],
+            decimal_point=decimal,
+        )
+
+    def parse(self, block: bytes, first_line: int, *, salvage: bool) -> Rows:
+        """Parse a block.
+
+        Parameters
+        ----------
+        block : whole lines. first_line : the number of its first line, from 1.
+        salvage : leave out lines that are wrong instead of refusing the file.
+
+        Raises
+        ------
+        DataError : the first line that is wrong, and why.
+        """
+        rows = self._fast(block)
+        if rows is not None:
+            return rows
+        return self._slow(block, first_line, salvage=salvage)
+
+    def _fast(self, block: bytes) -> Rows | None:
+        """Parse with pyarrow; None where a line might be wrong."""
+        try:
+            table = pa_csv.read_csv(pa.BufferReader(block), self._read, self._parse, self._convert)
+        except pa.ArrowInvalid:
+            return None
+        # A quotation mark that is never closed can swallow lines whole.
+        lines = block.count(self._newline) + (not block.endswith(self._newline))
+        if table.num_rows != lines and table.num_rows != sum(1 for _ in self._lines(block, 0)):
+            return None
+        columns: dict[int, FloatArray] = {}
+        for name, column in zip(table.column_names, table.columns, strict=True):
+            values = np.asarray(column.to_numpy(), dtype=np.float64)
+            # The sum is finite where all are, but for magnitudes that no log has.
+            if column.null_count or not np.isfinite(values.sum()):
+                return None
+            columns[int(name)] = values
+        return Rows(columns, table.num_rows, lines)
+
+    def _slow(self, block: bytes, first_line: int, *, salvage: bool) -> Rows:
+        kept: list[list[float]] = []
+        faults = 0
+        for number, line in self._lines(block, first_line):
+            try:
+                kept.append(self._row(line, number))
+            except DataError:
+                if not salvage:
+                    raise
+                faults += 1
+        table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._header.wanted))
+        columns = {c: table[:, k].copy() for k, c in enumerate(self._header.wanted)}
+        return Rows(columns, len(kept), block.count(self._newline), faults)
+
+    def _lines(self, block: bytes, first_line: int) -> Iterator[tuple[int, bytes]]:
+        """Lines that are not blank, with their numbers."""
+        for k, line in enumerate(block.split(self._newline)):
+            bare = line.strip(b"\r\n")
+            if bare:
+                yield first_line + k, bare
+
+    def _row(self, line: bytes, number: int) -> list[float]:
+        text = line.decode("utf-8", errors="replace")
+        cells = split_cells(text, self._header.separator)
+        here = f"{self._where}, line {number}"
+        if len(cells) != self._header.columns:
+            raise DataError(
+                f"the line has {len(cells)} cells, the header {self._header.columns}",
+                where=here,
+                hint="the file may be cut short or damaged there; record or export it again",
+            )
+        numbers: list[float] = []
+        for c in self._header.wanted:
+            value = self._number(cells[c])
+            if value is None:
+                raise self._fault(cells[c], f"{here}, column {self._header.names[c]}")
+            numbers.append(value)
+        return numbers
+
+    def _number(self, cell: str) -> float | None:
+        plain = cell.translate(_SWAPPED) if self._decimal == "," else cell
+        if _NUMBER.fullmatch(plain) and math.isfinite(value := float(plain)):
+            return value
+        return None
+
+    def _fault(self, cell: str, where: str) -> DataError:
+        shown = repr(cell if len(cell) <= 40 else cell[:39] + "…")
+        if not cell:
+            return DataError("the cell is empty", where=where, hint="a log has no holes")
+        swapped = cell.replace(",", ".") if self._decimal == "." else cell
+        if swapped != cell and _NUMBER.fullmatch(swapped):
+            hint = 'state `decimal: ","` in the log block of rig.yaml if the comma is the decimal'
+        elif self._decimal == "," and _NUMBER.fullmatch(cell):
+            hint = 'the mapping says `decimal: ","`; take it out if the point is the decimal'
+        else:
+            hint = "each cell must be a finite number"
+        return DataError(f"{shown} is not a finite number", where=where, hint=hint)

@@ -1,0 +1,362 @@
+"""From a result's records to the calibration file's model, for each method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from tdfscal import __version__
+from tdfscal.files.calibration import Calibration, parameter_names
+from tdfscal.files.calibrationmodel import (
+    CALIBRATION_FORMAT,
+    CONVENTION,
+    CONVENTION_WITH_SENSITIVITY,
+    COVARIANCE_DEFINITION,
+)
+from tdfscal.files.rig import LoadedRig
+from tdfscal.joint import Joint
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.observability import ANGLES, Observability
+from tdfscal.records import FloatArray, InputFile
+from tdfscal.selfcalibration import SelfCalibration
+from tdfscal.statics import layout, symmetric
+from tdfscal.trackercal import TrackerCalibration
+from tdfscal.uncertainty import COVERAGE
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where a result comes from."""
+
+    rig: LoadedRig
+    inputs: tuple[InputFile, ...]
+    command: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Angles:
+    """Rotations (n, 3, 3), their covariance (3n, 3n), and intervals (n, 3), rad."""
+
+    rotation: FloatArray
+    covariance: FloatArray
+    std: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def from_self(
+    result: SelfCalibration, origin: Provenance, notes: Sequence[str] = ()
+) -> Calibration:
+    """Return the calibration file of a self-calibration."""
+    return _calibration(
+        origin,
+        method="self",
+        estimator=result.estimator,
+        reasons=result.reasons,
+        warnings=(*notes, *result.warnings),
+        angles=_self_angles(result),
+        budget=result.uncertainty.contributions,
+        **_self_parts(result, origin),
+    )
+
+
+def from_tracker(
+    result: TrackerCalibration, origin: Provenance, reasons: Sequence[str], notes: Sequence[str]
+) -> Calibration:
+    """Return the calibration file of a laser-tracker calibration."""
+    rig = origin.rig.rig
+    return _calibration(
+        origin,
+        method="tracker",
+        reasons=reasons,
+        warnings=(*notes, *result.warnings),
+        angles=_tracker_angles(result),
+        budget=result.budget,
+        zero=rig.zero.value,
+        zero_std=rig.zero.std,
+        terminal=_terminal(rig.mass.value, rig.mass.std, rig.barycentre.value, rig.barycentre.std),
+        monte_carlo=_tracker_trials(result, origin.seed),
+        tracker=_tracker_statistics(result),
+    )
+
+
+def from_joint(
+    both: Joint,
+    own: SelfCalibration,
+    tracker: TrackerCalibration,
+    origin: Provenance,
+    reasons: Sequence[str],
+    notes: Sequence[str],
+) -> Calibration:
+    """Return the calibration file of both methods together; zeros are the self-calibration's."""
+    half = float(normal_quantile(0.5 + COVERAGE / 2)) * both.rpy_std
+    angles = _Angles(
+        both.rotations.rotation,
+        both.rotations.covariance,
+        both.rpy_std,
+        both.rpy - half,
+        both.rpy + half,
+    )
+    parts = _self_parts(own, origin) | {"monte_carlo": None}
+    return _calibration(
+        origin,
+        method="joint",
+        estimator=own.estimator,
+        reasons=(*own.reasons, *reasons),
+        warnings=(*notes, *own.warnings, *tracker.warnings),
+        angles=angles,
+        budget=_joint_budget(both, own, tracker),
+        tracker=_tracker_statistics(tracker)
+        | {
+            "consistency_p_value": both.test.p_value,
+            "largest_en": float(np.abs(both.test.en).max()),
+        },
+        **parts,
+    )
+
+
+def _calibration(
+    origin: Provenance,
+    *,
+    method: str,
+    reasons: Sequence[str],
+    warnings: Sequence[str],
+    angles: _Angles,
+    budget: Mapping[str, FloatArray],
+    zero: FloatArray,
+    zero_std: FloatArray,
+    sensitivity: FloatArray | None = None,
+    **parts: Any,
+) -> Calibration:
+    names = origin.rig.rig.supports
+    rpy, quaternion = so3.to_rpy(angles.rotation), so3.to_quaternion(angles.rotation)
+    supports = [
+        {
+            "name": name,
+            "rotation": angles.rotation[i],
+            "rpy": rpy[i],
+            "rpy_std": angles.std[i],
+            "rpy_interval": {"coverage": COVERAGE, "low": angles.low[i], "high": angles.high[i]},
+            "quaternion_xyzw": quaternion[i],
+            "zero": zero[i],
+            "zero_std": _open(zero_std[i]),
+            "sensitivity": None if sensitivity is None else sensitivity[i],
+        }
+        for i, name in enumerate(names)
+    ]
+    document = {
+        "format": CALIBRATION_FORMAT,
+        "status": "rejected" if reasons else "accepted",
+        "method": method,
+        "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "rig": {**origin.rig.document, "sha256": origin.rig.sha256},
+        "software": {"name": "tdfscal", "version": __version__},
+        "command": origin.command,
+        "seed": origin.seed,
+        "inputs": [
+            {"path": f.path, "sha256": f.sha256, "bytes": f.bytes, "integrity": f.integrity}
+            for f in origin.inputs
+        ],
+        "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
+        "supports": supports,
+        "covariance": {
+            "parameters": parameter_names(names),
+            "definition": COVARIANCE_DEFINITION,
+            "matrix": (angles.covariance + angles.covariance.T) / 2,
+        },
+        "budget": _budget(names, budget),
+        "quality": {"reasons": tuple(reasons)},
+        "warnings": tuple(warnings),
+    }
+    return Calibration.model_validate(document | parts)
+
+
+def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
+    """Everything but the angles and their budget."""
+    state, std = result.fit.state, result.uncertainty.parameter_std
+    n, place = state.n, layout(state.n)
+    declared = result.rig.declared.force_sensitivity > 0
+    return {
+        "zero": state.zero,
+        "zero_std": std[place["zero"]].reshape(n, 3),
+        "sensitivity": np.eye(3) + symmetric(state.sensitivity) if declared else None,
+        "terminal": _terminal(
+            state.mass, std[place["mass"]][0], state.barycentre, std[place["barycentre"]]
+        ),
+        "fit": _fit(result),
+        "observability": _observability(result.observability),
+        "monte_carlo": _trials(result, origin.seed),
+        "validation": _validation(result),
+    }
+
+
+def _terminal(
+    mass: FloatArray, mass_std: FloatArray, bary: FloatArray, bary_std: FloatArray
+) -> dict[str, Any]:
+    return {
+        "mass": {"value": float(mass), "std": _open(np.reshape(mass_std, 1))[0]},
+        "barycenter": {"value": bary, "std": _open(bary_std)},
+    }
+
+
+def _open(std: FloatArray) -> list[float | None]:
+    """Standard uncertainties as the file writes them: nothing where there is none."""
+    return [float(s) if np.isfinite(s) else None for s in std]
+
+
+def _self_angles(result: SelfCalibration) -> _Angles:
+    spread, rpy = result.uncertainty, so3.to_rpy(result.fit.state.rotation)
+    low = rpy - spread.coverage_factor * spread.rpy_std
+    high = rpy + spread.coverage_factor * spread.rpy_std
+    trials = result.monte_carlo
+    if trials is not None and not trials.validated:
+        low, high = trials.low, trials.high
+    return _Angles(result.fit.state.rotation, spread.covariance, spread.rpy_std, low, high)
+
+
+def _tracker_angles(result: TrackerCalibration) -> _Angles:
+    found = result.rotations
+    low, high = result.low, result.high
+    if result.monte_carlo is not None and not result.monte_carlo.linear_interval_validated:
+        low, high = result.monte_carlo.low, result.monte_carlo.high
+    return _Angles(found.rotation, found.covariance, result.rpy_std, low, high)
+
+
+def _fit(result: SelfCalibration) -> dict[str, Any]:
+    stats, dwells = result.quality, result.dwells
+    return {
+        "postures": len(dwells) - len(result.rejected),
+        "rejected": [
+            {"index": k, "start": dwells.start[k], "end": dwells.end[k], "reason": reason}
+            for k, reason in sorted(result.rejected.items())
+        ],
+        "chi2": stats.chi2,
+        "dof": stats.dof,
+        "p_value": stats.p_value,
+        "birge": stats.birge,
+        "rms_force": stats.rms_force,
+        "rms_moment": stats.rms_moment,
+        "iterations": result.fit.iterations,
+        "converged": True,
+    }
+
+
+def _observability(seen: Observability) -> dict[str, Any]:
+    weakest = seen.weakest
+    return {
+        "verdict": seen.verdict,
+        "weakest": {
+            "name": weakest.name,
+            "std": weakest.std,
+            "cause": "the smallest load across the direction of this turn",
+        },
+        "angles": [
+            {
+                "support": a.support,
+                "angle": a.angle,
+                "std": a.std,
+                "prior_std": _open(np.array([a.prior_std]))[0],
+                "identified": a.identified,
+            }
+            for a in seen.angles
+        ],
+        "correlations": [{"a": c.a, "b": c.b, "value": c.value} for c in seen.correlations],
+    }
+
+
+def _budget(names: Sequence[str], shares: Mapping[str, FloatArray]) -> dict[str, Any]:
+    """Variances by source; sources that contribute nothing anywhere are left out."""
+    sources = [source for source, variance in shares.items() if np.any(variance > 0)]
+    return {
+        "sources": sources,
+        "angles": [
+            {
+                "support": name,
+                "angle": angle,
+                "variance": {source: float(max(0.0, shares[source][i, j])) for source in sources},
+            }
+            for i, name in enumerate(names)
+            for j, angle in enumerate(ANGLES)
+        ],
+    }
+
+
+def _joint_budget(
+    both: Joint, own: SelfCalibration, tracker: TrackerCalibration
+) -> dict[str, FloatArray]:
+    """Each method's share: C C_a⁻¹ C, whose sum is C."""
+    C, jac = both.rotations.covariance, so3.rpy_jacobian(both.rotations.rotation)
+    shares = {}
+    for name, cov in (
+        ("self-calibration", own.uncertainty.covariance),
+        ("tracker", tracker.rotations.covariance),
+    ):
+        part = C @ np.linalg.solve(cov, C)
+        blocks = np.stack([part[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(len(jac))])
+        shares[name] = np.diagonal(jac @ blocks @ np.swapaxes(jac, 1, 2), axis1=1, axis2=2)
+    return shares
+
+
+def _trials(result: SelfCalibration, seed: int) -> dict[str, Any] | None:
+    trials = result.monte_carlo
+    if trials is None:
+        return None
+    return {
+        "trials": trials.trials,
+        "seed": seed,
+        "rpy_std": trials.std,
+        "low": trials.low,
+        "high": trials.high,
+        "tolerance": float(trials.tolerance.min()),
+        "linear_interval_validated": trials.validated,
+    }
+
+
+def _tracker_trials(result: TrackerCalibration, seed: int) -> dict[str, Any] | None:
+    trials = result.monte_carlo
+    if trials is None:
+        return None
+    return {
+        "trials": trials.trials,
+        "seed": seed,
+        "rpy_std": trials.std,
+        "low": trials.low,
+        "high": trials.high,
+        "tolerance": float(trials.tolerance.min()),
+        "linear_interval_validated": trials.linear_interval_validated,
+    }
+
+
+def _validation(result: SelfCalibration) -> dict[str, Any]:
+    check = result.validation
+    rms = zip(check.before.rms(), check.after.rms(), strict=True)
+    top = zip(check.before.largest(), check.after.largest(), strict=True)
+    parts = [
+        {"rms_before": rb, "rms_after": ra, "max_before": mb, "max_after": ma}
+        for (rb, ra), (mb, ma) in zip(rms, top, strict=True)
+    ]
+    return {
+        "method": "leave one posture out",
+        "postures": len(check.index),
+        "force": parts[0],
+        "moment": parts[1],
+    }
+
+
+def _tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
+    return {
+        "chi2": result.chi2,
+        "dof": result.dof,
+        "p_value": result.p_value,
+        "birge": result.birge,
+        "points": len(result.point_names),
+        "rejected": [point.name for point in result.rejected],
+        "coplanar_targets": list(result.coplanar_targets),
+        "rms_residual": float(np.sqrt(np.mean(np.sum(result.residual**2, axis=1)))),
+    }

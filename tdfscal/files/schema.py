@@ -1,0 +1,55 @@
+"""The published JSON Schemas of the file formats, generated from the models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.files.points_model import PointFile
+from tdfscal.files.rigmodel import RigFile
+from tdfscal.files.saving import make_folder, to_json, write_text
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+_MODELS: dict[str, tuple[type[BaseModel], str]] = {
+    "rig": (RigFile, "tdfscal rig file (rig.yaml)"),
+    "calibration": (Calibration, "tdfscal calibration file"),
+    "points": (PointFile, "tdfscal point file"),
+}
+
+
+class _WithoutTitles(GenerateJsonSchema):
+    """A field's generated title only repeats its key."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+
+def schemas() -> dict[str, dict[str, Any]]:
+    """Return each format's schema by its file name, the same at every call."""
+    return {
+        f"{name}.schema.json": {
+            "$schema": DIALECT,
+            "$id": f"urn:tdfscal:schema:{name}:1",
+            **model.model_json_schema(schema_generator=_WithoutTitles),
+            "title": title,
+        }
+        for name, (model, title) in _MODELS.items()
+    }
+
+
+def write_schemas(folder: Path | str) -> tuple[Path, ...]:
+    """Write the schemas into a folder, which is made where it is missing; return their paths.
+
+    Raises UsageError where they cannot be written.
+    """
+    target = make_folder(Path(folder))
+    paths = []
+    for name, schema in schemas().items():
+        write_text(target / name, to_json(schema))
+        paths.append(target / name)
+    return tuple(paths)

@@ -1,0 +1,35 @@
+"""Tail probabilities and quantiles from scipy.special; scipy.stats costs a second to import."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+
+from tdfscal.records import FloatArray
+
+
+def chi2_sf(x: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
+    """Probability that χ² with dof degrees of freedom exceeds x."""
+    return np.asarray(special.chdtrc(dof, x), dtype=np.float64)
+
+
+def chi2_quantile(p: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
+    """Value that χ² with dof degrees of freedom stays below with probability p."""
+    return np.asarray(special.chdtri(dof, 1.0 - np.asarray(p)), dtype=np.float64)
+
+
+def normal_quantile(p: npt.ArrayLike) -> FloatArray:
+    """Quantile of the standard normal distribution."""
+    return np.asarray(special.ndtri(p), dtype=np.float64)
+
+
+def coverage_factor(coverage: float, dof: npt.ArrayLike = np.inf) -> FloatArray:
+    """Two-sided coverage factor k from Student's t with dof degrees of freedom (GUM, G.3.4).
+
+    dof may be ∞ (the normal distribution) and broadcasts.
+    """
+    p, dof = 0.5 + coverage / 2, np.asarray(dof, dtype=np.float64)
+    finite = np.isfinite(dof)
+    t = special.stdtrit(np.where(finite, dof, 1.0), p)
+    return np.asarray(np.where(finite, t, special.ndtri(p)), dtype=np.float64)

@@ -1,0 +1,107 @@
+"""Gauss–Newton with Levenberg's damping on any manifold that offers a retraction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from tdfscal.records import FloatArray
+
+S = TypeVar("S")
+
+#: A step is converged when it changes the whitened residual by less than this many standard
+#: deviations: a 1e-8 of any parameter's own uncertainty.
+TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True, slots=True)
+class Solution(Generic[S]):
+    """The end of an iteration.
+
+    residual : (m,), whitened. jacobian : (m, p). cost : |residual|².
+    converged : the last step was below the tolerance; otherwise the iteration ran out.
+    """
+
+    state: S
+    residual: FloatArray
+    jacobian: FloatArray
+    cost: float
+    iterations: int
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Singular value decomposition of a Jacobian (m, p) with its columns scaled to unit length.
+
+    scale : (p,). values : (r,), those above rounding. right : (r, p). null : (p − r, p), the
+    directions that no row of the Jacobian sees, in scaled parameters.
+    """
+
+    scale: FloatArray
+    left: FloatArray
+    values: FloatArray
+    right: FloatArray
+    null: FloatArray
+
+    @property
+    def root(self) -> FloatArray:
+        """G (p, r) with the pseudo-inverse of JᵀJ equal to G Gᵀ."""
+        return np.asarray((self.right / self.values[:, None]).T / self.scale[:, None])
+
+    def solve(self, residual: FloatArray, damping: float = 0.0) -> FloatArray:
+        """Step (p,) that minimises |J x + residual|² + damping |scale · x|²."""
+        gain = self.values / (self.values**2 + damping)
+        return np.asarray(-(self.right.T @ (gain * (self.left.T @ residual))) / self.scale)
+
+
+def spectrum(jacobian: FloatArray) -> Spectrum:
+    """Decompose a Jacobian; directions below its rounding errors are its null space.
+
+    The cut lies at rounding (machine epsilon times size), not at a size of information: whether
+    a direction is known *well enough* is decided from its standard uncertainty, elsewhere.
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    U, s, Vt = np.linalg.svd(jacobian / scale, full_matrices=jacobian.shape[0] < jacobian.shape[1])
+    cut = s[0] * max(jacobian.shape) * np.finfo(float).eps * 8 if len(s) else 0.0
+    rank = int(np.sum(s > cut))
+    return Spectrum(scale, U[:, :rank], s[:rank], Vt[:rank], Vt[rank:])
+
+
+def gauss_newton(
+    model: Callable[[S], tuple[FloatArray, FloatArray]],
+    retract: Callable[[S, FloatArray], S],
+    start: S,
+    *,
+    iterations: int = 60,
+) -> Solution[S]:
+    """Minimise |residual(state)|², where model returns the whitened residual and its Jacobian.
+
+    Full Gauss–Newton steps while they descend; Levenberg's damping where they do not. Directions
+    without any information are left where they started.
+    """
+    state, damping = start, 0.0
+    residual, jacobian = model(state)
+    cost = float(residual @ residual)
+    for iteration in range(1, iterations + 1):
+        parts = spectrum(jacobian)
+        while True:
+            step = parts.solve(residual, damping)
+            predicted = float(np.linalg.norm(jacobian @ step))
+            trial = retract(state, step)
+            new_residual, new_jacobian = model(trial)
+            new_cost = float(new_residual @ new_residual)
+            if new_cost <= cost or predicted < TOLERANCE * (1 + np.sqrt(cost)):
+                break
+            damping = max(10 * damping, 1e-6)
+            if damping > 1e8:
+                return Solution(state, residual, jacobian, cost, iteration, False)
+        state, residual, jacobian, cost = trial, new_residual, new_jacobian, new_cost
+        if predicted < TOLERANCE and damping < 1e-9:
+            return Solution(state, residual, jacobian, cost, iteration, True)
+        damping = 0.0 if damping < 1e-5 else damping / 30
+    return Solution(state, residual, jacobian, cost, iterations, False)

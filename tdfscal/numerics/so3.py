@@ -1,0 +1,137 @@
+"""Rotations: batched over leading axes, perturbed on the left, R_true = exp([δ]×) R.
+
+Vectors have shape (..., 3), matrices (..., 3, 3). Angles are roll, pitch, yaw with
+R = Rz(yaw) Ry(pitch) Rx(roll) (the paper's Eq. 8, URDF's rpy). Every function accepts complex
+perturbations where it is analytic, so that Jacobians can be checked by complex step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tdfscal.records import FloatArray
+
+
+def hat(v: npt.ArrayLike) -> FloatArray:
+    """Skew matrix [v]× of v (..., 3), so that hat(a) @ b = a × b (Eq. 7)."""
+    v = np.asarray(v)
+    m = np.zeros((*v.shape, 3), dtype=np.result_type(v, np.float64))
+    m[..., 0, 1], m[..., 0, 2] = -v[..., 2], v[..., 1]
+    m[..., 1, 0], m[..., 1, 2] = v[..., 2], -v[..., 0]
+    m[..., 2, 0], m[..., 2, 1] = -v[..., 1], v[..., 0]
+    return m
+
+
+def _sinc(x: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return sin(x)/x without a branch that loses digits; np.sinc is sin(πx)/(πx)."""
+    return np.asarray(np.sinc(x / np.pi))
+
+
+def _angle(v: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Length of v by √(v·v), which unlike a norm is analytic in v."""
+    return np.asarray(np.sqrt(np.sum(v * v, axis=-1)))[..., None, None]
+
+
+def exp(v: npt.ArrayLike) -> FloatArray:
+    """Rotation by the vector v (..., 3) in rad: Rodrigues' formula, exact at 0."""
+    v = np.asarray(v)
+    a, k = _angle(v), hat(v)
+    # (1 − cos a)/a² = ½ sinc²(a/2) keeps all digits near 0.
+    return np.asarray(np.eye(3) + _sinc(a) * k + 0.5 * _sinc(a / 2) ** 2 * (k @ k))
+
+
+def log(R: npt.ArrayLike) -> FloatArray:
+    """Rotation vector (..., 3) in rad of R (..., 3, 3), of length at most π."""
+    q = to_quaternion(R)
+    v, w = q[..., :3], q[..., 3]
+    s = np.linalg.norm(v, axis=-1)
+    half = np.arctan2(s, w)  # w ≥ 0, so half ≤ π/2
+    # half/s → 1/w at s → 0
+    scale = 2 * np.where(s > 1e-150, half / np.where(s > 1e-150, s, 1.0), 1.0)
+    return np.asarray(scale[..., None] * v)
+
+
+def left_jacobian(v: npt.ArrayLike) -> FloatArray:
+    """J (..., 3, 3) with exp(v + dv) = exp(J dv) exp(v) to first order."""
+    v = np.asarray(v)
+    a, k = _angle(v), hat(v)
+    near = np.abs(a) < 1e-2
+    safe = np.where(near, 1.0, a)
+    # (a − sin a)/a³ cancels near 0; its series there is exact to 1e-17.
+    b = np.where(near, 1 / 6 - a**2 / 120 + a**4 / 5040, (safe - np.sin(safe)) / safe**3)
+    return np.asarray(np.eye(3) + 0.5 * _sinc(a / 2) ** 2 * k + b * (k @ k))
+
+
+def project(M: npt.ArrayLike) -> FloatArray:
+    """Nearest rotation to M (..., 3, 3) in the Frobenius norm, det = +1 always."""
+    U, _, Vt = np.linalg.svd(np.asarray(M, dtype=np.float64))
+    sign = np.linalg.det(U @ Vt)
+    U = U.copy()
+    U[..., :, 2] *= np.where(sign < 0, -1.0, 1.0)[..., None]
+    return np.asarray(U @ Vt)
+
+
+def from_rpy(rpy: npt.ArrayLike) -> FloatArray:
+    """Rz(yaw) Ry(pitch) Rx(roll) of rpy (..., 3) in rad (Eq. 8)."""
+    rpy = np.asarray(rpy, dtype=np.float64)
+    (sr, sp, sy), (cr, cp, cy) = (np.moveaxis(t, -1, 0) for t in (np.sin(rpy), np.cos(rpy)))
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def to_rpy(R: npt.ArrayLike) -> FloatArray:
+    """Roll, pitch, yaw (..., 3) in rad of R (..., 3, 3); pitch in [−π/2, π/2]."""
+    R = np.asarray(R, dtype=np.float64)
+    cp = np.hypot(R[..., 0, 0], R[..., 1, 0])
+    return np.stack(
+        [
+            np.arctan2(R[..., 2, 1], R[..., 2, 2]),
+            np.arctan2(-R[..., 2, 0], cp),
+            np.arctan2(R[..., 1, 0], R[..., 0, 0]),
+        ],
+        axis=-1,
+    )
+
+
+def rpy_jacobian(R: npt.ArrayLike) -> FloatArray:
+    """J (..., 3, 3) with d(roll, pitch, yaw) = J δ for exp([δ]×) R.
+
+    Grows without bound towards pitch ±π/2, where roll and yaw are the same turn.
+    """
+    R = np.asarray(R, dtype=np.float64)
+    _, pitch, yaw = np.moveaxis(to_rpy(R), -1, 0)
+    cy, sy, cp, tp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.tan(pitch)
+    zero, one = np.zeros_like(cy), np.ones_like(cy)
+    rows = [[cy / cp, sy / cp, zero], [-sy, cy, zero], [cy * tp, sy * tp, one]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def to_quaternion(R: npt.ArrayLike) -> FloatArray:
+    """Unit quaternion (..., 4) as x, y, z, w with w ≥ 0 of R (..., 3, 3)."""
+    R = np.asarray(R, dtype=np.float64)
+    d = np.diagonal(R, axis1=-2, axis2=-1)
+    x, y, z = d[..., 0], d[..., 1], d[..., 2]
+    # Each row is 4 q_j q for one component j: the largest |q_j| loses no digits.
+    sum_, dif = R + np.swapaxes(R, -1, -2), R - np.swapaxes(R, -1, -2)
+    xy, xz, yz = sum_[..., 0, 1], sum_[..., 0, 2], sum_[..., 1, 2]
+    wx, wy, wz = dif[..., 2, 1], dif[..., 0, 2], dif[..., 1, 0]
+    candidates = np.stack(
+        [
+            np.stack([1 + x - y - z, xy, xz, wx], axis=-1),
+            np.stack([xy, 1 - x + y - z, yz, wy], axis=-1),
+            np.stack([xz, yz, 1 - x - y + z, wz], axis=-1),
+            np.stack([wx, wy, wz, 1 + x + y + z], axis=-1),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), axis=-1)
+    q = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.asarray(np.where(q[..., 3:] < 0, -q, q))

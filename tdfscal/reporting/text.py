@@ -1,0 +1,83 @@
+"""Plain text in 80 columns: readable without colour, in a file, and by a screen reader."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.reporting.summary import Summary, summarise
+
+WIDTH = 80
+
+
+def render(calibration: Calibration) -> str:
+    """One calibration as text."""
+    return "\n".join(_lines(summarise(calibration))) + "\n"
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+    """Align columns: the first `left` to the left, the others to the right."""
+    cells = [list(header), *(list(row) for row in rows)]
+    widths = [max(len(row[c]) for row in cells) for c in range(len(header))]
+    return [
+        "  "
+        + "  ".join(
+            cell.ljust(width) if c < left else cell.rjust(width)
+            for c, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+
+
+def wrapped(text: str, indent: str = "  ", hanging: str = "  ") -> list[str]:
+    """Fold a paragraph to the width."""
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=indent,
+        subsequent_indent=indent + hanging,
+        break_long_words=False,
+    )
+
+
+def _lines(s: Summary) -> list[str]:
+    lines = [f"{s.title}: {s.verdict}", *wrapped(s.subtitle, "", "")]
+    lines += [line for reason in s.reasons for line in wrapped(f"- {reason}")]
+    lines += ["", "Installation angles of the sensors in the BCS, mrad"]
+    lines += table(
+        ["sensor", "angle", "value", "std. unc.", "95 % interval", "mostly from"],
+        [
+            [
+                row.support if row.angle == "roll" else "",
+                row.angle,
+                f"{row.value:.3f}",
+                f"{row.std:.3f}",
+                f"{row.low:.3f} to {row.high:.3f}",
+                row.source,
+            ]
+            for row in s.angles
+        ],
+        left=2,
+    )
+    if s.zeros:
+        lines += ["", "Zero offsets, N", *table(["sensor", "x", "y", "z"], s.zeros)]
+    if s.proof:
+        lines += [
+            "",
+            "Contact wrench that remains at postures held out, about the LCS origin",
+            *table(["", "rms before", "rms after", "largest before", "largest after"], s.proof),
+        ]
+    lines.append("")
+    label = max((len(name) for name, _ in s.facts), default=0)
+    for name, text in s.facts:
+        lines += wrapped(f"{name.ljust(label)}  {text}", "", " " * (label + 2))
+    for heading, items in (
+        ("Rejected postures", s.rejected),
+        ("Warnings", s.warnings),
+        ("What next", s.advice),
+    ):
+        if items:
+            lines += ["", heading]
+            lines += [line for item in items for line in wrapped(f"- {item}")]
+    return lines

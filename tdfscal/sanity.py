@@ -1,0 +1,159 @@
+"""Do the log and the rig file speak of the same machine? Units, axes, signs, names.
+
+These checks come before any estimate: a mislabelled log must not become a plausible calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import permutations, product
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.records import FloatArray, Rig
+from tdfscal.statics import Postures, forces, gravity, nominal, register
+
+#: Positions and rig file must agree in size within this share, and in shape within the next.
+_SIZE = 0.02
+_SHAPE = 2e-3
+#: Forces and weight must agree within this share; the fit judges the rest far more sharply.
+_WEIGHT = 0.2
+_LENGTHS = {1e-3: "in km", 1e3: "in mm", 1e6: "in µm", 1 / 0.0254: "in inches", 1e2: "in cm"}
+_FORCES = {
+    1e3: "in N where kN is declared",
+    1e-3: "in kN where N is declared",
+    1 / 9.80665: "in kgf",
+}
+
+
+def check_geometry(rig: Rig, position: FloatArray) -> None:
+    """Compare the hinge distances in the log, position (K, n, 3) in m, with the rig file's.
+
+    Raises
+    ------
+    DataError
+        They differ: a unit, swapped or mirrored axes, swapped supports, or another rig.
+    """
+    p = position - position.mean(axis=1, keepdims=True)
+    r = rig.hinge - rig.hinge.mean(axis=0)
+    size = float(np.median(np.sqrt(np.sum(p**2, axis=(1, 2)) / np.sum(r**2))))
+    if abs(size - 1) > _SIZE:
+        unit = next((name for f, name in _LENGTHS.items() if abs(size / f - 1) < _SIZE), None)
+        raise DataError(
+            f"the NCPs stand {size:.4g} times as far apart as the hinges of rig.yaml"
+            + (f", as if the positions were {unit}" if unit else ""),
+            where="log positions",
+            hint="state the recorder's unit as log.length_unit in rig.yaml"
+            if unit
+            else "check log.length_unit, the position fields and the hinge coordinates",
+        )
+    limit = _shape_limit(rig)
+    off = _misfit(rig.hinge, position)
+    if off > limit:
+        found = next(
+            (text for text, q in _rearranged(rig, position) if _misfit(rig.hinge, q) <= limit), None
+        )
+        raise DataError(
+            f"the NCP positions miss the hinge pattern of rig.yaml by {1e3 * off:.3g} mm"
+            + (f"; it would fit with {found}" if found else ""),
+            where="log positions",
+            hint="correct the position fields of the log block in rig.yaml"
+            if found
+            else "check that log and rig.yaml belong to the same rig",
+        )
+
+
+def _shape_limit(rig: Rig) -> float:
+    radius = float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
+    stated = np.sqrt(rig.declared.hinge**2 + rig.declared.datum**2 + rig.declared.positioner**2)
+    return _SHAPE * radius + 6 * float(stated)
+
+
+def _misfit(hinge: FloatArray, position: FloatArray) -> float:
+    """Median over the postures of the rms distance after registration, m."""
+    R, T = register(hinge, position)
+    off = position - (np.einsum("kab,nb->kna", R, hinge) + T[:, None])
+    return float(np.median(np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))))
+
+
+def _rearranged(rig: Rig, position: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """Positions with supports exchanged, or axes exchanged and mirrored, each with its words."""
+    for order in orders(rig.n):
+        yield f"the positions of {renamed(rig, order)}", position[:, order]
+    # A proper rotation of the axes always fits: only mirrors leave a trace.
+    for axes, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        if np.linalg.det(np.eye(3)[list(axes)] * np.array(signs)) < 0:
+            names = ", ".join(
+                f"{'-' if s < 0 else ''}{'XYZ'[a]}" for a, s in zip(axes, signs, strict=True)
+            )
+            yield f"the axes read as {names}", position[..., list(axes)] * np.array(signs)
+
+
+def orders(n: int) -> Iterator[list[int]]:
+    """Ways to exchange supports other than the given one: all for up to four, pairs beyond."""
+    if n <= 4:
+        yield from (list(p) for p in permutations(range(n)) if list(p) != list(range(n)))
+        return
+    for i in range(n):
+        for j in range(i):
+            order = list(range(n))
+            order[i], order[j] = j, i
+            yield order
+
+
+def renamed(rig: Rig, order: list[int]) -> str:
+    """Words for an exchange of supports."""
+    moved = [
+        f"{rig.supports[i]} taken from {rig.supports[j]}" for i, j in enumerate(order) if i != j
+    ]
+    return " and ".join(moved)
+
+
+def check_poses(rig: Rig, position: FloatArray) -> None:
+    """A terminal on its head in the BCS means mirrored or exchanged axes.
+
+    Raises
+    ------
+    DataError
+        The LCS's z axis points downwards in most postures while gravity points along −Z.
+    """
+    R, _ = register(rig.hinge, position)
+    if np.median(R[:, 2, 2]) < 0:
+        raise DataError(
+            "the terminal stands on its head in the log: its z axis points downwards",
+            where="log positions",
+            hint="check the order and signs of the position fields, and of the hinges in rig.yaml",
+        )
+
+
+def check_weight(rig: Rig, postures: Postures) -> None:
+    """Compare the sum of the forces at the nominal mounting with the weight.
+
+    Raises
+    ------
+    DataError
+        A unit, a sign, or a mounting that is not the nominal one.
+    """
+    start = nominal(rig)
+    weight = start.mass * gravity(start, rig.gravity)
+    total = forces(start, postures.force).sum(axis=1)
+    ratio = float(np.median(-(total @ weight) / (weight @ weight)))
+    allowed = _WEIGHT + 6 * float(rig.mass.std) / float(rig.mass.value)
+    if not abs(ratio - 1) > allowed:
+        return
+    if abs(ratio + 1) <= allowed:
+        raise DataError(
+            "the forces sum to the weight with the wrong sign, as if the sensors recorded the "
+            "reaction",
+            where="log forces",
+            hint="set log.force_on in rig.yaml to the other value, or state nominal_rpy where a "
+            "sensor is mounted upside down",
+        )
+    unit = next((name for f, name in _FORCES.items() if abs(abs(ratio) / f - 1) < _WEIGHT), None)
+    raise DataError(
+        f"the forces sum to {ratio:.3g} times the weight of {float(rig.mass.value):.6g} kg"
+        + (f", as if they were {unit}" if unit else ""),
+        where="log forces",
+        hint="check log.force_unit, the force fields, the mass, and nominal_rpy",
+    )

@@ -1,0 +1,217 @@
+"""Self-calibration from dwells to a judged result: the steps in their order, nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from tdfscal import observability, sanity, screening
+from tdfscal.crossvalidation import CrossValidation, cross_validate
+from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
+from tdfscal.gate import judge
+from tdfscal.linearcal import evaluate_linear, fit_linear
+from tdfscal.montecarlo import MonteCarlo, propagate
+from tdfscal.observability import Observability
+from tdfscal.records import Dwells, InputFile, Rig
+from tdfscal.robust import Rejection, fit_robust, scale
+from tdfscal.selfcal import Fit, best_start, fit
+from tdfscal.statics import Postures, postures
+from tdfscal.uncertainty import Quality, Uncertainty, evaluate, information_root, quality
+
+Estimator = Literal["ml", "linear"]
+
+#: Trials after which a Monte Carlo stops although its averages still move.
+MAX_TRIALS = 40_000
+#: Trials for the covariance of the linear method.
+LINEAR_TRIALS = 1_000
+#: Residuals this many times the expected ones make exchanged sensors worth a try.
+_POOR = 3.0
+#: χ² this unlikely is said aloud.
+_UNLIKELY = 0.01
+#: Rounds that bring an unknown noise level and the fit into agreement.
+_LEVELS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class SelfCalibration:
+    """The judged result of a self-calibration.
+
+    dwells : all that were found. used : indices (of dwells) of the postures in the fit.
+    rejected : dwell index → reason. reasons : why the gate rejects; empty where it accepts.
+    """
+
+    rig: Rig
+    estimator: Estimator
+    dwells: Dwells
+    fit: Fit
+    quality: Quality
+    uncertainty: Uncertainty
+    observability: Observability
+    validation: CrossValidation
+    monte_carlo: MonteCarlo | None
+    rejected: dict[int, str]
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def self_calibrate(
+    rig: Rig,
+    dwells: Dwells,
+    *,
+    rng: np.random.Generator,
+    estimator: Estimator = "ml",
+    max_trials: int | None = None,
+    inputs: tuple[InputFile, ...] = (),
+) -> SelfCalibration:
+    """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
+
+    max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without.
+
+    Raises
+    ------
+    DataError
+        The log contradicts the rig file, or a sensor is dead.
+    NotIdentifiableError
+        The data do not determine an angle.
+    NotConvergedError
+        The iteration does not settle.
+    """
+    if len(dwells) == 0:
+        raise DataError(
+            "no static dwell was found: the NCPs never rest with settled forces",
+            where="log",
+            hint="hold each posture for at least two seconds, or check the position fields",
+        )
+    sanity.check_geometry(rig, dwells.position)
+    sanity.check_poses(rig, dwells.position)
+    screened = screening.screen(rig, dwells)
+    index = np.flatnonzero(screened.keep)
+    observed = postures(rig, dwells).subset(index)
+    sanity.check_weight(rig, observed)
+    observed, measured_noise = _with_noise(rig, observed)
+    found: tuple[Rejection, ...] = ()
+    if estimator == "ml":
+        result, found = _fit(rig, observed)
+        parts = information_root(result)
+        stats = quality(result, parts)
+        spread = evaluate(result, parts, stats.birge, noise_from_residuals=measured_noise)
+    else:
+        result = fit_linear(rig, observed)
+        parts = information_root(result)
+        stats = quality(result, parts)
+        spread = evaluate_linear(result, rng, max_trials or LINEAR_TRIALS)
+    seen = observability.verdict(
+        rig, result.state, observed, spread.covariance, spread.rpy_covariance
+    )
+    if not seen.identified:
+        raise NotIdentifiableError(_unseen(seen), hint=seen.weak[0].advice)
+    trials = None
+    if estimator == "ml" and max_trials != 0:
+        trials = propagate(result, parts, spread, stats.birge, rng, max_trials or MAX_TRIALS)
+    rejected = dict(screened.reasons) | {int(index[r.index]): r.reason for r in found}
+    return SelfCalibration(
+        rig=rig,
+        estimator=estimator,
+        dwells=dwells,
+        fit=result,
+        quality=stats,
+        uncertainty=spread,
+        observability=seen,
+        validation=cross_validate(result, parts),
+        monte_carlo=trials,
+        rejected=rejected,
+        reasons=judge(
+            rig,
+            spread.rpy_std,
+            stats.birge,
+            used=len(dwells) - len(rejected),
+            rejected=len(rejected),
+            inputs=inputs,
+        ),
+        warnings=_warnings(dwells, stats, trials, measured_noise),
+    )
+
+
+def _fit(rig: Rig, observed: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
+    """Robust fit; a poor one is held against exchanged sensors before it is believed."""
+    try:
+        result, found = fit_robust(rig, observed)
+    except NotConvergedError:
+        _check_exchanged(rig, observed, np.inf)
+        raise
+    spread = np.sqrt(scale(result.distance))
+    if spread > _POOR:
+        _check_exchanged(rig, observed, float(spread))
+    return result, found
+
+
+def _check_exchanged(rig: Rig, observed: Postures, spread: float) -> None:
+    """Raise DataError where another assignment of the sensors fits far better."""
+    for order in sanity.orders(rig.n):
+        other = replace(
+            observed, force=observed.force[:, order], force_cov=observed.force_cov[:, order]
+        )
+        everyone = np.ones(len(other))
+        try:
+            distance = fit(rig, other, best_start(rig, other, everyone)).distance
+        except NotConvergedError:
+            continue
+        if np.sqrt(scale(distance)) < spread / _POOR:
+            raise DataError(
+                f"the forces fit with {sanity.renamed(rig, order)}, and not as they are named",
+                where="log forces",
+                hint="correct the force fields of the log block in rig.yaml, or the cabling",
+            )
+
+
+def _with_noise(rig: Rig, observed: Postures) -> tuple[Postures, bool]:
+    """Postures with a noise level; found from the residuals where nobody states one.
+
+    Averaged postures (`rows: postures`) without `uncertainty.force_noise` carry no scatter. The
+    level is then the one with χ² = dof, at the price that χ² can no longer warn of anything.
+    """
+    if np.diagonal(observed.force_cov, axis1=2, axis2=3).min() > 0:
+        return observed, False
+    level = 1.0
+    for _ in range(_LEVELS):
+        guess = replace(
+            observed, force_cov=np.broadcast_to(level**2 * np.eye(3), observed.force_cov.shape)
+        )
+        result, _ = fit_robust(rig, guess)
+        stats = quality(result, information_root(result))
+        if stats.dof <= 0 or abs(stats.birge - 1) < 1e-3:
+            break
+        level *= stats.birge
+    return guess, True
+
+
+def _unseen(seen: Observability) -> str:
+    """Name the angles without a number; the first cause stands for all."""
+    names = ", ".join(weakness.angle.name for weakness in seen.weak)
+    first = seen.weak[0]
+    return f"the data do not determine {names}; for {first.angle.name}, {first.cause}"
+
+
+def _warnings(
+    dwells: Dwells, stats: Quality, trials: MonteCarlo | None, measured_noise: bool
+) -> tuple[str, ...]:
+    """Collect what the user must know although the result may be good."""
+    found = list(dwells.warnings)
+    if measured_noise:
+        found.append(
+            "neither the log nor rig.yaml states a force noise; it was taken from the residuals, "
+            "so χ² cannot warn of contact or a wrong rig file (set uncertainty.force_noise)"
+        )
+    elif stats.p_value < _UNLIKELY:
+        found.append(
+            f"the residuals are {stats.birge:.2g} times what the stated uncertainties explain "
+            f"(p = {stats.p_value:.1g}); all noise was scaled up by that factor"
+        )
+    if trials is not None and not trials.validated:
+        found.append(
+            "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those "
+            "of the trials"
+        )
+    return tuple(found)

@@ -1,0 +1,135 @@
+"""A rigid terminal on elastic carriages: where it comes to rest, and which forces hold it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import NotConvergedError
+from tdfscal.records import FloatArray
+from tdfscal.simulation import rotations
+from tdfscal.simulation.truth import Truth
+
+BALANCE = 1.0e-10
+MAX_STEPS = 30
+GIVES_WAY = 0.1  # m
+STIFFER = "make the carriages stiffer, or the loads smaller"
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Poses of the terminal: rotation (..., 3, 3), LCS → BCS; translation (..., 3), m."""
+
+    rotation: FloatArray
+    translation: FloatArray
+
+    def place(self, point: FloatArray) -> FloatArray:
+        """Points of the terminal, (..., n, 3) in the LCS, in the BCS."""
+        turned = point @ np.swapaxes(self.rotation, -1, -2)
+        return np.asarray(turned + self.translation[..., None, :], dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What acts on the terminal besides the hinges and its weight, per posture.
+
+    contact : (..., K, 2, 3), force (N) and moment (N·m) about the LCS origin, LCS components.
+    friction : (..., K, 3), N·m, moment of the hinges in the BCS.
+    """
+
+    contact: FloatArray
+    friction: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Equilibrium:
+    """The terminal at rest: its pose and the force of each NCP on it, (..., K, n, 3), N, BCS.
+
+    imbalance : (..., K), the largest of the net force over the sum of forces and the net moment
+    over that sum times the largest lever.
+    """
+
+    pose: Pose
+    force: FloatArray
+    imbalance: FloatArray
+
+
+def settle(truth: Truth, stand: FloatArray, load: Load, start: Pose) -> Equilibrium:
+    """Static equilibrium of every posture at once, by Newton's method on SE(3).
+
+    Carriage i stands at `stand` (..., K, n, 3), m, BCS, and pulls its hinge towards there with
+    F_i = −K_i (h_i − stand_i). At rest the forces and the moments about the LCS origin of
+    springs, weight and load vanish. The step is a translation and a rotation exp([φ]×) from the
+    left. truth : leading axes (...) as those of stand before K.
+
+    Raises NotConvergedError where no rest is found (a rig too soft to stand).
+    """
+    hinge = truth.hinge[..., None, :, :]
+    stiffness = truth.stiffness[..., None, :, :, :]
+    weight = (truth.mass[..., None] * truth.gravity)[..., None, :]
+    R, T = start.rotation, start.translation
+    for _ in range(MAX_STEPS):
+        arm = hinge @ np.swapaxes(R, -1, -2)
+        bary = np.einsum("...kij,...j->...ki", R, truth.barycentre)
+        stretch = arm + T[..., None, :] - stand
+        force = -np.einsum("...ij,...j->...i", stiffness, stretch)
+        contact = np.einsum("...ij,...cj->...ci", R, load.contact)
+        net_force = force.sum(axis=-2) + weight + contact[..., 0, :]
+        net_moment = (
+            np.cross(arm, force).sum(axis=-2)
+            + np.cross(bary, np.broadcast_to(weight, bary.shape))
+            + contact[..., 1, :]
+            + load.friction
+        )
+        size = np.linalg.norm(force, axis=-1).sum(axis=-1) + np.linalg.norm(weight, axis=-1) + 1.0
+        lever = np.linalg.norm(arm, axis=-1).max(axis=-1)
+        imbalance = np.maximum(
+            np.linalg.norm(net_force, axis=-1) / size,
+            np.linalg.norm(net_moment, axis=-1) / (size * lever),
+        )
+        slope = _slope(stiffness, arm, force, bary, weight)
+        if np.all(imbalance < BALANCE):
+            _check_standing(stretch, slope)
+            return Equilibrium(Pose(R, T), force, imbalance)
+        step = np.linalg.solve(slope, np.concatenate([net_force, net_moment], axis=-1)[..., None])
+        T = T + step[..., :3, 0]
+        R = rotations.exp(step[..., 3:, 0]) @ R
+    raise NotConvergedError(
+        f"the terminal finds no rest in {int(np.sum(~(imbalance < BALANCE)))} postures",
+        hint=STIFFER,
+    )
+
+
+def _check_standing(stretch: FloatArray, slope: FloatArray) -> None:
+    """Refuse a rest that is no posture of a machine: sunk, or about to topple."""
+    if np.max(np.abs(stretch)) > GIVES_WAY:
+        raise NotConvergedError(
+            f"a carriage gives way by {np.max(np.abs(stretch)):.2g} m", hint=STIFFER
+        )
+    # Stable where the energy's second derivative is positive definite.
+    if np.min(np.linalg.eigvalsh(0.5 * (slope + np.swapaxes(slope, -1, -2)))) <= 0.0:
+        raise NotConvergedError("the terminal topples", hint=STIFFER)
+
+
+def _slope(
+    stiffness: FloatArray, arm: FloatArray, force: FloatArray, bary: FloatArray, weight: FloatArray
+) -> FloatArray:
+    """How much net force and moment a small (translation, rotation) takes away, (..., 6, 6).
+
+    The springs' and the weight's turning is exact; the contact's is left out, which costs at
+    most a step.
+    """
+    lever = rotations.hat(arm)
+    out = np.zeros((*arm.shape[:-2], 6, 6))
+    out[..., :3, :3] = stiffness.sum(axis=-3)
+    coupling = (stiffness @ lever).sum(axis=-3)
+    out[..., :3, 3:] = -coupling
+    out[..., 3:, :3] = np.swapaxes(coupling, -1, -2) * -1.0
+    out[..., 3:, 3:] = -(lever @ stiffness @ lever).sum(axis=-3)
+    # (φ × a) × f = (a fᵀ − (a·f) I) φ for every force f that acts at an arm a.
+    arms = np.concatenate([arm, bary[..., None, :]], axis=-2)
+    forces = np.concatenate([force, np.broadcast_to(weight, bary.shape)[..., None, :]], axis=-2)
+    out[..., 3:, 3:] += np.sum(arms * forces, axis=(-1, -2))[..., None, None] * np.eye(3)
+    out[..., 3:, 3:] -= np.swapaxes(arms, -1, -2) @ forces
+    return out

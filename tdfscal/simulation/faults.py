@@ -1,0 +1,184 @@
+"""What may go wrong in a campaign; each fault is optional and none is drawn at random.
+
+Sensors and postures are counted from 0. The `Place` of a reading says where in the campaign it
+was taken, so that the same code serves a time series and the means of dwells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroShift:
+    """The zero of a sensor jumps by `change` (N, its frame) half way to posture `posture`."""
+
+    sensor: int
+    posture: int
+    change: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """The zero of a sensor creeps by `change` (N, its frame) in proportion to time."""
+
+    sensor: int
+    change: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """Relative gain errors of a sensor's three axes, added to its true sensitivity error."""
+
+    sensor: int
+    relative: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Crosstalk:
+    """Symmetric crosstalk (xy, xz, yz) of a sensor, added to its true sensitivity error."""
+
+    sensor: int
+    relative: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A contact at one posture: the wrench that the surroundings exert on the terminal.
+
+    force (N) and moment (N·m, about the LCS origin), components in the LCS.
+    """
+
+    posture: int
+    force: Vector
+    moment: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Jolt:
+    """A half-sine blow on the terminal within a dwell.
+
+    force : N at its peak, LCS, through the LCS origin. duration : s.
+    at : middle of the blow, as a fraction of the dwell.
+    """
+
+    posture: int
+    force: Vector
+    duration: float = 0.1
+    at: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class DeadAxis:
+    """One axis (0, 1, 2) of a sensor repeats its last reading from half way to `posture` on."""
+
+    sensor: int
+    axis: int
+    posture: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """All faults of one campaign. saturated: readings are cut off at the rig's capacity.
+
+    swapped : pairs of sensors whose channels are exchanged in the log.
+    """
+
+    zero_shifts: tuple[ZeroShift, ...] = ()
+    drifts: tuple[Drift, ...] = ()
+    gains: tuple[Gain, ...] = ()
+    crosstalk: tuple[Crosstalk, ...] = ()
+    contacts: tuple[Contact, ...] = ()
+    jolts: tuple[Jolt, ...] = ()
+    dead_axes: tuple[DeadAxis, ...] = ()
+    swapped: tuple[tuple[int, int], ...] = ()
+    saturated: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where in the campaign readings are taken.
+
+    posture : (N,), k in dwell k, between k and k + 1 in the move that follows it.
+    progress : (N,), 0 at the start of the campaign, 1 at its end.
+    """
+
+    posture: FloatArray
+    progress: FloatArray
+
+
+def check(faults: Faults, sensors: int, postures: int) -> None:
+    """Raise UsageError where a fault names a sensor, axis or posture that is not there."""
+    at_sensor = [
+        *(f.sensor for f in faults.zero_shifts),
+        *(f.sensor for f in faults.drifts),
+        *(f.sensor for f in faults.gains),
+        *(f.sensor for f in faults.crosstalk),
+        *(f.sensor for f in faults.dead_axes),
+        *(index for pair in faults.swapped for index in pair),
+    ]
+    at_posture = [
+        *(f.posture for f in faults.zero_shifts),
+        *(f.posture for f in faults.contacts),
+        *(f.posture for f in faults.jolts),
+        *(f.posture for f in faults.dead_axes),
+    ]
+    at_axis = [f.axis for f in faults.dead_axes]
+    for what, named, count in (
+        ("sensor", at_sensor, sensors),
+        ("posture", at_posture, postures),
+        ("axis", at_axis, 3),
+    ):
+        for index in named:
+            if not 0 <= index < count:
+                raise UsageError(
+                    f"a fault names {what} {index}, but there are {count}",
+                    hint=f"count each {what} from 0 to {count - 1}",
+                )
+
+
+def sensitivity(faults: Faults, sensors: int) -> FloatArray:
+    """What gains and crosstalk add to the sensitivity error S, (n, 3, 3), symmetric."""
+    extra = np.zeros((sensors, 3, 3))
+    for g in faults.gains:
+        extra[g.sensor] += np.diag(g.relative)
+    for c in faults.crosstalk:
+        xy, xz, yz = c.relative
+        extra[c.sensor] += np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
+    return extra
+
+
+def contact(faults: Faults, postures: int) -> FloatArray:
+    """Force and moment on the terminal per posture, (K, 2, 3), LCS, about its origin."""
+    wrench = np.zeros((postures, 2, 3))
+    for c in faults.contacts:
+        wrench[c.posture] += np.array([c.force, c.moment])
+    return wrench
+
+
+def zero_offset(faults: Faults, sensors: int, place: Place) -> FloatArray:
+    """What shifts and drifts add to the zeros, (N, n, 3), N."""
+    offset = np.zeros((len(place.posture), sensors, 3))
+    for s in faults.zero_shifts:
+        offset[place.posture >= s.posture - 0.5, s.sensor] += s.change
+    for d in faults.drifts:
+        offset[:, d.sensor] += place.progress[:, None] * np.asarray(d.change)
+    return offset
+
+
+def recorded(faults: Faults, reading: FloatArray, place: Place, capacity: FloatArray) -> FloatArray:
+    """What the recorder makes of readings (..., N, n, 3): cut off, frozen, exchanged."""
+    out = np.clip(reading, -capacity, capacity) if faults.saturated else reading.copy()
+    for dead in faults.dead_axes:
+        first = int(np.searchsorted(place.posture, dead.posture - 0.5))
+        out[..., first:, dead.sensor, dead.axis] = out[..., first, dead.sensor, dead.axis, None]
+    for a, b in faults.swapped:
+        out[..., [a, b], :] = out[..., [b, a], :]
+    return np.asarray(out, dtype=np.float64)

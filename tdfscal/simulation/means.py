@@ -1,0 +1,153 @@
+"""Many campaigns at once, reduced to the means of their dwells: no time series in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.records import Dwells, FloatArray, Log, Rig, Series
+from tdfscal.simulation import faults
+from tdfscal.simulation.equilibrium import settle
+from tdfscal.simulation.faults import Place
+from tdfscal.simulation.options import Options
+from tdfscal.simulation.postures import Stage, reading, set_stage, stand
+from tdfscal.simulation.truth import Truth
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Independent campaigns, axis B, each of K dwells.
+
+    truth : (B,). true_force : (B, K, n, 3), N, BCS, of each NCP on the terminal.
+    position : (B, K, n, 3), m, BCS, mean servo coordinates. force : (B, K, n, 3), N, sensor
+    frames, mean readings. start, end : (B, K), s. sample_sd : (B, n), N, of one force sample.
+    mean_sd : (B, K, n), N, of a mean force, without `force_noise`, which no averaging removes.
+    position_sd : (B, K), m, of a mean position. count : (B, K), force samples per dwell.
+    effective : (B, K), effective sample size.
+    """
+
+    supports: tuple[str, ...]
+    truth: Truth
+    true_force: FloatArray
+    position: FloatArray
+    force: FloatArray
+    start: FloatArray
+    end: FloatArray
+    sample_sd: FloatArray
+    mean_sd: FloatArray
+    position_sd: FloatArray
+    count: FloatArray
+    effective: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    def dwells(self, trial: int) -> Dwells:
+        """One campaign as the dwell finder would hand it on, with the exact covariances."""
+        eye = np.eye(3)
+        force = self.force[trial]
+        K, n = force.shape[:2]
+        spread = (self.sample_sd[trial] * np.sqrt(2.0 * np.log(self.count[trial]))[:, None])[
+            ..., None
+        ]
+        position_var = np.repeat(self.position_sd[trial, :, None] ** 2, n, axis=1)
+        return Dwells(
+            supports=self.supports,
+            start=self.start[trial],
+            end=self.end[trial],
+            position=self.position[trial],
+            position_cov=position_var[..., None, None] * eye,
+            force=force,
+            force_cov=self.mean_sd[trial][..., None, None] ** 2 * eye,
+            force_min=force - spread,
+            force_max=force + spread,
+            count=np.repeat(self.count[trial, :, None], n, axis=1).astype(np.int64),
+            effective=np.array(np.broadcast_to(self.effective[trial, :, None], (K, n))),
+        )
+
+    def log(self, trial: int) -> Log:
+        """One campaign as a log of static postures, one row each."""
+        row = np.arange(self.force.shape[1], dtype=np.float64)
+        n = len(self.supports)
+        return Log(
+            supports=self.supports,
+            position=tuple(Series(row, self.position[trial, :, i].copy()) for i in range(n)),
+            force=tuple(Series(row, self.force[trial, :, i].copy()) for i in range(n)),
+            rows="postures",
+        )
+
+
+def simulate_dwells(rig: Rig, options: Options, rng: np.random.Generator, trials: int) -> Batch:
+    """`trials` independent campaigns, each with a rig of its own, as means of their dwells.
+
+    The same physics as `simulate_campaign`. A mean's noise is `Recorder.mean_sd`, or follows
+    from the sample noise, the rate, the correlation and the dwell less its settling. Vibration
+    and settling are taken to be cut away; drifts are proportional to the posture's number.
+
+    Raises as `simulate_campaign`.
+    """
+    stage_rng, record_rng = rng.spawn(2)
+    return record_means(rig, options, set_stage(rig, options, stage_rng, trials), record_rng)
+
+
+def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Generator) -> Batch:
+    """What `stage` looks like after averaging; see `simulate_dwells`."""
+    recorder = options.recorder
+    trials, K, n = stage.servo.shape[:3]
+    dwell = rng.uniform(*recorder.dwell, (trials, K))
+    move = rng.uniform(*recorder.move, (trials, K))
+    end = np.cumsum(dwell + move, axis=1) - move
+    used = np.maximum(dwell - recorder.settling, 0.0)
+    count = np.floor(used * recorder.force_rate) + 1.0
+    phi = 0.0
+    if recorder.noise_correlation > 0.0:
+        phi = float(np.exp(-1.0 / (recorder.force_rate * recorder.noise_correlation)))
+    # Variance of the mean of an AR(1) process, exact for every length.
+    inflation = (1.0 + phi) / (1.0 - phi) - 2.0 * phi * (1.0 - phi**count) / (
+        count * (1.0 - phi) ** 2
+    )
+    effective = count / inflation
+    sample_sd = rng.uniform(*recorder.force_sd, (trials, n))
+    mean_sd = sample_sd[:, None, :] / np.sqrt(effective)[..., None]
+    if recorder.mean_sd is not None:
+        mean_sd = np.full((trials, K, n), recorder.mean_sd)
+    position_sd = recorder.encoder_sd / np.sqrt(np.floor(used * recorder.position_rate) + 1.0)
+
+    force = _mean_forces(rig, options, stage, dwell)
+    place = Place(np.arange(K, dtype=np.float64), np.arange(K) / max(K - 1, 1))
+    signal = (
+        reading(stage.truth, force)
+        + stage.force_offset
+        + faults.zero_offset(options.faults, n, place)
+        + mean_sd[..., None] * rng.standard_normal((trials, K, n, 3))
+    )
+    noise = position_sd[..., None, None] * rng.standard_normal((trials, K, n, 3))
+    return Batch(
+        supports=rig.supports,
+        truth=stage.truth,
+        true_force=stage.rest.force,
+        position=stage.servo + noise,
+        force=faults.recorded(options.faults, signal, place, rig.capacity),
+        start=end - dwell,
+        end=end,
+        sample_sd=sample_sd,
+        mean_sd=mean_sd,
+        position_sd=position_sd,
+        count=count,
+        effective=effective,
+    )
+
+
+def _mean_forces(rig: Rig, options: Options, stage: Stage, dwell: FloatArray) -> FloatArray:
+    """True forces, with what blows within a dwell add to its mean."""
+    if not options.faults.jolts:
+        return stage.rest.force
+    contact = stage.load.contact.copy()
+    for jolt in options.faults.jolts:
+        # A half sine's mean is 2/π of its peak.
+        share = (2.0 / np.pi) * jolt.duration / dwell[:, jolt.posture, None]
+        contact[:, jolt.posture, 0] += share * np.asarray(jolt.force)
+    _, where = stand(stage.truth, options, stage.postures.target(rig.hinge), stage.repeat)
+    load = replace(stage.load, contact=contact)
+    return settle(stage.truth, where, load, stage.rest.pose).force

@@ -1,0 +1,122 @@
+"""The course of a campaign in time: dwells, smooth moves between them, and what they shake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.records import FloatArray, IntArray
+from tdfscal.simulation import rotations
+from tdfscal.simulation.equilibrium import Pose
+from tdfscal.simulation.faults import Place
+from tdfscal.simulation.options import Recorder
+from tdfscal.simulation.postures import Postures
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Instants of a campaign, (N,) each.
+
+    index : the dwell last entered. share : of the move that follows it, 0 in the dwell, 1 at the
+    next. speed : 0 at rest, 1 at the top speed of the move.
+    """
+
+    index: IntArray
+    share: FloatArray
+    speed: FloatArray
+
+    def blend(self, value: FloatArray) -> FloatArray:
+        """Values per posture (K, ...) carried over from posture to posture, (N, ...)."""
+        after = np.minimum(self.index + 1, len(value) - 1)
+        share = self.share.reshape(-1, *(1,) * (value.ndim - 1))
+        here = value[self.index]
+        return np.asarray(here + share * (value[after] - here), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """start, end : (K,), s, of the dwells; the campaign runs from start[0] to end[-1]."""
+
+    start: FloatArray
+    end: FloatArray
+
+    def at(self, time: FloatArray) -> Moment:
+        """Where the campaign is at times (N,), s; moves are quintic, of minimum jerk."""
+        index = np.clip(np.searchsorted(self.start, time, side="right") - 1, 0, None)
+        onward = np.append(self.start[1:], np.inf)[index]
+        u = np.clip((time - self.end[index]) / (onward - self.end[index]), 0.0, 1.0)
+        share = u**3 * (10.0 + u * (6.0 * u - 15.0))
+        return Moment(index.astype(np.int64), share, 16.0 * (u * (1.0 - u)) ** 2)
+
+    def place(self, time: FloatArray) -> Place:
+        """The same, as faults count it."""
+        moment = self.at(time)
+        return Place(moment.index + moment.share, time / self.end[-1])
+
+    def samples(self, rate: float) -> FloatArray:
+        """Sampling times at `rate` (Hz) over the whole campaign, s."""
+        count = int(np.floor(self.end[-1] * rate * (1.0 + 1e-12))) + 1
+        return np.arange(count) / rate
+
+
+def draw_timeline(recorder: Recorder, postures: int, rng: np.random.Generator) -> Timeline:
+    """Dwells and moves of random lengths, the first dwell from time 0."""
+    dwell = rng.uniform(*recorder.dwell, postures)
+    move = rng.uniform(*recorder.move, postures - 1)
+    start = np.concatenate([[0.0], np.cumsum(dwell[:-1] + move)])
+    return Timeline(start, start + dwell)
+
+
+def between(postures: Postures, moment: Moment) -> Postures:
+    """Commands along the moves, (N,), from those of the postures, (K,).
+
+    The terminal turns about a fixed axis from pose to pose, so that a move does not strain it.
+    """
+    R = postures.pose.rotation
+    after = np.append(R[1:], R[-1:], axis=0)
+    way = rotations.log(np.swapaxes(R, -1, -2) @ after)
+    turn = rotations.exp(moment.share[:, None] * way[moment.index])
+    pose = Pose(R[moment.index] @ turn, moment.blend(postures.pose.translation))
+    return Postures(pose, moment.blend(postures.displacement))
+
+
+def shaking(
+    recorder: Recorder, timeline: Timeline, time: FloatArray, n: int, rng: np.random.Generator
+) -> FloatArray:
+    """Vibration in the moves and settling after them, (N, n, 3), N, to be added to the forces.
+
+    Settling: a relaxation and an oscillation of equal size, both falling to 5 % in
+    `recorder.settling`; they build up during the move before the stop.
+    """
+    K = len(timeline.start)
+    shape = (K, n, 3)
+    moment = timeline.at(time)
+    hum_rate, hum_phase = rng.uniform(8.0, 25.0, shape), rng.uniform(-np.pi, np.pi, shape)
+    ring_rate = rng.uniform(5.0, 12.0, shape)
+    relax, ring = recorder.settling_force * rng.standard_normal((2, *shape)) / np.sqrt(2.0)
+    relax[0] = ring[0] = 0.0  # the first dwell follows no move
+    k = moment.index
+    since = (time - timeline.start[k])[:, None, None]
+    hum = np.sin(2.0 * np.pi * hum_rate[k] * since + hum_phase[k])
+    out = recorder.vibration * moment.speed[:, None, None] * hum
+    if recorder.settling > 0.0:
+        decay = np.exp(-since * np.log(20.0) / recorder.settling)
+        out += decay * (relax[k] + ring[k] * np.sin(2.0 * np.pi * ring_rate[k] * since))
+        after = np.minimum(k + 1, K - 1)
+        out += moment.share[:, None, None] * relax[after]
+    return np.asarray(out, dtype=np.float64)
+
+
+def sensor_noise(
+    sd: FloatArray, correlation: float, rate: float, count: int, rng: np.random.Generator
+) -> FloatArray:
+    """Stationary noise (count, n, 3) of standard deviation sd (n,), N: white or AR(1)."""
+    white = rng.standard_normal((count, len(sd), 3))
+    if correlation > 0.0:
+        from scipy.signal import lfilter  # slow to import, rarely needed
+
+        phi = np.exp(-1.0 / (rate * correlation))
+        white[1:] *= np.sqrt(1.0 - phi**2)  # the first value is already stationary
+        white = lfilter([1.0], [1.0, -phi], white, axis=0)
+    return np.asarray(sd[:, None] * white, dtype=np.float64)

@@ -1,0 +1,157 @@
+"""How a simulated campaign is driven and recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray, Instrument, Rig, Rows
+from tdfscal.simulation.faults import Faults
+
+
+@dataclass(frozen=True, slots=True)
+class Recorder:
+    """Timing of the moves, sensors and sampling."""
+
+    dwell: tuple[float, float] = (3.2, 4.8)
+    """Shortest and longest dwell, s (uniform)."""
+    move: tuple[float, float] = (2.0, 4.0)
+    """Shortest and longest move, s (uniform); minimum jerk."""
+    force_rate: float = 100.0
+    """Hz."""
+    position_rate: float = 100.0
+    """Hz."""
+    force_sd: tuple[float, float] = (1.5, 2.0)
+    """Smallest and largest noise of a single force sample, N; one draw per sensor."""
+    noise_correlation: float = 0.0
+    """Correlation time of that noise, s: AR(1) with φ = exp(−Δt / correlation); 0 is white."""
+    encoder_sd: float = 0.3e-6
+    """White noise of a servo coordinate, m."""
+    vibration: float = 3.0
+    """Amplitude of each force component's vibration at the top speed of a move, N."""
+    settling: float = 0.3
+    """Time after a stop in which the settling falls to 5 %, s."""
+    settling_force: float = 8.0
+    """Standard deviation of the settling's amplitude per force component, N."""
+    mean_sd: float | None = None
+    """Noise of a dwell's mean force, N, for dwell means and posture rows; None: from the above."""
+
+    def __post_init__(self) -> None:
+        for name in ("dwell", "move", "force_sd"):
+            low, high = getattr(self, name)
+            if not 0.0 <= low <= high < np.inf or (name != "force_sd" and low <= 0.0):
+                raise UsageError(f"{name} runs from {low} to {high}", where="Recorder")
+        for name in ("force_rate", "position_rate"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise UsageError(f"{name} is {getattr(self, name)} Hz", where="Recorder")
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What is driven, on which machine, and what goes wrong.
+
+    The installation angles are drawn about the rig's nominal ones: with its `rpy_std` where that
+    is finite, else with `installation_std`; or they are `rpy`.
+    """
+
+    postures: int = 24
+    tilt: float = np.deg2rad(5.0)
+    """Postures lean by up to this angle, uniformly over that disc, and turn about the vertical
+    by up to it either way, rad."""
+    travel: float = 0.02
+    """Postures lie within this distance of `home` along each axis, m."""
+    home: tuple[float, float, float] = (0.05, -0.03, 1.2)
+    """The LCS origin's usual place in the BCS, m."""
+    command: FloatArray | None = None
+    """(K, n, 3), m, BCS: commanded hinge centres to drive instead of random postures."""
+    squeeze: float = 0.0
+    """Commanded internal forces, N. Of the 3n internal force components at a posture, the vector
+    is normal with covariance squeeze² P, P projecting on the 3n − 6 internal modes: each
+    orthonormal mode has an independent coefficient with this standard deviation."""
+    stiffness: float | FloatArray = 20.0e6
+    """Of each carriage, N/m: a number, (3,) per BCS axis, (3, 3) or (n, 3, 3)."""
+    internal: float | None = None
+    """Standard deviation, per orthonormal internal mode, of the internal forces that the NCPs'
+    repeatability makes, N; sets the stiffness to internal / positioner."""
+    datum_strain: bool = False
+    """False: the machine was taught its coordinates with the terminal on, so that datum errors
+    shift what it logs but do not strain the terminal. True: they stand in the carriages."""
+    rpy: FloatArray | None = None
+    """(n, 3), rad: true installation angles."""
+    installation_std: tuple[float, float, float] = (0.02, 0.02, 0.05)
+    """rad: roll, pitch, yaw."""
+    rows: Rows = "timeseries"
+    recorder: Recorder = field(default_factory=Recorder)
+    faults: Faults = field(default_factory=Faults)
+
+    def __post_init__(self) -> None:
+        if self.postures < 1:
+            raise UsageError(f"{self.postures} postures asked for", hint="ask for one or more")
+        for name in ("tilt", "travel", "squeeze"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise UsageError(f"{name} is {getattr(self, name)}", hint="give a number ≥ 0")
+        if self.tilt > np.pi / 4:
+            raise UsageError(
+                f"the tilt limit is {np.rad2deg(self.tilt):.0f}°", hint="stay within 45°"
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of postures K."""
+        return self.postures if self.command is None else len(self.command)
+
+
+PAPERS_TRACKER = Instrument(range=1.0e-5, range_ppm=5.0, angle_arcsec=2.0)
+"""Leica AT901b, Sect. 4.2."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyOptions:
+    """A laser-tracker survey of the rig."""
+
+    instrument: Instrument = PAPERS_TRACKER
+    distance: float = 5.0
+    """From the instrument to the middle of the rig, m."""
+    targets: tuple[tuple[float, float, float], ...] = (
+        (0.05, 0.05, 0.0),
+        (-0.05, 0.05, 0.0),
+        (-0.05, -0.05, 0.0),
+        (0.05, -0.05, 0.02),
+    )
+    """Nominal points on each sensor's body, its frame, m."""
+    drawing: float = 0.0
+    """Standard deviation of the real points about the nominal ones, m per axis."""
+    moves: int = 12
+    travel: float = 0.15
+    """Moves reach this far from home along each axis, m."""
+    body_misalignment: float = 0.0
+    """Standard deviation of the sensing axes against the body, rad per axis."""
+
+
+def carriage_stiffness(rig: Rig, options: Options) -> FloatArray:
+    """Stiffness matrices of the carriages, (n, 3, 3), N/m.
+
+    Raises UsageError where they are not symmetric and positive, or cannot follow from
+    `internal`.
+    """
+    value = np.asarray(options.stiffness, dtype=np.float64)
+    if options.internal is not None:
+        if rig.declared.positioner <= 0.0:
+            raise UsageError(
+                "internal forces cannot come from NCPs that repeat exactly",
+                where="uncertainty.positioner",
+                hint="state a positioner repeatability, or give the stiffness itself",
+            )
+        value = np.asarray(options.internal / rig.declared.positioner)
+    if value.ndim == 0:
+        value = value * np.eye(3)
+    elif value.shape == (3,):
+        value = np.diag(value)
+    if value.shape not in ((3, 3), (rig.n, 3, 3)):
+        raise UsageError(f"expected a stiffness of shape (3, 3) or ({rig.n}, 3, 3), N/m")
+    symmetric = np.allclose(value, np.swapaxes(value, -1, -2), rtol=1e-12, atol=0.0)
+    if not symmetric or not np.all(np.linalg.eigvalsh(value) > 0.0):
+        raise UsageError("a carriage's stiffness is not symmetric and positive definite")
+    return np.array(np.broadcast_to(value, (rig.n, 3, 3)), dtype=np.float64)

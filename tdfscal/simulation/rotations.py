@@ -1,0 +1,55 @@
+"""Rotations as the simulator needs them; written apart from `numerics` on purpose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.records import FloatArray
+
+
+def hat(v: FloatArray) -> FloatArray:
+    """[v]×, (..., 3, 3), of v, (..., 3)."""
+    m = np.zeros((*v.shape, 3))
+    m[..., 0, 1], m[..., 0, 2], m[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    m[..., 1, 0], m[..., 2, 0], m[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return m
+
+
+def exp(v: FloatArray) -> FloatArray:
+    """Rotation matrix (..., 3, 3) of a rotation vector (..., 3), rad (Rodrigues)."""
+    angle = np.linalg.norm(v, axis=-1)[..., None, None]
+    k = hat(v)
+    # sinc keeps both coefficients exact to rounding down to angle 0.
+    return np.asarray(
+        np.eye(3)
+        + np.sinc(angle / np.pi) * k
+        + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (k @ k),
+        dtype=np.float64,
+    )
+
+
+def log(R: FloatArray) -> FloatArray:
+    """Rotation vector (..., 3), rad, of R (..., 3, 3); for angles well below π."""
+    sine = 0.5 * np.stack(
+        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]],
+        axis=-1,
+    )
+    length = np.linalg.norm(sine, axis=-1)
+    angle = np.arctan2(length, 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0))
+    ratio = np.divide(angle, length, out=np.ones_like(length), where=length > 0.0)
+    return np.asarray(sine * ratio[..., None], dtype=np.float64)
+
+
+def from_rpy(rpy: FloatArray) -> FloatArray:
+    """Rz(yaw)·Ry(pitch)·Rx(roll), (..., 3, 3), of roll, pitch, yaw (..., 3), rad (Eq. 8)."""
+    x, y, z = np.eye(3)
+    return exp(rpy[..., 2:] * z) @ exp(rpy[..., 1:2] * y) @ exp(rpy[..., :1] * x)
+
+
+def fit_rotation(body: FloatArray, world: FloatArray) -> FloatArray:
+    """Rotation (..., 3, 3) that turns centred points body (..., n, 3) best onto world."""
+    u, _, vt = np.linalg.svd(np.swapaxes(world, -1, -2) @ body)
+    d = np.zeros((*u.shape[:-2], 3))
+    d[..., :2] = 1.0
+    d[..., 2] = np.sign(np.linalg.det(u @ vt))
+    return np.asarray((u * d[..., None, :]) @ vt, dtype=np.float64)

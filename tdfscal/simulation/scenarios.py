@@ -1,0 +1,139 @@
+"""Campaigns by name: the plain ones, and one for each thing that may go wrong."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.records import Rig
+from tdfscal.simulation.campaign import Campaign, simulate_campaign
+from tdfscal.simulation.faults import (
+    Contact,
+    Crosstalk,
+    DeadAxis,
+    Drift,
+    Faults,
+    Gain,
+    Jolt,
+    ZeroShift,
+)
+from tdfscal.simulation.options import Options, SurveyOptions
+from tdfscal.simulation.survey import Survey, simulate_survey
+from tdfscal.simulation.truth import Truth, draw_truths
+
+Setup = tuple[Rig, Options]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A scenario played: the rig as stated, the truth, and what was recorded.
+
+    campaign : None with scenario "tracker".
+    """
+
+    scenario: str
+    rig: Rig
+    truth: Truth
+    campaign: Campaign | None
+    survey: Survey
+
+
+def _with(faults: Faults) -> Callable[[Rig, Options], Setup]:
+    def change(rig: Rig, options: Options) -> Setup:
+        return rig, replace(options, faults=faults)
+
+    return change
+
+
+def _plain(rig: Rig, options: Options) -> Setup:
+    return rig, options
+
+
+def _contact(rig: Rig, options: Options) -> Setup:
+    touched = sorted({options.count // 3, (2 * options.count) // 3})
+    contacts = tuple(Contact(k, (15.0, -25.0, 40.0), (6.0, 4.0, -3.0)) for k in touched)
+    return rig, replace(options, faults=Faults(contacts=contacts))
+
+
+def _zero_shift(rig: Rig, options: Options) -> Setup:
+    shift = ZeroShift(0, options.count // 2, (8.0, -5.0, 12.0))
+    return rig, replace(options, faults=Faults(zero_shifts=(shift,)))
+
+
+def _saturation(rig: Rig, options: Options) -> Setup:
+    share = float(rig.mass.value) * rig.gravity / rig.n
+    # Leaning shifts a few per cent of the load: some sensors pass 105 % of an even share.
+    capacity = np.minimum(rig.capacity, [share, share, 1.05 * share])
+    stated = replace(rig, capacity=capacity)
+    return stated, replace(options, faults=Faults(saturated=True))
+
+
+def _dead_axis(rig: Rig, options: Options) -> Setup:
+    dead = DeadAxis(rig.n - 1, 0, options.count // 4)
+    return rig, replace(options, faults=Faults(dead_axes=(dead,)))
+
+
+def _jolt(rig: Rig, options: Options) -> Setup:
+    jolt = Jolt(options.count // 2, (0.0, 0.0, -300.0))
+    return rig, replace(options, faults=Faults(jolts=(jolt,)))
+
+
+def _no_squeeze(rig: Rig, options: Options) -> Setup:
+    # Carriages that float sideways can only carry vertical loads: no yaw is to be seen.
+    return rig, replace(options, squeeze=0.0, internal=None, stiffness=np.array([1e3, 1e3, 2e7]))
+
+
+SCENARIOS: dict[str, Callable[[Rig, Options], Setup]] = {
+    "self": _plain,
+    "tracker": _plain,
+    "contact": _contact,
+    "crosstalk": _with(Faults(crosstalk=(Crosstalk(0, (0.02, -0.02, 0.02)),))),
+    "dead-axis": _dead_axis,
+    "drift": _with(Faults(drifts=(Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0))))),
+    "gain": _with(Faults(gains=(Gain(0, (0.02, -0.01, 0.02)),))),
+    "jolt": _jolt,
+    "no-squeeze": _no_squeeze,
+    "saturation": _saturation,
+    "swapped": _with(Faults(swapped=((0, 1),))),
+    "zero-shift": _zero_shift,
+}
+"""What each scenario changes. "self": log and tracker session; "tracker": the session only;
+"no-squeeze": vertical loads only; the others: as "self", with one fault."""
+
+
+def run(
+    rig: Rig,
+    scenario: str,
+    options: Options,
+    rng: np.random.Generator,
+    survey: SurveyOptions | None = None,
+) -> Run:
+    """Play a scenario on a rig. One seed draws one rig and its postures, whatever the scenario.
+
+    Raises UsageError for a scenario that is not in `SCENARIOS`; else as `simulate_campaign`.
+    """
+    if scenario not in SCENARIOS:
+        near = difflib.get_close_matches(scenario, SCENARIOS, n=1)
+        raise UsageError(
+            f"there is no scenario {scenario!r}",
+            hint=f"the nearest one is {near[0]!r}"
+            if near
+            else f"choose from {', '.join(SCENARIOS)}",
+        )
+    stated, options = SCENARIOS[scenario](rig, options)
+    campaign_rng, survey_rng = rng.spawn(2)
+    campaign = None
+    if scenario == "tracker":
+        truth_rng = campaign_rng.spawn(1)[0].spawn(1)[0]  # the one that a campaign would use
+        truth = draw_truths(stated, options, truth_rng, 1).trial(0)
+    else:
+        campaign = simulate_campaign(stated, options, campaign_rng)
+        truth = campaign.truth
+    surveyed = simulate_survey(
+        stated, truth, survey or SurveyOptions(), survey_rng, home=options.home
+    )
+    return Run(scenario, stated, truth, campaign, surveyed)

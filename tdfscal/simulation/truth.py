@@ -1,0 +1,101 @@
+"""What a simulated rig really is, drawn within what its rig file states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from tdfscal.errors import RigError
+from tdfscal.records import FloatArray, Known, Rig
+from tdfscal.simulation import faults, rotations
+from tdfscal.simulation.options import Options, carriage_stiffness
+
+# Half widths of ignorance: what "unknown" (std ∞) may mean on a real rig.
+UNKNOWN_ZERO = 5.0  # N
+UNKNOWN_MASS = 0.01  # of the value
+UNKNOWN_BARYCENTRE = 5.0e-3  # m
+UNKNOWN_TILT = 1.0e-3  # rad
+UNKNOWN_HINGE = 1.0e-4  # m
+UNKNOWN_SENSITIVITY = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The rig as it is. Arrays may carry leading axes (...) of trials.
+
+    rotation : (..., n, 3, 3), X_i, sensor frame → BCS. rpy : (..., n, 3), rad.
+    zero : (..., n, 3), N. sensitivity : (..., n, 3, 3), S of f = (I + S) XᵀF + z, symmetric.
+    mass : (...,), kg. barycentre : (..., 3), m, LCS. hinge : (..., n, 3), m, LCS.
+    datum : (..., n, 3), m: where a carriage stands, less its servo coordinates.
+    gravity : (..., 3), m/s², BCS. stiffness : (..., n, 3, 3), N/m, BCS.
+    """
+
+    rotation: FloatArray
+    rpy: FloatArray
+    zero: FloatArray
+    sensitivity: FloatArray
+    mass: FloatArray
+    barycentre: FloatArray
+    hinge: FloatArray
+    datum: FloatArray
+    gravity: FloatArray
+    stiffness: FloatArray
+
+    def trial(self, index: int) -> Truth:
+        """One trial of several."""
+        return Truth(*(np.asarray(getattr(self, f.name)[index]) for f in fields(self)))
+
+
+def _draw(known: Known, unknown: float | FloatArray, unit: FloatArray) -> FloatArray:
+    width = np.where(np.isinf(known.std), unknown, known.std)
+    return np.asarray(known.value + width * unit, dtype=np.float64)
+
+
+def _width(std: float, unknown: float) -> float:
+    return unknown if np.isinf(std) else std
+
+
+def draw_truths(rig: Rig, options: Options, rng: np.random.Generator, trials: int) -> Truth:
+    """Truths of independent trials, leading axis (trials,).
+
+    Every quantity is value + std · N(0, 1), independent; unknown ones (std ∞) with the widths
+    above. Gravity is turned by rotation-vector components ~ N(0, tilt_std) about the BCS' x and
+    y. All draws are made whatever the std, so that one seed gives comparable rigs.
+    """
+    n, declared = rig.n, rig.declared
+    for name in ("positioner", "force_noise", "hinge_moment"):
+        if not np.isfinite(getattr(declared, name)):
+            raise RigError(
+                "an infinite scatter cannot be simulated",
+                where=f"uncertainty.{name}",
+                hint="give a number",
+            )
+    unit = rng.standard_normal
+    rpy_width = np.where(np.isinf(rig.rpy_std), options.installation_std, rig.rpy_std)
+    rpy = rig.nominal_rpy + rpy_width * unit((trials, n, 3))
+    if options.rpy is not None:
+        rpy = np.array(np.broadcast_to(options.rpy, (trials, n, 3)), dtype=np.float64)
+    zero = _draw(rig.zero, UNKNOWN_ZERO, unit((trials, n, 3)))
+    mass = _draw(rig.mass, UNKNOWN_MASS * rig.mass.value, unit(trials))
+    barycentre = _draw(rig.barycentre, UNKNOWN_BARYCENTRE, unit((trials, 3)))
+    hinge = rig.hinge + _width(declared.hinge, UNKNOWN_HINGE) * unit((trials, n, 3))
+    datum = _width(declared.datum, UNKNOWN_HINGE) * unit((trials, n, 3))
+    entries = _width(declared.force_sensitivity, UNKNOWN_SENSITIVITY) * unit((trials, n, 3, 3))
+    lean = np.zeros((trials, 3))
+    lean[:, :2] = _width(rig.gravity_tilt_std, UNKNOWN_TILT) * unit((trials, 2))
+    return Truth(
+        rotation=rotations.from_rpy(rpy),
+        rpy=rpy,
+        zero=zero,
+        sensitivity=0.5 * (entries + np.swapaxes(entries, -1, -2))
+        + faults.sensitivity(options.faults, n),
+        mass=mass,
+        barycentre=barycentre,
+        hinge=hinge,
+        datum=datum,
+        gravity=rotations.exp(lean) @ np.array([0.0, 0.0, -rig.gravity]),
+        stiffness=np.array(
+            np.broadcast_to(carriage_stiffness(rig, options), (trials, n, 3, 3)), dtype=np.float64
+        ),
+    )

@@ -1,0 +1,167 @@
+"""The whole way from files to a calibration: one small function between the door and the house."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from tdfscal.dwells import find_dwells
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.calibration import Calibration
+from tdfscal.files.campaign import Campaign, resolve
+from tdfscal.files.hashing import input_file
+from tdfscal.files.logs import iter_log
+from tdfscal.files.points import read_tracker_session
+from tdfscal.files.results import Provenance, from_joint, from_self, from_tracker
+from tdfscal.gate import judge
+from tdfscal.joint import Joint, combine
+from tdfscal.records import Dwells, InputFile, Log, Rotations
+from tdfscal.selfcalibration import Estimator, SelfCalibration, self_calibrate
+from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
+
+Method = Literal["self", "tracker", "joint"]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A calibration file's content, with the records behind it for reports."""
+
+    calibration: Calibration
+    own: SelfCalibration | None = None
+    tracker: TrackerCalibration | None = None
+    joint: Joint | None = None
+
+
+@dataclass(slots=True)
+class _Passing:
+    """Lets pieces of a log pass and keeps what they say of their files."""
+
+    inputs: list[InputFile] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def watch(self, pieces: Iterator[Log]) -> Iterator[Log]:
+        for piece in pieces:
+            self.inputs += piece.inputs
+            self.warnings += piece.warnings
+            yield piece
+
+
+def calibrate(
+    paths: Sequence[Path | str],
+    *,
+    rig: Path | str | None = None,
+    method: Method | None = None,
+    estimator: Estimator = "ml",
+    trials: int | None = None,
+    seed: int = 0,
+    salvage: bool = False,
+    command: str = "tdfscal.calibrate",
+    progress: Progress = lambda stage: None,
+) -> Outcome:
+    """Calibrate from a campaign folder, or from logs and a rig file.
+
+    Parameters
+    ----------
+    paths : campaign folders, logs. rig : rig.yaml, where no folder holds one.
+    method : self where there is a log, else tracker.
+    estimator : of the self-calibration; ml, or the paper's linear method.
+    trials : Monte Carlo trials at most; None for the default, 0 for none.
+    salvage : read what is sound of damaged logs; the result is then never accepted.
+    progress : told the name of each stage.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError.
+    """
+    campaign = resolve([Path(p) for p in paths], Path(rig) if rig else None)
+    chosen: Method = method or ("self" if campaign.logs else "tracker")
+    if trials is not None and trials < 0:
+        raise UsageError(f"the number of trials is {trials}", hint="give 0 or more")
+    own_rng, tracker_rng = np.random.default_rng(seed).spawn(2)
+    passing = _Passing()
+    own = tracker = None
+    if chosen in ("self", "joint"):
+        progress("reading the log and finding the dwells")
+        dwells = _dwells(campaign, passing, salvage=salvage)
+        progress(f"calibrating from {len(dwells)} dwells")
+        own = self_calibrate(
+            campaign.rig.rig,
+            dwells,
+            rng=own_rng,
+            estimator=estimator,
+            max_trials=trials,
+            inputs=tuple(passing.inputs),
+        )
+    if chosen in ("tracker", "joint"):
+        progress("calibrating from the tracker's survey")
+        tracker, files, notes = _survey(campaign, trials, tracker_rng)
+        passing.inputs += files
+        passing.warnings += notes
+
+    origin = Provenance(campaign.rig, tuple(passing.inputs), command, seed)
+    if own is not None and tracker is not None:
+        mine = Rotations(
+            campaign.rig.rig.supports, own.fit.state.rotation, own.uncertainty.covariance
+        )
+        both = combine(mine, tracker.rotations)
+        reasons = judge(campaign.rig.rig, tracker.rpy_std, tracker.birge)
+        if not both.consistent:
+            reasons = (*reasons, both.test.verdict)
+        result = from_joint(both, own, tracker, origin, reasons, passing.warnings)
+        return Outcome(result, own, tracker, both)
+    if tracker is not None:
+        reasons = judge(campaign.rig.rig, tracker.rpy_std, tracker.birge)
+        return Outcome(from_tracker(tracker, origin, reasons, passing.warnings), tracker=tracker)
+    assert own is not None
+    return Outcome(from_self(own, origin, passing.warnings), own=own)
+
+
+def _dwells(campaign: Campaign, passing: _Passing, *, salvage: bool) -> Dwells:
+    if not campaign.logs:
+        raise UsageError(
+            "there is no log for a self-calibration",
+            where=str(campaign.rig.path.parent),
+            hint="name a log, or use --method tracker",
+        )
+    supports = campaign.rig.rig.supports
+    pieces = iter_log(campaign.logs, campaign.rig.log, supports, salvage=salvage)
+    return find_dwells(passing.watch(pieces))
+
+
+def _survey(
+    campaign: Campaign, trials: int | None, rng: np.random.Generator
+) -> tuple[TrackerCalibration, list[InputFile], tuple[str, ...]]:
+    files = campaign.rig.tracker
+    if files is None:
+        raise UsageError(
+            "the rig file declares no tracker survey",
+            where=str(campaign.rig.path),
+            hint="add its tracker block, or use --method self",
+        )
+    for path in files.paths:
+        if not path.is_file():
+            raise DataError(
+                "the point file is not there",
+                where=str(path),
+                hint="correct the paths of the tracker block in rig.yaml",
+            )
+    session, notes = read_tracker_session(
+        instrument=files.instrument,
+        drawing=files.drawing,
+        length_unit=files.length_unit,
+        nominal=files.nominal,
+        targets=files.targets,
+        servo=files.servo,
+        moves=files.moves,
+    )
+    options = {} if trials is None else {"trials": trials}
+    result = calibrate_tracker(
+        campaign.rig.rig, session, misalignment=files.misalignment, rng=rng, **options
+    )
+    return result, [input_file(path, "verified") for path in files.paths], notes

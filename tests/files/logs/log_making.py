@@ -1,0 +1,179 @@
+"""Campaigns of random numbers, written in every format by libraries other than tdfscal's reader."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from tdfscal.records import FloatArray, Log, LogMapping
+
+SUPPORTS = ("ncp1", "ncp2", "ncp3")
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+
+MAPPING = LogMapping(
+    supports=SUPPORTS,
+    position=tuple((f"/{s}/position.point",) for s in SUPPORTS),
+    force=tuple((f"/{s}/wrench.wrench.force",) for s in SUPPORTS),
+    time_source="header",
+)
+LOG_TIME = LogMapping(SUPPORTS, MAPPING.position, MAPPING.force)
+JSON_MAPPING = LogMapping(
+    supports=SUPPORTS,
+    position=tuple((f"/{s}/position.point",) for s in SUPPORTS),
+    force=tuple((f"/{s}/wrench.force",) for s in SUPPORTS),
+)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Positions at one rate and forces at four times that, m and N."""
+
+    time: FloatArray
+    position: FloatArray
+    force_time: FloatArray
+    force: FloatArray
+
+
+def make_truth(
+    samples: int = 60, seed: int = 1, start_ns: int = 1_750_000_000_000_000_000
+) -> Truth:
+    rng = np.random.default_rng(seed)
+    stamps = start_ns + np.arange(samples) * 20_000_000
+    force_stamps = start_ns + np.arange(4 * samples) * 5_000_000
+    return Truth(
+        stamps / 1e9,
+        rng.normal(size=(len(SUPPORTS), samples, 3)),
+        force_stamps / 1e9,
+        rng.normal(size=(len(SUPPORTS), 4 * samples, 3)) * 1e3,
+    )
+
+
+def table(truth: Truth) -> pd.DataFrame:
+    """One rate, default names."""
+    columns: dict[str, Any] = {"time": truth.time}
+    for i, name in enumerate(SUPPORTS):
+        for axis, letter in enumerate("xyz"):
+            columns[f"{name}.{letter}"] = truth.position[i][:, axis]
+        for axis, letter in enumerate("xyz"):
+            columns[f"{name}.f{letter}"] = truth.force[i][::4, axis]
+    return pd.DataFrame(columns)
+
+
+def _stamp(seconds: float) -> Any:
+    sec = int(seconds)
+    return STORE.types["builtin_interfaces/msg/Time"](sec=sec, nanosec=round((seconds - sec) * 1e9))
+
+
+def _header(seconds: float, frame: str) -> Any:
+    return STORE.types["std_msgs/msg/Header"](stamp=_stamp(seconds), frame_id=frame)
+
+
+def point_stamped(seconds: float, xyz: Sequence[float], frame: str = "base") -> bytes:
+    point = STORE.types["geometry_msgs/msg/Point"](x=xyz[0], y=xyz[1], z=xyz[2])
+    kind = "geometry_msgs/msg/PointStamped"
+    return bytes(STORE.serialize_cdr(STORE.types[kind](_header(seconds, frame), point), kind))
+
+
+def wrench_stamped(
+    seconds: float, xyz: Sequence[float], frame: str = "tdfs", *, little_endian: bool = True
+) -> bytes:
+    vector = STORE.types["geometry_msgs/msg/Vector3"]
+    wrench = STORE.types["geometry_msgs/msg/Wrench"](vector(*xyz), vector(7.0, 8.0, 9.0))
+    kind = "geometry_msgs/msg/WrenchStamped"
+    message = STORE.types[kind](_header(seconds, frame), wrench)
+    return bytes(STORE.serialize_cdr(message, kind, little_endian=little_endian))
+
+
+def definition(kind: str) -> bytes:
+    text, _ = STORE.generate_msgdef(kind, ros_version=2)
+    return text.encode()
+
+
+def mcap_bytes(
+    truth: Truth,
+    *,
+    encoding: str = "cdr",
+    frames: Sequence[str] = ("tdfs",),
+    compression: CompressionType = CompressionType.ZSTD,
+    chunk_size: int = 4096,
+    index_types: IndexType = IndexType.ALL,
+    chunking: bool = True,
+    summary: bool = True,
+    data_crc: bool = False,
+) -> bytes:
+    """All streams by log time; frames: the forces' frame_id, in turn."""
+    target = io.BytesIO()
+    writer = Writer(
+        target,
+        chunk_size=chunk_size,
+        compression=compression,
+        index_types=index_types,
+        use_chunking=chunking,
+        use_statistics=summary,
+        use_summary_offsets=summary,
+        repeat_channels=summary,
+        repeat_schemas=summary,
+        enable_data_crcs=data_crc,
+    )
+    writer.start(profile="ros2", library="tests")
+    events: list[tuple[float, int, bytes]] = []
+    kinds = {"point": "geometry_msgs/msg/PointStamped", "wrench": "geometry_msgs/msg/WrenchStamped"}
+    schemas = {
+        key: writer.register_schema(kind, "ros2msg", definition(kind))
+        if encoding == "cdr"
+        else writer.register_schema(kind, "jsonschema", b"{}")
+        for key, kind in kinds.items()
+    }
+    for i, name in enumerate(SUPPORTS):
+        points = writer.register_channel(f"/{name}/position", encoding, schemas["point"])
+        wrenches = writer.register_channel(f"/{name}/wrench", encoding, schemas["wrench"])
+        for k, (seconds, xyz) in enumerate(zip(truth.time, truth.position[i], strict=True)):
+            data = (
+                point_stamped(seconds, xyz)
+                if encoding == "cdr"
+                else json.dumps({"point": dict(zip("xyz", xyz, strict=True)), "k": k}).encode()
+            )
+            events.append((seconds, points, data))
+        for k, (seconds, xyz) in enumerate(zip(truth.force_time, truth.force[i], strict=True)):
+            data = (
+                wrench_stamped(seconds, xyz, frames[k % len(frames)])
+                if encoding == "cdr"
+                else json.dumps({"force": dict(zip("xyz", xyz, strict=True)), "k": k}).encode()
+            )
+            events.append((seconds, wrenches, data))
+    for sequence, (seconds, channel, data) in enumerate(sorted(events, key=lambda e: e[0])):
+        ns = round(seconds * 1e6) * 1000
+        writer.add_message(channel, ns, data, ns, sequence)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return target.getvalue()
+
+
+def write(path: Path, content: bytes) -> Path:
+    path.write_bytes(content)
+    return path
+
+
+def same_numbers(log: Log, other: Log) -> bool:
+    """Equal to the bit, in every stream."""
+    return all(
+        np.array_equal(a.time, b.time) and np.array_equal(a.value, b.value)
+        for a, b in zip((*log.position, *log.force), (*other.position, *other.force), strict=True)
+    )
+
+
+def assert_holds(log: Log, truth: Truth) -> None:
+    """The log holds the truth's numbers to the bit, the times to a float64's resolution."""
+    for i in range(len(SUPPORTS)):
+        np.testing.assert_array_equal(log.position[i].value, truth.position[i])
+        np.testing.assert_array_equal(log.force[i].value, truth.force[i])
+        np.testing.assert_allclose(log.position[i].time, truth.time, rtol=3e-16, atol=0)
+        np.testing.assert_allclose(log.force[i].time, truth.force_time, rtol=3e-16, atol=0)

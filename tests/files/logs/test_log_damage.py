@@ -1,0 +1,202 @@
+"""Damaged files: refused, or read to the identical numbers; never silently different."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from log_making import MAPPING, SUPPORTS, make_truth, mcap_bytes, same_numbers, table, write
+from mcap.writer import CompressionType
+
+from tdfscal.errors import DataError, TdfscalError
+from tdfscal.files.logs import read_log
+from tdfscal.records import LogMapping
+
+TRUTH = make_truth(12)
+ONE = ("a",)
+DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
+FUZZ = settings(
+    max_examples=100,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+
+
+def flips(content: bytes, tries: int, seed: int) -> list[bytes]:
+    rng = np.random.default_rng(seed)
+    result = []
+    for place, bit in zip(
+        rng.integers(0, len(content), tries), rng.integers(0, 8, tries), strict=True
+    ):
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << bit
+        result.append(bytes(damaged))
+    return result
+
+
+def record_starts(content: bytes) -> list[int]:
+    starts = [8]
+    while starts[-1] < len(content) - 8:
+        (length,) = struct.unpack_from("<Q", content, starts[-1] + 1)
+        starts.append(starts[-1] + 9 + length)
+    return starts
+
+
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
+def test_bit_flips_in_mcap(tmp_path: Path, compression: CompressionType) -> None:
+    content = mcap_bytes(TRUTH, compression=compression)
+    path = write(tmp_path / "log.mcap", content)
+    sound = read_log([path], MAPPING, SUPPORTS)
+    refused = 0
+    for damaged in flips(content, 120, seed=7):
+        path.write_bytes(damaged)
+        try:
+            log = read_log([path], MAPPING, SUPPORTS)
+        except DataError:
+            refused += 1
+        else:
+            assert same_numbers(log, sound)
+    assert refused > 60
+
+
+def test_bit_flips_in_parquet(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.Table.from_pandas(table(TRUTH)), path, write_page_checksum=True)
+    content = path.read_bytes()
+    sound = read_log([path], None, SUPPORTS)
+    for damaged in flips(content, 250, seed=8):
+        path.write_bytes(damaged)
+        try:
+            log = read_log([path], None, SUPPORTS)
+        except DataError:
+            continue
+        assert same_numbers(log, sound)
+
+
+@pytest.mark.parametrize("chunking", [True, False])
+@pytest.mark.parametrize("summary", [True, False])
+def test_truncation_at_every_record_of_mcap(tmp_path: Path, chunking: bool, summary: bool) -> None:
+    content = mcap_bytes(make_truth(3), chunking=chunking, summary=summary)
+    path = tmp_path / "log.mcap"
+    starts = record_starts(content)
+    for end in {0, 4, *starts, *(s + 5 for s in starts[:-1]), len(content) - 1}:
+        path.write_bytes(content[:end])
+        with pytest.raises(DataError):
+            read_log([path], MAPPING, SUPPORTS)
+    for extra in (b"\0", content):
+        path.write_bytes(content + extra)
+        with pytest.raises(DataError, match="bytes follow the end"):
+            read_log([path], MAPPING, SUPPORTS)
+
+
+def test_truncation_of_parquet(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.Table.from_pandas(table(TRUTH)), path)
+    content = path.read_bytes()
+    for end in range(0, len(content), 97):
+        path.write_bytes(content[:end])
+        with pytest.raises(DataError):
+            read_log([path], None, SUPPORTS)
+
+
+def test_salvage_of_a_truncated_recording(tmp_path: Path) -> None:
+    content = mcap_bytes(make_truth(60))
+    chunks = [s for s in record_starts(content)[:-1] if content[s] == 6]
+    path = write(tmp_path / "log.mcap", content[: chunks[3] + 100])
+    with pytest.raises(DataError, match=r"the file ends within a record.*--salvage"):
+        read_log([path], MAPPING, SUPPORTS)
+    log = read_log([path], MAPPING, SUPPORTS, salvage=True)
+    truth = make_truth(60)
+    count = log.force[0].time.size
+    assert 0 < count < 240
+    np.testing.assert_array_equal(log.force[0].value, truth.force[0][:count])
+    assert log.inputs[0].integrity == "salvaged"
+    assert any("what follows is lost" in w for w in log.warnings)
+
+
+def test_salvage_passes_over_a_damaged_chunk(tmp_path: Path) -> None:
+    content = bytearray(mcap_bytes(make_truth(60)))
+    chunks = [s for s in record_starts(bytes(content))[:-1] if content[s] == 6]
+    content[chunks[2] + 200] ^= 4
+    path = write(tmp_path / "log.mcap", bytes(content))
+    with pytest.raises(DataError, match=f"a chunk is damaged.*at byte {chunks[2]}"):
+        read_log([path], MAPPING, SUPPORTS)
+    log = read_log([path], MAPPING, SUPPORTS, salvage=True)
+    truth = make_truth(60)
+    lost = 240 - log.force[0].time.size
+    assert 0 < lost < 60
+    assert set(log.force[0].value[:, 0]) < set(truth.force[0][:, 0])
+    assert any("a chunk is damaged" in w for w in log.warnings)
+    assert log.inputs[0].integrity == "salvaged"
+
+
+@pytest.mark.parametrize("declared", [1 << 40, 1 << 30, 0])
+def test_declared_sizes_are_bounded(tmp_path: Path, declared: int) -> None:
+    content = bytearray(mcap_bytes(make_truth(3)))
+    chunk = next(s for s in record_starts(bytes(content))[:-1] if content[s] == 6)
+    struct.pack_into("<Q", content, chunk + 9 + 16, declared)
+    with pytest.raises(DataError, match="a chunk is damaged"):
+        read_log([write(tmp_path / "log.mcap", bytes(content))], MAPPING, SUPPORTS)
+
+
+def test_statistics_must_agree(tmp_path: Path) -> None:
+    content = bytearray(mcap_bytes(make_truth(3)))
+    statistics = next(s for s in record_starts(bytes(content))[:-1] if content[s] == 0x0B)
+    content[statistics + 9] += 1
+    content[-12:-8] = bytes(4)  # without the summary's checksum
+    with pytest.raises(DataError, match="45 messages are there where the statistics state 46"):
+        read_log([write(tmp_path / "log.mcap", bytes(content))], MAPPING, SUPPORTS)
+
+
+@FUZZ
+@given(st.binary(max_size=200))
+def test_any_bytes_as_any_format(tmp_path: Path, content: bytes) -> None:
+    mcap = b"\x89MCAP0\r\n" + content
+    for name, data in (("a.csv", content), ("a.parquet", content), ("a.mcap", mcap)):
+        with pytest.raises(TdfscalError):
+            read_log([write(tmp_path / name, data)], DEFAULT, ONE)
+
+
+@FUZZ
+@given(
+    st.lists(st.text("0123456789.,;-+eE\"'\t nainf\r\0", max_size=30), max_size=8),
+    st.sampled_from([".", ","]),
+)
+def test_any_rows_of_text(tmp_path: Path, lines: list[str], decimal: str) -> None:
+    text = "time;a.x;a.y;a.z;a.fx;a.fy;a.fz\n" + "".join(f"{line}\n" for line in lines)
+    path = write(tmp_path / "a.csv", text.encode())
+    mapping = replace(DEFAULT, decimal="," if decimal == "," else ".")
+    try:
+        log = read_log([path], mapping, ONE)
+    except DataError:
+        return
+    assert np.isfinite(log.position[0].value).all()
+    assert (np.diff(log.position[0].time) > 0.0).all()
+
+
+@FUZZ
+@given(st.data())
+def test_any_cdr_message(tmp_path: Path, data: st.DataObject) -> None:
+    content = bytearray(mcap_bytes(make_truth(2), compression=CompressionType.NONE))
+    # Without the chunk's checksum every damage reaches the messages.
+    chunk = next(s for s in record_starts(bytes(content))[:-1] if content[s] == 6)
+    struct.pack_into("<I", content, chunk + 9 + 24, 0)
+    (length,) = struct.unpack_from("<Q", content, chunk + 1)
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(chunk + 60, chunk + length))
+        content[place] = data.draw(st.integers(0, 255))
+    path = write(tmp_path / "a.mcap", bytes(content))
+    for salvage in (False, True):
+        try:
+            log = read_log([path], MAPPING, SUPPORTS, salvage=salvage)
+        except DataError:
+            continue
+        assert all(np.isfinite(s.value).all() for s in (*log.position, *log.force))

@@ -1,0 +1,362 @@
+"""MCAP logs: every shape of the container, every layout of a message, against other readers."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from log_making import (
+    JSON_MAPPING,
+    LOG_TIME,
+    MAPPING,
+    STORE,
+    SUPPORTS,
+    assert_holds,
+    definition,
+    make_truth,
+    mcap_bytes,
+    point_stamped,
+    same_numbers,
+    wrench_stamped,
+    write,
+)
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType, Writer
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import Nodetype
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as BagWriter
+
+from tdfscal.errors import DataError
+from tdfscal.files.logs import is_log, read_log
+from tdfscal.files.logs.cdr import Gatherer
+from tdfscal.files.logs.chunk import messages_of
+from tdfscal.files.logs.message_path import Path as MessagePath
+from tdfscal.files.logs.ros_types import definitions
+from tdfscal.records import LogMapping
+
+TRUTH = make_truth()
+
+
+@pytest.mark.parametrize(
+    "compression", [CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE]
+)
+@pytest.mark.parametrize("index_types", [IndexType.ALL, IndexType.NONE, IndexType.MESSAGE])
+@pytest.mark.parametrize("summary", [True, False])
+def test_every_container_reads_to_the_same(
+    tmp_path: Path, compression: CompressionType, index_types: IndexType, summary: bool
+) -> None:
+    content = mcap_bytes(TRUTH, compression=compression, index_types=index_types, summary=summary)
+    log = read_log([write(tmp_path / "log.mcap", content)], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    assert log.inputs[0].integrity == ("verified" if summary else "unverified")
+    assert log.warnings == ()
+
+
+@pytest.mark.parametrize("summary", [True, False])
+@pytest.mark.parametrize("data_crc", [True, False])
+def test_unchunked(tmp_path: Path, summary: bool, data_crc: bool) -> None:
+    content = mcap_bytes(TRUTH, chunking=False, summary=summary, data_crc=data_crc)
+    log = read_log([write(tmp_path / "log.mcap", content)], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    assert log.inputs[0].integrity == ("verified" if data_crc else "unverified")
+
+
+def test_reads_what_mcap_ros2_support_reads(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.mcap", mcap_bytes(TRUTH, frames=("a", "tdfs", "longer")))
+    log = read_log([path], LOG_TIME, SUPPORTS)
+    for i, name in enumerate(SUPPORTS):
+        with path.open("rb") as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            seen = list(reader.iter_decoded_messages(topics=[f"/{name}/wrench"]))
+        force = [[getattr(m.decoded_message.wrench.force, c) for c in "xyz"] for m in seen]
+        np.testing.assert_array_equal(log.force[i].value, force)
+        np.testing.assert_array_equal(log.force[i].time, [m.message.log_time / 1e9 for m in seen])
+
+
+@pytest.mark.parametrize(
+    "frames", [("a", "bb"), ("", "x" * 300), tuple("x" * k for k in range(40))]
+)
+def test_layouts_that_change_within_a_topic(tmp_path: Path, frames: tuple[str, ...]) -> None:
+    path = write(tmp_path / "log.mcap", mcap_bytes(TRUTH, frames=frames))
+    assert_holds(read_log([path], MAPPING, SUPPORTS), TRUTH)
+
+
+def test_json(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.mcap", mcap_bytes(TRUTH, encoding="json"))
+    assert_holds(read_log([path], JSON_MAPPING, SUPPORTS), TRUTH)
+    with pytest.raises(DataError, match=r"no header\.stamp"):
+        read_log([path], replace(JSON_MAPPING, time_source="header"), SUPPORTS)
+
+
+def small_mcap(
+    channels: dict[str, tuple[str, str, bytes]], messages: list[tuple[str, int, bytes]]
+) -> bytes:
+    """Topic → (encoding, type, schema); messages as (topic, ns, data), published 5 ns earlier."""
+    target = io.BytesIO()
+    writer = Writer(target)
+    writer.start()
+    ids = {}
+    for topic, (encoding, kind, schema) in channels.items():
+        schema_encoding = "jsonschema" if encoding == "json" else "ros2msg"
+        ids[topic] = writer.register_channel(
+            topic, encoding, writer.register_schema(kind, schema_encoding, schema)
+        )
+    for topic, ns, data in messages:
+        writer.add_message(ids[topic], ns, data, ns - 5)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return target.getvalue()
+
+
+def ros(kind: str) -> tuple[str, str, bytes]:
+    return "cdr", kind, definition(kind)
+
+
+def one_support(position: str, force: str) -> LogMapping:
+    return LogMapping(("a",), ((position,),), ((force,),))
+
+
+def test_topics_with_dots_and_members_of_lists(tmp_path: Path) -> None:
+    channels = {
+        "/a": ("json", "x", b"{}"),
+        "/a.b": ("json", "x", b"{}"),
+    }
+    messages = [
+        ("/a", 10, json.dumps({"list": [{"p": {"x": 1, "y": 2, "z": 3}}]}).encode()),
+        ("/a.b", 20, json.dumps({"f": {"x": 4, "y": 5, "z": 6}}).encode()),
+    ]
+    path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
+    log = read_log([path], one_support("/a.list[0].p", "/a.b.f"), ("a",))
+    np.testing.assert_array_equal(log.position[0].value, [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(log.force[0].value, [[4.0, 5.0, 6.0]])
+
+
+def test_joint_state_by_joint_name(tmp_path: Path) -> None:
+    kind = "sensor_msgs/msg/JointState"
+    header = STORE.types["std_msgs/msg/Header"]
+    stamp = STORE.types["builtin_interfaces/msg/Time"]
+    messages = []
+    expected = []
+    rng = np.random.default_rng(3)
+    for k in range(30):
+        order = list(rng.permutation(["x1", "y1", "z1", "other"]))
+        values = rng.normal(size=4)
+        expected.append([values[order.index(n)] for n in ("x1", "y1", "z1")])
+        joint = STORE.types[kind](
+            header(stamp(sec=1, nanosec=k), "f"), order, values, np.zeros(0), -values
+        )
+        messages.append(("/j", 100 + k, bytes(STORE.serialize_cdr(joint, kind))))
+    path = write(tmp_path / "log.mcap", small_mcap({"/j": ros(kind)}, messages))
+    three = tuple(f"/j.position[{n}]" for n in ("x1", "y1", "z1"))
+    efforts = tuple(f'/j.effort["{n}"]' for n in ("x1", "y1", "z1"))
+    log = read_log([path], LogMapping(("a",), (three,), (efforts,)), ("a",))
+    np.testing.assert_array_equal(log.position[0].value, expected)
+    np.testing.assert_array_equal(log.force[0].value, -np.array(expected))
+
+
+@pytest.mark.parametrize(
+    ("kind", "path"),
+    [
+        ("geometry_msgs/msg/WrenchStamped", (("header", "stamp", "sec"), ("wrench", "force", "y"))),
+        (
+            "geometry_msgs/msg/PoseStamped",
+            (("pose", "orientation", "w"), ("pose", "position", "x")),
+        ),
+        ("geometry_msgs/msg/Vector3Stamped", (("vector", "z"),)),
+        ("geometry_msgs/msg/Wrench", (("torque", "x"),)),
+        ("sensor_msgs/msg/Imu", (("angular_velocity_covariance", 4), ("linear_acceleration", "z"))),
+        ("geometry_msgs/msg/PoseArray", (("poses", 2, "position", "z"),)),
+    ],
+)
+@pytest.mark.parametrize("little", [True, False])
+def test_gathering_agrees_with_rosbags(
+    kind: str, path: tuple[MessagePath, ...], little: bool
+) -> None:
+    rng = np.random.default_rng(5)
+    raw = [bytes(random_message(kind, rng, little)) for _ in range(50)]
+    types = definitions(kind, "ros2msg", definition(kind).decode())
+    records = b"".join(b"\x05" + (22 + len(r)).to_bytes(8, "little") + bytes(22) + r for r in raw)
+    found = Gatherer(types, kind, path)(messages_of(records, None, lambda *_: None))
+    for row, data in zip(found, raw, strict=True):
+        message = STORE.deserialize_cdr(data, kind)
+        for value, steps in zip(row, path, strict=True):
+            node: Any = message
+            for step in steps:
+                node = node[step] if isinstance(step, int) else getattr(node, str(step))
+            assert value == node
+
+
+def random_message(kind: str, rng: np.random.Generator, little: bool) -> memoryview:
+    def make(name: str) -> Any:
+        return STORE.types[name](*(value(*node) for _, node in STORE.fielddefs[name][1]))
+
+    def value(node: Nodetype, detail: Any) -> Any:
+        if node == Nodetype.NAME:
+            return make(detail)
+        if node == Nodetype.BASE:
+            if detail[0] == "string":
+                return "s" * int(rng.integers(0, 5))
+            return float(rng.normal()) if "float" in detail[0] else int(rng.integers(0, 100))
+        element, size = detail
+        if element[0] == Nodetype.NAME:
+            return [value(*element) for _ in range(int(rng.integers(3, 6)))]
+        return rng.normal(size=size)
+
+    return STORE.serialize_cdr(make(kind), kind, little_endian=little)
+
+
+def test_time_sources(tmp_path: Path) -> None:
+    channels = {
+        "/p": ros("geometry_msgs/msg/PointStamped"),
+        "/f": ros("geometry_msgs/msg/WrenchStamped"),
+    }
+    messages = [
+        ("/p", 2_000_000_000, point_stamped(1.25, [1.0, 2.0, 3.0])),
+        ("/f", 3_000_000_000, wrench_stamped(1.5, [4.0, 5.0, 6.0])),
+    ]
+    path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
+    mapping = one_support("/p.point", "/f.wrench.force")
+    for source, times in (
+        ("header", (1.25, 1.5)),
+        ("log", (2.0, 3.0)),
+        ("publish", (1.999999995, 2.999999995)),
+    ):
+        log = read_log([path], replace(mapping, time_source=source), ("a",))  # type: ignore[arg-type]
+        assert (log.position[0].time[0], log.force[0].time[0]) == times
+
+
+def test_messages_logged_out_of_order_are_sorted_by_log_time(tmp_path: Path) -> None:
+    channels = {"/p": ("json", "x", b"{}")}
+    messages = [
+        (
+            "/p",
+            ns,
+            json.dumps({"p": dict.fromkeys("xyz", ns), "f": dict.fromkeys("xyz", 1)}).encode(),
+        )
+        for ns in (30, 10, 20)
+    ]
+    path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
+    log = read_log([path], one_support("/p.p", "/p.f"), ("a",))
+    np.testing.assert_array_equal(log.position[0].value[:, 0], [10.0, 20.0, 30.0])
+
+
+@pytest.mark.parametrize(
+    ("mapping", "match"),
+    [
+        (one_support("/q.point", "/f.wrench.force"), r"no topic for /q\.point; .*/f"),
+        (one_support("/p.pint", "/f.wrench.force"), "no field pint .*it has header, point"),
+        (one_support("/p.header", "/f.wrench.force"), "header .*no member x; it has stamp"),
+        (one_support("/p", "/f.wrench.force"), "no member x; it has header, point"),
+        (one_support("/p.point.x", "/f.wrench.force"), "no member x"),
+        (one_support("/p.point", "/w.force"), "no header with a time.*source: log"),
+        (
+            LogMapping(
+                ("a",),
+                (("/p.point.x", "/p.point.y", "/f.wrench.force.x"),),
+                (("/f.wrench.force",),),
+            ),
+            "spread over the topics /f, /p",
+        ),
+    ],
+)
+def test_wrong_paths_are_named(tmp_path: Path, mapping: LogMapping, match: str) -> None:
+    channels = {
+        "/p": ros("geometry_msgs/msg/PointStamped"),
+        "/f": ros("geometry_msgs/msg/WrenchStamped"),
+        "/w": ros("geometry_msgs/msg/Wrench"),
+    }
+    vector = STORE.types["geometry_msgs/msg/Vector3"]
+    kind = "geometry_msgs/msg/Wrench"
+    wrench = STORE.types[kind](vector(1.0, 2.0, 3.0), vector(1.0, 2.0, 3.0))
+    messages = [
+        ("/p", 100, point_stamped(1.0, [1.0, 2.0, 3.0])),
+        ("/f", 100, wrench_stamped(1.0, [1.0, 2.0, 3.0])),
+        ("/w", 100, bytes(STORE.serialize_cdr(wrench, kind))),
+    ]
+    path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
+    with pytest.raises(DataError, match=match):
+        read_log([path], replace(mapping, time_source="header"), ("a",))
+
+
+@pytest.mark.parametrize(
+    ("data", "match"),
+    [
+        (
+            wrench_stamped(1.0, [1.0, float("nan"), 3.0]),
+            "at 1 s it holds a number that is not finite",
+        ),
+        (wrench_stamped(1.0, [1.0, 2.0, 3.0])[:-8], "shorter than its type"),
+        (
+            wrench_stamped(1.0, [1.0, 2.0, 3.0]) + bytes(8),
+            "92 bytes where its type takes 84|bytes where",
+        ),
+        (wrench_stamped(1.0, [1.0, 2.0, 3.0], "f" * 40)[:20], "shorter than its type"),
+        (b"\x00\x06" + wrench_stamped(1.0, [1.0, 2.0, 3.0])[2:], "not plain CDR"),
+        (b"", "not plain CDR"),
+    ],
+)
+def test_wrong_messages_are_refused(tmp_path: Path, data: bytes, match: str) -> None:
+    channels = {
+        "/p": ros("geometry_msgs/msg/PointStamped"),
+        "/f": ros("geometry_msgs/msg/WrenchStamped"),
+    }
+    messages = [
+        ("/p", 100, point_stamped(1.0, [1.0, 2.0, 3.0])),
+        ("/f", 100, wrench_stamped(0.5, [1.0, 2.0, 3.0])),
+        ("/f", 101, data),
+    ]
+    path = write(tmp_path / "log.mcap", small_mcap(channels, messages))
+    mapping = replace(one_support("/p.point", "/f.wrench.force"), time_source="header")
+    with pytest.raises(DataError, match=f"a message of /f cannot be read.*({match})"):
+        read_log([path], mapping, ("a",))
+    log = read_log([path], mapping, ("a",), salvage=True)
+    np.testing.assert_array_equal(log.force[0].time, [0.5])
+    assert log.inputs[0].integrity == "salvaged"
+
+
+def test_topic_without_messages(tmp_path: Path) -> None:
+    channels = {
+        "/p": ros("geometry_msgs/msg/PointStamped"),
+        "/f": ros("geometry_msgs/msg/WrenchStamped"),
+    }
+    content = small_mcap(channels, [("/p", 100, point_stamped(1.0, [1.0, 2.0, 3.0]))])
+    with pytest.raises(DataError, match="no sample of the force of a"):
+        read_log(
+            [write(tmp_path / "log.mcap", content)],
+            one_support("/p.point", "/f.wrench.force"),
+            ("a",),
+        )
+
+
+def test_without_mapping_says_what_to_add(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"Add a `log:` block to rig.yaml"):
+        read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], None, SUPPORTS)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_rosbag2_folder_by_rosbags(tmp_path: Path, compressed: bool) -> None:
+    folder = tmp_path / "bag"
+    bag = BagWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    if compressed:
+        bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with bag:
+        events = []
+        for i, name in enumerate(SUPPORTS):
+            kinds = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
+            point = bag.add_connection(f"/{name}/position", kinds[0], typestore=STORE)
+            wrench = bag.add_connection(f"/{name}/wrench", kinds[1], typestore=STORE)
+            for t, xyz in zip(TRUTH.time, TRUTH.position[i], strict=True):
+                events.append((t, point, point_stamped(t, xyz)))
+            for t, xyz in zip(TRUTH.force_time, TRUTH.force[i], strict=True):
+                events.append((t, wrench, wrench_stamped(t, xyz)))
+        for t, connection, data in sorted(events, key=lambda e: e[0]):
+            bag.write(connection, int(t * 1e9), data)
+    assert is_log(folder)
+    log = read_log([folder], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    assert same_numbers(log, read_log(sorted(folder.glob("*.mcap")), MAPPING, SUPPORTS))

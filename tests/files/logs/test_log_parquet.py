@@ -1,0 +1,146 @@
+"""Parquet logs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from log_making import SUPPORTS, make_truth, same_numbers, table
+
+from tdfscal.errors import DataError
+from tdfscal.files.logs import iter_log, read_log
+from tdfscal.records import Log, LogMapping
+
+ONE = ("a",)
+STRUCT = LogMapping(ONE, (("p",),), (("f",),))
+DEFAULT = ("a.x", "a.y", "a.z", "a.fx", "a.fy", "a.fz")
+
+
+def plain(**changes: Any) -> dict[str, Any]:
+    columns: dict[str, Any] = {"time": np.array([0.0, 1.0, 2.0])}
+    columns |= {name: np.arange(3.0) + k for k, name in enumerate(DEFAULT)}
+    return columns | changes
+
+
+def read(tmp_path: Path, columns: dict[str, Any], mapping: LogMapping | None = None) -> Log:
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table(columns), path)
+    return read_log([path], mapping, ONE)
+
+
+@pytest.mark.parametrize("checksum", [True, False])
+@pytest.mark.parametrize("dictionary", [True, False])
+@pytest.mark.parametrize("version", ["1.0", "2.0"])
+def test_reads_what_pandas_reads(
+    tmp_path: Path, checksum: bool, dictionary: bool, version: str
+) -> None:
+    path = tmp_path / "log.parquet"
+    pq.write_table(
+        pa.Table.from_pandas(table(make_truth()).assign(note="text")),
+        path,
+        row_group_size=17,
+        write_page_checksum=checksum,
+        use_dictionary=dictionary,
+        data_page_version=version,
+    )
+    log = read_log([path], None, SUPPORTS)
+    expected = pd.read_parquet(path)
+    for i, name in enumerate(SUPPORTS):
+        for axis, letter in enumerate("xyz"):
+            np.testing.assert_array_equal(
+                log.position[i].value[:, axis], expected[f"{name}.{letter}"]
+            )
+            np.testing.assert_array_equal(
+                log.force[i].value[:, axis], expected[f"{name}.f{letter}"]
+            )
+        np.testing.assert_array_equal(log.force[i].time, expected["time"])
+    assert log.inputs[0].integrity == ("verified" if checksum else "unverified")
+
+
+def test_csv_and_parquet_give_the_same(tmp_path: Path) -> None:
+    frame = table(make_truth())
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    frame.to_parquet(tmp_path / "log.parquet")
+    text = read_log([tmp_path / "log.csv"], None, SUPPORTS)
+    assert same_numbers(text, read_log([tmp_path / "log.parquet"], None, SUPPORTS))
+
+
+def test_struct_columns_units_and_sign(tmp_path: Path) -> None:
+    vectors = [{"x": 1.0 + k, "y": 2.0, "z": 3.0} for k in range(2)]
+    columns = {"time": [10, 20], "p": vectors, "f": vectors}
+    mapping = replace(STRUCT, length_unit="um", force_unit="kN", force_on="sensor", time_unit="ms")
+    log = read(tmp_path, columns, mapping)
+    values = np.array([[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]])
+    np.testing.assert_allclose(log.position[0].value, values * 1e-6, rtol=3e-16)
+    np.testing.assert_allclose(log.force[0].value, -values * 1e3, rtol=3e-16)
+    np.testing.assert_allclose(log.force[0].time, [0.01, 0.02], rtol=3e-16)
+
+
+def test_number_types_and_timestamps(tmp_path: Path) -> None:
+    columns = plain(time=pd.to_datetime([1000, 2000, 3000], unit="ms"))
+    columns["a.x"] = np.array([1, 2, 3], dtype=np.int32)
+    columns["a.y"] = np.array([0.5, 1.5, 2.5], dtype=np.float32)
+    log = read(tmp_path, columns)
+    np.testing.assert_array_equal(log.position[0].time, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(log.position[0].value[:, :2], [[1, 0.5], [2, 1.5], [3, 2.5]])
+
+
+@pytest.mark.parametrize(
+    ("columns", "match"),
+    [
+        (plain(**{"a.x": pa.array([1.0, None, 2.0])}), r"column a\.x, row 1: the cell is empty"),
+        (plain(**{"a.fz": [1.0, 2.0, np.inf]}), r"column a\.fz, row 2: inf is not a finite"),
+        (plain(**{"a.fz": ["1", "2", "3"]}), r"column a\.fz holds string, not numbers"),
+        (plain(**{"a.fz": [True, False, True]}), r"column a\.fz holds bool, not numbers"),
+        (plain(time=pa.array([0.0, 1.0, None])), "column time, row 2: the cell is empty"),
+        ({k: v for k, v in plain().items() if k != "a.fy"}, r"no column a\.fy; the nearest.*a\.fx"),
+        ({k: v for k, v in plain().items() if k != "time"}, "no column time"),
+        ({k: v[:0] for k, v in plain().items()}, "has no rows"),
+        (plain(a=[{"x": 1.0}] * 3), r"column a\.x is there 2 times"),
+    ],
+)
+def test_faults_are_named(tmp_path: Path, columns: dict[str, Any], match: str) -> None:
+    with pytest.raises(DataError, match=match):
+        read(tmp_path, columns)
+
+
+def test_null_vectors_are_refused(tmp_path: Path) -> None:
+    vectors = [{"x": 1.0, "y": 2.0, "z": 3.0}, None]
+    with pytest.raises(DataError, match=r"column p\.x, row 1"):
+        read(tmp_path, {"time": [0.0, 1.0], "p": vectors, "f": [vectors[0]] * 2}, STRUCT)
+
+
+def test_long_log_comes_in_pieces(tmp_path: Path) -> None:
+    count = 200_000
+    columns = {name: np.arange(count) + 0.5 * k for k, name in enumerate(("time", *DEFAULT))}
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table(columns), path)
+    pieces = list(iter_log([path], None, ONE))
+    assert max(p.force[0].time.size for p in pieces) <= 1 << 16
+    whole = np.concatenate([p.force[0].value[:, 2] for p in pieces])
+    np.testing.assert_array_equal(whole, columns["a.fz"])
+
+
+def test_salvage_keeps_sound_row_groups(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    columns = {n: np.random.default_rng(k).normal(size=60) for k, n in enumerate(DEFAULT)}
+    columns = {"time": np.arange(60.0)} | columns
+    pq.write_table(
+        pa.table(columns), path, row_group_size=20, write_page_checksum=True, use_dictionary=False
+    )
+    chunk = pq.read_metadata(path).row_group(1).column(3)
+    content = bytearray(path.read_bytes())
+    content[chunk.data_page_offset + chunk.total_compressed_size - 9] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(DataError, match="damaged"):
+        read_log([path], None, ONE)
+    log = read_log([path], None, ONE, salvage=True)
+    np.testing.assert_array_equal(log.force[0].time, [*range(20), *range(40, 60)])
+    assert log.inputs[0].integrity == "salvaged"
+    assert "20 are lost" in log.warnings[0]

@@ -1,0 +1,219 @@
+"""CSV and TSV logs, with the headers that recorders write."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zstandard
+from log_making import SUPPORTS, make_truth, same_numbers, table, write
+
+from tdfscal.errors import DataError, RigError
+from tdfscal.files.logs import iter_log, read_log
+from tdfscal.records import Log, LogMapping
+
+ONE = ("a",)
+MAPPING = LogMapping(ONE, (("X", "Y", "Z"),), (("FX", "FY", "FZ"),), time_field="t")
+HEADER = "t,X,Y,Z,FX,FY,FZ"
+ROWS = ("0,1,2,3,4,5,6", "0.1,1.5,2.5,3.5,4.5,5.5,6.5")
+
+
+def text(*lines: str) -> bytes:
+    return ("\n".join(lines) + "\n").encode()
+
+
+def read(
+    tmp_path: Path, content: bytes, mapping: LogMapping | None = MAPPING, *, salvage: bool = False
+) -> Log:
+    path = write(tmp_path / "log.csv", content)
+    return read_log([path], mapping, ONE, salvage=salvage)
+
+
+def assert_plain(log: Log, length: float = 1.0, force: float = 1.0) -> None:
+    np.testing.assert_array_equal(log.position[0].time, [0.0, 0.1])
+    position = np.array([[1.0, 2.0, 3.0], [1.5, 2.5, 3.5]])
+    np.testing.assert_allclose(log.position[0].value, position * length, rtol=2e-16)
+    np.testing.assert_allclose(
+        log.force[0].value, np.array([[4.0, 5.0, 6.0], [4.5, 5.5, 6.5]]) * force, rtol=2e-16
+    )
+
+
+def test_default_names_in_full_precision(tmp_path: Path) -> None:
+    frame = table(make_truth())
+    path = tmp_path / "log.csv"
+    frame.to_csv(path, index=False)
+    log = read_log([path], None, SUPPORTS)
+    for i, name in enumerate(SUPPORTS):
+        for axis, letter in enumerate("xyz"):
+            np.testing.assert_array_equal(log.position[i].value[:, axis], frame[f"{name}.{letter}"])
+            np.testing.assert_array_equal(log.force[i].value[:, axis], frame[f"{name}.f{letter}"])
+        np.testing.assert_array_equal(log.force[i].time, frame["time"])
+    assert log.inputs[0].integrity == "unverified"
+    assert log.inputs[0].bytes == path.stat().st_size
+    assert log.inputs[0].sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        text(HEADER, *ROWS),
+        text(HEADER, *ROWS).replace(b"\n", b"\r\n"),
+        text(HEADER, *ROWS).replace(b"\n", b"\r"),
+        text(HEADER, *ROWS).replace(b",", b";"),
+        text(HEADER, *ROWS).replace(b",", b"\t"),
+        b"\xef\xbb\xbf" + text(HEADER, *ROWS),
+        text('"t", "X", "Y", "Z", "FX", "FY", "FZ"', *ROWS),
+        text(" t , X [m], Y[m],Z (m) ,FX [N],FY,FZ [N]", *ROWS),
+        text(HEADER, "s,m,m,m,N,N,N", *ROWS),
+        text(HEADER, "[s],[m],[m],[m],[N],[N],[N]", *ROWS),
+        text("# recorder 7", "Machine: hub, 3 axes", "", HEADER, *ROWS),
+        text("Bemerkung,t,X,Y,Z,FX,FY,FZ,", *(f"läuft,{r}," for r in ROWS)),
+        "Größe,t,X,Y,Z,FX,FY,FZ\n0°,0,1,2,3,4,5,6\n0°,.1,1.5,2.5,3.5,4.5,5.5,6.5\n".encode(
+            "cp1252"
+        ),
+        text(HEADER, "0,1,2,3,4,5,6", "", ' 0.10 ,"1.5", 2.5,+3.5,4.5E0,55e-1,6.5'),
+    ],
+)
+def test_header_quirks(tmp_path: Path, content: bytes) -> None:
+    assert_plain(read(tmp_path, content))
+
+
+def test_decimal_comma_only_where_declared(tmp_path: Path) -> None:
+    content = text(HEADER, *ROWS).replace(b",", b";").replace(b".", b",")
+    assert_plain(read(tmp_path, content, replace(MAPPING, decimal=",")))
+    with pytest.raises(DataError, match=r"line 3, column t: '0,1' is not a finite.*decimal: \","):
+        read(tmp_path, content)
+    with pytest.raises(DataError, match=r"line 3, column t: '0.1'.*take it out"):
+        read(tmp_path, text(HEADER, *ROWS).replace(b",", b";"), replace(MAPPING, decimal=","))
+
+
+def test_units_and_sign(tmp_path: Path) -> None:
+    mapping = replace(MAPPING, length_unit="mm", force_unit="kN", time_unit="ms", force_on="sensor")
+    log = read(tmp_path, text(HEADER, *ROWS).replace(b"\n0.1", b"\n100"), mapping)
+    assert_plain(log, 1e-3, -1e3)
+
+
+def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
+    content = text("t,a.x [mm],a.y [mm],a.z [mm],a.fx,a.fy,a.fz", *ROWS)
+    mapping = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),), time_field="t")
+    with pytest.raises(DataError, match=r"column 'a.x \[mm\]' is in mm, the mapping says m"):
+        read(tmp_path, content, mapping)
+    assert_plain(read(tmp_path, content, replace(mapping, length_unit="mm")), 1e-3)
+    # Without a log block nothing contradicts what the file says.
+    assert_plain(read(tmp_path, content.replace(b"t,", b"time,", 1), None), 1e-3)
+    with pytest.raises(DataError, match="is in lbf, the mapping says N"):
+        read(tmp_path, content.replace(b"a.fx", b"a.fx [lbf]"), replace(mapping, length_unit="mm"))
+    with pytest.raises(DataError, match="different units"):
+        read(tmp_path, content.replace(b"t,", b"time,", 1).replace(b"a.x [mm]", b"a.x [m]"), None)
+
+
+def test_name_given_with_its_unit(tmp_path: Path) -> None:
+    content = text("t,X,Y,Z,FX [N],FY [N],FZ [N]", *ROWS)
+    mapping = replace(MAPPING, force=(("FX [N]", "FY [N]", "FZ [N]"),))
+    assert_plain(read(tmp_path, content, mapping))
+
+
+def test_vector_field_with_members(tmp_path: Path) -> None:
+    content = text("t,p.x,p.y,p.z,f.x,f.y,f.z", *ROWS)
+    assert_plain(read(tmp_path, content, replace(MAPPING, position=(("p",),), force=(("f",),))))
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, zstandard.compress])
+def test_compressed(tmp_path: Path, pack: object) -> None:
+    assert callable(pack)
+    content = pack(text(HEADER, *ROWS))
+    for suffix in (".csv.gz", ".csv.zst", ".csv"):
+        log = read_log([write(tmp_path / f"log{suffix}", content)], MAPPING, ONE)
+        assert_plain(log)
+    for end in range(len(content)):
+        with pytest.raises(DataError):
+            read_log([write(tmp_path / "cut.csv.gz", content[:end])], MAPPING, ONE)
+
+
+def test_gzip_checksum_is_integrity(tmp_path: Path) -> None:
+    log = read(tmp_path, gzip.compress(text(HEADER, *ROWS)))
+    assert log.inputs[0].integrity == "verified"
+
+
+@pytest.mark.parametrize(
+    ("content", "match"),
+    [
+        (b"", "is empty"),
+        (b"\n\n", "is empty"),
+        (text(HEADER), "a header and no rows"),
+        (text(*ROWS), "no header line"),
+        (text(HEADER.replace("Y,", "Y2,"), *ROWS), "line 1: no column Y, FY; the nearest.*Y2"),
+        (text(HEADER.replace("t,", "time,"), *ROWS), "no column t"),
+        (text(HEADER.replace("FY", "FX"), *ROWS), "no column FY"),
+        (text(HEADER + ",FX", *(r + ",9" for r in ROWS)), "column FX is there 2 times"),
+        (text(HEADER, *ROWS, "0.2,1,2,3,4,5"), "line 4: the line has 6 cells, the header 7"),
+        (text(HEADER, *ROWS, "0.2,1,2,3,4,5,6,7"), "line 4: the line has 8 cells"),
+        (text(HEADER, "", *ROWS, "0.2,1,,3,4,5,6"), "line 5, column Y: the cell is empty"),
+        (text(HEADER, *ROWS, "0.2,1,2,3,nan,5,6"), "line 4, column FX: 'nan' is not a finite"),
+        (text(HEADER, *ROWS, "0.2,1,2,3,4,-inf,6"), "line 4, column FY: '-inf' is not a finite"),
+        (text(HEADER, *ROWS, "0.2,1,2,3,4,5,1e400"), "line 4, column FZ: '1e400' is not a finite"),
+        (text(HEADER, *ROWS, "0.2,1,2,3,4,5,NA"), "line 4, column FZ: 'NA'"),
+        (text(HEADER, *ROWS, "0.2,1,2,3,4,5,0x10"), "line 4, column FZ: '0x10'"),
+        (text(HEADER, *ROWS, "0.2,1,2,3,4,5,6\0"), "line 4, column FZ"),
+        (HEADER.encode("utf-16"), "UTF-16"),
+        (text("note," + HEADER, '"a,' + ROWS[0], '",' + ROWS[1]), "line 2"),
+    ],
+)
+def test_faults_are_named(tmp_path: Path, content: bytes, match: str) -> None:
+    with pytest.raises(DataError, match=match):
+        read(tmp_path, content)
+
+
+def test_quotation_marks_swallow_no_rows(tmp_path: Path) -> None:
+    # Two lone marks make one legal row of three: its samples would be lost unseen.
+    content = text(HEADER + ",note", ROWS[0] + ',"a', "0.05,1,2,3,4,5,6,b", ROWS[1] + ',c"')
+    log = read(tmp_path, content)
+    np.testing.assert_array_equal(log.position[0].time, [0.0, 0.05, 0.1])
+
+
+def test_fault_far_down_has_its_line(tmp_path: Path) -> None:
+    lines = [f"{k * 1e-3:.3f},1,2,3,4,5,6" for k in range(70_000)]
+    lines[69_000] = "69.000,1,2,3,4,5,6x"
+    with pytest.raises(DataError, match="line 69002, column FZ: '6x'"):
+        read(tmp_path, text(HEADER, *lines))
+
+
+def test_salvage_leaves_out_lines(tmp_path: Path) -> None:
+    content = text(HEADER, ROWS[0], "0.05,1,2", ROWS[1])
+    log = read(tmp_path, content, salvage=True)
+    assert_plain(log)
+    assert log.inputs[0].integrity == "salvaged"
+    assert any("1 lines" in w for w in log.warnings)
+
+
+def test_last_line_without_end_is_left_out(tmp_path: Path) -> None:
+    log = read(tmp_path, text(HEADER, *ROWS) + b"0.2,1,2,3,4,5,66")
+    assert_plain(log)
+    assert any("may be cut short" in w for w in log.warnings)
+
+
+def test_long_log_comes_in_pieces(tmp_path: Path) -> None:
+    count = 200_000
+    lines = [f"{k * 1e-3:.3f},{k},2,3,4,5,{-k}" for k in range(count)]
+    path = write(tmp_path / "log.csv", text(HEADER, *lines))
+    pieces = list(iter_log([path], MAPPING, ONE))
+    assert max(p.position[0].time.size for p in pieces) <= 1 << 16
+    assert [len(p.inputs) for p in pieces] == [0] * (len(pieces) - 1) + [1]
+    log = read_log([path], MAPPING, ONE)
+    np.testing.assert_array_equal(log.position[0].value[:, 0], np.arange(count))
+    np.testing.assert_array_equal(log.force[0].value[:, 2], -np.arange(count))
+    one = Log(ONE, log.position, log.force)
+    assert same_numbers(one, read_log([path], MAPPING, ONE))
+
+
+def test_mapping_is_checked(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match="unknown unit 'inch'"):
+        read(tmp_path, text(HEADER, *ROWS), replace(MAPPING, length_unit="inch"))
+    with pytest.raises(RigError, match="X is named twice"):
+        read(tmp_path, text(HEADER, *ROWS), replace(MAPPING, force=(("X", "FY", "FZ"),)))
+    with pytest.raises(RigError, match="no fields for support b"):
+        read_log([write(tmp_path / "l.csv", b"")], MAPPING, ("b",))

@@ -1,0 +1,341 @@
+from __future__ import annotations
+
+import copy
+import json
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from sample_documents import NAMES, RIG, SCALED_CONVENTION, calibration
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.calibration import (
+    Calibration,
+    dump_calibration,
+    load_calibration,
+    parse_calibration,
+    save_calibration,
+)
+from tdfscal.files.rig import parse_rig
+from tdfscal.files.saving import replacing, to_yaml, write_text
+
+
+@pytest.fixture(scope="module")
+def rig() -> dict[str, Any]:
+    return dict(parse_rig(RIG.encode(), "rig.yaml").document)
+
+
+@pytest.fixture
+def content(rig: dict[str, Any]) -> dict[str, Any]:
+    return calibration(copy.deepcopy(rig))
+
+
+@pytest.fixture
+def found(content: dict[str, Any]) -> Calibration:
+    return Calibration.model_validate(content)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".yaml", ".yml", ".JSON"])
+def test_round_trip_to_the_bit(found: Calibration, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"calibration{suffix}"
+    save_calibration(found, path)
+    assert load_calibration(path) == found
+    assert parse_calibration(path.read_bytes(), "-") == found
+    text = path.read_text(encoding="utf-8")
+    independent = json.loads(text) if suffix.lower() == ".json" else yaml.safe_load(text)
+    assert np.array_equal(np.array(independent["covariance"]["matrix"]), found.rotation_covariance)
+    for ours, theirs in zip(found.supports, independent["supports"], strict=True):
+        assert np.array_equal(np.array(theirs["rotation"]), np.array(ours.rotation))
+        assert theirs["zero_std"] == [0.1, None, 1 / 3]
+
+
+def test_both_forms_say_the_same_and_hold_all_that_was_given(
+    content: dict[str, Any], found: Calibration
+) -> None:
+    """Keys that the model adds are its defaults; none is lost or changed."""
+    as_json = json.loads(dump_calibration(found, "json"))
+    assert as_json == yaml.safe_load(dump_calibration(found, "yaml"))
+    del content["rig"]
+    for angle in content["observability"]["angles"]:
+        assert angle.pop("prior_std") is None
+    assert content["observability"]["weak"][0].pop("std") is None
+    assert {key: as_json[key] for key in content} == content
+
+
+def test_yaml_is_for_people_too(found: Calibration) -> None:
+    lines = dump_calibration(found, "yaml").splitlines()
+    assert lines[0] == "format: tdfscal-calibration/1"
+    rows = lines[lines.index("  matrix:") + 1 :][:9]
+    assert [len(yaml.safe_load(row)[0]) for row in rows] == [9] * 9
+    assert "&" not in "".join(lines)
+
+
+def test_no_infinity_in_any_form(found: Calibration) -> None:
+    for form in ("json", "yaml"):
+        text = dump_calibration(found, form)
+        assert not {"Infinity", "NaN", ".inf", ".nan"} & set(text.replace(",", " ").split())
+        assert "unknown" in text  # the rig's infinite priors
+
+
+def test_arrays(content: dict[str, Any], found: Calibration) -> None:
+    supports = content["supports"]
+    assert found.support_names == NAMES
+    for name in ("rotation", "rpy", "rpy_std", "zero"):
+        assert np.array_equal(getattr(found, name), np.array([s[name] for s in supports])), name
+    assert found.zero_std.tolist() == [[0.1, np.inf, 1 / 3]] * 3
+    assert np.array_equal(found.sensitivity, np.stack([np.eye(3)] * 3))
+    record = found.rotations()
+    assert record.supports == NAMES
+    assert record.rotation.shape == (3, 3, 3)
+    assert np.array_equal(record.covariance, np.array(content["covariance"]["matrix"]))
+
+
+def test_numpy_goes_in_and_equals(content: dict[str, Any], found: Calibration) -> None:
+    given = copy.deepcopy(content)
+    given["covariance"]["matrix"] = np.array(given["covariance"]["matrix"])
+    for support in given["supports"]:
+        for key in ("rotation", "rpy", "rpy_std", "quaternion_xyzw", "zero"):
+            support[key] = np.array(support[key])
+    given["monte_carlo"]["low"] = np.array(given["monte_carlo"]["low"])
+    given["monte_carlo"]["linear_interval_validated"] = np.True_
+    given["fit"]["chi2"], given["fit"]["dof"] = np.float64(171.5), np.int64(165)
+    assert Calibration.model_validate(given) == found
+
+
+def test_embedded_rig_comes_back(found: Calibration) -> None:
+    loaded, original = found.loaded_rig("cal.yaml"), parse_rig(RIG.encode(), "rig.yaml")
+    assert loaded.sha256 == original.sha256
+    assert loaded.log == original.log
+    assert np.array_equal(loaded.rig.zero.std, original.rig.zero.std)
+
+
+def test_sensitivity_changes_the_convention(content: dict[str, Any]) -> None:
+    content["supports"][1]["sensitivity"] = (np.eye(3) + 1e-3).tolist()
+    with pytest.raises(ValueError, match="have a `sensitivity`"):
+        Calibration.model_validate(content)
+    content["convention"] = SCALED_CONVENTION
+    found = Calibration.model_validate(content)
+    assert np.array_equal(found.sensitivity[1], np.eye(3) + 1e-3)
+
+
+def test_only_the_tracker_leaves_the_fit_out(content: dict[str, Any]) -> None:
+    for key in ("fit", "observability", "budget", "monte_carlo", "validation"):
+        del content[key]
+    with pytest.raises(ValueError, match="fit"):
+        Calibration.model_validate(content)
+    del content["estimator"]
+    content["method"] = "tracker"
+    assert Calibration.model_validate(content).fit is None
+
+
+Change = Callable[[dict[str, Any]], None]
+
+
+def put(*place: Any) -> Change:
+    """Put the last argument at the place that the others name."""
+
+    def change(content: dict[str, Any]) -> None:
+        inner: Any = content
+        for part in place[:-2]:
+            inner = inner[part]
+        inner[place[-2]] = place[-1]
+
+    return change
+
+
+def drop(*place: Any) -> Change:
+    def change(content: dict[str, Any]) -> None:
+        inner: Any = content
+        for part in place[:-1]:
+            inner = inner[part]
+        del inner[place[-1]]
+
+    return change
+
+
+def nudge(amount: float, *place: Any) -> Change:
+    def change(content: dict[str, Any]) -> None:
+        inner: Any = content
+        for part in place[:-1]:
+            inner = inner[part]
+        inner[place[-1]] += amount
+
+    return change
+
+
+def reflect(content: dict[str, Any]) -> None:
+    R = np.array(content["supports"][0]["rotation"])
+    content["supports"][0]["rotation"] = (R @ np.diag([1, 1, -1])).tolist()
+
+
+def indefinite(content: dict[str, Any]) -> None:
+    matrix = np.array(content["covariance"]["matrix"])
+    value, vectors = np.linalg.eigh(matrix)
+    value[0] = -1e-9 * value[-1]
+    worse = vectors @ np.diag(value) @ vectors.T
+    content["covariance"]["matrix"] = ((worse + worse.T) / 2).tolist()
+
+
+def swap_supports(content: dict[str, Any]) -> None:
+    content["supports"][:2] = content["supports"][1::-1]
+
+
+BROKEN = [
+    (put("format", "tdfscal-calibration/2"), "newer format", "format"),
+    (put("format", "tdfscal-rig/1"), "not a calibration file", "format"),
+    (drop("format"), "not a calibration file", ""),
+    (put("status", "fine"), "'accepted' or 'rejected'", "status"),
+    (put("status", "rejected"), "quality.reasons", "status"),
+    (put("quality", {"reasons": ["birge 3.1 > 2"]}), "quality.reasons", "status"),
+    (put("method", "guess"), "'self'", "method"),
+    (drop("estimator"), "estimator", ""),
+    (put("method", "tracker"), "self-calibration", "estimator"),
+    (put("created", "yesterday"), "character", "created"),
+    (put("seed", -1), "greater than or equal to 0", "seed"),
+    (put("seed", 0.5), "integer", "seed"),
+    (put("convention", "F = X f"), "sensitivity", "convention"),
+    (put("inputs", 0, "sha256", "abc"), "character", "inputs[0].sha256"),
+    (put("inputs", 0, "integrity", "maybe"), "'verified'", "inputs[0].integrity"),
+    (put("inputs", 0, "byts", 3), "`bytes`", "inputs[0].byts"),
+    (put("suports", []), "`supports`", "suports"),
+    (drop("covariance"), "lacks `covariance`", ""),
+    (drop("terminal"), "lacks `terminal`", ""),
+    (drop("supports", 1, "quaternion_xyzw"), "quaternion_xyzw", "supports[1]"),
+    (reflect, "det", "supports[0].rotation"),
+    (nudge(2e-9, "supports", 2, "rotation", 0, 0), "rotation", "supports[2].rotation"),
+    (put("supports", 2, "rotation", 0, 0, 1e200), "rotation", "supports[2].rotation"),
+    (nudge(4e-9, "supports", 1, "rpy", 1), "angles", "supports[1].rpy"),
+    (nudge(4e-9, "supports", 1, "quaternion_xyzw", 3), "quaternion", "supports[1].quaternion_xyzw"),
+    (put("supports", 1, "quaternion_xyzw", 3, 1e200), "quaternion", "supports[1].quaternion_xyzw"),
+    (nudge(1e-8, "supports", 0, "rpy_std", 2), "covariance", "supports[0].rpy_std"),
+    (put("supports", 0, "rpy_std", 2, -1.0), "equal to 0", "supports[0].rpy_std[2]"),
+    (put("supports", 0, "rpy_interval", "coverage", 95.0), "less than 1", "coverage"),
+    (put("supports", 0, "rpy_interval", "low", [9.0, 9.0, 9.0]), "above", "rpy_interval"),
+    (put("supports", 0, "name", "ncp9"), "embedded rig", "supports"),
+    (swap_supports, "embedded rig", "supports"),
+    (put("supports", 0, "zero_std", [0.1, 0.1]), "zero_std", "supports[0]"),
+    (put("covariance", "parameters", 0, "ncp1.ry"), "ncp1.rx", "covariance.parameters"),
+    (put("covariance", "definition", "d in the LCS"), "definition", "covariance.definition"),
+    (nudge(1e-15, "covariance", "matrix", 0, 1), "symmetric", "covariance.matrix"),
+    (put("covariance", "matrix", [[1.0]]), "9 rows", "covariance.matrix"),
+    (indefinite, "semidefinite", "covariance.matrix"),
+    (put("terminal", "mass", "value", 0.0), "greater than 0", "terminal.mass.value"),
+    (put("fit", "p_value", 1.5), "less than or equal to 1", "fit.p_value"),
+    (put("fit", "converged", 1), "boolean", "fit.converged"),
+    (put("observability", "correlations", 0, "value", -1.1), "equal to -1", "value"),
+    (put("observability", "angles", 0, "angle", "tilt"), "'roll'", "angle"),
+    (put("budget", "sources", ["noise"]), "sources", "budget.angles[0].variance"),
+    (put("monte_carlo", "low", [[0.0, 0.0, 0.0]]), "row per support", "monte_carlo.low"),
+    (put("monte_carlo", "trials", 0), "greater than 0", "monte_carlo.trials"),
+    (put("rig", "terminal", "mass", -1.0), "greater than 0", "rig.terminal.mass"),
+    (put("rig", "supports", 0, "hinj", 1), "`hinge`", "rig.supports[0].hinj"),
+    (put("rig", "sha256", "x"), "character", "rig.sha256"),
+]
+
+
+@pytest.mark.parametrize("form", ["yaml", "json"])
+@pytest.mark.parametrize(("change", "word", "place"), BROKEN)
+def test_altered_file_is_refused(
+    content: dict[str, Any], tmp_path: Path, change: Change, word: str, place: str, form: str
+) -> None:
+    change(content)
+    path = tmp_path / f"c.{form}"
+    path.write_text(json.dumps(content) if form == "json" else to_yaml(content))
+    with pytest.raises(DataError) as refused:
+        load_calibration(path)
+    assert refused.value.exit_status == 3
+    assert refused.value.where is not None
+    assert refused.value.where.startswith(str(path))
+    assert place in refused.value.where
+    assert word in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+@pytest.mark.parametrize(
+    "place",
+    [
+        ("covariance", "matrix", 0, 0),
+        ("supports", 0, "zero", 0),
+        ("supports", 0, "zero_std", 0),
+        ("fit", "chi2"),
+        ("tracker", "chi2"),
+        ("budget", "angles", 0, "variance", "noise"),
+        ("rig", "uncertainty", "hinge"),
+    ],
+)
+def test_nothing_infinite_gets_in(
+    content: dict[str, Any], place: tuple[Any, ...], value: float
+) -> None:
+    put(*place, value)(content)
+    with pytest.raises(ValueError, match="finite"):
+        Calibration.model_validate(content)
+    with pytest.raises(DataError, match="finite"):
+        parse_calibration(to_yaml(content).encode(), "c.yaml")
+
+
+def test_changes_below_rounding_are_taken(content: dict[str, Any]) -> None:
+    """The negative control of the consistency checks: a tenth of the tolerance stands."""
+    nudge(1e-10, "supports", 1, "rpy", 1)(content)
+    nudge(1e-10, "supports", 1, "quaternion_xyzw", 3)(content)
+    Calibration.model_validate(content)
+
+
+def test_other_suffix_and_missing_file(found: Calibration, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"\.json, \.yaml or \.yml"):
+        save_calibration(found, tmp_path / "calibration.txt")
+    with pytest.raises(UsageError, match="no such file"):
+        load_calibration(tmp_path / "calibration.yaml")
+    with pytest.raises(UsageError, match="cannot be written"):
+        save_calibration(found, tmp_path / "no" / "calibration.yaml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def fail_half_way(path: Path) -> None:
+    with replacing(path) as beside:
+        beside.write_text("half")
+        raise RuntimeError("beside it" if beside.parent == path.parent else "elsewhere")
+
+
+def test_failed_writing_leaves_the_old_file_and_no_trace(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("old")
+    with pytest.raises(RuntimeError, match="beside it"):
+        fail_half_way(path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(UsageError, match="is a folder"):
+        write_text(tmp_path, "x")
+
+
+def test_written_file_keeps_mode_and_link(tmp_path: Path) -> None:
+    (tmp_path / "real.yaml").write_text("old")
+    (tmp_path / "real.yaml").chmod(0o640)
+    (tmp_path / "link.yaml").symlink_to("real.yaml")
+    write_text(tmp_path / "link.yaml", "new\n")
+    assert (tmp_path / "link.yaml").is_symlink()
+    assert (tmp_path / "real.yaml").read_bytes() == b"new\n"
+    assert stat.S_IMODE((tmp_path / "real.yaml").stat().st_mode) == 0o640
+    mask = os.umask(0o027)
+    try:
+        write_text(tmp_path / "fresh.yaml", "new\n")
+    finally:
+        os.umask(mask)
+    assert stat.S_IMODE((tmp_path / "fresh.yaml").stat().st_mode) == 0o640
+
+
+def test_devices_are_written_to_and_stay(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_text(pipe, "through")
+        assert os.read(reading, 100) == b"through"
+    finally:
+        os.close(reading)
+    assert pipe.is_fifo()

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from sample_documents import RIG
+
+from tdfscal.errors import RigError, UsageError
+from tdfscal.files.campaign import find_logs, resolve
+from tdfscal.files.rig import parse_rig
+
+
+def make(folder: Path, *names: str, rig: str | None = RIG) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    if rig is not None:
+        (folder / "rig.yaml").write_text(rig)
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("x")
+    return folder
+
+
+SURVEY = tuple(f"tracker/{name}.csv" for name in ("nominal", "targets", "servo", "moves"))
+
+
+def test_folder_gives_rig_logs_and_survey(tmp_path: Path) -> None:
+    home = make(
+        tmp_path / "c",
+        *("part_10.csv", "part_2.csv", "b.parquet", "c.MCAP", "d.csv.gz", "e.tsv.zst"),
+        *(".hidden.csv", "truth.yaml", "calibration.yaml", "calibration.csv", "notes.txt"),
+        *("bag/metadata.yaml", "bag/bag_0.mcap", "other/log.csv", *SURVEY),
+    )
+    campaign = resolve([home])
+    assert campaign.rig.path == home / "rig.yaml"
+    assert campaign.surveyed
+    expected = ["b.parquet", "bag", "c.MCAP", "d.csv.gz", "e.tsv.zst", "part_2.csv", "part_10.csv"]
+    assert [path.relative_to(home).as_posix() for path in campaign.logs] == expected
+
+
+def test_point_files_beside_the_logs_are_no_logs(tmp_path: Path) -> None:
+    flat = RIG.replace("tracker/", "")
+    names = ("log.csv", "nominal.csv", "targets.csv", "servo.csv", "moves.csv")
+    home = make(tmp_path, *names, rig=flat)
+    campaign = resolve([home])
+    assert [path.name for path in campaign.logs] == ["log.csv"]
+    assert campaign.surveyed
+
+
+def test_survey_alone_will_do_and_nothing_will_not(tmp_path: Path) -> None:
+    campaign = resolve([make(tmp_path / "a", *SURVEY)])
+    assert (campaign.logs, campaign.surveyed) == ((), True)
+    with pytest.raises(UsageError, match=r"no log here, nor a tracker's survey"):
+        resolve([make(tmp_path / "b", *SURVEY[:3])])
+
+
+def test_files_take_the_rig_beside_them_or_the_given_one(tmp_path: Path) -> None:
+    home = make(tmp_path / "a", "x.csv", "y.csv")
+    assert resolve([home / "y.csv", home / "x.csv"]).rig.path == home / "rig.yaml"
+    assert [p.name for p in resolve([home / "y.csv", home / "x.csv"]).logs] == ["y.csv", "x.csv"]
+    other = make(tmp_path / "b", rig=RIG.replace("Rotor-hub", "Other"))
+    for paths in ([home / "x.csv"], [home]):
+        assert resolve(paths, other / "rig.yaml").rig.rig.name == "Other rig"
+    bare = make(tmp_path / "c", "z.csv", rig=None)
+    assert resolve([bare / "z.csv"], other / "rig.yaml").rig.rig.name == "Other rig"
+
+
+def test_relative_file_finds_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make(tmp_path, "x.csv")
+    monkeypatch.chdir(tmp_path)
+    campaign = resolve([Path("x.csv")])
+    assert campaign.rig.path.resolve() == tmp_path / "rig.yaml"
+    assert campaign.logs == (Path("x.csv"),)
+    assert resolve([Path()]).logs == (Path("x.csv"),)
+
+
+def test_recording_folder_is_a_log(tmp_path: Path) -> None:
+    home = make(tmp_path, "bag/metadata.yaml", "bag/bag_0.mcap")
+    campaign = resolve([home / "bag"])
+    assert campaign.logs == (home / "bag",)
+    assert campaign.rig.path == home / "rig.yaml"
+
+
+def test_each_log_once(tmp_path: Path) -> None:
+    home = make(tmp_path, "x.csv")
+    (tmp_path / "same.csv").symlink_to("x.csv")
+    campaign = resolve([home / "x.csv", home, home / "x.csv"])
+    assert campaign.logs == (home / "x.csv",)
+
+
+def test_fallback_is_the_last_resort(tmp_path: Path) -> None:
+    embedded = parse_rig(RIG.replace("Rotor-hub", "Embedded").encode(), "c.yaml")
+    bare = make(tmp_path / "a", "x.csv", rig=None)
+    assert resolve([bare], fallback=embedded).rig is embedded
+    own = make(tmp_path / "b", "x.csv")
+    assert resolve([own], fallback=embedded).rig.rig.name == "Rotor-hub rig"
+
+
+def test_same_rig_twice_is_no_conflict_but_two_rigs_are(tmp_path: Path) -> None:
+    one, two = make(tmp_path / "a", "x.csv"), make(tmp_path / "b", "y.csv")
+    assert len(resolve([one, two]).logs) == 2
+    make(tmp_path / "b", rig=RIG.replace("500.0", "501.0"))
+    with pytest.raises(UsageError, match="different rigs") as refused:
+        resolve([one, two])
+    assert refused.value.exit_status == 2
+    assert str(one / "rig.yaml") in str(refused.value)
+    assert str(two / "rig.yaml") in str(refused.value)
+    assert len(resolve([one, two], one / "rig.yaml").logs) == 2
+
+
+def test_missing_path_names_the_nearest(tmp_path: Path) -> None:
+    make(tmp_path, "record_1.csv", "other.csv")
+    with pytest.raises(UsageError, match=r"recrod_1\.csv: there is no such .*record_1\.csv"):
+        resolve([tmp_path / "recrod_1.csv"])
+    with pytest.raises(UsageError, match=r"no such .* Check the path\."):
+        resolve([tmp_path / "nowhere" / "x.csv"])
+    (tmp_path / "dangling.csv").symlink_to("gone.csv")
+    with pytest.raises(UsageError, match="no such"):
+        resolve([tmp_path / "dangling.csv"])
+    with pytest.raises(UsageError, match="no such file"):
+        resolve([tmp_path], tmp_path / "rigg.yaml")
+
+
+def test_no_path_no_rig_no_log(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no path"):
+        resolve([])
+    bare = make(tmp_path / "a", "x.csv", rig=None)
+    with pytest.raises(UsageError, match=r"there is no rig\.yaml.* with --rig"):
+        resolve([bare])
+    (bare / "rig.yml").write_text(RIG)
+    with pytest.raises(UsageError, match=r"ename rig\.yml to rig\.yaml"):
+        resolve([bare / "x.csv"])
+    home = make(tmp_path / "b")
+    with pytest.raises(UsageError, match=r"rig\.yaml: is not a log"):
+        resolve([home / "rig.yaml"])
+
+
+def test_faulty_rig_file_is_a_rig_error(tmp_path: Path) -> None:
+    home = make(tmp_path, "x.csv", rig=RIG.replace("mass:", "maas:"))
+    with pytest.raises(RigError, match=r"rig\.yaml, line 5, terminal\.maas"):
+        resolve([home])
+
+
+def test_logs_without_any_rig(tmp_path: Path) -> None:
+    home = make(tmp_path, "x.csv", "y.mcap", rig=None)
+    assert [path.name for path in find_logs([home])] == ["x.csv", "y.mcap"]

@@ -1,0 +1,365 @@
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sample_documents import RIG
+
+from tdfscal.errors import DataError, RigError, UsageError
+from tdfscal.files.rig import default_mapping, load_rig, parse_rig, rig_from_document
+from tdfscal.records import Declared, Instrument
+
+FIELD = Path(__file__).parents[2] / ".." / "shared" / "field_logs"
+
+MINIMAL = """\
+format: tdfscal-rig/1
+name: minimal
+terminal: {mass: 500, barycenter: [0, 0, 0.25]}
+supports:
+  - {name: a, hinge: [1, 0, 0]}
+  - {name: b, hinge: [0, 1, 0]}
+  - {name: c, hinge: [-1, 0, 0]}
+"""
+
+
+def parse(text: str) -> object:
+    return parse_rig(text.encode(), "rig.yaml")
+
+
+def altered(old: str, new: str, text: str = RIG) -> str:
+    assert text.count(old) == 1, old
+    return text.replace(old, new)
+
+
+def line_of(text: str, fragment: str) -> int:
+    return 1 + next(i for i, line in enumerate(text.splitlines()) if fragment in line)
+
+
+def test_every_key_arrives(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(RIG)
+    loaded = load_rig(tmp_path / "rig.yaml")
+    rig, log, tracker = loaded.rig, loaded.log, loaded.tracker
+    assert rig.name == "Rotor-hub rig"
+    assert rig.supports == ("ncp1", "ncp2", "ncp3")
+    assert (rig.gravity, rig.gravity_tilt_std) == (9.80665, 0.0)
+    assert (float(rig.mass.value), float(rig.mass.std)) == (500.0, 0.2)
+    assert rig.barycentre.value.tolist() == [0.01, -0.015, 0.25]
+    assert rig.barycentre.std.tolist() == [0.001] * 3
+    assert rig.inertia is not None
+    assert rig.inertia.tolist() == [[40, 1, 0], [1, 50, 0], [0, 0, 30]]
+    assert rig.hinge.tolist() == [[0.6, 0, 0], [-0.3, 0.5, 0], [-0.3, -0.5, 0]]
+    assert rig.zero.value.tolist() == [[0] * 3] * 3
+    assert rig.zero.std.tolist() == [[0.5] * 3, [math.inf] * 3, [math.inf] * 3]
+    assert rig.rpy_std.tolist() == [[math.inf] * 3, [0.1] * 3, [math.inf] * 3]
+    assert rig.capacity.tolist() == [[3000, 3000, 5000], [math.inf] * 3, [math.inf] * 3]
+    assert rig.declared == Declared(positioner=1e-5, hinge=2e-5)
+    gate = rig.acceptance
+    assert (gate.angle_std, gate.identifiable, gate.birge_max) == (5e-3, 0.04, 1.5)
+    assert (gate.contact_force, gate.contact_torque) == (5.0, 3.0)
+    assert gate.contact_rpy == (0.0, 0.0, 0.1)
+    assert log is not None
+    assert (log.time_field, log.time_unit, log.time_source) == ("t", "ms", "log")
+    assert (log.length_unit, log.force_unit, log.force_on, log.decimal) == (
+        "mm",
+        "kN",
+        "sensor",
+        ",",
+    )
+    assert log.position == (("X1", "Y1", "Z1"), ("/ncp2/position.point",), ("X3", "Y3", "Z3"))
+    assert log.force[1] == ("/tdfs2/wrench.wrench.force",)
+    assert tracker is not None
+    assert tracker.instrument == Instrument(1e-5, 5.0, 2.0)
+    assert (tracker.drawing, tracker.misalignment, tracker.length_unit) == (1e-5, 2e-4, "mm")
+    names = ("nominal.csv", "targets.csv", "servo.csv", "moves.csv")
+    assert tracker.paths == tuple(tmp_path / "tracker" / name for name in names)
+
+
+def test_defaults_of_the_contract() -> None:
+    loaded = parse_rig(MINIMAL.encode(), "rig.yaml")
+    rig = loaded.rig
+    assert (loaded.log, loaded.tracker, rig.inertia) == (None, None, None)
+    assert (rig.gravity, float(rig.mass.std), rig.declared) == (9.80665, 0.0, Declared())
+    assert np.all(np.isinf(rig.zero.std))
+    assert np.all(np.isinf(rig.rpy_std))
+    assert np.all(np.isinf(rig.capacity))
+    assert not rig.nominal_rpy.any()
+    assert (rig.acceptance.angle_std, rig.acceptance.identifiable) == (5e-3, 0.05)
+    assert rig.acceptance.contact_force is None
+    assert default_mapping(("a",)).position == (("a.x", "a.y", "a.z"),)
+    assert default_mapping(("a",)).force == (("a.fx", "a.fy", "a.fz"),)
+
+
+@pytest.mark.parametrize("word", ["unknown", ".inf", '"unknown"', "+.inf", ".Inf"])
+def test_unknown_and_inf_say_the_same(word: str) -> None:
+    text = altered("mass: {value: 500.0, std: 0.2}", f"mass: {{value: 500.0, std: {word}}}")
+    assert parse_rig(text.encode(), "rig.yaml").rig.mass.std == math.inf
+    text = altered("std: [0.5, 0.5, 0.5]}", f"std: [0.5, {word}, 0]}}")
+    assert parse_rig(text.encode(), "rig.yaml").rig.zero.std[0].tolist() == [0.5, math.inf, 0.0]
+
+
+@pytest.mark.parametrize(
+    "word", ["1e-5", "1E-5", '"1e-5"', "1.0e-5", "0.00001", "+1.e-05", ".1e-4"]
+)
+def test_numbers_as_people_write_them(word: str) -> None:
+    text = altered("positioner: 1.0e-5", f"positioner: {word}")
+    assert parse_rig(text.encode(), "rig.yaml").rig.declared.positioner == 1e-5
+
+
+def test_log_block_without_supports_keeps_the_default_names() -> None:
+    loaded = parse_rig((MINIMAL + "log: {length_unit: mm}\n").encode(), "rig.yaml")
+    assert loaded.log is not None
+    assert loaded.log.length_unit == "mm"
+    assert loaded.log.position == default_mapping(loaded.rig.supports).position
+
+
+def test_document_is_strict_json_and_reads_back_the_same(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(RIG)
+    loaded = load_rig(tmp_path / "rig.yaml")
+    document = json.loads(json.dumps(dict(loaded.document), allow_nan=False))
+    again = rig_from_document(document, "calibration.json")
+    assert again.document == loaded.document
+    assert (again.sha256, again.log, again.tracker) == (loaded.sha256, loaded.log, None)
+    for name in ("hinge", "nominal_rpy", "rpy_std", "capacity", "inertia"):
+        assert np.array_equal(getattr(again.rig, name), getattr(loaded.rig, name)), name
+    for name in ("mass", "barycentre", "zero"):
+        ours, theirs = getattr(again.rig, name), getattr(loaded.rig, name)
+        assert np.array_equal(ours.value, theirs.value), name
+        assert np.array_equal(ours.std, theirs.std), name
+    assert (again.rig.declared, again.rig.acceptance) == (
+        loaded.rig.declared,
+        loaded.rig.acceptance,
+    )
+
+
+def test_faulty_embedded_rig_is_a_data_error() -> None:
+    document = dict(parse_rig(MINIMAL.encode(), "rig.yaml").document)
+    document["terminal"] = {"mass": -1.0, "barycenter": [0.0, 0.0, 0.0]}
+    with pytest.raises(DataError, match=r"cal\.json, rig, terminal\.mass") as refused:
+        rig_from_document(document, "cal.json")
+    assert refused.value.exit_status == 3
+
+
+FAULTS = [
+    # what is replaced, by what, the place, a word of the message
+    ("mass: {value: 500.0, std: 0.2}", "mass: 0", "terminal.mass", "greater than 0"),
+    ("mass: {value: 500.0, std: 0.2}", "mass: -3", "terminal.mass", "greater than 0"),
+    ("mass: {value: 500.0, std: 0.2}", "mass: .nan", "terminal.mass", "finite"),
+    ("mass: {value: 500.0, std: 0.2}", "mass: .inf", "terminal.mass", "finite"),
+    ("mass: {value: 500.0, std: 0.2}", "mass: heavy", "terminal.mass", "a number"),
+    ("mass: {value: 500.0, std: 0.2}", "mass: true", "terminal.mass", "a number"),
+    ("mass: {value: 500.0, std: 0.2}", "mass: [1, 2]", "terminal.mass", "a number"),
+    ("mass: {value: 500.0, std: 0.2}", "mass:", "terminal.mass", "a number"),
+    ("mass: {value: 500.0, std: 0.2}", "mass: {value: 500.0}", "terminal.mass", "lacks `std`"),
+    ("mass: {value: 500.0, std: 0.2}", "mas: 500", "terminal.mas", "`mass`"),
+    ("  mass: {value: 500.0, std: 0.2}\n", "", "terminal", "lacks `mass`"),
+    ("500.0, std: 0.2", "500.0, std: -0.2", "terminal.mass.std", "0 or above"),
+    ("500.0, std: 0.2", "500.0, std: .nan", "terminal.mass.std", "0 or above"),
+    ("500.0, std: 0.2", "500.0, std: -.inf", "terminal.mass.std", "0 or above"),
+    ("500.0, std: 0.2", "500.0, std: unknwon", "terminal.mass.std", "`unknown`"),
+    ("500.0, std: 0.2", "500.0, std: [1, 2, 3]", "terminal.mass.std", "a number"),
+    ("500.0, std: 0.2", "500.0, stdev: 0.2", "terminal.mass.stdev", "`std`"),
+    ("value: [0.01, -0.015, 0.25]", "value: [0.01, -0.015]", "terminal.barycenter", "three"),
+    ("value: [0.01, -0.015, 0.25]", "value: 0.25", "terminal.barycenter.value", "three"),
+    ("value: [0.01, -0.015, 0.25]", "value: [10, -15, 250]", "terminal.barycenter", "in m"),
+    ("[0.001, 0.001, 0.001]", "[0.001, 0.001]", "terminal.barycenter.std", "three"),
+    ("[0.001, 0.001, 0.001]", "[0.001, -1, 0.001]", "terminal.barycenter.std[1]", "0 or above"),
+    ("barycenter:", "barycentre:", "terminal.barycentre", "`barycenter`"),
+    ("[40.0, 1.0, 0.0]", "[40.0, 2.0, 0.0]", "terminal.inertia", "symmetric"),
+    ("[40.0, 1.0, 0.0]", "[40.0, 1.0]", "terminal.inertia[0]", "three"),
+    ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, -30.0]]", "terminal.inertia", "positive definite"),
+    ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, 300.0]]", "terminal.inertia", "no body"),
+    ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, .nan]]", "terminal.inertia[2][2]", "finite"),
+    ("magnitude: 9.80665", "magnitude: 0", "gravity.magnitude", "greater than 0"),
+    ("magnitude: 9.80665", "magnitude: -9.8", "gravity.magnitude", "greater than 0"),
+    ("tilt_std: 0.0", "tilt_std: -1e-3", "gravity.tilt_std", "greater than or equal"),
+    ("tilt_std", "tilt_sdt", "gravity.tilt_sdt", "`tilt_std`"),
+    ("name: ncp2", "name: ncp1", "supports[1].name", "taken by supports[0]"),
+    ("name: ncp2", 'name: ""', "supports[1].name", "not allowed"),
+    ("name: ncp2", "name: NCP 2", "supports[1].name", "letters, digits"),
+    ("name: ncp2", "name: ncp.2", "supports[1].name", "letters, digits"),
+    ("name: ncp2", "name: 2", "supports[1].name", "in quotes"),
+    ("hinge: [0.6, 0.0, 0.0]", "hinj: [0.6, 0.0, 0.0]", "supports[0].hinj", "`hinge`"),
+    ("    hinge: [0.6, 0.0, 0.0]\n", "", "supports[0]", "lacks `hinge`"),
+    ("hinge: [0.6, 0.0, 0.0]", "hinge: [0.6, 0.0]", "supports[0].hinge", "three"),
+    ("hinge: [0.6, 0.0, 0.0]", "hinge: [0.6, 0, 0, 0]", "supports[0].hinge", "three"),
+    ("hinge: [0.6, 0.0, 0.0]", "hinge: [0.6, x, 0]", "supports[0].hinge[1]", "a number"),
+    ("hinge: [0.6, 0.0, 0.0]", "hinge: [600, 0, 0]", "supports[0].hinge", "in m"),
+    ("hinge: [0.6, 0.0, 0.0]", "hinge: [-0.3, 0.5, 0]", "supports[1].hinge", "coincide"),
+    ("hinge: [0.6, 0.0, 0.0]", "hinge: [-0.3, 0.1, 0]", "supports", "one line"),
+    ("value: [0, 0, 0], std: [0.5", "value: [0, 0], std: [0.5", "supports[0].zero.value", "three"),
+    ("nominal_rpy: [0, 0, 0]", "nominal_rpy: [0, 0, 90]", "supports[0].nominal_rpy", "degrees"),
+    ("nominal_rpy: [0, 0, 0]", "nominal_rpy: 0", "supports[0].nominal_rpy", "three"),
+    ("rpy_std: 0.1", "rpy_std: -0.1", "supports[1].rpy_std", "0 or above"),
+    ("rpy_std: 0.1", "rpy_std: 0", "supports[1].rpy_std", "above 0"),
+    ("rpy_std: 0.1", "rpy_std: [0.1, 0.1]", "supports[1].rpy_std", "three"),
+    ("[3000, 3000, 5000]", "[3000, 0, 5000]", "supports[0].capacity[1]", "greater than 0"),
+    ("[3000, 3000, 5000]", "5000", "supports[0].capacity", "three"),
+    ("positioner: 1.0e-5", "positioner: -1.0e-5", "uncertainty.positioner", "or equal to 0"),
+    ("positioner: 1.0e-5", "positioner: .inf", "uncertainty.positioner", "finite"),
+    ("positioner: 1.0e-5", "posisioner: 1.0e-5", "uncertainty.posisioner", "`positioner`"),
+    ("length_unit: mm\n  force", "length_unit: furlong\n  force", "log.length_unit", "'mm'"),
+    ("force_unit: kN", "force_unit: lbf", "log.force_unit", "'kN'"),
+    ("force_on: sensor", "force_on: table", "log.force_on", "'terminal'"),
+    ('decimal: ","', 'decimal: ";"', "log.decimal", "'.'"),
+    ("rows: timeseries", "rows: dwells", "log.rows", "'postures'"),
+    ("unit: ms}", "unit: min}", "log.time.unit", "'ms'"),
+    ("field: t,", "feild: t,", "log.time.feild", "`field`"),
+    ("    ncp2: {pos", "    ncp4: {pos", "log.supports.ncp4", "`ncp2`"),
+    ("    ncp3: {position: [X3, Y3, Z3], force: [Fx3, Fy3, Fz3]}\n", "", "log.supports", "`ncp3`"),
+    ("[X1, Y1, Z1]", "[X1, Y1]", "log.supports.ncp1.position", "three fields or one"),
+    ("[X1, Y1, Z1]", "[X1, Y1, Z1, W1]", "log.supports.ncp1.position", "three fields or one"),
+    ("[X1, Y1, Z1]", "[X1, Y1, 3]", "log.supports.ncp1.position[2]", "must be text"),
+    ("[X1, Y1, Z1]", "[X1, Y1, Y1]", "log.supports.ncp1.position", "`Y1`"),
+    ("[X1, Y1, Z1]", "[X3, Y1, Z1]", "log.supports.ncp3.position", "`X3`"),
+    ("[X1, Y1, Z1], force", "[X1, Y1, Z1], forces", "log.supports.ncp1.forces", "`force`"),
+    ("range: 1.0e-5", "range: -1.0e-5", "tracker.instrument.range", "or equal to 0"),
+    ("range: 1.0e-5, ", "", "tracker.instrument", "lacks `range`"),
+    (
+        "{range: 1.0e-5, range_ppm: 5.0, angle_arcsec: 2.0}",
+        "{range: 0, range_ppm: 0, angle_arcsec: 0}",
+        "tracker.instrument",
+        "uncertainty",
+    ),
+    ("drawing: 1.0e-5", "drawing: .nan", "tracker.drawing", "finite"),
+    ("misalignment: 2.0e-4", "misalignement: 2.0e-4", "tracker.misalignement", "`misalignment`"),
+    ("length_unit: mm\n  targets", "length_unit: yd\n  targets", "tracker.length_unit", "'mm'"),
+    ("nominal: tracker/nominal.csv", "nominal: [1]", "tracker.targets.nominal", "must be text"),
+    ("servo: tracker/servo.csv, ", "", "tracker.moves", "lacks `servo`"),
+    ("angle_std: 5.0e-3", "angle_std: 0", "acceptance.angle_std", "greater than 0"),
+    ("birge_max: 1.5", "birge_max: -1", "acceptance.birge_max", "greater than 0"),
+    ("birge_max: 1.5", "berge_max: 1.5", "acceptance.berge_max", "`birge_max`"),
+    ("{force: 5.0, torque: 3.0, ", "{", "acceptance.contact", "neither force nor torque"),
+    ("{force: 5.0,", "{force: -5.0,", "acceptance.contact.force", "greater than 0"),
+    ("rpy: [0, 0, 0.1]", "rpy: [0, 0, 45]", "acceptance.contact.rpy", "degrees"),
+    ("name: Rotor-hub rig", 'name: ""', "name", "empty"),
+    ("name: Rotor-hub rig", "name: [a]", "name", "must be text"),
+    ("name: Rotor-hub rig", "nom: Rotor-hub rig", "nom", "`name`"),
+    ("tracker:\n", "trakker:\n", "trakker", "`tracker`"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "place", "word"), FAULTS)
+def test_fault_is_named_with_its_place(old: str, new: str, place: str, word: str) -> None:
+    text = altered(old, new)
+    with pytest.raises(RigError) as refused:
+        parse(text)
+    fault = refused.value
+    assert fault.exit_status == 2
+    assert fault.where is not None
+    file, line, named = fault.where.split(", ")
+    assert file == "rig.yaml"
+    assert named == place or named.startswith((f"{place}.", f"{place}["))
+    assert 1 <= int(line.removeprefix("line ")) <= len(text.splitlines())
+    assert word in str(fault)
+    assert fault.hint
+    assert "\n" not in str(fault)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("positioner: 1.0e-5", "positioner: x", "positioner"),
+        ("hinge: [-0.3, 0.5, 0.0]", "hinge: [-0.3, x, 0.0]", "-0.3, x"),
+        ("name: ncp3", "name: ncp1", "hinge: [-0.3, -0.5"),
+        ("contact: {force", "contakt: {force", "contakt"),
+    ],
+)
+def test_line_is_that_of_the_value(old: str, new: str, line: str) -> None:
+    text = altered(old, new)
+    expected = line_of(text, line) - (1 if line.startswith("hinge") else 0)
+    with pytest.raises(RigError, match=rf"^rig\.yaml, line {expected}, "):
+        parse(text)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_fewer_than_three_supports(count: int) -> None:
+    head, _, rest = MINIMAL.partition("supports:\n")
+    kept = "".join(rest.splitlines(keepends=True)[:count])
+    with pytest.raises(RigError, match=r"supports: must be a list of three or more"):
+        parse(f"{head}supports:{'' if count else ' []'}\n{kept}")
+
+
+def test_a_misspelt_key_comes_before_what_it_leaves_missing() -> None:
+    with pytest.raises(
+        RigError, match=r"supports\[0\]\.hing: unknown key .*; also .*lacks `hinge`"
+    ):
+        parse(altered("hinge: [0.6", "hing: [0.6"))
+
+
+def test_many_faults_are_one_short_paragraph() -> None:
+    text = RIG.replace("0.001", "x").replace("0.5", "y").replace("1.0e-5", "z")
+    with pytest.raises(RigError, match=r"and \d+ more\.") as refused:
+        parse(text)
+    assert str(refused.value).count("also ") == 2
+    assert len(str(refused.value)) < 600
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("", "is empty"),
+        ("# nothing\n", "is empty"),
+        ("- a\n- b\n", "a list, not a rig file"),
+        ("42\n", "a single value, not a rig file"),
+        ("name: x\n", "no `format`"),
+        ("formt: tdfscal-rig/1\n", "ename `formt` to `format`"),
+        (altered("tdfscal-rig/1", "tdfscal-rig/2"), "newer format tdfscal-rig/2"),
+        (altered("tdfscal-rig/1", "tdfscal-rig/x"), "its format is `tdfscal-rig/x`"),
+        (altered("tdfscal-rig/1", "tdfscal-calibration/1"), "is not a rig file"),
+        (altered("tdfscal-rig/1", "[1]"), "is not a rig file"),
+    ],
+)
+def test_not_a_rig_file(text: str, word: str) -> None:
+    with pytest.raises(RigError) as refused:
+        parse(text)
+    assert word in str(refused.value)
+
+
+def test_missing_rig_file_is_a_usage_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no such file") as refused:
+        load_rig(tmp_path / "rig.yaml")
+    assert refused.value.exit_status == 2
+    with pytest.raises(UsageError, match="is a folder"):
+        load_rig(tmp_path)
+    with pytest.raises(UsageError, match="cannot be read"):
+        load_rig("rig\0.yaml")
+
+
+def test_nearly_straight_hinges() -> None:
+    """A bow of 1e-3 of the extent stands, one of 1e-5 does not."""
+    for bow, stands in ((2e-3, True), (1e-5, False)):
+        text = MINIMAL.replace("[0, 1, 0]", f"[0, {bow}, 0]")
+        if stands:
+            parse(text)
+        else:
+            with pytest.raises(RigError, match="one line"):
+                parse(text)
+
+
+def test_order_of_the_mapping_does_not_matter() -> None:
+    lines = RIG.splitlines(keepends=True)
+    first = line_of(RIG, "    ncp1: {position") - 1
+    expected = parse_rig(RIG.encode(), "rig.yaml").log
+    for order in itertools.permutations(lines[first : first + 3]):
+        text = "".join([*lines[:first], *order, *lines[first + 3 :]])
+        assert parse_rig(text.encode(), "rig.yaml").log == expected
+
+
+@pytest.mark.field
+@pytest.mark.parametrize(
+    ("folder", "n", "mapped", "surveyed"),
+    [("hub_a", 3, True, True), ("frame_b", 4, False, False), ("hub_c", 3, True, False)],
+)
+def test_field_rigs_load(folder: str, n: int, mapped: bool, surveyed: bool) -> None:
+    path = FIELD / folder / "rig.yaml"
+    if not path.exists():
+        pytest.skip("the field campaigns are not here")
+    loaded = load_rig(path)
+    assert loaded.rig.n == n
+    assert (loaded.log is not None, loaded.tracker is not None) == (mapped, surveyed)
+    if loaded.tracker is not None:
+        assert all(point_file.is_file() for point_file in loaded.tracker.paths)

@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+from sample_documents import RIG, calibration
+
+from tdfscal.files.calibration import Calibration, dump_calibration
+from tdfscal.files.rig import parse_rig
+from tdfscal.files.schema import schemas, write_schemas
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("rig", "calibration", "points")
+POINTS: dict[str, Any] = {
+    "length_unit": "mm",
+    "points": [
+        {"group": "ncp1", "point": "P1", "x": 1.0, "y": 2.0, "z": 3.0},
+        {"group": "ncp1", "point": "P2", "x": 1, "y": 2, "z": 3, "ux": 0.1, "uy": 0.1, "uz": 0.1},
+    ],
+}
+
+
+def committed(name: str) -> dict[str, Any]:
+    content = json.loads((ROOT / "schemas" / f"{name}.schema.json").read_text(encoding="utf-8"))
+    assert isinstance(content, dict)
+    return content
+
+
+def sample(name: str) -> Any:
+    if name == "rig":
+        return yaml.safe_load(RIG)
+    if name == "points":
+        return copy.deepcopy(POINTS)
+    rig = dict(parse_rig(RIG.encode(), "rig.yaml").document)
+    return json.loads(dump_calibration(Calibration.model_validate(calibration(rig)), "json"))
+
+
+def valid(name: str, content: Any) -> bool:
+    return bool(jsonschema.Draft202012Validator(committed(name)).is_valid(content))
+
+
+def test_committed_schemas_are_the_generated_ones(tmp_path: Path) -> None:
+    """Where this fails: `tdfscal schema` writes them anew."""
+    written = write_schemas(tmp_path / "made" / "here")
+    assert {path.name for path in written} == {f"{name}.schema.json" for name in NAMES}
+    for path in written:
+        assert path.read_bytes() == (ROOT / "schemas" / path.name).read_bytes(), path.name
+    assert {path.name for path in (ROOT / "schemas").iterdir()} == {path.name for path in written}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_schema_is_one_and_says_which(name: str) -> None:
+    schema = committed(name)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert schema["$id"] == f"urn:tdfscal:schema:{name}:1"
+    assert schemas() == schemas()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_samples_validate(name: str) -> None:
+    jsonschema.Draft202012Validator(committed(name)).validate(sample(name))
+
+
+def test_rig_variants_validate() -> None:
+    content = sample("rig")
+    content["terminal"] = {"mass": 500, "barycenter": [0, 0, 0.25]}
+    content["supports"][0]["zero"] = {"value": [0, 0, 0], "std": "unknown"}
+    content["supports"][1]["zero"] = {"value": [0, 0, 0], "std": [0.1, "unknown", float("inf")]}
+    for key in ("gravity", "uncertainty", "log", "tracker", "acceptance"):
+        del content[key]
+    assert valid("rig", content)
+
+
+@pytest.mark.parametrize(
+    "name", [p.parent.name for p in sorted((ROOT / "../shared/field_logs").glob("*/rig.yaml"))]
+)
+@pytest.mark.field
+def test_field_rigs_validate(name: str) -> None:
+    path = ROOT / "../shared/field_logs" / name / "rig.yaml"
+    assert valid("rig", yaml.safe_load(path.read_text(encoding="utf-8")))
+
+
+Change = Callable[[Any], object]
+BAD: list[tuple[str, Change]] = [
+    ("rig", lambda c: c.pop("format")),
+    ("rig", lambda c: c.pop("terminal")),
+    ("rig", lambda c: c.update(format="tdfscal-rig/2")),
+    ("rig", lambda c: c.update(trakker={})),
+    ("rig", lambda c: c["supports"].pop()),
+    ("rig", lambda c: c["supports"][0].update(hinj=[0, 0, 0])),
+    ("rig", lambda c: c["supports"][0].update(hinge=[0, 0])),
+    ("rig", lambda c: c["supports"][0].update(name="a b")),
+    ("rig", lambda c: c["supports"][0]["zero"].update(std=-1)),
+    ("rig", lambda c: c["supports"][0]["zero"].pop("std")),
+    ("rig", lambda c: c["terminal"].update(mass=0)),
+    ("rig", lambda c: c["terminal"]["mass"].update(std="big")),
+    ("rig", lambda c: c["log"].update(length_unit="yd")),
+    ("rig", lambda c: c["log"]["supports"]["ncp1"].update(force=["a", "b"])),
+    ("calibration", lambda c: c.pop("format")),
+    ("calibration", lambda c: c.pop("covariance")),
+    ("calibration", lambda c: c.update(status="fine")),
+    ("calibration", lambda c: c["supports"][0].update(rpy=[0.0, 0.0])),
+    ("calibration", lambda c: c["rig"]["terminal"].update(mass=-1)),
+    ("calibration", lambda c: c["fit"].update(p_value=2.0)),
+    ("calibration", lambda c: c["inputs"][0].update(sha256="abc")),
+    ("points", lambda c: c.pop("length_unit")),
+    ("points", lambda c: c.update(length_unit="ell")),
+    ("points", lambda c: c["points"][0].pop("x")),
+    ("points", lambda c: c["points"][0].update(w=1)),
+    ("points", lambda c: c["points"][1].update(ux=-1)),
+]
+
+
+@pytest.mark.parametrize(("name", "change"), BAD)
+def test_bad_documents_fail(name: str, change: Change) -> None:
+    content = sample(name)
+    change(content)
+    assert not valid(name, content)

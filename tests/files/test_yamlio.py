@@ -1,0 +1,290 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sample_documents import RIG
+
+from tdfscal.errors import DataError, RigError, TdfscalError
+from tdfscal.files.calibration import parse_calibration
+from tdfscal.files.rig import parse_rig
+from tdfscal.files.saving import to_json, to_yaml
+from tdfscal.files.scalars import plain_scalar
+from tdfscal.files.yamlio import Format, parse_document, read_document
+
+
+def read(text: str | bytes, form: Format = "yaml") -> Any:
+    raw = text.encode() if isinstance(text, str) else text
+    return parse_document(raw, "file", DataError, form).content
+
+
+def refused(text: str | bytes, form: Format = "yaml") -> str:
+    with pytest.raises(DataError) as fault:
+        read(text, form)
+    assert fault.value.hint
+    assert "\n" not in str(fault.value)
+    return str(fault.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-5", 1e-5),
+        ("-3", -3),
+        ("+.5E+3", 500.0),
+        ("0x1F", 31),
+        ("0o17", 15),
+        ("0500", 500),
+        ("123456789012345678901", 123456789012345678901.0),
+        (".inf", math.inf),
+        ("-.INF", -math.inf),
+        ("true", True),
+        ("Null", None),
+        ("~", None),
+        ("on", "on"),
+        ("yes", "yes"),
+        ("1:30", "1:30"),
+        ("1_000", "1_000"),
+        ("2026-11-21T02:00:00Z", "2026-11-21T02:00:00Z"),
+        ('"5"', "5"),
+        ("!!str 5", "5"),
+        ("1.2.3", "1.2.3"),
+    ],
+)
+def test_scalars_of_yaml_1_2(text: str, value: object) -> None:
+    got = read(f"key: {text}")["key"]
+    assert (got, type(got)) == (value, type(value))
+
+
+def test_lines_and_places() -> None:
+    text = "a: 1\nb:\n  - x\n  - {c: 2,\n     d: [3, 4]}\nf: &n\n  g: 5\nh: *n\n"
+    document = parse_document(text.encode(), "some.yaml", DataError)
+    assert document.content == {
+        "a": 1,
+        "b": ["x", {"c": 2, "d": [3, 4]}],
+        "f": {"g": 5},
+        "h": {"g": 5},
+    }
+    assert document.where(("b", 1, "d", 1)) == "some.yaml, line 5, b[1].d[1]"
+    assert document.where(("f", "g")) == "some.yaml, line 7, f.g"
+    assert document.where(("h", "g")) == "some.yaml, line 8, h.g"
+    assert document.where(("b", 7)) == "some.yaml, line 3, b[7]"
+    assert document.where() == "some.yaml"
+
+
+def test_hash_and_size_are_of_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_bytes(b"\xef\xbb\xbfabc\n")
+    document = read_document(tmp_path / "a.yaml", DataError)
+    assert document.content == "abc"
+    assert document.bytes == 7
+    assert document.sha256 == hashlib.sha256(b"\xef\xbb\xbfabc\n").hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("a: 1\n\tb: 2\n", "tab"),
+        ("a: 1\nb: [1, 2\nc: 3\n", "line 3"),
+        ("a: 1\nb: 2\na: 3\n", "line 3: the key `a` occurs twice"),
+        ("a: 1\n---\nb: 2\n", "more than one document"),
+        ("a: &x [*x]\n", "refers to nothing before it, or to itself"),
+        ("a: *x\n", "alias"),
+        ("d: &d {a: 1}\ne: {<<: *d}\n", "merge keys"),
+        ("? [1, 2]\n: 3\n", "plain text"),
+        ("x: &x a\n*x : 3\n", "plain text"),
+        ("a: !!python/object/apply:os.system ['true']\n", "tag"),
+        ("a: !!binary aGk=\n", "tag"),
+        ("a: !mine 3\n", "tag"),
+        ("a: 1e999\n", "beyond double precision"),
+        ("a: " + "9" * 400 + "\n", "beyond double precision"),
+        ("[" * 40 + "]" * 40, "nested deeper"),
+        ("a: \x00\n", "character"),
+        (b"a: \xff\xfe\n", "0xff is not UTF-8"),
+        (b"a: 1\nb: \xc3\n", "line 2"),
+        ("x" * 4_000_001, "larger than 4 MB"),
+    ],
+)
+def test_refused_yaml(text: str | bytes, word: str) -> None:
+    assert word in refused(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ('{"a": NaN}', "NaN is not JSON"),
+        ('{"a": -Infinity}', "Infinity is not JSON"),
+        ('{"a": 1e999}', "beyond double precision"),
+        ('{"a": ' + "9" * 5000 + "}", "beyond double precision"),
+        ('{"a": 1, "a": 2}', "`a` occurs twice"),
+        ('{"a": 1,\n}', "line 2"),
+        ("[" * 100_000, "nested deeper"),
+        ("[" * 40 + "]" * 40, "nested deeper"),
+        ("", "line 1"),
+    ],
+)
+def test_refused_json(text: str, word: str) -> None:
+    assert word in refused(text, "json")
+
+
+def test_alias_bombs_are_small_and_quick() -> None:
+    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    rows += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 25)]
+    began = time.perf_counter()
+    assert "values" in refused("\n".join(rows))
+    rows = ["a0: &a0 [[[[[[[[x]]]]]]]]"]
+    rows += [f"a{k}: &a{k} [[[[[[[[*a{k - 1}]]]]]]]]" for k in range(1, 50)]
+    assert "nested deeper" in refused("\n".join(rows))
+    # Without the limits the first would not end within the age of the universe.
+    assert time.perf_counter() - began < 5.0
+
+
+def test_depth_limit_is_exact() -> None:
+    deep = "[" * 32 + "]" * 32
+    assert read(deep) == read(deep, "json") != []
+    for form in ("yaml", "json"):
+        assert "nested deeper" in refused(f"[{deep}]", form)
+
+
+values = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**17), 10**17)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
+    | st.sampled_from(
+        ["1e5", "0x1F", "0o7", "on", "null", ".inf", "~", "", "1:30", "<<", "=", "é"]
+    ),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.text(st.characters(codec="ascii", categories=["L"]), min_size=1), inner, max_size=4
+        )
+    ),
+    max_leaves=20,
+)
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal to the bit and in type."""
+    if isinstance(a, dict):
+        return isinstance(b, dict) and list(a) == list(b) and all(same(a[k], b[k]) for k in a)
+    if isinstance(a, list):
+        return isinstance(b, list) and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, float):
+        return isinstance(b, float) and a.hex() == b.hex()
+    return type(a) is type(b) and a == b
+
+
+@given(st.dictionaries(st.sampled_from("abc"), values, max_size=3))
+@settings(max_examples=80, deadline=None)
+def test_what_is_written_reads_back_to_the_bit(content: dict[str, Any]) -> None:
+    """With our reader (YAML 1.2 scalars), PyYAML (1.1) and the json module alike."""
+    text = to_yaml(content)
+    assert same(read(text), content)
+    assert same(yaml.safe_load(text), content)
+    assert same(read(to_json(content), "json"), content)
+    assert same(json.loads(to_json(content)), content)
+
+
+def test_ambiguous_words_are_quoted() -> None:
+    for word in ("1e5", "0x1F", "0o7", ".inf", "null", "1e999", "yes", "1:30", "\x85", "\u2028"):
+        text = to_yaml({"a": word})
+        assert read(text) == yaml.safe_load(text) == {"a": word}
+
+
+def test_matrices_are_rows() -> None:
+    text = to_yaml({"matrix": np.eye(3).tolist(), "names": ["a", "b"]})
+    assert text.splitlines() == [
+        "matrix:",
+        "- [1.0, 0.0, 0.0]",
+        "- [0.0, 1.0, 0.0]",
+        "- [0.0, 0.0, 1.0]",
+        "names: [a, b]",
+    ]
+
+
+def no_surprise(raw: bytes) -> None:
+    for reader in (parse_rig, parse_calibration):
+        fault = None
+        try:
+            reader(raw, "file")
+        except TdfscalError as error:
+            fault = error
+        if fault is not None:
+            assert "\n" not in str(fault)
+            assert fault.exit_status == (2 if reader is parse_rig else 3)
+
+
+@given(st.binary(max_size=300))
+@settings(max_examples=80, deadline=None)
+def test_fuzz_bytes(raw: bytes) -> None:
+    no_surprise(raw)
+
+
+@given(st.text("[]{}:,-?&*!|>'\"%@`#\n\t ab01.e~<=\\\u2028\x85", max_size=60))
+@settings(max_examples=80, deadline=None)
+def test_fuzz_syntax(text: str) -> None:
+    no_surprise(text.encode())
+
+
+@given(st.data())
+@settings(max_examples=200, deadline=None)
+def test_fuzz_altered_rig(data: st.DataObject) -> None:
+    raw = bytearray(RIG.encode())
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(raw) - 1))
+        cut = data.draw(st.integers(0, 8))
+        raw[at : at + cut] = data.draw(
+            st.binary(max_size=3)
+            | st.sampled_from([b"-1", b".nan", b".inf", b"1e308", b"[", b"}", b": ", b"\n", b"~"])
+        )
+    no_surprise(bytes(raw))
+
+
+def places(content: Any, place: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+    found = [place]
+    if isinstance(content, dict):
+        for key, value in content.items():
+            found += places(value, (*place, key))
+    elif isinstance(content, list):
+        for index, value in enumerate(content):
+            found += places(value, (*place, index))
+    return found
+
+
+PLACES = places(yaml.safe_load(RIG))[1:]
+
+
+@given(st.sampled_from(PLACES), values)
+@settings(max_examples=80, deadline=None)
+def test_fuzz_values_of_the_rig(place: tuple[str | int, ...], value: Any) -> None:
+    content = yaml.safe_load(RIG)
+    inner = content
+    for part in place[:-1]:
+        inner = inner[part]
+    inner[place[-1]] = value
+    no_surprise(to_yaml(content).encode())
+
+
+@given(st.text(max_size=30))
+@settings(deadline=None)
+def test_plain_scalar_never_fails_otherwise(text: str) -> None:
+    try:
+        value = plain_scalar(text)
+    except OverflowError:
+        return
+    assert value is None or isinstance(value, (str, float, int))
+
+
+def test_errors_are_of_the_class_asked_for() -> None:
+    with pytest.raises(RigError):
+        parse_document(b"a: [", "file", RigError)

@@ -1,0 +1,95 @@
+"""Axioms, sweeps around 0 and ±π, and Jacobians by an independent route."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tdfscal.numerics import so3
+
+RNG = np.random.default_rng(7)
+AXES = RNG.normal(size=(20, 3))
+AXES /= np.linalg.norm(AXES, axis=1, keepdims=True)
+SMALL = 10.0 ** -np.arange(1, 16)
+ANGLES = np.concatenate([[0.0, 1e-300], SMALL, np.pi - SMALL, [0.3, 1.0, 2.0, 3.0]])
+EPS = np.finfo(float).eps
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_exp_is_a_rotation_and_log_inverts_it(angle: float) -> None:
+    v = angle * AXES
+    R = so3.exp(v)
+    assert np.allclose(R @ np.swapaxes(R, -1, -2), np.eye(3), rtol=0, atol=8 * EPS)
+    assert np.allclose(np.linalg.det(R), 1, rtol=0, atol=8 * EPS)
+    # Relative accuracy at small angles; near π the sign is free but these stay below it.
+    assert np.allclose(so3.log(R), v, rtol=8 * EPS, atol=8 * EPS * max(angle, 1e-300))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-7, 1e-4, 9.9e-3, 1.01e-2, 0.5, 3.1])
+def test_exp_and_left_jacobian_against_power_series(angle: float) -> None:
+    mpmath.mp.dps = 50
+    for axis in AXES[:4]:
+        v = angle * axis
+        K = mpmath.matrix(so3.hat(v).tolist())
+        term, expo, jac = mpmath.eye(3), mpmath.eye(3), mpmath.eye(3)
+        for k in range(1, 60):
+            term = term * K / k
+            expo = expo + term
+            jac = jac + term / (k + 1)
+        for computed, series in ((so3.exp(v), expo), (so3.left_jacobian(v), jac)):
+            exact = np.array(series.tolist(), dtype=float)
+            assert np.abs(computed - exact).max() < 8 * EPS
+
+
+def test_log_at_a_half_turn() -> None:
+    v = so3.log(so3.exp(np.pi * AXES))
+    assert np.allclose(np.linalg.norm(v, axis=1), np.pi)
+    assert np.allclose(np.abs(np.sum(v * AXES, axis=1)), np.pi)
+
+
+def test_rpy_is_the_papers_product() -> None:
+    rpy = RNG.uniform([-3, -1.5, -3], [3, 1.5, 3], size=(50, 3))
+    oracle = Rotation.from_euler("xyz", rpy)  # extrinsic: Rz Ry Rx
+    assert np.allclose(so3.from_rpy(rpy), oracle.as_matrix(), rtol=0, atol=4 * EPS)
+    assert np.allclose(so3.to_rpy(so3.from_rpy(rpy)), rpy, rtol=0, atol=1e-13)
+
+
+def test_rpy_jacobian_by_complex_step() -> None:
+    h = 1e-30
+    for rpy in RNG.uniform([-3, -1.4, -3], [3, 1.4, 3], size=(20, 3)):
+        R = so3.from_rpy(rpy)
+        jac = so3.rpy_jacobian(R)
+        for j in range(3):
+            d = so3.exp(1j * h * np.eye(3)[j]) @ R
+            # d atan2(y, x) = (x dy − y dx)/(x² + y²)
+            cp2 = R[0, 0] ** 2 + R[1, 0] ** 2
+            di = d.imag / h
+            roll = (R[2, 2] * di[2, 1] - R[2, 1] * di[2, 2]) / (R[2, 2] ** 2 + R[2, 1] ** 2)
+            yaw = (R[0, 0] * di[1, 0] - R[1, 0] * di[0, 0]) / cp2
+            pitch = -di[2, 0] / np.sqrt(cp2)
+            assert np.allclose(jac[:, j], [roll, pitch, yaw], rtol=1e-12, atol=1e-13)
+
+
+def test_project_returns_the_nearest_rotation_never_a_mirror() -> None:
+    M = RNG.normal(size=(200, 3, 3))
+    R = so3.project(M)
+    assert np.allclose(np.linalg.det(R), 1)
+    others = so3.exp(RNG.normal(size=(200, 50, 3)))
+    best = np.linalg.norm(M - R, axis=(1, 2))
+    assert (np.linalg.norm(M[:, None] - others, axis=(2, 3)) >= best[:, None] - 1e-12).all()
+
+
+def test_quaternion_against_scipy() -> None:
+    R = so3.exp(np.concatenate([a * AXES for a in ANGLES]))
+    q, oracle = so3.to_quaternion(R), Rotation.from_matrix(R).as_quat(canonical=True)
+    assert np.allclose(np.abs(np.sum(q * oracle, axis=1)), 1, rtol=0, atol=1e-14)
+    assert (q[:, 3] >= 0).all()
+
+
+def test_batches_keep_their_shape() -> None:
+    v = RNG.normal(size=(4, 5, 3))
+    assert so3.exp(v).shape == (4, 5, 3, 3)
+    assert so3.log(so3.exp(v)).shape == so3.to_rpy(so3.exp(v)).shape == (4, 5, 3)
+    assert np.allclose(so3.exp(v)[2, 3], so3.exp(v[2, 3]), rtol=0, atol=4 * EPS)

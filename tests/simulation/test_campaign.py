@@ -1,0 +1,244 @@
+"""What is recorded: sensors, servos, noise, rest and motion; determinism."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import UsageError
+from tdfscal.records import Declared, FloatArray, Log
+from tdfscal.simulation import (
+    Campaign,
+    Options,
+    Recorder,
+    make_rig,
+    reference_rig,
+    simulate_campaign,
+    simulate_dwells,
+)
+
+from .rigs import SILENT, chi2_p, exact_rig, loose_rig, plausible, still
+
+
+def forces(log: Log) -> FloatArray:
+    return np.stack([s.value for s in log.force], axis=1)
+
+
+def positions(log: Log) -> FloatArray:
+    return np.stack([s.value for s in log.position], axis=1)
+
+
+def at_rest(campaign: Campaign, k: int, settled: float = 0.0) -> FloatArray:
+    time = campaign.log.force[0].time
+    return np.asarray((time >= campaign.start[k] + settled) & (time <= campaign.end[k]))
+
+
+def same(a: Log, b: Log) -> bool:
+    return all(
+        np.array_equal(x.value, y.value) and np.array_equal(x.time, y.time)
+        for x, y in zip((*a.force, *a.position), (*b.force, *b.position), strict=True)
+    )
+
+
+def test_reading_is_the_force_in_the_sensors_axes() -> None:
+    rpy = np.zeros((3, 3))
+    rpy[0] = [0.0, 0.0, np.pi / 2]  # the sensor's x axis along the BCS' y
+    rpy[1] = [np.pi / 2, 0.0, 0.0]  # its y axis along the BCS' z
+    campaign = simulate_campaign(
+        exact_rig(), still(postures=3, squeeze=200.0, rpy=rpy), np.random.default_rng(0)
+    )
+    x, y, z = np.moveaxis(campaign.force, -1, 0)
+    for k in range(3):
+        reading = forces(campaign.log)[at_rest(campaign, k)]
+        for i, expected in enumerate(
+            [
+                np.stack([y[k, 0], -x[k, 0], z[k, 0]]),
+                np.stack([x[k, 1], z[k, 1], -y[k, 1]]),
+                campaign.force[k, 2],
+            ]
+        ):
+            np.testing.assert_allclose(
+                reading[:, i], np.broadcast_to(expected, reading[:, i].shape), atol=1e-12 * 3e3
+            )
+
+
+def test_zero_and_sensitivity_enter_the_reading() -> None:
+    rig = replace(loose_rig(), declared=Declared(force_sensitivity=0.01))
+    campaign = simulate_campaign(rig, still(postures=2), np.random.default_rng(1))
+    truth = campaign.truth
+    for i in range(3):
+        seen = truth.rotation[i].T @ campaign.force[1, i]
+        expected = seen + truth.sensitivity[i] @ seen + truth.zero[i]
+        np.testing.assert_allclose(forces(campaign.log)[at_rest(campaign, 1)][0, i], expected)
+
+
+def test_servo_shows_commands_and_nothing_else() -> None:
+    rig = replace(exact_rig(), declared=Declared(positioner=1e-5, hinge=2e-5))
+    campaign = simulate_campaign(rig, still(postures=3), np.random.default_rng(2))
+    for k in range(3):
+        p = positions(campaign.log)[at_rest(campaign, k)]
+        np.testing.assert_allclose(p, np.broadcast_to(campaign.servo[k], p.shape), atol=1e-15)
+    nominal = campaign.postures.target(rig.hinge)
+    np.testing.assert_array_equal(campaign.servo, nominal)
+
+
+def test_rest_and_motion() -> None:
+    campaign = simulate_campaign(reference_rig(), Options(), np.random.default_rng(3))
+    time, p = campaign.log.position[0].time, positions(campaign.log)
+    assert len(campaign.start) == 24
+    assert time[0] == 0.0
+    assert campaign.end[-1] - 0.01 < time[-1] <= campaign.end[-1]
+    dwell, move = campaign.end - campaign.start, campaign.start[1:] - campaign.end[:-1]
+    assert dwell.min() >= 3.2
+    assert dwell.max() <= 4.8
+    assert move.min() >= 2.0
+    assert move.max() <= 4.0
+    for k in range(24):
+        rest = p[at_rest(campaign, k)] - campaign.servo[k]
+        assert plausible(chi2_p(rest / 0.3e-6))
+    for k in range(23):
+        middle = 0.5 * (campaign.end[k] + campaign.start[k + 1])
+        half_way = p[np.searchsorted(time, middle)]
+        way = campaign.servo[k + 1] - campaign.servo[k]
+        travelled = np.sum((half_way - campaign.servo[k]) * way) / np.sum(way**2)
+        assert 0.4 < travelled < 0.6
+
+
+def test_move_is_of_minimum_jerk() -> None:
+    recorder = replace(SILENT, dwell=(1.0, 1.0), move=(2.0, 2.0), position_rate=1000.0)
+    options = still(postures=2, tilt=0.0, recorder=recorder)
+    campaign = simulate_campaign(exact_rig(), options, np.random.default_rng(4))
+    p = positions(campaign.log)[1000:3001, 0]
+    u = np.linspace(0.0, 1.0, 2001)
+    share = 10 * u**3 - 15 * u**4 + 6 * u**5
+    expected = campaign.servo[0, 0] + share[:, None] * (campaign.servo[1, 0] - campaign.servo[0, 0])
+    np.testing.assert_allclose(p, expected, atol=1e-14)
+
+
+def test_settled_means_agree_with_the_truth() -> None:
+    rig = replace(exact_rig(), declared=Declared(positioner=1e-5))
+    options = Options(rpy=np.zeros((3, 3)), postures=12)
+    campaign = simulate_campaign(rig, options, np.random.default_rng(5))
+    unit = []
+    for k in range(12):
+        part = forces(campaign.log)[at_rest(campaign, k, settled=1.0)]
+        error = part.mean(axis=0) - campaign.force[k]
+        unit.append(error / part.std(axis=0, ddof=1) * np.sqrt(len(part)))
+    assert plausible(chi2_p(np.array(unit)))
+
+
+def test_settling_dies_away_and_follows_a_move_only() -> None:
+    recorder = replace(SILENT, settling_force=20.0, settling=0.3)
+    options = still(postures=6, recorder=recorder, rpy=np.zeros((3, 3)))
+    campaign = simulate_campaign(exact_rig(), options, np.random.default_rng(6))
+    time, value = campaign.log.force[0].time, forces(campaign.log)
+    np.testing.assert_allclose(value[at_rest(campaign, 0)] - campaign.force[0], 0.0, atol=1e-9)
+    for k in range(1, 6):
+        wave = np.abs(value - campaign.force[k]).max(axis=(1, 2))
+        since = time - campaign.start[k]
+        assert wave[(since >= 0.0) & (since < 0.05)].max() > 5.0
+        late = (since > 0.9) & (time <= campaign.end[k])
+        assert wave[late].max() < 0.05**3 * 20.0 * 5.0  # three times 0.3 s; no draw beyond 5 sd
+
+
+def test_noise_correlation() -> None:
+    tau, rate, sd = 0.05, 200.0, 2.0
+    recorder = replace(
+        SILENT, force_sd=(sd, sd), noise_correlation=tau, force_rate=rate, dwell=(120.0, 120.0)
+    )
+    options = still(postures=1, recorder=recorder, rpy=np.zeros((3, 3)))
+    campaign = simulate_campaign(exact_rig(), options, np.random.default_rng(7))
+    noise = (forces(campaign.log) - campaign.force[0]).reshape(-1, 9)
+    N, phi = len(noise), np.exp(-1.0 / (rate * tau))
+    for lag in (0, 1, 10, 20):
+        products = noise[: N - lag] * noise[lag:]
+        expected = sd**2 * phi**lag
+        # Bartlett: var of the autocovariance < sd⁴ (2 Σφ^2j) / N, over nine channels.
+        error = sd**2 * np.sqrt(2.0 * (1 + phi**2) / (1 - phi**2) / N / 9)
+        assert products.mean() == pytest.approx(expected, abs=4.0 * error)
+
+
+def test_rates_of_their_own() -> None:
+    recorder = Recorder(force_rate=200.0, position_rate=50.0)
+    options = Options(postures=3, recorder=recorder)
+    log = simulate_campaign(reference_rig(), options, np.random.default_rng(8)).log
+    assert np.median(np.diff(log.force[0].time)) == pytest.approx(0.005)
+    assert np.median(np.diff(log.position[0].time)) == pytest.approx(0.02)
+
+
+def test_one_seed_one_campaign() -> None:
+    rig = loose_rig()
+    options = Options(postures=4, squeeze=100.0)
+    first = simulate_campaign(rig, options, np.random.default_rng(10))
+    again = simulate_campaign(rig, options, np.random.default_rng(10))
+    other = simulate_campaign(rig, options, np.random.default_rng(11))
+    assert same(first.log, again.log)
+    assert not same(first.log, other.log)
+
+
+def test_seed_draws_the_same_machine_whatever_is_recorded() -> None:
+    rig = loose_rig()
+    one = simulate_campaign(rig, Options(postures=4), np.random.default_rng(12))
+    recorder = Recorder(force_rate=37.0, noise_correlation=0.1)
+    two = simulate_campaign(rig, Options(postures=4, recorder=recorder), np.random.default_rng(12))
+    means = simulate_campaign(rig, Options(postures=4, rows="postures"), np.random.default_rng(12))
+    for other in (two, means):
+        np.testing.assert_array_equal(one.force, other.force)
+        np.testing.assert_array_equal(one.truth.rotation, other.truth.rotation)
+
+
+def test_rows_of_postures() -> None:
+    options = Options(postures=7, rows="postures", recorder=SILENT)
+    log = simulate_campaign(reference_rig(), options, np.random.default_rng(13)).log
+    assert log.rows == "postures"
+    assert [s.value.shape for s in (*log.force, *log.position)] == [(7, 3)] * 6
+
+
+def test_given_commands_are_driven() -> None:
+    rig = exact_rig()
+    first = simulate_campaign(rig, still(postures=5, squeeze=300.0), np.random.default_rng(14))
+    again = simulate_campaign(rig, still(command=first.servo), np.random.default_rng(99))
+    np.testing.assert_allclose(again.servo, first.servo, atol=1e-15)
+    np.testing.assert_allclose(again.force, first.force, atol=1e-6)
+    with pytest.raises(UsageError, match=r"\(K, 3, 3\)"):
+        simulate_campaign(rig, still(command=np.zeros((5, 4, 3))), np.random.default_rng(0))
+
+
+def test_datum_errors_strain_the_terminal_only_where_asked() -> None:
+    rig = replace(exact_rig(), declared=Declared(datum=1e-4))
+    clean = simulate_campaign(exact_rig(), still(postures=3), np.random.default_rng(15))
+    taught = simulate_campaign(rig, still(postures=3), np.random.default_rng(15))
+    options = still(postures=3, datum_strain=True)
+    strained = simulate_campaign(rig, options, np.random.default_rng(15))
+    np.testing.assert_allclose(taught.force, clean.force, atol=1e-6)
+    np.testing.assert_allclose(taught.servo + taught.truth.datum, clean.servo, atol=1e-15)
+    np.testing.assert_array_equal(strained.servo, clean.servo)
+    assert np.abs(strained.force - clean.force).max() > 100.0
+
+
+def test_dwell_means_have_the_stated_scatter() -> None:
+    rig = replace(exact_rig(), declared=Declared(force_noise=0.4))
+    recorder = Recorder(mean_sd=0.3)
+    batch = simulate_dwells(
+        rig, Options(recorder=recorder, rpy=np.zeros((3, 3))), np.random.default_rng(16), 50
+    )
+    error = batch.force - batch.true_force
+    assert plausible(chi2_p(error / np.hypot(0.3, 0.4)))
+
+
+def test_noise_of_a_mean_follows_from_its_samples() -> None:
+    recorder = Recorder(noise_correlation=0.04, force_sd=(2.0, 2.0), dwell=(2.305, 2.305))
+    batch = simulate_dwells(make_rig(), Options(recorder=recorder), np.random.default_rng(17), 2)
+    phi, N = np.exp(-0.01 / 0.04), 201
+    lags = np.abs(np.arange(N)[:, None] - np.arange(N))
+    expected = 2.0 * np.sqrt(np.mean(phi**lags))  # the mean of all covariances
+    np.testing.assert_allclose(batch.mean_sd, expected, rtol=1e-12)
+    dwells = batch.dwells(1)
+    assert len(dwells) == 24
+    np.testing.assert_allclose(dwells.force_cov[0, 0], expected**2 * np.eye(3), rtol=1e-12)
+    np.testing.assert_allclose(dwells.effective, 4.0 / expected**2)
+    assert dwells.count.tolist() == [[N] * 3] * 24
+    np.testing.assert_array_equal(dwells.force, batch.force[1])
+    assert np.all(dwells.end[:-1] < dwells.start[1:])

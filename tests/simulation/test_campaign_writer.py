@@ -1,0 +1,269 @@
+"""Folders written, read back by libraries that share no code with the writers."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from tdfscal.errors import UsageError
+from tdfscal.files.campaign_writer import LogFormat, simulate_to_folder, write_campaign
+from tdfscal.files.log_writers import point_files
+from tdfscal.files.rig import load_rig
+from tdfscal.records import Acceptance, FloatArray
+from tdfscal.simulation import Campaign, Options, Recorder, reference_rig, simulate_campaign
+
+from .rigs import loose_rig
+
+FORMATS: tuple[LogFormat, ...] = ("csv", "parquet", "mcap")
+
+
+@pytest.fixture(scope="module")
+def campaign() -> Campaign:
+    return simulate_campaign(reference_rig(), Options(postures=3), np.random.default_rng(0))
+
+
+def table(campaign: Campaign) -> FloatArray:
+    """time, then per support position (m) and force (N)."""
+    log = campaign.log
+    columns = [log.force[0].time[:, None]]
+    for position, force in zip(log.position, log.force, strict=True):
+        columns += [position.value, force.value]
+    return np.hstack(columns)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {
+        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in sorted(folder.rglob("*"))
+        if p.is_file()
+    }
+
+
+def read_mcap(path: Path) -> dict[str, list[tuple[int, int, int, tuple[float, float, float]]]]:
+    """Per topic: log time, publish time, header stamp (ns) and vector of every message."""
+    out: dict[str, list[tuple[int, int, int, tuple[float, float, float]]]] = {}
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        for schema, channel, message, ros in reader.iter_decoded_messages():
+            assert channel.message_encoding == "cdr"
+            assert schema is not None
+            assert schema.encoding == "ros2msg"
+            stamp = ros.header.stamp.sec * 1_000_000_000 + ros.header.stamp.nanosec
+            v = ros.wrench.force if channel.topic.endswith("wrench") else ros.point
+            if channel.topic.endswith("wrench"):
+                assert (ros.wrench.torque.x, ros.wrench.torque.y, ros.wrench.torque.z) == (0, 0, 0)
+            out.setdefault(channel.topic, []).append(
+                (message.log_time, message.publish_time, stamp, (v.x, v.y, v.z))
+            )
+    return out
+
+
+def test_csv_read_by_pandas(campaign: Campaign, tmp_path: Path) -> None:
+    write_campaign(campaign, tmp_path / "c", format="csv")
+    block = yaml.safe_load((tmp_path / "c/rig.yaml").read_text())["log"]
+    frame = pd.read_csv(tmp_path / "c/log.csv", dtype=str).map(float)
+    columns = [block["time"]["field"]]
+    for fields in block["supports"].values():
+        columns += [*fields["position"], *fields["force"]]
+    assert list(frame.columns) == columns
+    scale = np.array([1.0, *([1000.0] * 3 + [1.0] * 3) * 3])
+    np.testing.assert_allclose(frame.to_numpy() / scale, table(campaign), rtol=4e-16, atol=0.0)
+
+
+def test_parquet_read_by_pyarrow(campaign: Campaign, tmp_path: Path) -> None:
+    write_campaign(campaign, tmp_path / "c", format="parquet")
+    assert "log" not in yaml.safe_load((tmp_path / "c/rig.yaml").read_text())
+    read = pq.read_table(tmp_path / "c/log.parquet", page_checksum_verification=True)
+    names = [f"ncp{i}.{m}" for i in (1, 2, 3) for m in ("x", "y", "z", "fx", "fy", "fz")]
+    assert read.column_names == ["time", *names]
+    columns = np.column_stack([c.to_numpy() for c in read.columns])
+    np.testing.assert_array_equal(columns, table(campaign))
+
+
+def test_mcap_read_by_ros(campaign: Campaign, tmp_path: Path) -> None:
+    write_campaign(campaign, tmp_path / "c", format="mcap")
+    topics = read_mcap(tmp_path / "c/log.mcap")
+    expected = [f"/ncp{i}/position" for i in (1, 2, 3)] + [f"/tdfs{i}/wrench" for i in (1, 2, 3)]
+    assert sorted(topics) == expected
+    for i in range(3):
+        for topic, series in (
+            (f"/tdfs{i + 1}/wrench", campaign.log.force[i]),
+            (f"/ncp{i + 1}/position", campaign.log.position[i]),
+        ):
+            received, published, stamps, vectors = zip(*topics[topic], strict=True)
+            np.testing.assert_array_equal(np.array(vectors), series.value)
+            since = np.array(stamps) - stamps[0]
+            np.testing.assert_array_equal(since, np.rint(series.time * 1e9).astype(int))
+            assert published == stamps
+            assert all(r > s for r, s in zip(received, stamps, strict=True))
+    block = yaml.safe_load((tmp_path / "c/rig.yaml").read_text())["log"]
+    assert block["supports"]["ncp2"]["force"] == "/tdfs2/wrench.wrench.force"
+    with (tmp_path / "c/log.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == 6 * len(campaign.log.force[0].time)
+    assert {c.compression for c in summary.chunk_indexes} == {"zstd"}
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_same_seed_same_bytes(format: LogFormat, tmp_path: Path) -> None:
+    made = [
+        simulate_to_folder(tmp_path / name, format=format, postures=2, seed=seed)
+        for name, seed in (("a", 5), ("b", 5), ("c", 6))
+    ]
+    assert made[0].campaign is not None
+    a, b, c = (digests(tmp_path / name) for name in "abc")
+    assert a == b
+    assert sorted(a) == sorted(
+        ["rig.yaml", "truth.yaml", f"log.{format}"]
+        + [f"tracker/{name}.csv" for name in ("nominal", "targets", "servo", "moves")]
+    )
+    assert a[f"log.{format}"] != c[f"log.{format}"]
+    assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_rig_file_says_what_the_rig_is(format: LogFormat, tmp_path: Path) -> None:
+    rig = loose_rig()
+    rig = replace(
+        rig,
+        capacity=np.array([[3e3, 3e3, 5e3]] * 3),
+        rpy_std=np.array([[np.inf] * 3, [0.01, 0.02, np.inf], [0.05] * 3]),
+        inertia=np.diag([50.0, 60.0, 80.0]),
+        zero=replace(rig.zero, std=np.full((3, 3), np.inf)),
+        mass=replace(rig.mass, std=np.array(np.inf)),
+        acceptance=Acceptance(angle_std=1e-3, contact_force=5.0, contact_rpy=(0.1, 0.0, 0.0)),
+    )
+    simulate_to_folder(tmp_path / "c", rig, format=format, postures=2)
+    loaded = load_rig(tmp_path / "c/rig.yaml")
+    read = loaded.rig
+    for name in ("name", "supports", "gravity", "gravity_tilt_std", "declared", "acceptance"):
+        assert getattr(read, name) == getattr(rig, name), name
+    for name in ("hinge", "nominal_rpy", "rpy_std", "capacity", "inertia"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(rig, name), name)
+    for name in ("mass", "barycentre", "zero"):
+        np.testing.assert_array_equal(getattr(read, name).value, getattr(rig, name).value)
+        np.testing.assert_array_equal(getattr(read, name).std, getattr(rig, name).std)
+    assert (loaded.log is None) == (format == "parquet")
+    assert loaded.tracker is not None
+    assert loaded.tracker.moves == tmp_path / "c/tracker/moves.csv"
+
+
+def test_truth_file(tmp_path: Path) -> None:
+    played = simulate_to_folder(tmp_path / "c", scenario="contact", postures=6, seed=3)
+    truth = yaml.safe_load((tmp_path / "c/truth.yaml").read_text())
+    assert played.campaign is not None
+    for i, support in enumerate(truth["supports"]):
+        assert support["name"] == f"ncp{i + 1}"
+        np.testing.assert_array_equal(support["rotation"], played.truth.rotation[i])
+        np.testing.assert_array_equal(support["rpy"], played.truth.rpy[i])
+        np.testing.assert_array_equal(support["zero"], played.truth.zero[i])
+    assert truth["terminal"]["mass"] == float(played.truth.mass)
+    assert truth["scenario"]["name"] == "contact"
+    assert truth["scenario"]["seed"] == 3
+    assert [c["posture"] for c in truth["scenario"]["options"]["faults"]["contacts"]] == [2, 4]
+    force = np.array([p["force"] for p in truth["postures"]])
+    np.testing.assert_array_equal(force, played.campaign.force)
+
+
+def test_tracker_files(tmp_path: Path) -> None:
+    played = simulate_to_folder(tmp_path / "c", scenario="tracker")
+    assert sorted(digests(tmp_path / "c")) == [
+        "rig.yaml",
+        "tracker/moves.csv",
+        "tracker/nominal.csv",
+        "tracker/servo.csv",
+        "tracker/targets.csv",
+        "truth.yaml",
+    ]
+    session = played.survey.session
+    for name, points, atol in (
+        ("nominal", session.nominal, 1e-16),
+        ("servo", session.servo, 1e-15),
+        ("targets", session.targets, 0.5e-9),
+        ("moves", session.moves, 0.5e-9),
+    ):
+        lines = (tmp_path / f"c/tracker/{name}.csv").read_text().splitlines()
+        rows = [line.split(",") for line in lines if line and not line.startswith(("//", "group"))]
+        assert tuple(row[0].strip() for row in rows) == points.group
+        assert tuple(row[1].strip() for row in rows) == points.point
+        xyz = np.array([[float(v) for v in row[2:]] for row in rows]) / 1000.0
+        np.testing.assert_allclose(xyz, points.xyz, rtol=0.0, atol=atol * 1.001)
+    measured = (tmp_path / "c/tracker/moves.csv").read_text()
+    assert "AXES = CARTESIAN" in measured
+    assert "(mm)" in measured
+
+
+def test_rows_of_postures(tmp_path: Path) -> None:
+    played = simulate_to_folder(tmp_path / "c", format="parquet", rows="postures", postures=9)
+    assert played.campaign is not None
+    read = pq.read_table(tmp_path / "c/log.parquet")
+    assert read.num_rows == 9
+    loaded = load_rig(tmp_path / "c/rig.yaml")
+    assert loaded.log is not None
+    assert loaded.log.rows == "postures"
+    np.testing.assert_array_equal(
+        read.column("ncp3.fz").to_numpy(), played.campaign.log.force[2].value[:, 2]
+    )
+
+
+def test_streams_of_their_own_rates_fit_mcap_only(tmp_path: Path) -> None:
+    recorder = Recorder(force_rate=200.0, position_rate=50.0)
+    simulate_to_folder(tmp_path / "m", format="mcap", postures=2, recorder=recorder)
+    counts = {topic: len(m) for topic, m in read_mcap(tmp_path / "m/log.mcap").items()}
+    assert 3.9 < counts["/tdfs1/wrench"] / counts["/ncp1/position"] < 4.1
+    with pytest.raises(UsageError, match="MCAP"):
+        simulate_to_folder(tmp_path / "c", format="csv", postures=2, recorder=recorder)
+    assert not (tmp_path / "c").exists()
+
+
+def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    simulate_to_folder(folder, format="csv", postures=2)
+    (folder / "notes.txt").write_text("mine")
+    before = digests(folder)
+    with pytest.raises(UsageError, match="not empty"):
+        simulate_to_folder(folder, format="mcap", postures=2)
+    assert digests(folder) == before
+    simulate_to_folder(folder, format="mcap", postures=2, overwrite=True)
+    after = digests(folder)
+    assert "log.csv" not in after
+    assert "log.mcap" in after
+    assert after["notes.txt"] == before["notes.txt"]
+    with pytest.raises(UsageError, match="file, not a folder"):
+        simulate_to_folder(folder / "notes.txt", postures=2)
+
+
+def test_failure_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(folder: Path, session: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(point_files, "write_session", full)
+    with pytest.raises(UsageError, match="No space left"):
+        simulate_to_folder(tmp_path / "c", postures=2)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_impossible_requests(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="log format 'xlsx'"):
+        simulate_to_folder(tmp_path / "c", format="xlsx")  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="postures"):
+        simulate_to_folder(tmp_path / "c", postures=0)
+    with pytest.raises(UsageError, match="tilt"):
+        simulate_to_folder(tmp_path / "c", tilt_deg=80.0)
+    with pytest.raises(UsageError, match="seed"):
+        simulate_to_folder(tmp_path / "c", seed=-1)
+    with pytest.raises(UsageError, match="scenario"):
+        simulate_to_folder(tmp_path / "c", scenario="nonsense")
+    assert not (tmp_path / "c").exists()

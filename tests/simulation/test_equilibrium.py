@@ -1,0 +1,167 @@
+"""The terminal's rest, checked by virtual work, closed forms and the sum of forces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tdfscal.errors import NotConvergedError
+from tdfscal.records import FloatArray
+from tdfscal.simulation import (
+    Contact,
+    Equilibrium,
+    Faults,
+    Load,
+    Options,
+    Pose,
+    Truth,
+    draw_truths,
+    settle,
+    simulate_campaign,
+    simulate_dwells,
+)
+
+from .rigs import exact_rig, loose_rig, still
+
+
+def scene(seed: int, K: int = 6) -> tuple[Truth, FloatArray, Load, Equilibrium]:
+    """An uncertain rig on anisotropic carriages, leaning, squeezed, touched, with friction."""
+    rng = np.random.default_rng(seed)
+    rig = loose_rig()
+    carriages = rng.normal(size=(3, 3, 3))
+    stiffness = 2.0e7 * (np.eye(3) + 0.1 * carriages @ np.swapaxes(carriages, 1, 2))
+    truth = draw_truths(rig, Options(stiffness=stiffness), rng, 1).trial(0)
+    R = Rotation.from_rotvec(rng.normal(scale=0.15, size=(K, 3))).as_matrix()
+    T = rng.normal(scale=0.1, size=(K, 3)) + np.array([0.0, 0.0, 1.0])
+    stand = rig.hinge @ np.swapaxes(R, 1, 2) + T[:, None] + rng.normal(scale=2e-5, size=(K, 3, 3))
+    contact = rng.normal(scale=50.0, size=(K, 2, 3))
+    load = Load(contact, rng.normal(size=(K, 3)))
+    return truth, stand, load, settle(truth, stand, load, Pose(R, T))
+
+
+def energy(
+    truth: Truth, stand: FloatArray, R: FloatArray, T: FloatArray, R0: FloatArray, T0: FloatArray
+) -> float:
+    """Spring and gravity energy, J; gravity's counted from the rest, where rounding is least."""
+    total = 0.0
+    for hinge, stiffness, place in zip(truth.hinge, truth.stiffness, stand, strict=True):
+        stretch = R @ hinge + T - place
+        total += 0.5 * float(stretch @ stiffness @ stretch)
+    rise = (R - R0) @ truth.barycentre + (T - T0)
+    return total - float(truth.mass * truth.gravity @ rise)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_virtual_work(seed: int) -> None:
+    truth, stand, load, rest = scene(seed)
+    step = 1.0e-4  # m and rad
+    # Stretches are rounded at 1 ulp of 1.5 m, and the forces turn that into energy. Extrapolated
+    # differences leave a fifth-order remainder, below stiffness · lever² · step⁴.
+    load_sum = np.linalg.norm(rest.force, axis=-1).sum(axis=-1).max()
+    rounding = 2.0 * np.finfo(float).eps * 1.5 * load_sum / step
+    remainder = 2.0e7 * 0.6**2 * step**4
+    solver = 1e-10 * 2.0 * load_sum  # of the forces of hinges and weight
+    for k in range(len(stand)):
+        R0, T0 = rest.pose.rotation[k], rest.pose.translation[k]
+        force = R0 @ load.contact[k, 0]
+        moment = R0 @ load.contact[k, 1] + load.friction[k]
+        outside = np.concatenate([force, moment])
+        for axis in range(6):
+            works = []
+            for size in (-2.0, -1.0, 1.0, 2.0):
+                twist = np.zeros(6)
+                twist[axis] = size * step
+                turn = Rotation.from_rotvec(twist[3:]).as_matrix()
+                works.append(energy(truth, stand[k], turn @ R0, T0 + twist[:3], R0, T0))
+            slope = (works[0] - 8.0 * works[1] + 8.0 * works[2] - works[3]) / (12.0 * step)
+            assert slope == pytest.approx(outside[axis], abs=rounding + remainder + solver)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_net_wrench_about_any_point(seed: int) -> None:
+    truth, _, load, rest = scene(seed)
+    R, T = rest.pose.rotation, rest.pose.translation
+    about = np.random.default_rng(seed).normal(scale=2.0, size=3)
+    for k in range(len(R)):
+        weight = float(truth.mass) * truth.gravity
+        touch = R[k] @ load.contact[k, 0]
+        hinges = [R[k] @ r + T[k] for r in truth.hinge]
+        places = [*hinges, R[k] @ truth.barycentre + T[k], T[k]]
+        forces = [*rest.force[k], weight, touch]
+        net = np.sum(forces, axis=0)
+        moment = R[k] @ load.contact[k, 1] + load.friction[k]
+        for place, force in zip(places, forces, strict=True):
+            moment = moment + np.cross(place - about, force)
+        size = sum(float(np.linalg.norm(f)) for f in forces)
+        assert np.linalg.norm(net) < 1e-9 * size
+        assert np.linalg.norm(moment) < 1e-9 * size * 3.0  # levers of up to 3 m
+    assert np.all(rest.imbalance < 1e-10)
+
+
+@pytest.mark.parametrize("n", [3, 4, 6])
+def test_level_symmetrical_terminal_hangs_evenly(n: int) -> None:
+    rig = exact_rig(n)
+    options = still(postures=1, tilt=0.0, travel=0.0)
+    campaign = simulate_campaign(rig, options, np.random.default_rng(0))
+    share = 500.0 * 9.80665 / n
+    expected = np.array([[0.0, 0.0, share]] * n)
+    # The stretch is known to 2 ulp of 1.2 m, times 20 N/µm.
+    np.testing.assert_allclose(campaign.force[0], expected, atol=2e7 * 4.5e-16 + 1e-9)
+
+
+def test_leaning_terminal_shifts_its_load_by_the_lever() -> None:
+    rig = exact_rig()
+    level = Rotation.from_euler("y", 4.0, degrees=True)
+    command = (level.apply(rig.hinge) + np.array([0.0, 0.0, 1.0]))[None]
+    campaign = simulate_campaign(rig, still(command=command), np.random.default_rng(0))
+    angle = np.deg2rad(4.0)
+    # Moments about the line of the back hinges: the front one carries what the barycentre's
+    # lever makes it carry, h tan(angle) ahead of the middle; vertical forces but for the
+    # horizontal share of the terminal's elastic turning, angle² of it.
+    share = 500.0 * 9.80665 * (0.3 + 0.25 * np.tan(angle)) / 0.9
+    assert campaign.force[0, 0, 2] == pytest.approx(share, abs=(share - 1634.0) * angle**2 + 0.2)
+    assert np.sum(campaign.force[0, :, 2]) == pytest.approx(500.0 * 9.80665, rel=1e-9)
+
+
+def test_contact_is_carried_by_the_hinges() -> None:
+    rig, seed = exact_rig(), 5
+    touched = Faults(contacts=(Contact(2, (30.0, -20.0, 50.0), (1.0, 2.0, 3.0)),))
+    free = simulate_campaign(rig, still(postures=4), np.random.default_rng(seed))
+    held = simulate_campaign(rig, still(postures=4, faults=touched), np.random.default_rng(seed))
+    change = (held.force - free.force).sum(axis=1)
+    np.testing.assert_allclose(change[[0, 1, 3]], 0.0, atol=1e-6)  # the solver's balance, on 5 kN
+    push = free.postures.pose.rotation[2] @ [30.0, -20.0, 50.0]
+    sag = 500.0 * 9.81 / 2.0e7 / 0.6  # the commanded and the real rotation differ by less, rad
+    np.testing.assert_allclose(change[2], -push, atol=float(np.linalg.norm(push)) * sag)
+
+
+def test_batch_and_single_campaigns_share_their_physics() -> None:
+    options = still(postures=5, squeeze=100.0)
+    rig = exact_rig()
+    single = simulate_campaign(rig, options, np.random.default_rng(9))
+    batch = simulate_dwells(rig, options, np.random.default_rng(9), 1)
+    np.testing.assert_array_equal(single.force, batch.true_force[0])
+    np.testing.assert_array_equal(single.servo, batch.position[0])
+
+
+def test_rig_too_soft_to_stand_is_refused() -> None:
+    with pytest.raises(NotConvergedError, match="stiffer"):
+        simulate_campaign(exact_rig(), still(stiffness=1.0e3), np.random.default_rng(0))
+
+
+def test_rig_that_would_topple_is_refused() -> None:
+    # Level and symmetrical it balances at any height; it stands while the springs' turning
+    # stiffness 3/2 k r² exceeds the weight times the barycentre's height above the hinges.
+    rig, options = exact_rig(), still(stiffness=1.0e6, postures=1, tilt=0.0, travel=0.0)
+    limit = 1.5 * 1.0e6 * 0.36 / (500.0 * 9.80665)
+    for height, stands in ((0.98 * limit, True), (1.02 * limit, False)):
+        high = np.array([0.0, 0.0, height])
+        tower = replace(rig, barycentre=replace(rig.barycentre, value=high))
+        if stands:
+            simulate_campaign(tower, options, np.random.default_rng(0))
+        else:
+            with pytest.raises(NotConvergedError, match="stiffer"):
+                simulate_campaign(tower, options, np.random.default_rng(0))

@@ -1,0 +1,181 @@
+"""Each fault moves what it should, and nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray
+from tdfscal.simulation import (
+    SCENARIOS,
+    Campaign,
+    Contact,
+    Crosstalk,
+    DeadAxis,
+    Drift,
+    Faults,
+    Gain,
+    Jolt,
+    Options,
+    ZeroShift,
+    make_rig,
+    reference_rig,
+    run,
+    simulate_campaign,
+    simulate_dwells,
+)
+
+from .rigs import SILENT
+
+K = 6
+
+
+def campaign(faults: Faults | None = None) -> Campaign:
+    options = Options(postures=K, faults=faults or Faults())
+    return simulate_campaign(reference_rig(), options, np.random.default_rng(0))
+
+
+def readings(c: Campaign) -> FloatArray:
+    return np.stack([s.value for s in c.log.force], axis=1)
+
+
+PLAIN = campaign()
+TIME = PLAIN.log.force[0].time
+
+
+def change(faults: Faults) -> FloatArray:
+    faulty = campaign(faults)
+    np.testing.assert_array_equal(faulty.servo, PLAIN.servo)
+    return readings(faulty) - readings(PLAIN)
+
+
+def test_zero_shift() -> None:
+    moved = change(Faults(zero_shifts=(ZeroShift(1, 3, (5.0, -4.0, 3.0)),)))
+    before, after = PLAIN.end[2], PLAIN.start[3]
+    np.testing.assert_array_equal(moved[:, [0, 2]], 0.0)
+    np.testing.assert_array_equal(moved[before >= TIME], 0.0)
+    late = moved[after <= TIME, 1]
+    np.testing.assert_allclose(late, np.broadcast_to([5.0, -4.0, 3.0], late.shape), atol=1e-11)
+
+
+def test_drift() -> None:
+    moved = change(Faults(drifts=(Drift(0, (10.0, 0.0, -5.0)),)))
+    np.testing.assert_array_equal(moved[:, 1:], 0.0)
+    expected = TIME[:, None] / PLAIN.end[-1] * [10.0, 0.0, -5.0]
+    np.testing.assert_allclose(moved[:, 0], expected, atol=1e-11)
+
+
+def test_gain_and_crosstalk() -> None:
+    faulty = campaign(Faults(gains=(Gain(0, (0.1, 0.0, 0.0)),)))
+    truth = faulty.truth
+    np.testing.assert_allclose(
+        truth.sensitivity[0] - PLAIN.truth.sensitivity[0], np.diag([0.1, 0.0, 0.0])
+    )
+    faulty = campaign(Faults(crosstalk=(Crosstalk(2, (0.01, 0.02, 0.03)),)))
+    moved = readings(faulty) - readings(PLAIN)
+    np.testing.assert_array_equal(moved[:, :2], 0.0)
+    k = np.searchsorted(TIME, PLAIN.start[2])
+    seen = truth.rotation[2].T @ PLAIN.force[2, 2]
+    expected = [0.01 * seen[1] + 0.02 * seen[2], 0.01 * seen[0] + 0.03 * seen[2],
+                0.02 * seen[0] + 0.03 * seen[1]]  # fmt: skip
+    late = k + 200  # the settling, a real force, passes through the crosstalk too
+    np.testing.assert_allclose(moved[late, 2], expected, atol=1e-3)
+
+
+def test_contact_touches_its_posture_and_the_moves_beside_it() -> None:
+    moved = change(Faults(contacts=(Contact(2, (0.0, 0.0, 60.0)),)))
+    away = (PLAIN.end[1] >= TIME) | (PLAIN.start[3] <= TIME)
+    np.testing.assert_allclose(moved[away], 0.0, atol=1e-6)  # the solver's balance, on 5 kN
+    there = (PLAIN.start[2] <= TIME) & (PLAIN.end[2] >= TIME)
+    total = np.einsum("nij,knj->ki", PLAIN.truth.rotation, moved[there])
+    push = PLAIN.postures.pose.rotation[2] @ [0.0, 0.0, 60.0]
+    # Sensitivities are exact; the real rotation differs from the commanded one by under 1 mrad.
+    np.testing.assert_allclose(total, np.broadcast_to(-push, total.shape), atol=0.06)
+
+
+def test_jolt_is_a_half_sine() -> None:
+    moved = change(Faults(jolts=(Jolt(4, (0.0, 0.0, -200.0), duration=0.4),)))
+    middle = 0.5 * (PLAIN.start[4] + PLAIN.end[4])
+    np.testing.assert_array_equal(moved[np.abs(TIME - middle) > 0.2], 0.0)
+    total = np.einsum("nij,knj->ki", PLAIN.truth.rotation, moved)
+    lift = PLAIN.postures.pose.rotation[4][2, 2] * 200.0
+    assert total[:, 2].max() == pytest.approx(lift, rel=1e-2)
+    assert total[:, 2].sum() * 0.01 == pytest.approx(lift * 0.4 * 2.0 / np.pi, rel=1e-2)
+
+
+def test_jolt_in_dwell_means_is_its_mean() -> None:
+    jolt = Faults(jolts=(Jolt(1, (0.0, 0.0, -200.0), duration=0.4),))
+    rig, rng = reference_rig(), np.random.default_rng
+    plain = simulate_dwells(rig, Options(postures=3, recorder=SILENT), rng(3), 4)
+    hit = simulate_dwells(rig, Options(postures=3, recorder=SILENT, faults=jolt), rng(3), 4)
+    moved = np.einsum("bnij,bknj->bki", plain.truth.rotation, hit.force - plain.force)
+    np.testing.assert_allclose(moved[:, [0, 2]], 0.0, atol=1e-6)
+    dwell = (plain.end - plain.start)[:, 1]
+    np.testing.assert_allclose(moved[:, 1, 2], 200.0 * 0.8 / np.pi / dwell, rtol=1e-2)
+
+
+def test_dead_axis_repeats_itself() -> None:
+    faulty = readings(campaign(Faults(dead_axes=(DeadAxis(2, 1, 3),))))
+    alive = readings(PLAIN)
+    late = PLAIN.start[3] <= TIME
+    assert np.unique(faulty[late, 2, 1]).size == 1
+    faulty[late, 2, 1] = alive[late, 2, 1]
+    switched = (PLAIN.end[2] < TIME) & (PLAIN.start[3] > TIME)
+    np.testing.assert_array_equal(faulty[~switched], alive[~switched])
+
+
+def test_swapped_channels() -> None:
+    faulty = readings(campaign(Faults(swapped=((0, 2),))))
+    np.testing.assert_array_equal(faulty, readings(PLAIN)[:, [2, 1, 0]])
+
+
+def test_saturation_clips_at_the_stated_capacity() -> None:
+    played = run(make_rig(), "saturation", Options(postures=K), np.random.default_rng(0))
+    plain = run(make_rig(), "self", Options(postures=K), np.random.default_rng(0))
+    assert played.campaign is not None
+    assert plain.campaign is not None
+    clipped, whole = readings(played.campaign), readings(plain.campaign)
+    capacity = played.rig.capacity
+    assert np.all(np.isfinite(capacity))
+    assert np.any(np.abs(whole) > capacity)
+    np.testing.assert_array_equal(clipped, np.clip(whole, -capacity, capacity))
+
+
+@pytest.mark.parametrize("name", [n for n in SCENARIOS if n not in ("self", "tracker")])
+def test_every_scenario_is_the_same_machine_with_one_fault(name: str) -> None:
+    options = Options(postures=K, squeeze=100.0)
+    plain = run(reference_rig(), "self", options, np.random.default_rng(0))
+    faulty = run(reference_rig(), name, options, np.random.default_rng(0))
+    np.testing.assert_array_equal(plain.truth.rotation, faulty.truth.rotation)
+    np.testing.assert_array_equal(plain.survey.session.moves.xyz, faulty.survey.session.moves.xyz)
+    assert plain.campaign is not None
+    assert faulty.campaign is not None
+    assert np.any(readings(plain.campaign) != readings(faulty.campaign))
+
+
+def test_tracker_scenario_is_the_same_machine_without_a_log() -> None:
+    plain = run(reference_rig(), "self", Options(postures=K), np.random.default_rng(0))
+    tracker = run(reference_rig(), "tracker", Options(postures=K), np.random.default_rng(0))
+    assert tracker.campaign is None
+    np.testing.assert_array_equal(plain.truth.rotation, tracker.truth.rotation)
+    seen = plain.survey.session.targets.xyz
+    np.testing.assert_array_equal(seen, tracker.survey.session.targets.xyz)
+
+
+def test_no_squeeze_leaves_vertical_loads() -> None:
+    played = run(reference_rig(), "no-squeeze", Options(squeeze=300.0), np.random.default_rng(0))
+    assert played.campaign is not None
+    # 1 N/mm sideways: even 5 sd of hinge error make no more than 0.1 N.
+    assert np.abs(played.campaign.force[..., :2]).max() < 1e3 * 5 * 2e-5
+
+
+def test_scenario_and_fault_that_do_not_exist() -> None:
+    with pytest.raises(UsageError, match="nearest one is 'contact'"):
+        run(reference_rig(), "contakt", Options(), np.random.default_rng(0))
+    with pytest.raises(UsageError, match="sensor 7"):
+        campaign(Faults(drifts=(Drift(7, (1.0, 0.0, 0.0)),)))
+    with pytest.raises(UsageError, match="posture 6"):
+        campaign(Faults(contacts=(Contact(6, (1.0, 0.0, 0.0)),)))
+    with pytest.raises(UsageError, match="axis 3"):
+        campaign(Faults(dead_axes=(DeadAxis(0, 3),)))

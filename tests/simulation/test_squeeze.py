@@ -1,0 +1,91 @@
+"""Internal forces: what they are, and that a commanded or natural one has the stated size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import UsageError
+from tdfscal.records import Declared, FloatArray
+from tdfscal.simulation import Campaign, Options, internal_part, simulate_campaign
+
+from .rigs import chi2_p, exact_rig, plausible, still
+
+
+def arms(campaign: Campaign) -> FloatArray:
+    return campaign.postures.pose.place(campaign.rig.hinge)
+
+
+def elastic_turning(largest_force: float) -> float:
+    """Bound on how far the sprung terminal turns from its command, rad, at 20 N/µm on 0.6 m."""
+    return 2.0 * largest_force / 2.0e7 / 0.6
+
+
+@pytest.mark.parametrize("n", [3, 4, 6])
+def test_internal_modes(n: int) -> None:
+    rng = np.random.default_rng(n)
+    place = rng.normal(size=(n, 3))
+    basis = internal_part(place, np.eye(3 * n).reshape(3 * n, n, 3))
+    np.testing.assert_allclose(basis.sum(axis=1), 0.0, atol=1e-13)
+    np.testing.assert_allclose(np.cross(place, basis).sum(axis=1), 0.0, atol=1e-13)
+    projector = basis.reshape(3 * n, 3 * n)
+    np.testing.assert_allclose(projector @ projector, projector, atol=1e-13)
+    assert np.trace(projector) == pytest.approx(3 * n - 6, abs=1e-12)
+
+
+@pytest.mark.parametrize("n", [3, 4, 6])
+def test_squeeze_makes_the_commanded_internal_force(n: int) -> None:
+    rig, squeeze = exact_rig(n), 300.0
+    slack = simulate_campaign(rig, still(), np.random.default_rng(2))
+    tight = simulate_campaign(rig, still(squeeze=squeeze), np.random.default_rng(2))
+    commanded = 2.0e7 * tight.postures.displacement
+    made = tight.force - slack.force
+    turning = elastic_turning(float(np.abs(tight.force).max()))
+    scale = np.linalg.norm(commanded, axis=(1, 2)).max()
+    np.testing.assert_allclose(made, commanded, atol=2.0 * turning * scale)
+    # Σ|F|² / squeeze² over the internal modes is χ² with K (3n − 6) degrees of freedom.
+    assert plausible(chi2_p(commanded / squeeze, 24 * (3 * n - 6)))
+
+
+def test_squeeze_goes_through_the_carriages_stiffness() -> None:
+    rig = exact_rig()
+    stiffness = np.array([1.0e7, 3.0e7, 5.0e7])
+    kept = {"stiffness": stiffness, "postures": 6}
+    slack = simulate_campaign(rig, still(**kept), np.random.default_rng(2))
+    tight = simulate_campaign(rig, still(squeeze=100.0, **kept), np.random.default_rng(2))
+    commanded = stiffness * tight.postures.displacement
+    np.testing.assert_allclose(internal_part(arms(tight), commanded), commanded, atol=1e-9)
+    turning = 2.0 * elastic_turning(float(np.abs(tight.force).max()))
+    np.testing.assert_allclose(
+        tight.force - slack.force, commanded, atol=2.0 * turning * np.abs(commanded).max() * 3.0
+    )
+
+
+@pytest.mark.parametrize("n", [3, 4])
+def test_natural_internal_forces_have_the_stated_size(n: int) -> None:
+    rig = replace(exact_rig(n), declared=Declared(positioner=1.0e-5))
+    campaign = simulate_campaign(rig, still(postures=100, internal=150.0), np.random.default_rng(4))
+    assert campaign.truth.stiffness[0] == pytest.approx(1.5e7 * np.eye(3))
+    natural = internal_part(arms(campaign), campaign.force)
+    assert plausible(chi2_p(natural / 150.0, 100 * (3 * n - 6)))
+
+
+def test_natural_internal_forces_need_positioning_errors() -> None:
+    with pytest.raises(UsageError, match="positioner"):
+        simulate_campaign(exact_rig(), Options(internal=100.0), np.random.default_rng(0))
+
+
+def test_moves_do_not_strain_the_terminal() -> None:
+    rig = exact_rig()
+    rpy = np.zeros((3, 3))
+    options = still(postures=4, rpy=rpy, tilt=np.deg2rad(5.0))
+    campaign = simulate_campaign(rig, options, np.random.default_rng(1))
+    force = np.stack([s.value for s in campaign.log.force], axis=1)
+    place = np.stack([s.value for s in campaign.log.position], axis=1)
+    inner = internal_part(place, force)
+    turning = elastic_turning(float(np.abs(force).max()))
+    assert np.abs(inner).max() < 2.0 * turning * np.linalg.norm(force, axis=(1, 2)).max()
+    np.testing.assert_allclose(force.sum(axis=1), [[0.0, 0.0, 500.0 * 9.80665]] * len(force),
+                               atol=1e-6)  # fmt: skip

@@ -1,0 +1,111 @@
+"""Truths are drawn with the standard deviations that the rig file states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tdfscal.errors import RigError, UsageError
+from tdfscal.records import Declared, Known
+from tdfscal.simulation import Options, draw_truths, make_rig
+
+from .rigs import chi2_p, exact_rig, loose_rig, plausible
+
+TRIALS = 400
+
+
+def test_draws_match_the_stated_uncertainties() -> None:
+    rig = loose_rig()
+    truth = draw_truths(rig, Options(), np.random.default_rng(1), TRIALS)
+    offset = truth.rpy - rig.nominal_rpy
+    diagonal = np.diagonal(truth.sensitivity, axis1=-2, axis2=-1)
+    beside = truth.sensitivity[..., [0, 0, 1], [1, 2, 2]]
+    lean = np.arcsin(truth.gravity[..., :2] / rig.gravity)
+    checks = {
+        "zero": truth.zero / 0.5,
+        "mass": (truth.mass - 500.0) / 0.2,
+        "barycentre": (truth.barycentre - rig.barycentre.value)[:, :2] / [1e-3, 2e-3],
+        "hinge": (truth.hinge - rig.hinge) / 2e-5,
+        "datum": truth.datum / 5e-5,
+        "diagonal": diagonal / 0.004,
+        "beside": beside * np.sqrt(2.0) / 0.004,
+        "gravity": lean / 5e-4,
+        "installation": offset / [0.02, 0.02, 0.05],
+    }
+    for name, unit in checks.items():
+        assert plausible(chi2_p(unit)), name
+        assert abs(np.mean(unit)) < 4.0 / np.sqrt(unit.size), name
+    np.testing.assert_array_equal(truth.barycentre[:, 2], 0.25)  # known exactly
+    np.testing.assert_array_equal(truth.sensitivity, np.swapaxes(truth.sensitivity, -1, -2))
+    np.testing.assert_allclose(np.linalg.norm(truth.gravity, axis=-1), 9.80665, rtol=1e-14)
+
+
+def test_wrong_width_would_be_seen() -> None:
+    truth = draw_truths(loose_rig(), Options(), np.random.default_rng(1), TRIALS)
+    assert not plausible(chi2_p(truth.zero / 0.55))
+
+
+def test_unknown_quantities_are_drawn_wide() -> None:
+    inf = np.inf
+    rig = make_rig(mass_std=inf, barycentre_std=inf, zero_std=inf)
+    truth = draw_truths(rig, Options(), np.random.default_rng(2), TRIALS)
+    assert plausible(chi2_p(truth.zero / 5.0))
+    assert plausible(chi2_p((truth.mass - 500.0) / 5.0))
+    assert plausible(chi2_p((truth.barycentre - rig.barycentre.value) / 5e-3))
+
+
+def test_rotation_is_yaw_pitch_roll() -> None:
+    truth = draw_truths(loose_rig(), Options(), np.random.default_rng(3), 5)
+    expected = Rotation.from_euler("ZYX", truth.rpy.reshape(-1, 3)[:, ::-1]).as_matrix()
+    np.testing.assert_allclose(truth.rotation.reshape(-1, 3, 3), expected, atol=1e-15)
+
+
+def test_stated_prior_angles_and_given_angles() -> None:
+    rig = replace(make_rig(), rpy_std=np.full((3, 3), 0.003))
+    truth = draw_truths(rig, Options(), np.random.default_rng(4), TRIALS)
+    assert plausible(chi2_p(truth.rpy / 0.003))
+    given = np.arange(9.0).reshape(3, 3) / 10.0
+    truth = draw_truths(rig, Options(rpy=given), np.random.default_rng(4), 2)
+    np.testing.assert_array_equal(truth.rpy, [given, given])
+
+
+def test_what_is_known_exactly_is_exact() -> None:
+    rig = exact_rig()
+    truth = draw_truths(rig, Options(), np.random.default_rng(5), 3)
+    for value, stated in (
+        (truth.mass, rig.mass.value),
+        (truth.barycentre, rig.barycentre.value),
+        (truth.hinge, rig.hinge),
+        (truth.zero, 0.0),
+        (truth.datum, 0.0),
+        (truth.sensitivity, 0.0),
+        (truth.rpy, 0.0),
+    ):
+        np.testing.assert_array_equal(value, np.broadcast_to(stated, value.shape))
+    np.testing.assert_array_equal(truth.gravity, [[0.0, 0.0, -9.80665]] * 3)
+
+
+def test_one_uncertainty_more_leaves_the_other_draws_alone() -> None:
+    rig = make_rig()
+    other = replace(rig, mass=Known(rig.mass.value, np.array(0.0)), gravity_tilt_std=1e-3)
+    one = draw_truths(rig, Options(), np.random.default_rng(6), 2)
+    two = draw_truths(other, Options(), np.random.default_rng(6), 2)
+    np.testing.assert_array_equal(one.hinge, two.hinge)
+    np.testing.assert_array_equal(one.rotation, two.rotation)
+
+
+def test_infinite_scatter_is_refused() -> None:
+    rig = make_rig(declared=Declared(force_noise=np.inf))
+    with pytest.raises(RigError, match="force_noise"):
+        draw_truths(rig, Options(), np.random.default_rng(0), 1)
+
+
+@pytest.mark.parametrize(
+    "stiffness", [-1.0, np.ones((2, 2)), np.array([[1.0, 0.5, 0], [0, 1, 0], [0, 0, 1]])]
+)
+def test_impossible_stiffness_is_refused(stiffness: float) -> None:
+    with pytest.raises(UsageError, match="stiffness"):
+        draw_truths(make_rig(), Options(stiffness=stiffness), np.random.default_rng(0), 1)

@@ -1,0 +1,76 @@
+"""Imports go one way, and the heavy libraries stay out of the light rooms."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "tdfscal"
+
+HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "yaml", "matplotlib"}
+ESTIMATOR = {"statics", "selfcal", "observability", "uncertainty", "montecarlo", "wrench"}
+OUTER = {"files", "reporting", "cli", "workflow"}
+
+
+def imported(path: Path) -> set[str]:
+    """Dotted names that a module imports, wherever in the module."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names.add(node.module or "")
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def room(path: Path) -> str:
+    parts = path.relative_to(PACKAGE).parts
+    return parts[0].removesuffix(".py")
+
+
+MODULES = sorted(PACKAGE.rglob("*.py"))
+STEPS = [m for m in MODULES if room(m) not in OUTER | {"__init__", "__main__"}]
+
+
+@pytest.mark.parametrize("path", STEPS, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_steps_know_no_files_and_no_heavy_library(path: Path) -> None:
+    names = imported(path)
+    assert not {n.split(".")[0] for n in names} & HEAVY
+    assert not {n.split(".")[1] for n in names if n.startswith("tdfscal.")} & OUTER
+
+
+@pytest.mark.parametrize(
+    "path", [m for m in MODULES if room(m) == "simulation"], ids=lambda p: p.name
+)
+def test_simulator_does_not_know_the_estimator(path: Path) -> None:
+    names = {n.split(".")[1] for n in imported(path) if n.startswith("tdfscal.")}
+    assert names <= {"simulation", "records", "errors", "numerics"}
+
+
+@pytest.mark.parametrize(
+    "path", [m for m in MODULES if room(m) == "numerics"], ids=lambda p: p.name
+)
+def test_numerics_stand_alone(path: Path) -> None:
+    names = {n.split(".")[1] for n in imported(path) if n.startswith("tdfscal.")}
+    assert names <= {"numerics", "records", "errors"}
+
+
+def test_help_is_light() -> None:
+    code = (
+        "import sys, contextlib\n"
+        "from tdfscal.cli import main\n"
+        "sys.argv = ['tdfscal', '--help']\n"
+        "with contextlib.suppress(SystemExit):\n"
+        "    main()\n"
+        "heavy = {'numpy', 'scipy', 'pandas', 'pyarrow', 'pydantic'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert "calibrate" in run.stdout

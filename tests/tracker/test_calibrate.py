@@ -1,0 +1,366 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray, Instrument, PointSet
+from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
+from tdfscal.trackercal.instrument import angle_covariance, range_covariance
+
+from .world import (
+    PAPER,
+    SQUARE,
+    TRIPOD,
+    Survey,
+    chi2_bounds,
+    error_vector,
+    make_survey,
+    points,
+    sight,
+)
+
+
+def calibrate(survey: Survey, misalignment: float = 0.0, trials: int = 0) -> TrackerCalibration:
+    return calibrate_tracker(survey.rig, survey.session, misalignment=misalignment, trials=trials)
+
+
+@pytest.mark.parametrize("zenith", [1.5, 0.4, 1e-2])
+def test_point_covariance_is_the_scatter_of_a_spherical_instrument(zenith: float) -> None:
+    tracker = Instrument(range=1e-5, range_ppm=5.0, angle_arcsec=20.0)
+    direction = np.array([np.sin(zenith) * 0.6, np.sin(zenith) * 0.8, np.cos(zenith)])
+    point = 7.0 * direction
+    seen = sight(np.random.default_rng(1), np.tile(point, (4000, 1)), tracker)
+    stated = range_covariance(point[None], tracker)[0] + angle_covariance(point[None], tracker)[0]
+    whitened = np.linalg.solve(np.linalg.cholesky(stated), (seen - point).T)
+    squares: FloatArray = np.sum(np.square(whitened), axis=1)
+    low, high = chi2_bounds(4000)
+    assert np.all((low < squares) & (squares < high))
+    # Correlations of independent components scatter by 1/√4000.
+    assert np.abs(np.corrcoef(whitened) - np.eye(3)).max() < 4 / np.sqrt(4000)
+
+
+def test_zenith_is_regular() -> None:
+    zenith = np.array([[0.0, 0.0, 5.0]])
+    total = range_covariance(zenith, PAPER) + angle_covariance(zenith, PAPER)
+    assert np.linalg.eigvalsh(total[0])[0] > 0
+
+
+SURVEYS = [
+    {},
+    {"n": 5, "distance": 10.0, "positioner": 5e-5, "moves": 5, "misalignment": 3e-4},
+    {"drawing": 5e-5, "spacing": 0.2, "moves": 4},
+]
+
+
+@pytest.mark.parametrize("setting", SURVEYS, ids=["paper", "five", "drawing"])
+def test_error_is_within_the_stated_uncertainty(setting: dict[str, float]) -> None:
+    total, dof, chi2, chi2_dof = 0.0, 0, 0.0, 0
+    for seed in range(40):
+        survey = make_survey(seed, **setting)  # type: ignore[arg-type]
+        result = calibrate(survey, setting.get("misalignment", 0.0))
+        d = error_vector(survey.X, result.rotations.rotation)
+        total += d @ np.linalg.solve(result.rotations.covariance, d)
+        dof += len(d)
+        chi2, chi2_dof = chi2 + result.chi2, chi2_dof + result.dof
+    low, high = chi2_bounds(dof)
+    assert low < total < high
+    low, high = chi2_bounds(chi2_dof)
+    # One point in a hundred surveys is taken out though faultless, which lowers χ² a little.
+    assert low - 40 * 20 * 0.05 < chi2 < high
+
+
+def test_understated_uncertainty_is_noticed() -> None:
+    survey = make_survey(3, tracker=Instrument(2e-5, 10.0, 4.0))
+    result = calibrate(survey.with_session(instrument=PAPER))
+    assert result.p_value < 1e-6
+    assert result.inflation == pytest.approx(result.birge**2)
+    assert any("times the stated uncertainties" in w for w in result.warnings)
+
+
+def test_papers_instrument_on_a_small_square() -> None:
+    """Theory, section 6: 4 points on a 0.1 m square at 5 m, about 0.5 mrad."""
+    result = calibrate(make_survey(1, layout=SQUARE, moves=12))
+    # Closed form for one sensor across the line of sight: turning about either axis of the
+    # square has the lever 0.05 m at four points, with the range or the angles as noise.
+    transverse = 5 * np.deg2rad(2 / 3600)
+    worst = transverse / (0.05 * np.sqrt(4))
+    assert 0.8 * worst < result.rpy_std.max() < 1.3 * worst
+    assert 0.3e-3 < result.rpy_std[:, :2].mean() < 0.6e-3
+
+
+def test_budget_sums_to_the_variance() -> None:
+    survey = make_survey(4, drawing=2e-5)
+    result = calibrate(survey, misalignment=2e-4)
+    assert set(result.budget) == {
+        "instrument range",
+        "instrument angles",
+        "positioner",
+        "drawing",
+        "misalignment",
+    }
+    total = np.sum(list(result.budget.values()), axis=0)
+    assert total == pytest.approx(result.rpy_std**2, rel=1e-9)
+    J = so3.rpy_jacobian(result.rotations.rotation)
+    assert result.budget["misalignment"] == pytest.approx(4e-8 * np.sum(J**2, axis=2), rel=1e-9)
+
+
+def test_budget_by_taking_a_source_away() -> None:
+    """The drawing's share is what vanishes with the drawing's tolerance, to second order in it."""
+    survey = make_survey(5, drawing=1e-6)
+    with_it, without = calibrate(survey), calibrate(survey.with_session(drawing=0.0))
+    share = with_it.budget["drawing"]
+    assert with_it.rpy_std**2 - without.rpy_std**2 == pytest.approx(share, rel=2e-2)
+
+
+def test_sensors_are_correlated_through_the_common_rotation() -> None:
+    result = calibrate(make_survey(6))
+    R = result.tracker_rotation
+    common = R.T @ result.tracker_covariance @ R
+    for i, k in ((0, 1), (0, 2), (1, 2)):
+        block = result.rotations.covariance[3 * i : 3 * i + 3, 3 * k : 3 * k + 3]
+        assert np.abs(block - common).max() < 1e-9 * np.abs(common).max()
+    assert np.linalg.eigvalsh(result.rotations.covariance)[0] > 0
+    assert np.linalg.det(result.rotations.rotation) == pytest.approx(1, abs=1e-14)
+
+
+@pytest.mark.parametrize("turn", [[0, 0, 0], [np.pi, 0, 0], [0, 0, np.pi / 2], [2, -1, 2]])
+def test_any_nominal_mounting(turn: list[float]) -> None:
+    survey = make_survey(7, angles=0.0)
+    nominal = survey.session.nominal
+    about = Rotation.from_rotvec(turn).as_matrix()
+    turned = replace(nominal, xyz=nominal.xyz @ about)  # same points in a turned sensor frame
+    result = calibrate(survey.with_session(nominal=turned))
+    d = error_vector(survey.X @ about, result.rotations.rotation)
+    assert d @ np.linalg.solve(result.rotations.covariance, d) < chi2_bounds(9)[1]
+
+
+def test_monte_carlo_validates_the_linear_interval() -> None:
+    result = calibrate(make_survey(8, drawing=2e-5), misalignment=1e-4, trials=3000)
+    mc = result.monte_carlo
+    assert mc is not None
+    assert mc.linear_interval_validated
+    ratio = (mc.std / result.rpy_std) ** 2 * (mc.trials - 1)
+    low, high = chi2_bounds(mc.trials - 1, 1e-5)
+    assert np.all((low < ratio) & (ratio < high))
+    assert np.all(mc.low < result.rpy)
+    assert np.all(mc.high > result.rpy)
+
+
+def test_monte_carlo_refuses_a_linear_interval_that_is_wrong() -> None:
+    """1 mrad off pitch 90° roll and yaw are as uncertain as they are large: nothing is linear."""
+    survey = make_survey(9, angles=0.0)
+    nominal = survey.session.nominal
+    upright = Rotation.from_rotvec([0, np.pi / 2 - 1e-3, 0]).as_matrix()
+    turned = replace(nominal, xyz=nominal.xyz @ upright)
+    result = calibrate(survey.with_session(nominal=turned), trials=1000)
+    assert result.monte_carlo is not None
+    assert not result.monte_carlo.linear_interval_validated
+
+
+def test_same_seed_same_numbers() -> None:
+    survey = make_survey(10)
+    first, second = (calibrate(survey, trials=200) for _ in range(2))
+    assert first.monte_carlo is not None
+    assert second.monte_carlo is not None
+    assert np.array_equal(first.monte_carlo.std, second.monte_carlo.std)
+    assert np.array_equal(first.rpy, second.rpy)
+
+
+def test_out_of_square_axes_are_reported_and_only_those() -> None:
+    skew = np.eye(3)
+    skew[0, 1] = 2e-3  # y leans towards x: the angle between them is 90° − 2 mrad
+    result = calibrate(make_survey(11, moves=16, skew={"ncp2": skew}))
+    faults = {(f.support, f.axis, f.kind) for test in result.axes for f in test.faults}
+    square = [f for f in faults if f[2] == "squareness"]
+    assert square == [("ncp2", "x against y axis", "squareness")]
+    test = result.axes[1]
+    assert test.squareness is not None
+    assert test.squareness_std is not None
+    assert abs(test.squareness[2] + 2e-3) < 4 * test.squareness_std[2]
+    assert any("ncp2: x against y axis" in w for w in result.warnings)
+
+
+def test_a_stretched_axis_is_reported() -> None:
+    result = calibrate(make_survey(12, moves=16, skew={"ncp1": np.diag([1, 1, 1.002])}))
+    faults = [(f.support, f.axis, f.kind) for test in result.axes for f in test.faults]
+    assert faults == [("ncp1", "z axis", "scale")]
+    assert result.axes[0].scale is not None
+    assert result.axes[0].scale_std is not None
+    assert abs(result.axes[0].scale[2] - 2e-3) < 4 * result.axes[0].scale_std[2]
+
+
+def test_a_bent_axis_is_reported() -> None:
+    survey = make_survey(13, moves=25)
+    # Moves of ncp3 bend by up to 1 mm in tracker z along servo x.
+    servo, moves = survey.session.servo, survey.session.moves
+    here = np.array([g == "ncp3" for g in servo.group])
+    along = servo.xyz[here, 0] - servo.xyz[here, 0].mean()
+    bent = moves.xyz.copy()
+    bent[here, 2] += 1e-3 * (along / np.abs(along).max()) ** 2
+    result = calibrate(survey.with_session(moves=replace(moves, xyz=bent)))
+    bows = [(f.support, f.axis) for test in result.axes for f in test.faults if f.kind == "bow"]
+    assert bows == [("ncp3", "x axis")]
+
+
+def test_a_turned_positioner_is_reported() -> None:
+    turn = Rotation.from_rotvec([0, 0, 3e-3]).as_matrix()
+    result = calibrate(make_survey(14, n=4, moves=16, skew={"ncp4": turn}))
+    test = result.axes[3]
+    assert test.turn is not None
+    assert test.turn_std is not None
+    assert abs(test.turn[2] - 3e-3) < 4 * test.turn_std[2]
+    assert any("ncp4: all axes" in w for w in result.warnings)
+
+
+def test_faultless_axes_are_not_reported() -> None:
+    reported = sum(
+        bool(test.faults) for seed in range(20) for test in calibrate(make_survey(seed)).axes
+    )
+    assert reported <= 1  # p = 0.01 per survey: two or more have a chance of 2 %
+
+
+def displaced(pointset: PointSet, name: tuple[str, str], by: FloatArray) -> PointSet:
+    xyz = pointset.xyz.copy()
+    xyz[list(zip(pointset.group, pointset.point, strict=True)).index(name)] += by
+    return replace(pointset, xyz=xyz)
+
+
+@pytest.mark.parametrize("which", ["targets", "moves"])
+def test_an_outlying_point_is_named_and_left_out(which: str) -> None:
+    survey = make_survey(15, layout=np.concatenate([TRIPOD, [[0, 0.2, 0.5], [0.5, 0, -0.3]]]))
+    name = ("ncp2", "P3" if which == "targets" else "M4")
+    bad = displaced(getattr(survey.session, which), name, np.array([0, 0, 1e-3]))
+    result = calibrate(survey.with_session(**{which: bad}))
+    assert [r.name for r in result.rejected] == ["/".join(name)]
+    assert any("/".join(name) in w for w in result.warnings)
+    d = error_vector(survey.X, result.rotations.rotation)
+    assert d @ np.linalg.solve(result.rotations.covariance, d) < chi2_bounds(9)[1]
+
+
+def test_one_bad_target_of_four_in_a_plane_is_refused() -> None:
+    """Out of the plane, four points have one redundancy: no one can say which of them is off."""
+    survey = make_survey(15, layout=SQUARE)
+    normal = survey.tracker @ survey.X[1] @ [0, 0, 1]
+    bad = displaced(survey.session.targets, ("ncp2", "P3"), 1e-3 * normal)
+    with pytest.raises(DataError, match="ncp2/P1, ncp2/P2, ncp2/P3, ncp2/P4 may be"):
+        calibrate(survey.with_session(targets=bad))
+
+
+def test_many_outlying_points_are_refused() -> None:
+    survey = make_survey(16)
+    moves = survey.session.moves
+    rng = np.random.default_rng(1)
+    xyz = moves.xyz.copy()
+    for k in rng.choice(len(xyz), 8, replace=False):
+        xyz[k] += rng.normal(size=3) * 5e-3
+    with pytest.raises(DataError, match="do not fit the others"):
+        calibrate(survey.with_session(moves=replace(moves, xyz=xyz)))
+
+
+def relabelled(pointset: PointSet, group: str, order: list[int]) -> PointSet:
+    here = [k for k, g in enumerate(pointset.group) if g == group]
+    labels = list(pointset.point)
+    for k, source in zip(here, order, strict=True):
+        labels[k] = pointset.point[here[source]]
+    return replace(pointset, point=tuple(labels))
+
+
+def test_swapped_target_names_are_found() -> None:
+    survey = make_survey(17)
+    targets = relabelled(survey.session.targets, "ncp3", [1, 0, 2, 3])
+    with pytest.raises(DataError, match=r"ncp3/P2 is ncp3/P1, ncp3/P1 is ncp3/P2"):
+        calibrate(survey.with_session(targets=targets))
+
+
+def test_swapped_move_names_are_found() -> None:
+    survey = make_survey(18)
+    moves = relabelled(survey.session.moves, "ncp1", [0, 1, 5, 3, 4, 2, 6, 7, 8, 9])
+    with pytest.raises(DataError, match=r"ncp1/M6 is ncp1/M3, ncp1/M3 is ncp1/M6"):
+        calibrate(survey.with_session(moves=moves))
+
+
+def test_swapped_supports_are_found() -> None:
+    survey = make_survey(19)
+    other = {"ncp1": "ncp2", "ncp2": "ncp1", "ncp3": "ncp3"}
+    moves, targets = survey.session.moves, survey.session.targets
+    swapped = replace(moves, group=tuple(other[g] for g in moves.group))
+    with pytest.raises(DataError, match="those of ncp2 do"):
+        calibrate(survey.with_session(moves=swapped))
+    swapped = replace(targets, group=tuple(other[g] for g in targets.group))
+    result = calibrate(survey.with_session(targets=swapped))
+    assert any("targets of ncp1 lie nearest to the moves of ncp2" in w for w in result.warnings)
+
+
+def test_symmetric_and_flat_targets_are_marked() -> None:
+    result = calibrate(make_survey(20, layout=SQUARE))
+    assert result.coplanar_targets == ("ncp1", "ncp2", "ncp3")
+    assert any("symmetric" in w for w in result.warnings)
+    assert calibrate(make_survey(20)).warnings == ()
+
+
+@pytest.mark.parametrize("which", ["nominal", "moves"])
+def test_left_handed_frames_are_refused(which: str) -> None:
+    survey = make_survey(21)
+    mirrored = getattr(survey.session, which)
+    mirrored = replace(mirrored, xyz=mirrored.xyz * [1, -1, 1])
+    with pytest.raises(DataError, match="mirror image"):
+        calibrate(survey.with_session(**{which: mirrored}))
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(1000.0, "mm read as m"), (25.4, "inches read as mm")]
+)
+def test_wrong_units_are_named(factor: float, said: str) -> None:
+    survey = make_survey(22)
+    servo = survey.session.servo
+    with pytest.raises(DataError, match=said):
+        calibrate(survey.with_session(servo=replace(servo, xyz=servo.xyz / factor)))
+
+
+def test_missing_targets_are_listed() -> None:
+    survey = make_survey(23)
+    targets = survey.session.targets
+    kept = [k for k in range(12) if k not in (4, 5)]
+    fewer = points(
+        [targets.group[k] for k in kept], [targets.point[k] for k in kept], targets.xyz[kept]
+    )
+    with pytest.raises(DataError, match="ncp2/P1, ncp2/P2") as caught:
+        calibrate(survey.with_session(targets=fewer))
+    assert caught.value.exit_status == 3
+    kept = [k for k in range(12) if k != 4]
+    fewer = points(
+        [targets.group[k] for k in kept], [targets.point[k] for k in kept], targets.xyz[kept]
+    )
+    assert any("ncp2/P1" in w for w in calibrate(survey.with_session(targets=fewer)).warnings)
+
+
+def test_targets_on_a_line_are_not_identifiable() -> None:
+    line = np.array([[-0.5, 0, 0], [0, 0, 1e-7], [0.5, 0, 0], [0.2, 0, 0]])
+    with pytest.raises(NotIdentifiableError, match="targets of ncp1"):
+        calibrate(make_survey(24, layout=line))
+
+
+def test_moves_along_one_axis_are_not_identifiable() -> None:
+    survey = make_survey(25, travel=0.0)
+    with pytest.raises(NotIdentifiableError, match="moved points"):
+        calibrate(survey)
+
+
+def test_an_instrument_without_uncertainty_is_refused() -> None:
+    survey = make_survey(26, positioner=0.0)
+    with pytest.raises(DataError, match="zero"):
+        calibrate(survey.with_session(instrument=Instrument(0.0, 0.0, 0.0)))
+
+
+def test_uncertainties_in_the_files_add() -> None:
+    survey = make_survey(27)
+    targets = survey.session.targets
+    stated = replace(targets, std=np.full((12, 3), 1e-4))
+    result, plain = calibrate(survey.with_session(targets=stated)), calibrate(survey)
+    assert np.all(result.budget["measured points' file"] > 0)
+    assert np.all(result.rpy_std > plain.rpy_std)

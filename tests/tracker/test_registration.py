@@ -1,0 +1,243 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from tdfscal.errors import NotIdentifiableError
+from tdfscal.numerics.alignment import align
+from tdfscal.numerics.registration import MirroredError, extend, register
+from tdfscal.records import FloatArray
+
+from .world import chi2_bounds, error_vector, rotation
+
+C = np.diag([1e-5, 2e-5, 5e-5]) ** 2
+D = np.diag([1e-5, 3e-5, 1e-5]) ** 2
+
+
+def stacked(cov: FloatArray, count: int) -> FloatArray:
+    return np.tile(cov, (count, 1, 1))
+
+
+def cloud(rng: np.random.Generator, count: int = 6) -> FloatArray:
+    return np.asarray(rng.uniform(-0.1, 0.1, size=(count, 3)))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 1.0, np.pi - 1e-9, np.pi])
+@pytest.mark.parametrize("known", [True, False])
+def test_without_noise_the_transform_is_returned(angle: float, known: bool) -> None:
+    rng = np.random.default_rng(1)
+    x, t = cloud(rng), np.array([5.0, -0.3, 1.2])
+    axis = np.array([0.6, 0.0, -0.8])
+    R = Rotation.from_rotvec(angle * axis).as_matrix()
+    y = x @ R.T + t
+    fit = register(y, x, stacked(C, 6), stacked(D, 6)) if known else register(y, x)
+    assert np.abs(fit.rotation - R).max() < 1e-12
+    assert np.abs(fit.translation[0] - t).max() < 1e-12
+    assert np.linalg.det(fit.rotation) == pytest.approx(1, abs=1e-14)
+    assert fit.handed
+
+
+def test_one_rotation_with_a_translation_per_group() -> None:
+    rng = np.random.default_rng(2)
+    x, R, t = cloud(rng, 9), rotation(rng), rng.normal(size=(3, 3))
+    group = np.repeat(np.arange(3), 3)
+    fit = register(x @ R.T + t[group], x, stacked(C, 9), None, group)
+    assert np.abs(fit.rotation - R).max() < 1e-12
+    assert np.abs(fit.translation - t).max() < 1e-12
+    assert fit.dof == 27 - 3 - 9
+
+
+def draws(seeds: int, stated_C: FloatArray) -> tuple[FloatArray, list[FloatArray], float, int]:
+    """Mahalanobis² per seed, whitened parameters, sum of χ² and of its degrees of freedom."""
+    squares, whitened, chi2, dof = [], [], 0.0, 0
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        x, R, t = cloud(rng), rotation(rng), np.array([5.0, 1.0, -1.0])
+        y = x @ R.T + t + rng.multivariate_normal(np.zeros(3), C, size=6)
+        x = x + rng.multivariate_normal(np.zeros(3), D, size=6)
+        fit = register(y, x, stacked(stated_C, 6), stacked(D, 6))
+        d = np.concatenate([error_vector(R, fit.rotation), t - fit.translation[0]])
+        whitened.append(d / np.sqrt(np.diag(fit.covariance)))
+        squares.append(d @ np.linalg.solve(fit.covariance, d))
+        chi2, dof = chi2 + fit.chi2, dof + fit.dof
+    return np.array(squares), whitened, chi2, dof
+
+
+def test_stated_covariance_is_the_scatter() -> None:
+    squares, whitened, chi2, dof = draws(300, C)
+    low, high = chi2_bounds(6 * 300)
+    assert low < squares.sum() < high
+    low, high = chi2_bounds(300)
+    for component in np.array(whitened).T:
+        assert low < component @ component < high
+    low, high = chi2_bounds(dof)
+    assert low < chi2 < high
+
+
+def test_a_wrong_covariance_is_noticed() -> None:
+    squares, _, chi2, dof = draws(100, C * 0.5**2)
+    assert squares.sum() > chi2_bounds(600)[1]
+    assert chi2 > chi2_bounds(dof)[1]
+
+
+def test_minimum_is_that_of_a_general_optimiser() -> None:
+    """With an anisotropic reference covariance, S itself turns with R."""
+    rng = np.random.default_rng(4)
+    x, R = cloud(rng), rotation(rng)
+    big_D = np.diag([2e-3, 1e-5, 1e-5]) ** 2
+    y = x @ R.T + rng.normal(size=x.shape) * 1e-4
+    x = x + rng.multivariate_normal(np.zeros(3), big_D, size=6)
+    noise = stacked(np.eye(3) * 1e-8, 6)
+    fit = register(y, x, noise, stacked(big_D, 6))
+
+    def cost(p: FloatArray) -> float:
+        turned = Rotation.from_rotvec(p[:3] * 1e-3).as_matrix() @ fit.rotation
+        e = y - x @ turned.T - fit.translation[0] - p[3:] * 1e-3
+        S = np.eye(3) * 1e-8 + turned @ big_D @ turned.T
+        return float(np.einsum("ni,ij,nj->", e, np.linalg.inv(S), e))
+
+    best = minimize(cost, np.zeros(6), method="BFGS", options={"gtol": 1e-6})
+    std = np.sqrt(np.diag(fit.covariance))
+    assert np.all(np.abs(best.x) * 1e-3 < 1e-4 * std)
+    assert cost(np.zeros(6)) == pytest.approx(fit.chi2, rel=1e-9)
+
+
+def test_many_sets_at_once_are_the_single_ones() -> None:
+    rng = np.random.default_rng(5)
+    x, R = cloud(rng), rotation(rng)
+    y = x @ R.T + rng.normal(size=(7, 6, 3)) * 1e-5
+    many = align(y, np.broadcast_to(x, y.shape), stacked(C, 6), stacked(D, 6))
+    for k in range(7):
+        one = register(y[k], x, stacked(C, 6), stacked(D, 6))
+        assert np.abs(one.rotation - many.rotation[k]).max() < 1e-11
+
+
+def test_weights_beat_plain_svd() -> None:
+    rng, ours, plain = np.random.default_rng(6), [], []
+    for _ in range(200):
+        x, R = cloud(rng), rotation(rng)
+        y = x @ R.T + rng.multivariate_normal(np.zeros(3), C, size=6)
+        ours.append(error_vector(R, register(y, x, stacked(C, 6)).rotation))
+        turn, _ = Rotation.align_vectors(y - y.mean(axis=0), x - x.mean(axis=0))
+        plain.append(error_vector(R, turn.as_matrix()))
+    assert np.mean(np.square(ours)) < 0.8 * np.mean(np.square(plain))
+
+
+def test_mirrored_points_are_refused() -> None:
+    rng = np.random.default_rng(7)
+    x = cloud(rng)
+    y = (x * [1, 1, -1]) @ rotation(rng).T + rng.normal(size=x.shape) * 1e-5
+    for covariances in ((stacked(C, 6), None), (None, None)):
+        with pytest.raises(MirroredError, match="mirror image"):
+            register(y, x, *covariances)
+
+
+def test_one_bad_point_is_not_taken_for_a_mirror() -> None:
+    rng = np.random.default_rng(8)
+    x = cloud(rng)
+    y = x @ rotation(rng).T
+    y[2] += [0, 0, 0.01]
+    fit = register(y, x, stacked(C, 6))
+    assert fit.outlier_p.argmin() == 2
+
+
+def test_coplanar_points_are_marked() -> None:
+    rng = np.random.default_rng(9)
+    x = cloud(rng) * [1, 1, 0]
+    y = x @ rotation(rng).T + rng.normal(size=x.shape) * 1e-5
+    fit = register(y, x, stacked(np.eye(3) * 1e-10, 6))
+    assert not fit.handed
+    assert np.linalg.det(fit.rotation) == pytest.approx(1, abs=1e-14)
+
+
+@pytest.mark.parametrize("width", [0.0, 1e-7, 1e-6])
+def test_points_on_a_line_are_refused(width: float) -> None:
+    rng = np.random.default_rng(10)
+    x = np.linspace(0, 1, 5)[:, None] * [0.6, 0.8, 0] + width * rng.normal(size=(5, 3))
+    y = x @ rotation(rng).T + rng.normal(size=x.shape) * 1e-5
+    for covariances in ((stacked(np.eye(3) * 1e-10, 5), None), (None, None)):
+        with pytest.raises(NotIdentifiableError, match="one line"):
+            register(y, x, *covariances)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_noise_of_the_reference_does_not_make_a_line_a_plane(known: bool) -> None:
+    """Two hundred noisy points have width enough to feign a rotation of ±0.1 rad about the line."""
+    rng, noise = np.random.default_rng(11), 1e-5
+    line = np.linspace(0, 1, 200)[:, None] * [1, 0, 0]
+    x, y = (line + noise * rng.normal(size=line.shape) for _ in range(2))
+    cov = stacked(np.eye(3) * noise**2, 200)
+    with pytest.raises(NotIdentifiableError, match="one line"):
+        register(y, x, *((cov, cov) if known else ()))
+
+
+def test_points_just_off_a_line_are_right_where_they_are_exact() -> None:
+    """Width 1e-7 m without noise: the answer is known to rounding, and the stated σ says so."""
+    rng = np.random.default_rng(12)
+    x = np.linspace(0, 1, 5)[:, None] * [1, 0, 0] + 1e-7 * rng.normal(size=(5, 3))
+    R = rotation(rng)
+    fit = register(x @ R.T, x)
+    d = error_vector(R, fit.rotation)
+    std = np.sqrt(np.linalg.eigvalsh(fit.rotation_covariance)[-1])
+    assert np.linalg.norm(d) < 5 * std < 1e-6
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_too_few_points_are_refused(count: int) -> None:
+    with pytest.raises(NotIdentifiableError, match="do not determine"):
+        register(np.zeros((count, 3)), np.zeros((count, 3)))
+
+
+def test_coincident_points_are_refused() -> None:
+    x = np.tile([0.1, 0.2, 0.3], (5, 1))
+    with pytest.raises(NotIdentifiableError):
+        register(x, x, stacked(C, 5))
+
+
+def test_residuals_follow_their_own_covariance() -> None:
+    total, single = 0.0, np.zeros(3)
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        x, R = cloud(rng, 4), rotation(rng)
+        y = x @ R.T + rng.multivariate_normal(np.zeros(3), C, size=4)
+        fit = register(y, x, stacked(C, 4))
+        total += fit.statistic[1]
+        single += fit.normalised[1] ** 2
+    low, high = chi2_bounds(600)
+    assert low < total < high
+    low, high = chi2_bounds(200)
+    assert np.all((low < single) & (single < high))
+
+
+def test_unknown_noise_is_estimated() -> None:
+    total, dof = 0.0, 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        x = cloud(rng)
+        fit = register(x @ rotation(rng).T + 3e-5 * rng.normal(size=x.shape), x)
+        assert fit.sigma is not None
+        assert fit.p_value is None
+        total, dof = total + fit.dof * (fit.sigma / 3e-5) ** 2, dof + fit.dof
+    low, high = chi2_bounds(dof)
+    assert low < total < high
+
+
+def test_scale_is_found_by_extension() -> None:
+    rng = np.random.default_rng(13)
+    x, R = cloud(rng, 8), rotation(rng)
+    centred = x - x.mean(axis=0)
+    fit = register(1.0001 * x @ R.T, x, stacked(C, 8))
+    found = extend(fit, (centred @ fit.rotation.T)[:, :, None])
+    assert found is not None
+    assert found.value[0] == pytest.approx(1e-4, rel=1e-6)
+    assert found.chi2_drop == pytest.approx(fit.chi2, rel=1e-6)
+
+
+def test_extension_that_the_points_do_not_show_is_none() -> None:
+    x = np.random.default_rng(14).uniform(size=(5, 3)) * [1, 1, 0]
+    fit = register(x, x, stacked(C, 5))
+    columns = np.zeros((5, 3, 1))
+    columns[:, 2, 0] = x[:, 2]
+    assert extend(fit, columns) is None
