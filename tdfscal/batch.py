@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.statics import SYMMETRIC, Balance, State, gravity, layout, unmixing
+from tdfscal.statics import SYMMETRIC, Balance, State, gravity, layout, unmixing, vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +37,9 @@ class Trials:
     @classmethod
     def at(cls, state: State, trials: int) -> Trials:
         """T copies of one state."""
-        n = state.n
-        parts = [np.zeros(3 * n), state.zero, state.sensitivity, state.mass, state.barycentre]
-        flat = np.concatenate([np.ravel(p) for p in [*parts, state.hinge, state.datum, state.tilt]])
         return cls(
             np.repeat(state.rotation[..., None], trials, axis=-1),
-            np.repeat(flat[:, None], trials, axis=-1),
+            np.repeat(vector(state)[:, None], trials, axis=-1),
         )
 
     def moved(self, step: FloatArray) -> Trials:

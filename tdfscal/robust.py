@@ -13,14 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.selfcal import Fit, best_start, fit
+from tdfscal.records import BoolArray, Rig
+from tdfscal.selfcal import ROWS, Fit, best_start, fit, spread
 from tdfscal.statics import Postures, State
 
 #: Probability that a sound campaign loses a posture.
 FALSE_ALARM = 1e-3
-#: Residuals per posture.
-ROWS = 6
 _HEAVY_TAIL = 3.0
 _ROUNDS = 12
 
@@ -47,11 +45,6 @@ class Rejection:
         )
 
 
-def scale(distance: FloatArray) -> float:
-    """Variance of the residuals by their median, never below 1: d² (K,) is χ²₆ at scale 1."""
-    return max(1.0, float(np.median(distance) / chi2_quantile(0.5, ROWS)))
-
-
 def sound(result: Fit, used: BoolArray) -> BoolArray:
     """Which postures (K,) pass: χ² of the residual against its covariance given the others.
 
@@ -69,9 +62,9 @@ def sound(result: Fit, used: BoolArray) -> BoolArray:
     tame = np.linalg.eigvalsh(inside)[:, 0] > 1e-6  # else the posture determines its own fit
     inside = np.where((used & tame)[:, None, None], inside, eye + leverage)
     d2 = np.einsum("ka,ka->k", e, np.linalg.solve(inside, e[..., None])[..., 0])
-    spread = scale(d2[used]) if used.any() else 1.0
+    scale = spread(d2[used]) if used.any() else 1.0
     limit = chi2_quantile(1 - FALSE_ALARM / len(d2), ROWS)
-    return np.asarray(d2 <= limit * spread)
+    return np.asarray(d2 <= limit * scale)
 
 
 def fit_robust(rig: Rig, postures: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
@@ -83,7 +76,7 @@ def fit_robust(rig: Rig, postures: Postures) -> tuple[Fit, tuple[Rejection, ...]
         The iteration does not settle.
     """
     K = len(postures)
-    result = fit(rig, postures, best_start(rig, postures, np.ones(K)))
+    result = fit(rig, postures, best_start(rig, postures).state)
     if not sound(result, np.ones(K, dtype=bool)).all():
         result = _reweighted(rig, postures, result.state)
         used = sound(result, np.ones(K, dtype=bool))
@@ -100,14 +93,14 @@ def _reweighted(rig: Rig, postures: Postures, start: State) -> Fit:
     """Few rounds of iteratively re-weighted least squares with Student's weights."""
     result = fit(rig, postures, start)
     for _ in range(_ROUNDS):
-        d2 = result.distance / scale(result.distance)
+        d2 = result.distance / spread(result.distance)
         result = fit(rig, postures, result.state, (_HEAVY_TAIL + ROWS) / (_HEAVY_TAIL + d2))
     return result
 
 
 def rejections(result: Fit) -> tuple[Rejection, ...]:
     """Name the postures of weight 0 with their residual wrench (moment about the barycentre)."""
-    spread = scale(result.distance[result.weight > 0])
+    scale = spread(result.distance[result.weight > 0])
     found = []
     for k in np.flatnonzero(result.weight == 0):
         e = result.residual[k]
@@ -116,7 +109,7 @@ def rejections(result: Fit) -> tuple[Rejection, ...]:
                 index=int(k),
                 force=float(np.linalg.norm(e[:3])),
                 moment=float(np.linalg.norm(e[3:])),
-                ratio=float(np.sqrt(result.distance[k] / (ROWS * spread))),
+                ratio=float(np.sqrt(result.distance[k] / (ROWS * scale))),
             )
         )
     return tuple(found)

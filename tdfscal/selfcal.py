@@ -8,12 +8,13 @@ its column, ∞ drops its prior row (theory, section 3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.errors import NotConvergedError
 from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Solution, gauss_newton
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.starts import linear_start
@@ -29,11 +30,22 @@ from tdfscal.statics import (
     nominal,
     prior_std,
     retract,
+    vector,
 )
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
 _SETTLED = 1e-7
 _PASSES = 40
+#: Residuals per posture.
+ROWS = 6
+#: Scale of the median residual up to which a start is good, and above which it is lost.
+_EXPLAINED, _LOST = 2.0, 25.0
+#: Quarter turns about the BCS's axes that bring z up or down: the ways to mount a sensor.
+_MOUNTINGS = tuple(
+    so3.from_rpy(np.array([flip, 0.0, quarter]))
+    for flip in (0.0, np.pi)
+    for quarter in np.pi / 2 * np.arange(4)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,25 +88,36 @@ class Fit:
         return float(self.weight @ self.distance + self.prior_residual @ self.prior_residual)
 
 
-def prior_rows(rig: Rig, state: State, active: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Whitened rows (m,), (m, p) of all priors with 0 < std < ∞, by the active parameters."""
-    std, n = prior_std(rig), rig.n
-    offset = deviation(state, nominal(rig))
-    held = np.flatnonzero(np.isfinite(std) & (std > 0))
-    rows = np.zeros((len(held), len(std)))
-    rows[np.arange(len(held)), held] = 1 / std[held]
-    residual = offset[held] / std[held]
-    angled = np.flatnonzero(np.isfinite(rig.rpy_std).ravel())
-    if len(angled):  # a prior on roll, pitch, yaw about the nominal mounting
-        turn = so3.to_rpy(state.rotation) - rig.nominal_rpy
-        turn = (turn + np.pi) % (2 * np.pi) - np.pi
-        jac = np.zeros((3 * n, len(std)))
+class Priors:
+    """Whitened rows of all priors with 0 < std < ∞, by the active parameters."""
+
+    def __init__(self, rig: Rig) -> None:
+        std = prior_std(rig)
+        self.active = std > 0
+        self.mean = vector(nominal(rig))
+        self.held = np.flatnonzero(np.isfinite(std) & self.active)
+        self.std = std[self.held]
+        self.rows = np.zeros((len(self.held), len(std)))
+        self.rows[np.arange(len(self.held)), self.held] = 1 / self.std
+        self.rows = self.rows[:, self.active]
+        self.rpy, self.rpy_std = rig.nominal_rpy, rig.rpy_std
+        self.angled = np.flatnonzero(np.isfinite(rig.rpy_std).ravel())
+
+    def __call__(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """Residual (m,) and Jacobian (m, p)."""
+        residual = (vector(state) - self.mean)[self.held] / self.std
+        if not len(self.angled):
+            return residual, self.rows
+        # A prior on roll, pitch, yaw about the nominal mounting.
+        turn = (so3.to_rpy(state.rotation) - self.rpy + np.pi) % (2 * np.pi) - np.pi
+        jac = np.zeros((3 * state.n, self.rows.shape[1]))
         for i, block in enumerate(so3.rpy_jacobian(state.rotation)):
             jac[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
-        scale = rig.rpy_std.ravel()[angled]
-        residual = np.concatenate([residual, turn.ravel()[angled] / scale])
-        rows = np.concatenate([rows, jac[angled] / scale[:, None]])
-    return residual, rows[:, active]
+        scale = self.rpy_std.ravel()[self.angled]
+        return (
+            np.concatenate([residual, turn.ravel()[self.angled] / scale]),
+            np.concatenate([self.rows, jac[self.angled] / scale[:, None]]),
+        )
 
 
 def statistic(at: Balance, weight: FloatArray) -> FloatArray:
@@ -109,13 +132,13 @@ def statistic(at: Balance, weight: FloatArray) -> FloatArray:
 
 
 def solve_statistic(
-    rig: Rig, at: Balance, compressed: FloatArray, start: State, active: BoolArray
+    rig: Rig, at: Balance, compressed: FloatArray, start: State, priors: Priors
 ) -> Solution[State]:
     """Gauss–Newton on the compressed postures and the priors."""
-    size = layout(rig.n)["tilt"].stop
+    size, active = layout(rig.n)["tilt"].stop, priors.active
 
     def model(state: State) -> tuple[FloatArray, FloatArray]:
-        prior_r, prior_j = prior_rows(rig, state, active)
+        prior_r, prior_j = priors(state)
         r = compressed @ features(state, at, rig.gravity)
         j = compressed @ features_jacobian(state, at, rig.gravity)[:, active]
         return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
@@ -138,15 +161,15 @@ def at_state(
     iterations: int = 0,
 ) -> Fit:
     """Gather residuals and Jacobians at a state, whoever found it."""
-    active = prior_std(rig) > 0
+    priors = Priors(rig)
     at = balance(postures, state, rig.barycentre.value, rig.gravity)
-    prior_r, prior_j = prior_rows(rig, state, active)
-    jacobian = at.design @ features_jacobian(state, at, rig.gravity)[:, active]
+    prior_r, prior_j = priors(state)
+    jacobian = at.design @ features_jacobian(state, at, rig.gravity)[:, priors.active]
     return Fit(
         rig=rig,
         postures=postures,
         state=state,
-        active=active,
+        active=priors.active,
         at=at,
         weight=weight,
         residual=at.design @ features(state, at, rig.gravity),
@@ -166,14 +189,14 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     NotConvergedError
         The iteration does not settle.
     """
-    active = prior_std(rig) > 0
+    priors = Priors(rig)
     weight = np.ones(len(postures)) if weight is None else weight
     state, iterations = start, 0
     for passes in range(1, _PASSES + 1):
         at = balance(postures, state, rig.barycentre.value, rig.gravity)
-        solution = solve_statistic(rig, at, statistic(at, weight), state, active)
+        solution = solve_statistic(rig, at, statistic(at, weight), state, priors)
         iterations += solution.iterations
-        step = deviation(solution.state, state)[active]
+        step = deviation(solution.state, state)[priors.active]
         state = solution.state
         if not solution.converged:
             break
@@ -185,17 +208,35 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     )
 
 
-def starting_points(rig: Rig, postures: Postures) -> list[State]:
-    """Nominal mounting and the linear solution: the two starts of theory, section 3."""
-    return [nominal(rig), linear_start(rig, postures)]
+def spread(distance: FloatArray) -> float:
+    """Variance of the residuals by their median, never below 1: d² (K,) is χ²₆ at 1."""
+    return max(1.0, float(np.median(distance) / chi2_quantile(0.5, ROWS)))
 
 
-def best_start(rig: Rig, postures: Postures, weight: FloatArray) -> State:
-    """Return the start from which one pass reaches the lowest cost."""
-    active = prior_std(rig) > 0
-    found: list[tuple[float, State]] = []
-    for start in starting_points(rig, postures):
+def best_start(rig: Rig, postures: Postures) -> Fit:
+    """Fit from the first start that explains the postures, or from the best of all.
+
+    The nominal mounting; the linear solution; then, where neither explains the median posture,
+    each sensor turned by quarter turns and upside down, one after the other.
+    """
+    everyone, priors = np.ones(len(postures)), Priors(rig)
+
+    def tried(start: State) -> tuple[float, Fit]:
         at = balance(postures, start, rig.barycentre.value, rig.gravity)
-        solution = solve_statistic(rig, at, statistic(at, weight), start, active)
-        found.append((solution.cost, solution.state))
-    return min(found, key=lambda pair: pair[0])[1]
+        solution = solve_statistic(rig, at, statistic(at, everyone), start, priors)
+        found = at_state(rig, postures, solution.state, everyone)
+        return spread(found.distance), found
+
+    best = tried(nominal(rig))
+    if best[0] > _EXPLAINED:
+        best = min(best, tried(linear_start(rig, postures)), key=lambda pair: pair[0])
+    for i in range(rig.n):
+        if best[0] <= _LOST:
+            break
+        for turn in _MOUNTINGS:
+            rotation = nominal(rig).rotation.copy()
+            rotation[:i] = best[1].state.rotation[:i]
+            rotation[i] = turn @ rotation[i]
+            start = replace(best[1].state, rotation=rotation)
+            best = min(best, tried(start), key=lambda pair: pair[0])
+    return best[1]

@@ -15,8 +15,8 @@ from tdfscal.linearcal import evaluate_linear, fit_linear
 from tdfscal.montecarlo import MonteCarlo, propagate
 from tdfscal.observability import Observability
 from tdfscal.records import Dwells, InputFile, Rig
-from tdfscal.robust import Rejection, fit_robust, scale
-from tdfscal.selfcal import Fit, best_start, fit
+from tdfscal.robust import Rejection, fit_robust
+from tdfscal.selfcal import Fit, best_start, spread
 from tdfscal.statics import Postures, postures
 from tdfscal.uncertainty import Quality, Uncertainty, evaluate, information_root, quality
 
@@ -96,20 +96,20 @@ def self_calibrate(
         result, found = _fit(rig, observed)
         parts = information_root(result)
         stats = quality(result, parts)
-        spread = evaluate(result, parts, stats.birge, noise_from_residuals=measured_noise)
+        uncertainty = evaluate(result, parts, stats.birge, noise_from_residuals=measured_noise)
     else:
         result = fit_linear(rig, observed)
         parts = information_root(result)
         stats = quality(result, parts)
-        spread = evaluate_linear(result, rng, max_trials or LINEAR_TRIALS)
+        uncertainty = evaluate_linear(result, rng, max_trials or LINEAR_TRIALS)
     seen = observability.verdict(
-        rig, result.state, observed, spread.covariance, spread.rpy_covariance
+        rig, result.state, observed, uncertainty.covariance, uncertainty.rpy_covariance
     )
     if not seen.identified:
         raise NotIdentifiableError(_unseen(seen), hint=seen.weak[0].advice)
     trials = None
     if estimator == "ml" and max_trials != 0:
-        trials = propagate(result, parts, spread, stats.birge, rng, max_trials or MAX_TRIALS)
+        trials = propagate(result, parts, uncertainty, stats.birge, rng, max_trials or MAX_TRIALS)
     rejected = dict(screened.reasons) | {int(index[r.index]): r.reason for r in found}
     return SelfCalibration(
         rig=rig,
@@ -117,14 +117,14 @@ def self_calibrate(
         dwells=dwells,
         fit=result,
         quality=stats,
-        uncertainty=spread,
+        uncertainty=uncertainty,
         observability=seen,
         validation=cross_validate(result, parts),
         monte_carlo=trials,
         rejected=rejected,
         reasons=judge(
             rig,
-            spread.rpy_std,
+            uncertainty.rpy_std,
             stats.birge,
             used=len(dwells) - len(rejected),
             rejected=len(rejected),
@@ -141,24 +141,19 @@ def _fit(rig: Rig, observed: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
     except NotConvergedError:
         _check_exchanged(rig, observed, np.inf)
         raise
-    spread = np.sqrt(scale(result.distance))
-    if spread > _POOR:
-        _check_exchanged(rig, observed, float(spread))
+    off = float(np.sqrt(spread(result.distance)))
+    if off > _POOR:
+        _check_exchanged(rig, observed, off)
     return result, found
 
 
-def _check_exchanged(rig: Rig, observed: Postures, spread: float) -> None:
+def _check_exchanged(rig: Rig, observed: Postures, off: float) -> None:
     """Raise DataError where another assignment of the sensors fits far better."""
     for order in sanity.orders(rig.n):
         other = replace(
             observed, force=observed.force[:, order], force_cov=observed.force_cov[:, order]
         )
-        everyone = np.ones(len(other))
-        try:
-            distance = fit(rig, other, best_start(rig, other, everyone)).distance
-        except NotConvergedError:
-            continue
-        if np.sqrt(scale(distance)) < spread / _POOR:
+        if np.sqrt(spread(best_start(rig, other).distance)) < off / _POOR:
             raise DataError(
                 f"the forces fit with {sanity.renamed(rig, order)}, and not as they are named",
                 where="log forces",

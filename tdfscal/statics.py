@@ -92,12 +92,18 @@ def retract(state: State, step: FloatArray) -> State:
     return State(**moved)
 
 
+def vector(state: State) -> FloatArray:
+    """Parameters (P,) of a state without batch axes; the rotations' entries are 0."""
+    parts = [np.zeros(3 * state.n), state.zero, state.sensitivity, state.mass, state.barycentre]
+    return np.concatenate([np.ravel(p) for p in [*parts, state.hinge, state.datum, state.tilt]])
+
+
 def deviation(state: State, reference: State) -> FloatArray:
     """State minus reference as a parameter vector (P,); rotations as log(X X_refᵀ), BCS."""
-    parts = [so3.log(state.rotation @ np.swapaxes(reference.rotation, -1, -2)).ravel()]
-    names = [field.name for field in fields(State) if field.name != "rotation"]
-    parts += [np.ravel(getattr(state, name) - getattr(reference, name)) for name in names]
-    return np.concatenate(parts)
+    step = vector(state) - vector(reference)
+    turn = so3.log(state.rotation @ np.swapaxes(reference.rotation, -1, -2))
+    step[: 3 * state.n] = turn.ravel()
+    return step
 
 
 def nominal(rig: Rig) -> State:
@@ -149,7 +155,7 @@ def gravity(state: State, g: float) -> FloatArray:
 
 def unmixing(voigt: FloatArray) -> FloatArray:
     """(I + S)⁻¹ (..., 3, 3) of S (..., 6)."""
-    return np.asarray(np.linalg.inv(np.eye(3) + symmetric(voigt)), dtype=np.float64)
+    return np.asarray(np.linalg.inv(np.eye(3) + symmetric(voigt)), dtype=voigt.dtype)
 
 
 def sensing(state: State) -> FloatArray:

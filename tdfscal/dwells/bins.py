@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.errors import DataError
-from tdfscal.records import BoolArray, FloatArray, IntArray, Log, Series
+from tdfscal.records import FloatArray, IntArray, Log, Series
 
 Float32Array = npt.NDArray[np.float32]
 

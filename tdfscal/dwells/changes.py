@@ -21,6 +21,7 @@ _SCALES = 6  # windows of 1 … 32 bins; what is slower is settling or drift, te
 _FALSE_ALARMS = 1e-3  # expected per log
 _ROUNDS = 4
 _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
+_SMOOTH = 2.0 * np.sqrt(2.0 ** (_SCALES - 1))
 _SEED_QUANTILE = 0.02  # at least this share of a log is rest
 _SEED_WINDOW = 0.2  # s
 
@@ -172,8 +173,8 @@ def runs(flag: BoolArray) -> tuple[IntArray, IntArray]:
 def quiet_seed(found: Signals, base: BoolArray, width: float) -> BoolArray:
     """Bins that may be in motion (or are in base), for a first estimate of the noise on the rest.
 
-    The seed of rest are the windows with the smallest range; a constant range of zero (encoders without
-    noise, a servo that is off) counts as quiet, yet does not set the scale.
+    The seed of rest are the windows with the smallest range; a range of zero (encoders
+    without noise, a servo that is off) counts as quiet, yet does not set the scale.
     """
     size = max(5, round(_SEED_WINDOW / width))
     reach = np.zeros(found.value.shape[1])
@@ -194,10 +195,21 @@ def segment(
     marked = quiet_seed(found, base, width)
     for _ in range(_ROUNDS):
         noise = difference_noise(found, marked)
+        if _travels(noise):
+            return np.ones_like(base), noise
         previous, marked = marked, mark_changes(found, noise, base, override)
         if np.array_equal(previous, marked):
             break
     return marked, noise
+
+
+def _travels(noise: Noise) -> bool:
+    """Is even the quietest part of the log a smooth motion?
+
+    Differences of windows grow like W in a motion, like √W at most in noise.
+    """
+    short = np.maximum(noise.difference[0], noise.quantum)
+    return bool(np.any(noise.difference[-1] > _SMOOTH * short + 1e-300))
 
 
 def together(first: Noise, second: Noise) -> Noise:

@@ -12,7 +12,7 @@ from scipy.special import ndtri
 from tdfscal.dwells.bins import Bins, reduce_to_bins
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.postures import postures_as_dwells
-from tdfscal.dwells.search import Field, prepare, search
+from tdfscal.dwells.search import Field, prepare, search, within
 from tdfscal.dwells.statistics import Extent, Moments, dwell_moments
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
@@ -66,6 +66,7 @@ def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
     extents, left_out = search(field, rate, long_run, rough=True)
     for _ in range(2):
         if extents:
+            field = within(field, extents)
             moments = dwell_moments(bins, extents)
             rate = _common_drift(field, extents, moments)
             found = _long_run(bins, moments)

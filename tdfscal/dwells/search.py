@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.changes import (
     Noise,
     Signals,
+    difference_noise,
     runs,
     segment,
     signals,
@@ -17,7 +19,7 @@ from tdfscal.dwells.changes import (
     together,
 )
 from tdfscal.dwells.options import DwellOptions
-from tdfscal.dwells.settle import Settled, Stretch, one_decay, one_level, settled_part
+from tdfscal.dwells.settle import Settled, Stretch, one_decay, one_level, restless, settled_part
 from tdfscal.dwells.statistics import Extent
 from tdfscal.records import BoolArray, FloatArray, LeftOut
 
@@ -88,6 +90,15 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
         settle=None if settle is None else int(np.ceil(settle / bins.width)),
     )
+
+
+def within(field: Field, extents: list[Extent]) -> Field:
+    """The field with the noise of the dwells alone: settling no longer counts as noise."""
+    out = np.ones(len(field.bins), dtype=np.bool_)
+    for extent in extents:
+        out[extent.rows] = False
+    positions = difference_noise(field.positions, out)
+    return replace(field, noise=together(positions, difference_noise(field.forces, out)))
 
 
 def search(
@@ -165,24 +176,40 @@ def _within_rest(
     )
     first = clear[0] if field.settle is None else max(begin + field.settle, clear[0])
     settled: list[Settled] = []
-    for start, stop in _calm(field, begin, end):
-        start, stop = max(start, first), min(stop, clear[1])
+    unsettled: list[LeftOut] = []
+    origin = begin
+    for calm, stop in _calm(field, begin, end):
+        start, stop = max(calm, first), min(stop, clear[1])
         if stop - start < field.shortest:
             continue
         part: Settled | None = Settled(start, stop)
         if field.settle is None:
-            part = settled_part(stretch, start, stop, begin, field.shortest, rough=rough)
+            # What precedes is settling after the move; after an earlier level it is a burst.
+            part = settled_part(stretch, start, stop, origin, field.shortest, rough=rough)
         if part is not None and part.ratio <= _UNSETTLED:
             settled.append(part)
-    settled = [
-        part
-        for part, later in zip(settled, [*settled[1:], None], strict=True)
-        if later is None or not one_decay(stretch, part, later)
+        else:
+            unsettled.append(field.out(start, stop, "forces never settled between two changes"))
+        origin = _next(field, stop, end)
+    held = round(_TRANSIENT / field.bins.width)
+    settling = [
+        a.end - a.begin < held or one_decay(stretch, a, b) or restless(stretch, a)
+        for a, b in pairwise(settled)
     ]
+    settled = [p for p, out in zip(settled, [*settling, False], strict=False) if not out]
     if not settled:
         reason = f"forces never settled in {length:.2f} s at rest"
         return [], [field.out(begin, end, reason)]
-    return _joined(field, stretch, settled)
+    extents, jolts = _joined(field, stretch, settled)
+    return extents, unsettled + jolts
+
+
+def _next(field: Field, begin: int, end: int) -> int:
+    """First bin in [begin, end) after the change that follows."""
+    disturbed = field.disturbed[begin:end]
+    changed = int(np.argmax(disturbed)) if disturbed.any() else len(disturbed)
+    calm = ~disturbed[changed:]
+    return begin + changed + (int(np.argmax(calm)) if calm.any() else len(calm))
 
 
 def _calm(field: Field, begin: int, end: int) -> list[tuple[int, int]]:
@@ -225,6 +252,6 @@ def _joined(
         extents.append(Extent(begin, end, used))
         out += [
             field.out(a.end, b.begin, "jolt: a burst of force, excluded from the dwell around it")
-            for a, b in zip(group[:-1], group[1:], strict=True)
+            for a, b in pairwise(group)
         ]
     return extents, out

@@ -1,4 +1,4 @@
-"""Settling: how much to cut from the ends of a stretch that still rings, creeps or already moves."""
+"""Settling: how much to cut from the ends of a stretch that still rings or already moves."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from tdfscal.dwells.changes import Noise
-from tdfscal.records import FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray, IntArray
 
-_P_MISFIT = 1e-3  # false cut per test
+_P_MISFIT = 3e-3  # false cut per test
 _P_DECAY = 1e-4  # false decay per stretch
 _SLOWEST = 10.0  # s; a time constant beyond is called drift
 _BIAS = 0.5  # largest bias of the mean / its standard error where the stop is long enough
+_WANDER = 5.0  # standard deviations
 _STEP = 50  # a cut advances by at least this fraction of what is left
 _CONSTANTS = 24  # time constants tried
 
@@ -46,8 +47,8 @@ class Stretch:
 
     value : (A, B). total : (B + 1, A), prefix sums about `origin`. noise : of A axes.
     force : the axes that settle (the others are positions). long_run : (A,), standard deviation
-    of a bin as it counts in a long mean: Var(mean of T bins) = long_run² / T. width : s. tolerance : (A,), difference of
-    means that resolution and rounding explain.
+    of a bin as it counts in a long mean: Var(mean of T bins) = long_run² / T. width : s.
+    tolerance : (A,), difference of means that resolution and rounding explain.
     """
 
     value: FloatArray
@@ -76,18 +77,24 @@ class Stretch:
         length = np.asarray(end) - np.asarray(begin)
         return np.asarray((self.total[end] - self.total[begin]) / length[..., None])
 
-    def misfit(self, difference: FloatArray, variance: FloatArray, p: float) -> FloatArray:
+    def misfit(self, difference: FloatArray, variance: FloatArray, p: float) -> BoolArray:
         """Does a difference of means (..., A) contradict the noise, with false alarm p?
 
-        The sum of squares sees what all axes share, the largest one what a single axis has.
+        Positions and forces apart; the sum of squares sees what all axes share, the largest one
+        what a single axis has.
         """
         excess = np.maximum(np.abs(difference) - self.tolerance, 0.0)
         z2 = np.divide(excess**2, variance, out=np.zeros_like(excess), where=variance > 0)
         z2[(variance == 0) & (excess > 0)] = np.inf
-        axes = z2.shape[-1]
-        return np.asarray(
-            (z2.sum(axis=-1) > chdtri(axes, p)) | (z2.max(axis=-1) > chdtri(1, p / axes))
-        )
+        still = np.ones(z2.shape[-1], dtype=np.bool_)
+        still[self.force] = False
+        return np.logical_or(_too_large(z2[..., still], p), _too_large(z2[..., ~still], p))
+
+
+def _too_large(z2: FloatArray, p: float) -> BoolArray:
+    """Squares of standard normal axes (..., A) whose sum or largest one is improbable."""
+    axes = z2.shape[-1]
+    return np.asarray((z2.sum(axis=-1) > chdtri(axes, p)) | (z2.max(axis=-1) > chdtri(1, p / axes)))
 
 
 def settled_part(
@@ -115,6 +122,24 @@ def one_level(stretch: Stretch, a: Settled, b: Settled, p: float) -> bool:
     variance = stretch.noise.of_mean(a.end - a.begin) ** 2
     variance = variance + stretch.noise.of_mean(b.end - b.begin) ** 2
     return not bool(stretch.misfit(difference, variance, p))
+
+
+def restless(stretch: Stretch, part: Settled) -> bool:
+    """Does the level wander more than the noise: an oscillation below the threshold of a change?"""
+    for scale in range(len(stretch.noise.difference)):
+        width = 2**scale
+        start = np.arange(part.begin, part.end - 2 * width + 1, max(width // 2, 1))
+        if len(start) < 2:
+            break
+        difference = stretch.mean(start + width, start + 2 * width)
+        difference = difference - stretch.mean(start, start + width)
+        excess = np.maximum(np.abs(difference) - stretch.tolerance, 0.0)[:, stretch.force]
+        variance = 2.0 * stretch.noise.of_mean(width)[stretch.force] ** 2
+        z2 = np.divide(excess**2, variance, out=np.zeros_like(excess), where=variance > 0)
+        independent = max((part.end - part.begin) / (2.0 * width), 1.0) * z2.shape[1]
+        if z2.mean() > 1.0 + _WANDER * np.sqrt(2.0 / independent):
+            return True
+    return False
 
 
 def _misfit(stretch: Stretch, begin: int, end: int, *, tail: bool) -> int:

@@ -31,8 +31,8 @@ from tdfscal.dwells.changes import runs
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 _SHORTEST_RUN = 6  # bins; shorter pieces of a dwell carry no spectrum
-_BASE_ORDINATES = 30  # in the narrowest band
-_LEPSKI = 2.0  # standard deviations of disagreement that end the widening
+_BASE_ORDINATES = 40  # in the narrowest band
+_LEPSKI = 2.8  # standard deviations of disagreement that end the widening
 _LARGER = 4.0  # standard deviations of log-variance beyond which a dwell keeps its own scatter
 
 
@@ -55,7 +55,8 @@ class Moments:
     """Per dwell and stream: mean (K, S, 3), cov of the mean (K, S, 3, 3), count and effective
     (K, S); drift (K, S, 3), change over the dwell by the fitted line, with drift_std;
     bow (K, S, 3), the quadratic term in standard deviations; density (K, S, 3), variance of a
-    sample as it counts in a long mean."""
+    sample as it counts in a long mean.
+    """
 
     mean: FloatArray
     cov: FloatArray
@@ -100,7 +101,7 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
     own = [_own(bins, extent) for extent in extents]
     mean = _stacked([o.mean for o in own], shape)
     scatter = _stacked([o.scatter for o in own], shape)
-    count = _stacked([o.count for o in own], shape[:2]).astype(np.int64)
+    count = np.stack([o.count for o in own]) if own else np.zeros(shape[:2], np.int64)
     ratio = np.ones(shape)
     density = np.zeros((*shape, 3))
     pooled = np.zeros(shape)
@@ -114,7 +115,9 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
         root = np.sqrt(ratio[:, stream])
         density[:, stream] = common * root[:, :, None] * root[:, None, :]
     n = np.maximum(count, 1)
-    rounding = _rounding(scatter, bins.quantum)
+    # All dwells together: one dwell that sits amid a step shows no scatter, whatever the noise.
+    typical = scatter.mean(axis=0) if extents else np.zeros(shape[1:])
+    rounding = _rounding(typical, bins.quantum)
     variance = np.asarray(np.diagonal(density, axis1=2, axis2=3))
     total = variance.sum(axis=2)
     share = np.divide(pooled.sum(axis=2), total, out=np.ones(shape[:2]), where=total > 0)
@@ -188,8 +191,8 @@ def _spectra(used: BoolArray, root: FloatArray, value: FloatArray) -> tuple[_Spe
 
 
 def _rounding(scatter: FloatArray, quantum: FloatArray) -> FloatArray:
-    """(K, 3), variance of the mean that rounding to multiples of quantum (3,) adds."""
-    step = np.broadcast_to(quantum**2, scatter.shape)
+    """(S, 3), variance of the mean that rounding to multiples of quantum adds."""
+    step = quantum**2
     noise = np.maximum(scatter - step / 12.0, 0.0)
     relative = np.divide(noise, step, out=np.full(scatter.shape, np.inf), where=step > 0)
     return np.asarray(step / 12.0 * np.exp(-4.0 * np.pi**2 * relative))

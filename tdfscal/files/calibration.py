@@ -29,6 +29,7 @@ from tdfscal.files.calibrationmodel import (
     TrackerStatistics,
     ValidationResult,
 )
+from tdfscal.files.evidencemodel import MethodAngles, PostureTable
 from tdfscal.files.faults import checked, require_format
 from tdfscal.files.fields import Count, FreeText, Strict, Text, fault
 from tdfscal.files.rig import EmbeddedRig, LoadedRig, embedded_rig
@@ -72,6 +73,8 @@ class Calibration(Strict):
     monte_carlo: MonteCarloResult | None = None
     validation: ValidationResult | None = None
     tracker: TrackerStatistics | None = None
+    postures: PostureTable | None = None
+    methods: tuple[MethodAngles, ...] = ()
     quality: QualityResult = QualityResult()
     warnings: tuple[Text, ...] = ()
 
@@ -86,6 +89,11 @@ class Calibration(Strict):
         if self.monte_carlo is not None:
             for name in ("rpy_std", "low", "high"):
                 check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
+            if self.monte_carlo.histogram is not None:
+                check_shape(self.monte_carlo.histogram.counts, len(self.supports), "histogram")
+        for index, alone in enumerate(self.methods):
+            for name in ("rpy", "rpy_std"):
+                check_shape(getattr(alone, name), len(self.supports), name, "methods", index)
         return self
 
     def _check_status(self) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
+
 import numpy as np
 
 from tdfscal.files.calibrationmodel import SupportResult
@@ -49,10 +51,11 @@ def check_rotation(support: SupportResult, covariance: FloatArray, index: int) -
             raise fault("does not follow from the covariance", *place, "rpy_std", hint=_HINT)
 
 
-def check_shape(rows: tuple[tuple[float, ...], ...], n: int, name: str) -> None:
-    """Refuse a Monte Carlo table that has not one row per support."""
+def check_shape(rows: Sized, n: int, name: str, *place: str | int) -> None:
+    """Refuse a table, of the Monte Carlo or at another place, that has not one row per support."""
     if len(rows) != n:
-        raise fault(f"must have a row per support, {n}, got {len(rows)}", "monte_carlo", name)
+        where = place or ("monte_carlo",)
+        raise fault(f"must have a row per support, {n}, got {len(rows)}", *where, name)
 
 
 def _from_quaternion(q: tuple[float, float, float, float]) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, JsonValue, model_validator
 
+from tdfscal.files.evidencemodel import Histogram, SensorLoad
 from tdfscal.files.fields import (
     Correlation,
     Count,
@@ -195,6 +196,7 @@ class ObservabilityResult(Strict):
     angles: tuple[AngleSeen, ...]
     weak: tuple[WeakAngle, ...] = ()
     correlations: tuple[CloseCouple, ...] = ()
+    loads: tuple[SensorLoad, ...] = ()
 
 
 class AngleBudget(Strict):
@@ -229,6 +231,7 @@ class MonteCarloResult(Strict):
     high: Vectors
     tolerance: NotNegative
     linear_interval_validated: Flag
+    histogram: Histogram | None = None
 
 
 class ResidualWrench(Strict):

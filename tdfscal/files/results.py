@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal import __version__
+from tdfscal.files import evidence
 from tdfscal.files.calibration import Calibration, parameter_names
 from tdfscal.files.calibrationmodel import (
     CALIBRATION_FORMAT,
@@ -117,6 +118,7 @@ def from_joint(
             "consistency_p_value": both.test.p_value,
             "largest_en": float(np.abs(both.test.en).max()),
         },
+        methods=evidence.methods(own, tracker),
         **parts,
     )
 
@@ -190,7 +192,8 @@ def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
             state.mass, std[place["mass"]][0], state.barycentre, std[place["barycentre"]]
         ),
         "fit": _fit(result),
-        "observability": _observability(result.observability),
+        "postures": evidence.postures(result),
+        "observability": _observability(result.observability) | {"loads": evidence.loads(result)},
         "monte_carlo": _trials(result, origin.seed),
         "validation": _validation(result),
     }
@@ -315,6 +318,7 @@ def _trials(result: SelfCalibration, seed: int) -> dict[str, Any] | None:
         "high": trials.high,
         "tolerance": float(trials.tolerance.min()),
         "linear_interval_validated": trials.validated,
+        "histogram": evidence.histogram(result),
     }
 
 
@@ -359,4 +363,5 @@ def _tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
         "rejected": [point.name for point in result.rejected],
         "coplanar_targets": list(result.coplanar_targets),
         "rms_residual": float(np.sqrt(np.mean(np.sum(result.residual**2, axis=1)))),
+        "residuals": evidence.survey_residuals(result),
     }

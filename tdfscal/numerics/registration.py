@@ -194,7 +194,7 @@ def _inv(m: FloatArray) -> FloatArray:
 
 
 def outlier_p_beside(fit: Registration, columns: FloatArray) -> FloatArray:
-    """`outlier_p` (N,) once the further parameters of `columns` (N, 3, q) have taken their share."""
+    """`outlier_p` (N,) beside the further parameters of `columns` (N, 3, q), as in `extend`."""
     J = np.concatenate([fit.jacobian, -columns], axis=-1)
     normal = np.einsum("nip,nij,njq->pq", J, fit.weight, J)
     scale = 1 / np.sqrt(np.diag(normal))

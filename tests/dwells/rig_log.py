@@ -1,4 +1,4 @@
-"""Logs with known dwells, for the tests: stops, moves, settling, noise. Independent of the package."""
+"""Logs with known dwells: stops, moves, settling, noise; independent of the package."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from scipy.signal import lfilter
 
 from tdfscal.records import Log, Series
 
@@ -74,8 +75,6 @@ def _noise(rng: np.random.Generator, shape: tuple[int, ...], rate: float, tau: f
     white = rng.standard_normal(shape)
     if tau == 0.0:
         return white
-    from scipy.signal import lfilter
-
     phi = np.exp(-1.0 / (rate * tau))
     drive = white * np.sqrt(1 - phi**2)
     drive[0] = white[0]

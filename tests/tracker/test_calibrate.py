@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Instrument, PointSet
+from tdfscal.simulation import Options, SurveyOptions, draw_truths, reference_rig, simulate_survey
 from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
 from tdfscal.trackercal.instrument import angle_covariance, range_covariance
 
@@ -64,7 +65,7 @@ def test_error_is_within_the_stated_uncertainty(setting: dict[str, float]) -> No
         survey = make_survey(seed, **setting)  # type: ignore[arg-type]
         result = calibrate(survey, setting.get("misalignment", 0.0))
         d = error_vector(survey.X, result.rotations.rotation)
-        total += d @ np.linalg.solve(result.rotations.covariance, d)
+        total += float(d @ np.linalg.solve(result.rotations.covariance, d))
         dof += len(d)
         chi2, chi2_dof = chi2 + result.chi2, chi2_dof + result.dof
     low, high = chi2_bounds(dof)
@@ -364,3 +365,18 @@ def test_uncertainties_in_the_files_add() -> None:
     result, plain = calibrate(survey.with_session(targets=stated)), calibrate(survey)
     assert np.all(result.budget["measured points' file"] > 0)
     assert np.all(result.rpy_std > plain.rpy_std)
+
+
+def test_surveys_of_the_simulator_are_calibrated_within_their_uncertainty() -> None:
+    rig = reference_rig()
+    options = SurveyOptions(distance=8.0, drawing=2e-5, body_misalignment=2e-4)
+    total = 0.0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        truth = draw_truths(rig, Options(), rng, 1).trial(0)
+        session = simulate_survey(rig, truth, options, rng).session
+        rotations = calibrate_tracker(rig, session, misalignment=2e-4, trials=0).rotations
+        d = error_vector(truth.rotation, rotations.rotation)
+        total += float(d @ np.linalg.solve(rotations.covariance, d))
+    low, high = chi2_bounds(9 * 40)
+    assert low < total < high

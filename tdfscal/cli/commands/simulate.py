@@ -30,13 +30,16 @@ def simulate(
     postures: Annotated[int, typer.Option(min=1, help="Number of postures.")] = 24,
     tilt: Annotated[float, typer.Option(help="Largest tilt, degrees.")] = 5.0,
     squeeze: Annotated[float, typer.Option(help="Commanded internal forces, N.")] = 200.0,
+    rate: Annotated[
+        float, typer.Option(min=10.0, max=20e3, help="Samples per second of all signals.")
+    ] = 100.0,
     seed: Seed = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace what is in the folder.")] = False,
 ) -> None:
     """Write a synthetic campaign with its truth.yaml."""
     from tdfscal.files.campaign_writer import simulate_to_folder
     from tdfscal.files.rig import load_rig
-    from tdfscal.simulation import SurveyOptions
+    from tdfscal.simulation import Recorder, SurveyOptions
 
     loaded = load_rig(rig) if rig else None
     survey = None
@@ -51,6 +54,7 @@ def simulate(
         loaded.rig if loaded else None,
         scenario,
         survey=survey,
+        recorder=Recorder(force_rate=rate, position_rate=rate),
         format=format.value,
         postures=postures,
         tilt_deg=tilt,

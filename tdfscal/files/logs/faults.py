@@ -11,16 +11,27 @@ from tdfscal.errors import DataError, UsageError
 
 
 @contextmanager
-def damage(path: Path) -> Iterator[None]:
-    """Turn what pyarrow and the operating system raise on a damaged file into a DataError.
+def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
+    """Turn what libraries and the operating system raise on a damaged file into a DataError.
+
+    Parameters
+    ----------
+    path : the file.
+    kinds : the library's own exceptions.
 
     Raises
     ------
     UsageError : the file is not there, or is not to be read by this user.
     DataError : everything else that a file's content can cause.
     """
-    import pyarrow as pa
-
+    caught: tuple[type[Exception], ...] = (
+        *kinds,
+        OSError,
+        EOFError,
+        ValueError,
+        OverflowError,
+        struct.error,
+    )
     try:
         yield
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
@@ -30,14 +41,7 @@ def damage(path: Path) -> Iterator[None]:
         raise DataError(
             "the file declares lengths that do not fit in memory; it is damaged", where=str(path)
         ) from error
-    except (
-        pa.ArrowException,
-        OSError,
-        EOFError,
-        ValueError,
-        OverflowError,
-        struct.error,
-    ) as error:
+    except caught as error:
         raise DataError(f"the file is damaged ({one_line(error)})", where=str(path)) from error
 
 

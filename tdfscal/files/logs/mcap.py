@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from mcap.exceptions import McapError
 
 from tdfscal.errors import DataError
 from tdfscal.files.logs.cdr import Gatherer
@@ -43,7 +44,7 @@ def read_mcap(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
     topics = _Topics(container, request)
     waiting: list[Piece] = []
     size = 0
-    with damage(path):
+    with damage(path, McapError):
         for messages in container.messages():
             piece = topics.piece(messages)
             if not piece:

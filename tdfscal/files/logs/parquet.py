@@ -56,11 +56,12 @@ def read_parquet(path: Path, request: Request, *, salvage: bool) -> Generator[Pi
     where = str(path)
     warnings: list[str] = []
     with (
-        damage(path),
+        damage(path, pa.ArrowException),
         pq.ParquetFile(
             path,
             page_checksum_verification=True,
             pre_buffer=False,
+            buffer_size=1 << 20,
             thrift_string_size_limit=_MAX_THRIFT,
             thrift_container_size_limit=_MAX_THRIFT,
         ) as file,

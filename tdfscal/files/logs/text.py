@@ -11,7 +11,7 @@ import pyarrow as pa
 import zstandard
 
 from tdfscal.errors import DataError
-from tdfscal.files.logs.faults import damage
+from tdfscal.files.logs.faults import damage, one_line
 from tdfscal.files.logs.request import Block, Outcome, Piece, Request, split
 from tdfscal.files.logs.text_header import Header, find_header
 from tdfscal.files.logs.text_rows import RowParser, Rows
@@ -31,10 +31,12 @@ def read_text(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
     DataError : with the line and column of what is wrong.
     """
     where = str(path)
-    with damage(path):
+    with damage(path, pa.ArrowException):
         stream, integrity = _open(path)
         with stream:
-            head = stream.read(_HEAD)
+            lost: list[str] = []
+            source = _Source(stream, lost if salvage else None)
+            head = source.read(_HEAD)
             newline = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
             text = _decode(head, where)
             header = find_header(text, request, where=where)
@@ -42,7 +44,7 @@ def read_text(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
             line = header.lines + 1
             rows_before, faults = 0, 0
             warnings: list[str] = []
-            for block, whole in _blocks(stream, head, newline, header.lines, where):
+            for block, whole in _blocks(source, head, newline, header.lines, where):
                 if not whole and request.rows == "timeseries":
                     warnings.append(
                         f"{where}: the last line has no end and may be cut short; it is left out"
@@ -59,6 +61,7 @@ def read_text(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
         raise DataError(
             "the file has a header and no rows", where=where, hint="record the log again"
         )
+    warnings += [f"{where}: {what}" for what in lost]
     if faults:
         warnings.append(f"{where}: {faults} lines cannot be read and are left out")
     return Outcome("salvaged" if salvage and (faults or warnings) else integrity, tuple(warnings))
@@ -92,8 +95,25 @@ def _decode(head: bytes, where: str) -> str:
         return whole.decode("cp1252", errors="replace")
 
 
+class _Source:
+    """A stream that may break off where `lost` takes the reason (salvage)."""
+
+    def __init__(self, stream: BinaryIO, lost: list[str] | None) -> None:
+        self._stream, self._lost = stream, lost
+
+    def read(self, size: int) -> bytes:
+        """Read up to `size` bytes; none at the end."""
+        try:
+            return b"" if self._lost else self._stream.read(size)
+        except (OSError, pa.ArrowException) as error:
+            if self._lost is None:
+                raise
+            self._lost.append(f"the file is damaged ({one_line(error)}); what follows is lost")
+            return b""
+
+
 def _blocks(
-    stream: BinaryIO, head: bytes, newline: bytes, skipped: int, where: str
+    source: _Source, head: bytes, newline: bytes, skipped: int, where: str
 ) -> Iterator[tuple[bytes, bool]]:
     """Yield blocks of whole lines after the header; False with a last line without an end."""
     start = 0
@@ -103,7 +123,7 @@ def _blocks(
             return
         start = found + 1
     rest = head[start:]
-    while data := stream.read(_BLOCK):
+    while data := source.read(_BLOCK):
         end = data.rfind(newline) + 1
         if end:
             yield rest + data[:end], True

@@ -71,6 +71,9 @@ class RowParser:
         ------
         DataError : the first line that is wrong, and why.
         """
+        if block.isspace():
+            empty = {c: np.empty(0) for c in self._header.wanted}
+            return Rows(empty, 0, block.count(self._newline))
         rows = self._fast(block)
         if rows is not None:
             return rows

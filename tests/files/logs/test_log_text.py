@@ -190,6 +190,28 @@ def test_salvage_leaves_out_lines(tmp_path: Path) -> None:
     assert any("1 lines" in w for w in log.warnings)
 
 
+def test_salvage_of_a_compressed_log_that_is_cut(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    count = 200_000
+    numbers = rng.integers(0, 10**6, count)
+    lines = [f"{k * 1e-3:.3f},{n},2,3,4,5,6" for k, n in enumerate(numbers)]
+    content = gzip.compress(text(HEADER, *lines), compresslevel=1)
+    path = write(tmp_path / "log.csv.gz", content[: len(content) * 9 // 10])
+    with pytest.raises(DataError, match="damaged"):
+        read_log([path], MAPPING, ONE)
+    log = read_log([path], MAPPING, ONE, salvage=True)
+    found = log.position[0].value[:, 0]
+    assert 0 < found.size < count
+    np.testing.assert_array_equal(found, numbers[: found.size])
+    assert log.inputs[0].integrity == "salvaged"
+    assert any("what follows is lost" in w for w in log.warnings)
+
+
+def test_blank_lines_without_end(tmp_path: Path) -> None:
+    content = text(HEADER, *ROWS) + b"\n" * (20 << 20)
+    assert_plain(read(tmp_path, content))
+
+
 def test_last_line_without_end_is_left_out(tmp_path: Path) -> None:
     log = read(tmp_path, text(HEADER, *ROWS) + b"0.2,1,2,3,4,5,66")
     assert_plain(log)

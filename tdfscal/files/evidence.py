@@ -1,0 +1,86 @@
+"""From a result's records to the evidence that its calibration file keeps for reports."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tdfscal.files.evidencemodel import HISTOGRAM_DEFINITION, POSTURES_DEFINITION
+from tdfscal.numerics import so3
+from tdfscal.observability import load_directions
+from tdfscal.records import FloatArray
+from tdfscal.selfcalibration import SelfCalibration
+from tdfscal.trackercal import TrackerCalibration
+
+#: Bins of a quarter of a standard uncertainty; normally one trial in 16 000 lies beyond.
+_EDGES = np.linspace(-4.0, 4.0, 33)
+
+
+def postures(result: SelfCalibration) -> dict[str, Any]:
+    """Time and residual wrench of each posture in the fit, in LCS axes."""
+    dwells, check = result.dwells, result.validation
+    used = [k for k in range(len(dwells)) if k not in result.rejected]
+    to_lcs = np.swapaxes(result.fit.at.rotation[check.index], 1, 2)
+
+    def turned(vectors: FloatArray) -> FloatArray:
+        return np.asarray((to_lcs @ vectors[..., None])[..., 0])
+
+    return {
+        "definition": POSTURES_DEFINITION,
+        "index": used,
+        "start": dwells.start[used],
+        "end": dwells.end[used],
+        "force_before": turned(check.before.force),
+        "force_after": turned(check.after.force),
+        "moment_before": turned(check.before.moment),
+        "moment_after": turned(check.after.moment),
+        "left_out": [
+            {"start": piece.start, "end": piece.end, "reason": piece.reason}
+            for piece in dwells.left_out
+        ],
+    }
+
+
+def loads(result: SelfCalibration) -> list[dict[str, Any]]:
+    """Mean line of action and spread of the loads on each sensor."""
+    fit = result.fit
+    axis, spread, across = load_directions(fit.state, fit.postures.subset(fit.weight > 0))
+    return [
+        {"support": name, "axis": axis[i], "spread": spread[i], "across": across[i]}
+        for i, name in enumerate(result.rig.supports)
+    ]
+
+
+def histogram(result: SelfCalibration) -> dict[str, Any] | None:
+    """Monte Carlo trials in bins of the linear standard uncertainty; None without trials."""
+    if result.monte_carlo is None:
+        return None
+    sample = result.monte_carlo.sample / result.uncertainty.rpy_std
+    n = sample.shape[1]
+    return {
+        "definition": HISTOGRAM_DEFINITION,
+        "edges": _EDGES,
+        "counts": [[np.histogram(sample[:, i, j], _EDGES)[0] for j in range(3)] for i in range(n)],
+    }
+
+
+def methods(own: SelfCalibration, tracker: TrackerCalibration) -> list[dict[str, Any]]:
+    """Return what each method alone says, beside a joint result."""
+    return [
+        {
+            "method": "self",
+            "rpy": so3.to_rpy(own.fit.state.rotation),
+            "rpy_std": own.uncertainty.rpy_std,
+        },
+        {"method": "tracker", "rpy": tracker.rpy, "rpy_std": tracker.rpy_std},
+    ]
+
+
+def survey_residuals(result: TrackerCalibration) -> dict[str, Any]:
+    """Residual per surveyed point: m in the tracker's frame, and in standard uncertainties."""
+    return {
+        "points": list(result.point_names),
+        "residual": result.residual.tolist(),
+        "normalised": result.normalised.tolist(),
+    }

@@ -1,0 +1,144 @@
+"""How the terminal moves: its pose at every sample, and velocities and accelerations without delay.
+
+The pose follows from the servo positions as at rest (Eq. 1). Its derivatives come from a local
+cubic fitted to a window that lies symmetrically about the sample: a filter of zero phase.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray
+from tdfscal.statics import register
+
+#: Samples that share one exact registration; the others follow it by Gauss–Newton.
+_BLOCK = 64
+#: Turn at which a Gauss–Newton step is exact to a tenth of a nanoradian (its square), rad.
+_CLOSE = 1.0e-5
+_STEPS = 12
+#: Degree of the local polynomial; an odd one costs the second derivative nothing.
+_DEGREE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Poses of the terminal. rotation : (N, 3, 3), R, LCS → BCS. translation : (N, 3), m, BCS."""
+
+    rotation: FloatArray
+    translation: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Motion of the terminal, components in the LCS.
+
+    turning : (N, 3), ω, rad/s. turning_rate : (N, 3), ω̇, rad/s².
+    acceleration : (N, 3), of the LCS origin, m/s².
+    """
+
+    turning: FloatArray
+    turning_rate: FloatArray
+    acceleration: FloatArray
+
+
+def poses(hinge: FloatArray, position: FloatArray) -> Poses:
+    """Poses from servo positions (N, n, 3) in m, BCS; hinge (n, 3) in m, LCS.
+
+    The least-squares registration of `statics.register` to 1e-10 rad, many times faster: one
+    singular value decomposition per block of samples, Gauss–Newton from there.
+    """
+    N, n = position.shape[:2]
+    r0 = hinge.mean(axis=0)
+    p0 = position.mean(axis=1)
+    spoke = position - p0[:, None]
+    blocks = -(-N // _BLOCK)
+    padded = np.pad(spoke, ((0, blocks * _BLOCK - N), (0, 0), (0, 0)), mode="edge")
+    padded = padded.reshape(blocks, _BLOCK, n, 3)
+    start, _ = register(hinge, padded.mean(axis=1))
+    R = _follow((hinge - r0) @ np.swapaxes(start, 1, 2), padded) @ start[:, None]
+    R = R.reshape(-1, 3, 3)[:N]
+    return Poses(R, p0 - R @ r0)
+
+
+def _follow(arm: FloatArray, spoke: FloatArray) -> FloatArray:
+    """Rotations (b, B, 3, 3) that turn arm (b, n, 3) on spoke (b, B, n, 3), all near the identity."""
+    lever = so3.hat(arm)
+    inertia = np.einsum("bnca,bncd->bad", lever, lever)
+    gain = np.linalg.solve(inertia[:, None], lever)  # δφ = Σ gain_i ε_i
+    gain = np.moveaxis(gain, 1, 2).reshape(len(arm), 3, -1)
+    flat = arm.reshape(len(arm), 1, -1)
+    turned = so3.exp(_step(spoke, flat, gain))
+    far = np.arange(len(arm))
+    for _ in range(_STEPS):
+        # Seen from the turned frame, the same fixed arms and gains serve again.
+        seen = spoke[far] @ turned[far]
+        step = _step(seen, flat[far], gain[far])
+        turned[far] = turned[far] @ so3.exp(step)
+        far = far[np.abs(step).max(axis=(1, 2)) > _CLOSE]
+        if not far.size:
+            break
+    return turned
+
+
+def _step(spoke: FloatArray, arm: FloatArray, gain: FloatArray) -> FloatArray:
+    away = spoke.reshape(*spoke.shape[:2], -1) - arm
+    return np.asarray(away @ np.swapaxes(gain, 1, 2))
+
+
+def derivative_kernels(half: int) -> FloatArray:
+    """Weights (3, 2 half + 1) of value, first and second derivative, for a step of 1.
+
+    Least squares of a cubic (Savitzky and Golay, Anal. Chem. 36, 1964); half ≥ 2.
+    """
+    x = np.arange(-half, half + 1.0) / half
+    fit = np.linalg.pinv(np.vander(x, _DEGREE + 1, increasing=True))
+    return np.asarray(fit[:3] * np.array([1.0, 1.0 / half, 2.0 / half**2])[:, None])
+
+
+def _derivatives(signal: FloatArray, step: float, half: int) -> tuple[FloatArray, FloatArray]:
+    """First and second derivative of (N, c) at an even step, s; the ends take the last full fit."""
+    N = len(signal)
+    kernels = derivative_kernels(half) / step ** np.arange(3)[:, None]
+    windows = np.lib.stride_tricks.sliding_window_view(signal, 2 * half + 1, axis=0)
+    first, second = np.empty_like(signal), np.empty_like(signal)
+    inner = slice(half, N - half)
+    first[inner] = windows @ kernels[1]
+    second[inner] = windows @ kernels[2]
+    x = np.arange(-half, half + 1.0)
+    for rows, centre in ((np.arange(half), half), (np.arange(N - half, N), N - 1 - half)):
+        part = signal[centre - half : centre + half + 1]
+        c = np.linalg.lstsq(np.vander(x, _DEGREE + 1, increasing=True), part, rcond=None)[0]
+        u = (rows - centre)[:, None]
+        first[rows] = (c[1] + 2 * c[2] * u + 3 * c[3] * u**2) / step
+        second[rows] = (2 * c[2] + 6 * c[3] * u) / step**2
+    return first, second
+
+
+def motion(at: Poses, step: float, half: int) -> Motion | None:
+    """Velocities and accelerations of N evenly sampled poses, step in s.
+
+    half : samples on either side that a fit takes in. None where N < 2 half + 1.
+    """
+    N = len(at.translation)
+    if N < 2 * half + 1:
+        return None
+    R = at.rotation
+    signal = np.concatenate([at.translation, R.reshape(N, 9)], axis=1)
+    first, second = _derivatives(signal, step, half)
+    back = np.swapaxes(R, 1, 2)
+    # In the LCS Rᵀ Ṙ = [ω]× and Rᵀ R̈ = [ω̇]× + [ω]×², whose second term is symmetric.
+    return Motion(
+        turning=_vee(back @ first[:, 3:].reshape(N, 3, 3)),
+        turning_rate=_vee(back @ second[:, 3:].reshape(N, 3, 3)),
+        acceleration=(back @ second[:, :3, None])[..., 0],
+    )
+
+
+def _vee(M: FloatArray) -> FloatArray:
+    """Vector (N, 3) of the skew part of M (N, 3, 3)."""
+    return np.stack(
+        [M[:, 2, 1] - M[:, 1, 2], M[:, 0, 2] - M[:, 2, 0], M[:, 1, 0] - M[:, 0, 1]], axis=1
+    ) / 2

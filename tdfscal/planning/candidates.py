@@ -1,0 +1,167 @@
+"""Postures that could be commanded: poses and squeezes inside the limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.numerics import so3
+from tdfscal.planning.limits import Limits, displacement
+from tdfscal.planning.loads import carrying, internal_modes
+from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.statics import gravity, nominal
+
+#: Share of a sensor's capacity that a plan uses.
+_OF_CAPACITY = 0.9
+#: Unplanned internal forces are allowed for up to this many standard deviations.
+_MARGIN = 3.0
+#: Share of the candidates whose lean, and whose squeeze, lie on the limit: optimal plans live there.
+_AT_THE_LIMIT = 0.6
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """N postures.
+
+    rotation : (N, 3, 3), LCS → BCS. place : (N, n, 3), m, BCS, hinge centres of the undeformed
+    terminal. carried, squeeze : (N, n, 3), N, BCS, force of each NCP on the terminal that carries
+    the weight, and the internal force that is added to it.
+    """
+
+    rotation: FloatArray
+    place: FloatArray
+    carried: FloatArray
+    squeeze: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rotation)
+
+    @property
+    def force(self) -> FloatArray:
+        """Force of each NCP on the terminal (N, n, 3), N, BCS."""
+        return self.carried + self.squeeze
+
+    def take(self, which: IntArray) -> Candidates:
+        """Return the candidates with these indices, in their order."""
+        return Candidates(
+            self.rotation[which], self.place[which], self.carried[which], self.squeeze[which]
+        )
+
+
+def draw(
+    rig: Rig, limits: Limits, count: int, rng: np.random.Generator, *, extremes: bool = True
+) -> Candidates:
+    """Draw candidates inside the limits; without extremes, uniformly: what nobody planned.
+
+    Leans spread evenly over the disc of the tilt limit, turns about the vertical within it,
+    squeezes evenly over the ball of the internal modes; what breaks a limit is scaled down onto
+    it. The middle of the hinges stays at home: translations tell the balance nothing.
+
+    Raises UsageError where the weight alone breaks a limit.
+    """
+    share = _AT_THE_LIMIT if extremes else 0.0
+    at_limit = rng.uniform(size=(3, count)) < share
+    lean = limits.tilt * np.where(at_limit[0], 1.0, np.sqrt(rng.uniform(size=count)))
+    azimuth = rng.uniform(-np.pi, np.pi, count)
+    turn = rng.uniform(-1.0, 1.0, count)
+    turn = limits.tilt * np.where(at_limit[1], np.sign(turn), turn)
+    axis = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=-1)
+    rotation = _within_travel(rig, limits, turn, lean[:, None] * axis)
+    place = limits.home + rig.hinge.mean(axis=0) + displacement(rig, rotation)
+    place += rig.hinge - rig.hinge.mean(axis=0)
+    arm, carried = hanging(rig, rotation)
+    modes = internal_modes(arm)
+    d = modes.shape[1]
+    along = rng.standard_normal((count, d))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    direction = np.einsum("kd,kdna->kna", along, modes)
+    radius = np.where(at_limit[2], 1.0, rng.uniform(size=count) ** (1.0 / d))
+    reach = np.max(np.linalg.norm(direction, axis=2), axis=1)
+    squeeze = (limits.squeeze * radius / reach)[:, None, None] * direction
+    margin = _MARGIN * limits.repeatability_force(rig)
+    room = np.minimum(
+        _room_in_force(carried, squeeze, limits.force - margin),
+        _room_in_sensors(rig, carried, squeeze, margin),
+    )
+    _check_weight(rig, limits, carried, room, margin)
+    keep = np.flatnonzero(room >= 0.0)
+    squeeze = squeeze * np.minimum(room, 1.0)[:, None, None]
+    return Candidates(rotation, place, carried, squeeze).take(keep)
+
+
+def hanging(rig: Rig, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Arms (K, n, 3), m, BCS, about the barycentre, and smallest carrying forces (K, n, 3), N."""
+    state = nominal(rig)
+    arm = (rig.hinge - rig.barycentre.value) @ np.swapaxes(rotation, -1, -2)
+    weight = state.mass * gravity(state, rig.gravity)
+    return arm, carrying(arm, np.zeros((*rotation.shape[:-2], 3)), weight)
+
+
+def _within_travel(rig: Rig, limits: Limits, turn: FloatArray, lean: FloatArray) -> FloatArray:
+    """Rotations (N, 3, 3) of turn (N,) and lean (N, 3), both scaled down where travel ends."""
+    scale = np.ones(len(turn))
+    upright = np.array([0.0, 0.0, 1.0])
+    for _ in range(8):  # the way grows almost linearly with the angles
+        R = so3.exp((scale * turn)[:, None] * upright) @ so3.exp(scale[:, None] * lean)
+        way = np.abs(displacement(rig, R))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            use = np.max(np.where(way > _ROUNDING, way / limits.travel, 0.0), axis=(1, 2))
+        if np.all(use <= 1.0):
+            break
+        scale /= np.where(use > 1.0, use * (1 + _ROUNDING), 1.0)
+    return R
+
+
+def _room_in_force(carried: FloatArray, squeeze: FloatArray, limit: float) -> FloatArray:
+    """Largest t (N,) with |carried + t squeeze| ≤ limit at every NCP; below 0: none."""
+    if np.isinf(limit):
+        return np.full(len(carried), np.inf)
+    a = np.sum(squeeze**2, axis=2)
+    b = np.sum(carried * squeeze, axis=2)
+    c = np.sum(carried**2, axis=2) - limit**2
+    if limit < 0.0:
+        return np.full(len(carried), -1.0)
+    root = np.sqrt(np.maximum(b**2 - a * c, 0.0))
+    t = np.where(a > 0, (-b + root) / np.where(a > 0, a, 1.0), np.inf)
+    return np.asarray(np.min(np.where(c > 0, -1.0, t), axis=1))
+
+
+def _room_in_sensors(
+    rig: Rig, carried: FloatArray, squeeze: FloatArray, margin: float
+) -> FloatArray:
+    """Largest t (N,) with every reading inside its share of capacity; below 0: none."""
+    X = so3.from_rpy(rig.nominal_rpy)
+    base = np.einsum("nba,knb->kna", X, carried) + rig.zero.value
+    slope = np.einsum("nba,knb->kna", X, squeeze)
+    limit = np.maximum(_OF_CAPACITY * rig.capacity - margin, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.where(slope != 0.0, (limit - np.sign(slope) * base) / np.abs(slope), np.inf)
+    t = np.where(np.abs(base) > limit, -1.0, t)
+    return np.asarray(np.min(t, axis=(1, 2)))
+
+
+def _check_weight(
+    rig: Rig, limits: Limits, carried: FloatArray, room: FloatArray, margin: float
+) -> None:
+    """Raise UsageError where no posture is left; say which limit the weight alone breaks."""
+    if np.any(room >= 0.0):
+        return
+    largest = np.linalg.norm(carried, axis=2)
+    if not np.all(np.max(largest, axis=1) <= limits.force - margin):
+        i = int(np.argmax(largest.max(axis=0)))
+        raise UsageError(
+            f"the weight alone puts {largest[:, i].min():.4g} N on {rig.supports[i]}, and unplanned "
+            f"internal forces up to {margin:.3g} N come on top: no posture keeps the limit of "
+            f"{limits.force:.4g} N",
+            where="force limit",
+            hint="raise the limit, or state the NCPs' stiffness and repeatability better",
+        )
+    raise UsageError(
+        f"no posture keeps every reading within {_OF_CAPACITY:.0%} of the sensors' capacity "
+        f"with {margin:.3g} N of unplanned internal forces",
+        where="capacity",
+        hint="check mass and capacity in the rig file",
+    )

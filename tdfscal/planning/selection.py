@@ -1,0 +1,84 @@
+"""Which rows of information to buy: greedy choice and exchange, linear algebra only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.records import FloatArray, IntArray
+
+_SWEEPS = 12
+#: A swap must lower the objective by this share, or rounding would swap for ever.
+_WORTH = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Indices of the chosen candidates; objective tr(L C Lᵀ); covariance C (p, p)."""
+
+    index: IntArray
+    objective: float
+    covariance: FloatArray
+
+
+def inverse(information: FloatArray) -> FloatArray:
+    """Inverse of a symmetric positive definite matrix."""
+    d = 1.0 / np.sqrt(np.diagonal(information))
+    half = np.linalg.inv(np.linalg.cholesky(d[:, None] * information * d))
+    return np.asarray(d[:, None] * (half.T @ half) * d)
+
+
+def gains(J: FloatArray, C: FloatArray, L: FloatArray) -> FloatArray:
+    """Fall (N,) of tr(L C Lᵀ) by each candidate's rows J (N, m, p), by the matrix lemma."""
+    N, m, p = J.shape
+    T = (J.reshape(-1, p) @ C).reshape(N, m, p)
+    S = T @ np.swapaxes(J, 1, 2)
+    S[:, np.arange(m), np.arange(m)] += 1.0
+    Q = (T.reshape(-1, p) @ L.T).reshape(N, m, -1)
+    return np.asarray(np.einsum("kmr,kmr->k", Q, np.linalg.solve(S, Q)))
+
+
+def updated(C: FloatArray, J: FloatArray, sign: float = 1.0) -> FloatArray:
+    """Covariance with rows J (m, p) added, or with sign −1 taken away."""
+    T = J @ C
+    S = np.eye(len(J)) + sign * T @ J.T
+    return np.asarray(C - sign * T.T @ np.linalg.solve(S, T))
+
+
+def greedy(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> list[int]:
+    """Choose `count` candidates, each once, the most useful first, on top of `base` (p, p)."""
+    C, chosen = inverse(base), list[int]()
+    for _ in range(count):
+        gain = gains(J, C, L)
+        gain[chosen] = -1.0
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        C = updated(C, J[best])
+    return chosen
+
+
+def choose(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> Choice:
+    """Minimise tr(L (base + Σ JᵀJ)⁻¹ Lᵀ) over `count` of the candidates: greedy, then exchange.
+
+    J : (N, m, p), whitened rows. base : (p, p), information held already, positive definite.
+    L : (r, p). Each candidate is taken at most once.
+    """
+    chosen = greedy(J, base, L, count)
+    for _ in range(_SWEEPS):
+        C = inverse(base + np.einsum("kmp,kmq->pq", J[chosen], J[chosen]))
+        value = float(np.einsum("rp,pq,rq->", L, C, L))
+        swapped = False
+        for place, old in enumerate(chosen):
+            without = updated(C, J[old], -1.0)
+            held = float(np.einsum("rp,pq,rq->", L, without, L))
+            gain = gains(J, without, L)
+            gain[chosen] = -1.0
+            new = int(np.argmax(gain))
+            if held - gain[new] < value * (1 - _WORTH):
+                chosen[place], C = new, updated(without, J[new])
+                value, swapped = held - float(gain[new]), True
+        if not swapped:
+            break
+    C = inverse(base + np.einsum("kmp,kmq->pq", J[chosen], J[chosen]))
+    return Choice(np.array(chosen), float(np.einsum("rp,pq,rq->", L, C, L)), C)

@@ -1,0 +1,127 @@
+"""Bins against numpy on the samples themselves; pieces, widths, gaps and bad input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tdfscal.dwells import Bins, DwellOptions, reduce_to_bins
+from tdfscal.errors import DataError
+from tdfscal.records import Log, Series
+
+from .rig_log import Recipe, record
+
+
+def cut(log: Log, edges: list[float]) -> list[Log]:
+    """Pieces between edges; the positions run half a second behind the forces."""
+
+    def part(series: Series, low: float, high: float) -> Series:
+        rows = (series.time >= low) & (series.time < high)
+        return Series(series.time[rows], series.value[rows])
+
+    bounds = [-np.inf, *edges, np.inf]
+    return [
+        replace(
+            log,
+            position=tuple(part(s, low - 0.5, high - 0.5) for s in log.position),
+            force=tuple(part(s, low, high) for s in log.force),
+        )
+        for low, high in pairwise(bounds)
+    ]
+
+
+def assert_same(a: Bins, b: Bins) -> None:
+    np.testing.assert_array_equal(a.start, b.start)
+    np.testing.assert_array_equal(a.count, b.count)
+    np.testing.assert_allclose(a.mean, b.mean, rtol=1e-14, atol=1e-13)
+    np.testing.assert_allclose(a.scatter, b.scatter, rtol=1e-5, atol=1e-15)
+    np.testing.assert_allclose(a.low, b.low, rtol=1e-5, atol=1e-12)
+    np.testing.assert_allclose(a.high, b.high, rtol=1e-5, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    recipe = Recipe(rate=250, position_rate=50, stops=(2.0, 3.0, 2.0), jitter=0.5, seed=5)
+    return record(recipe, origin=1.7e9).log
+
+
+def test_each_bin_holds_the_moments_of_its_samples(log: Log) -> None:
+    bins = reduce_to_bins([log])
+    for stream, series in enumerate((*log.position, *log.force)):
+        inside = np.searchsorted(series.time, np.append(bins.start, bins.start[-1] + bins.width))
+        np.testing.assert_array_equal(np.diff(inside), bins.count[:, stream])
+        for b in range(0, len(bins), 17):
+            x = series.value[inside[b] : inside[b + 1]]
+            if not len(x):
+                continue
+            np.testing.assert_allclose(bins.mean[b, stream], x.mean(axis=0), rtol=1e-14)
+            scatter = ((x - x.mean(axis=0)) ** 2).sum(axis=0)
+            np.testing.assert_allclose(bins.scatter[b, stream], scatter, rtol=1e-5, atol=1e-16)
+            if stream >= 3:
+                extremes = bins.mean[b, stream] + bins.low[b, stream - 3]
+                np.testing.assert_allclose(extremes, x.min(axis=0), rtol=1e-6, atol=1e-6)
+
+
+def test_the_cut_into_pieces_does_not_matter(log: Log) -> None:
+    t = log.force[0].time[0]
+    whole = reduce_to_bins([log])
+    pieces = reduce_to_bins(iter(cut(log, [t + 1.2345, t + 1.25, t + 4.0, t + 7.77])))
+    assert_same(whole, pieces)
+
+
+def test_too_many_bins_are_halved_and_keep_every_sample() -> None:
+    log = record(Recipe(rate=100, stops=(60.0, 60.0))).log
+    fine = reduce_to_bins([log], DwellOptions(bin_width=0.02))
+    coarse = reduce_to_bins([log], DwellOptions(bin_width=0.02, max_bins=2048))
+    assert coarse.width == 4 * fine.width
+    assert len(coarse) <= 2048 < len(fine)
+    np.testing.assert_array_equal(coarse.count.sum(axis=0), fine.count.sum(axis=0))
+    total = (fine.count[..., None] * fine.mean).sum(axis=0)
+    np.testing.assert_allclose((coarse.count[..., None] * coarse.mean).sum(axis=0), total)
+
+
+def test_a_pause_of_days_between_two_logs_costs_nothing() -> None:
+    first = record(Recipe(stops=(3.0, 3.0))).log
+    second = record(Recipe(stops=(3.0, 3.0), seed=1), origin=1e6).log
+    bins = reduce_to_bins([first, second])
+    assert len(bins) < 2 * 8.1 / bins.width
+    assert bins.start[-1] > 1e6
+
+
+def test_constant_readings_have_no_scatter_and_exact_means() -> None:
+    time = np.arange(0.0, 3.0, 1e-3)
+    series = Series(time, np.full((len(time), 3), 0.1 + 0.2))
+    bins = reduce_to_bins([Log(("a", "b", "c"), (series,) * 3, (series,) * 3)])
+    assert np.all(bins.mean == 0.1 + 0.2)
+    assert not bins.scatter.any()
+
+
+@pytest.mark.parametrize("fault", ["back", "nan", "empty", "stuck", "shape", "supports"])
+def test_what_cannot_be_used_is_refused_with_its_place(fault: str, log: Log) -> None:
+    pieces = cut(log, [log.force[0].time[0] + 3.0])
+    force = pieces[1].force[1]
+    time, value = force.time.copy(), force.value.copy()
+    if fault == "back":
+        time[40] = time[30]
+    elif fault == "nan":
+        value[12, 2] = np.nan
+    elif fault == "stuck":
+        time[:] = time[0]
+    elif fault == "shape":
+        value = value[:, :2]
+    changed = replace(
+        pieces[1], force=(pieces[1].force[0], Series(time, value), pieces[1].force[2])
+    )
+    if fault == "supports":
+        changed = replace(changed, supports=("x", "y", "z"))
+    given = {"empty": [], "stuck": [changed]}.get(fault, [pieces[0], changed])
+    with pytest.raises(DataError) as raised:
+        reduce_to_bins(given)
+    if fault in ("back", "nan", "shape"):
+        assert raised.value.where is not None
+        assert "ncp2, force" in raised.value.where
+    if fault == "nan":
+        assert f"{force.time[12]:.6f}" in str(raised.value)

@@ -1,0 +1,291 @@
+"""Dwells found on logs whose stops are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.dwells import DwellOptions, find_dwells
+from tdfscal.errors import DataError, UsageError
+from tdfscal.records import Dwells, Log, Series
+
+from .rig_log import Recipe, Recorded, record
+from .test_bins import cut
+
+STOPS = (4.0,) * 12
+
+
+def stop_of(recorded: Recorded, dwells: Dwells) -> np.ndarray:
+    """Index of the one stop that each dwell lies in; none may reach into another.
+
+    A smooth move starts unseen: what lies beyond the stop's ends must be smaller than the noise.
+    """
+    recipe = recorded.recipe
+    number = np.full(len(dwells), -1)
+    time = recorded.log.position[0].time
+    for i in range(len(dwells)):
+        inside = time[(time >= dwells.start[i]) & (time < dwells.end[i])]
+        first, last = inside[0], inside[-1]
+        touched = [k for k, (a, b) in enumerate(recorded.stops) if a <= last and first <= b]
+        assert len(touched) == 1, f"{first:.2f} to {last:.2f} s spans a move"
+        number[i] = touched[0]
+        a, b = recorded.stops[touched[0]]
+        beyond = max(a - first, last - b, 0.0) / recipe.move
+        assert beyond <= 0.16
+        shift = 10 * beyond**3 * 2 * recipe.travel
+        assert shift <= max(2 * recipe.position_noise, recipe.quantum, 1e-7)
+    return number
+
+
+def worst_bias(recorded: Recorded, dwells: Dwells, number: np.ndarray) -> np.ndarray:
+    """Noise-free bias of each mean force over its standard error, (K, n, 3)."""
+    offset = np.array(
+        [
+            recorded.clean_offset(k, start, end)
+            for k, start, end in zip(number, dwells.start, dwells.end, strict=True)
+        ]
+    )
+    ratio = np.abs(offset) / np.sqrt(np.diagonal(dwells.force_cov, axis1=2, axis2=3))
+    return np.asarray(ratio)
+
+
+RANGE = {
+    "50 Hz": Recipe(rate=50, stops=STOPS),
+    "1 kHz": Recipe(rate=1000, stops=STOPS),
+    "5 kHz": Recipe(rate=5000, stops=(1.5,) * 5),
+    "forces 200 Hz, positions 50 Hz": Recipe(rate=200, position_rate=50, stops=STOPS),
+    "jitter": Recipe(rate=500, position_rate=50, jitter=0.9, stops=STOPS),
+    "four supports": Recipe(supports=4, stops=STOPS),
+    "stops of 0.5 s": Recipe(rate=200, stops=(0.5,) * 30),
+    "stops of 0.5 s at 50 Hz, 3 µm": Recipe(rate=50, position_noise=3e-6, stops=(0.5,) * 30),
+    "stops of all lengths": Recipe(rate=100, stops=(0.5, 60.0, 1.0, 5.0, 120.0, 0.7, 20.0)),
+    "encoders of 5 µm": Recipe(position_noise=5e-6, stops=STOPS),
+    "constant encoders": Recipe(position_noise=0, quantum=1e-6, stops=STOPS),
+    "toggling encoders": Recipe(position_noise=0.2e-6, quantum=1e-6, stops=STOPS),
+    "no noise at all": Recipe(position_noise=0, force_noise=0, stops=STOPS),
+    "rounded forces": Recipe(force_quantum=1.0, force_noise=0.2, stops=STOPS),
+    "vibration 5 Hz": Recipe(rate=500, vibration=(3.0, 1e-6, 5.0), stops=STOPS),
+    "vibration 13 Hz": Recipe(rate=500, vibration=(3.0, 0.5e-6, 13.0), stops=STOPS),
+    "vibration 50 Hz": Recipe(rate=500, vibration=(3.0, 0.1e-6, 50.0), stops=STOPS),
+    "squeeze 3 µm, noise 0.3 µm": Recipe(
+        travel=3e-6, move=0.4, stiffness=2e7, stops=(2.0,) * 20, position_noise=0.3e-6
+    ),
+    "squeeze 3 µm, noise 1 µm": Recipe(
+        travel=3e-6, move=0.4, stiffness=2e7, stops=(2.0,) * 20, position_noise=1e-6
+    ),
+    "squeeze by a step, 50 Hz": Recipe(
+        rate=50, travel=4e-6, move=0.04, stiffness=2e7, stops=(1.0,) * 20, position_noise=1e-6
+    ),
+    "drift": Recipe(drift=0.02, stops=STOPS),
+    "correlated noise": Recipe(force_tau=0.05, rate=500, stops=STOPS),
+}
+
+
+@pytest.mark.parametrize("recipe", RANGE.values(), ids=RANGE.keys())
+def test_every_stop_is_one_dwell(recipe: Recipe) -> None:
+    recorded = record(replace(recipe, seed=len(recipe.stops)))
+    dwells = find_dwells(recorded.log)
+    number = stop_of(recorded, dwells)
+    np.testing.assert_array_equal(number, np.arange(len(recipe.stops)))
+    assert np.all(np.diff(dwells.start) > 0)
+
+
+def test_at_least_99_percent_of_many_stops_are_found() -> None:
+    found = stops = 0
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        recipe = Recipe(
+            rate=float(rng.choice([50, 100, 250, 500])),
+            stops=tuple(rng.uniform(0.6, 4.0, 20)),
+            move=float(rng.uniform(0.5, 2.0)),
+            position_noise=float(10 ** rng.uniform(-7, -5.5)),
+            force_noise=float(10 ** rng.uniform(-1, 0.5)),
+            settle=(float(rng.uniform(0, 3)), 0.05, 0.0),
+            seed=seed,
+        )
+        recorded = record(recipe)
+        number = stop_of(recorded, find_dwells(recorded.log))
+        found += len(np.unique(number))
+        stops += len(recipe.stops)
+    assert found >= 0.99 * stops
+
+
+@pytest.mark.parametrize("hertz", [0.0, 1.0, 2.5])
+@pytest.mark.parametrize("tau", [0.1, 0.5, 1.5, 3.0])
+@pytest.mark.parametrize("amplitude", [1.0, 5.0, 30.0])
+def test_settling_leaves_no_bias(amplitude: float, tau: float, hertz: float) -> None:
+    recipe = Recipe(
+        rate=200,
+        settle=(amplitude, tau, hertz),
+        stops=(max(1.5, 9 * tau),) * 6,
+        seed=int(amplitude),
+    )
+    recorded = record(recipe)
+    dwells = find_dwells(recorded.log)
+    number = stop_of(recorded, dwells)
+    np.testing.assert_array_equal(number, np.arange(6))
+    assert worst_bias(recorded, dwells, number).max() < 1.0
+
+
+@pytest.mark.parametrize(("tau", "stop"), [(3.0, 2.0), (3.0, 4.0), (1.0, 1.0)])
+def test_what_never_settles_is_left_out_with_the_reason(tau: float, stop: float) -> None:
+    dwells = find_dwells(record(Recipe(settle=(20.0, tau, 0.0), stops=(stop,) * 8)).log)
+    assert len(dwells) == 0
+    assert len(dwells.left_out) == 8
+    assert all("never settled" in out.reason for out in dwells.left_out)
+
+
+def test_a_stop_too_short_is_named() -> None:
+    recorded = record(Recipe(stops=(3.0, 0.15, 3.0, 3.0)))
+    dwells = find_dwells(recorded.log)
+    assert len(dwells) == 3
+    (out,) = dwells.left_out
+    assert "too short" in out.reason
+    assert recorded.stops[1, 0] - 0.1 < out.start < out.end < recorded.stops[1, 1] + 0.1
+
+
+@pytest.mark.parametrize("height", [2.0, 20.0])
+def test_a_step_of_force_that_the_positions_do_not_show_splits_the_stop(height: float) -> None:
+    recorded = record(Recipe(stops=(4.0,) * 6, seed=7))
+    at = recorded.stops[2].mean()
+    for series in recorded.log.force:
+        series.value[(series.time > at) & (series.time < recorded.stops[2, 1])] += height
+    dwells = find_dwells(recorded.log)
+    inside = (dwells.end > recorded.stops[2, 0]) & (dwells.start < recorded.stops[2, 1])
+    assert len(dwells) == 7
+    assert inside.sum() == 2
+    before, after = np.flatnonzero(inside)
+    assert dwells.end[before] <= at + 1e-9
+    assert dwells.start[after] >= at - 1e-9
+    step = dwells.force[after] - dwells.force[before]
+    np.testing.assert_allclose(step, height, atol=6 * np.sqrt(2 / 300))
+
+
+@pytest.mark.parametrize("length", [0.05, 0.3])
+def test_a_jolt_is_cut_out_of_its_dwell(length: float) -> None:
+    recorded = record(Recipe(stops=(4.0,) * 6, seed=8))
+    at = recorded.stops[3, 0] + 1.7
+    for series in recorded.log.force:
+        hit = (series.time >= at) & (series.time < at + length)
+        wave = np.sin(2 * np.pi * (series.time[hit] - at) / length * 1.5)
+        series.value[hit] += 40.0 * wave[:, None]
+    dwells = find_dwells(recorded.log)
+    assert len(dwells) == 6
+    (out,) = dwells.left_out
+    assert "jolt" in out.reason
+    assert out.start <= at < at + length - 1 / 200 <= out.end
+    assert out.end - out.start < length + 0.3
+    error = (dwells.force - recorded.force)[3]
+    se = np.sqrt(np.diagonal(dwells.force_cov[3], axis1=1, axis2=2))
+    assert np.abs(error / se).max() < 4.5
+    assert dwells.count[3, 0] < 200 * (4.0 - length)
+
+
+def test_extremes_and_counts_are_those_of_the_samples() -> None:
+    recorded = record(Recipe(stops=STOPS, seed=1))
+    dwells = find_dwells(recorded.log)
+    series = recorded.log.force[1]
+    for k in range(len(dwells)):
+        inside = (series.time >= dwells.start[k]) & (series.time < dwells.end[k])
+        x = series.value[inside]
+        assert dwells.count[k, 1] == len(x)
+        np.testing.assert_allclose(dwells.force[k, 1], x.mean(axis=0), rtol=1e-12)
+        np.testing.assert_allclose(dwells.force_min[k, 1], x.min(axis=0), atol=1e-5)
+        np.testing.assert_allclose(dwells.force_max[k, 1], x.max(axis=0), atol=1e-5)
+
+
+def test_pieces_give_the_dwells_of_the_whole() -> None:
+    log = record(Recipe(rate=250, position_rate=50, stops=STOPS), origin=1.7e9).log
+    whole = find_dwells(log)
+    t = log.force[0].time[0]
+    pieces = find_dwells(iter(cut(log, [t + 3.3, t + 10.0, t + 31.4])))
+    np.testing.assert_array_equal(whole.start, pieces.start)
+    np.testing.assert_array_equal(whole.count, pieces.count)
+    np.testing.assert_allclose(whole.force, pieces.force, rtol=1e-12)
+    np.testing.assert_allclose(whole.force_cov, pieces.force_cov, rtol=1e-4, atol=1e-12)
+
+
+def test_no_dwell_spans_a_gap() -> None:
+    log = record(Recipe(stops=STOPS)).log
+    middle = record(Recipe(stops=STOPS)).stops[4].mean()
+
+    def holed(series: Series) -> Series:
+        keep = np.abs(series.time - middle) > 0.4
+        return Series(series.time[keep], series.value[keep])
+
+    # Forces alone fall silent, then both.
+    for holes in (
+        (log.position, tuple(map(holed, log.force))),
+        (tuple(map(holed, log.position)), tuple(map(holed, log.force))),
+    ):
+        dwells = find_dwells(replace(log, position=holes[0], force=holes[1]))
+        assert len(dwells) == 13
+        assert not np.any((dwells.start < middle) & (dwells.end > middle))
+
+
+def test_options_override_what_is_derived() -> None:
+    recorded = record(Recipe(stops=(1.0, 4.0, 1.0, 4.0)))
+    long = find_dwells(recorded.log, DwellOptions(min_duration=2.0))
+    assert len(long) == 2
+    assert [("too short" in out.reason) for out in long.left_out] == [True, True]
+    late = find_dwells(recorded.log, DwellOptions(settle_time=0.5))
+    assert np.all(late.start >= recorded.stops[:, 0] + 0.4)
+    blind = find_dwells(
+        record(Recipe(travel=3e-6, move=0.4, stops=(2.0,) * 4)).log,
+        DwellOptions(position_threshold=1e-3, force_threshold=1e4, settle_time=0.0),
+    )
+    assert len(blind) <= 1
+
+
+@pytest.mark.parametrize(
+    "bad", [{"min_duration": 0.0}, {"settle_time": -1.0}, {"bin_width": np.inf}]
+)
+def test_options_without_meaning_are_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match=next(iter(bad))):
+        DwellOptions(**bad)  # type: ignore[arg-type]
+
+
+def test_rows_that_are_postures_pass_as_they_are() -> None:
+    rng = np.random.default_rng(0)
+    time = np.arange(5.0)
+    position, force = rng.normal(size=(2, 3, 5, 3))
+    log = Log(
+        supports=("a", "b", "c"),
+        position=tuple(Series(time, p) for p in position),
+        force=tuple(Series(time, f) for f in force),
+        rows="postures",
+        warnings=("said by the reader",),
+    )
+    dwells = find_dwells([log, replace(log, warnings=())])
+    assert len(dwells) == 10
+    np.testing.assert_array_equal(dwells.force[:5], force.transpose(1, 0, 2))
+    np.testing.assert_array_equal(dwells.position[5:], position.transpose(1, 0, 2))
+    assert not dwells.force_cov.any()
+    assert not dwells.position_cov.any()
+    assert np.all(dwells.count == 1)
+    assert dwells.warnings == ("said by the reader",)
+    short = replace(log, force=(Series(time[:4], force[0][:4]), *log.force[1:]))
+    with pytest.raises(DataError, match="different numbers of postures"):
+        find_dwells(short)
+    force[1, 2, 0] = np.inf
+    with pytest.raises(DataError, match="posture 3"):
+        find_dwells(log)
+
+
+def test_a_log_that_never_rests_has_no_dwell() -> None:
+    time = np.arange(0.0, 20.0, 0.01)
+    rng = np.random.default_rng(0)
+    sway = 0.05 * np.sin(2 * np.pi * 0.2 * time[:, None] + np.array([0.0, 1.0, 2.0]))
+    position = Series(time, sway + 1e-6 * rng.standard_normal((len(time), 3)))
+    force = Series(time, rng.standard_normal((len(time), 3)))
+    dwells = find_dwells(Log(("a", "b", "c"), (position,) * 3, (force,) * 3))
+    assert len(dwells) == 0
+    assert dwells.force.shape == (0, 3, 3)
+    assert dwells.force_cov.shape == (0, 3, 3, 3)
+
+
+def test_no_samples_at_all_is_an_error() -> None:
+    with pytest.raises(DataError, match="empty"):
+        find_dwells([])

@@ -1,0 +1,116 @@
+"""Covariance of a dwell's mean against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from tdfscal.dwells import find_dwells
+from tdfscal.records import Dwells
+
+from .rig_log import Recipe, Recorded, record
+
+
+def force_variance(dwells: Dwells) -> np.ndarray:
+    return np.asarray(np.diagonal(dwells.force_cov, axis1=2, axis2=3))
+
+
+def squared_z(recorded: Recorded, dwells: Dwells) -> np.ndarray:
+    """Mahalanobis distance squared of each mean force from the truth, (K, n)."""
+    assert len(dwells) == len(recorded.stops)
+    error = dwells.force - recorded.force
+    return np.einsum("kni,knij,knj->kn", error, np.linalg.inv(dwells.force_cov), error)
+
+
+@pytest.mark.parametrize(("rate", "stop"), [(50, 4.0), (200, 4.0), (1000, 1.0), (5000, 0.7)])
+def test_white_noise_averages_as_one_over_n(rate: float, stop: float) -> None:
+    sigma = 1.7
+    recorded = record(Recipe(rate=rate, stops=(stop,) * 20, force_noise=sigma, seed=11))
+    dwells = find_dwells(recorded.log)
+    ratio = force_variance(dwells) * dwells.count[:, :, None] / sigma**2
+    # Nine independent axes, each estimated from many ordinates; below 40 of them in no case.
+    assert np.all(np.abs(ratio - 1) < 5 * np.sqrt(2 / 40))
+    assert abs(ratio.mean() - 1) < 5 * np.sqrt(2 / 40) / 3
+    assert np.all(dwells.effective <= dwells.count)
+
+
+@pytest.mark.parametrize(
+    ("tau", "rate", "stop"), [(0.05, 500, 3.0), (0.05, 200, 2.0), (0.02, 500, 1.0)]
+)
+def test_correlated_noise_averages_as_its_closed_form(tau: float, rate: float, stop: float) -> None:
+    dwells_of = [
+        find_dwells(record(Recipe(rate=rate, stops=(stop,) * 25, force_tau=tau, seed=s)).log)
+        for s in (1, 2)
+    ]
+    phi = np.exp(-1 / (rate * tau))
+    n = np.concatenate([d.count for d in dwells_of])[:, :, None]
+    # Var(mean of n) of a first-order autoregression, exact.
+    truth = (1 + phi) / (1 - phi) / n - 2 * phi * (1 - phi**n) / ((1 - phi) * n) ** 2
+    ratio = np.concatenate([force_variance(d) for d in dwells_of]) / truth
+    assert np.all(np.abs(ratio - 1) < 5 * np.sqrt(2 / 40))
+    assert abs(ratio.mean() - 1) < 0.15
+    assert 0.5 < (np.concatenate([d.effective for d in dwells_of])[..., None] * truth).mean() < 1.5
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.05])
+def test_errors_of_the_means_are_as_large_as_stated(tau: float) -> None:
+    total, dof = 0.0, 0
+    for seed in range(4):
+        recorded = record(Recipe(rate=100, stops=(2.0,) * 25, move=1.0, force_tau=tau, seed=seed))
+        z2 = squared_z(recorded, find_dwells(recorded.log))
+        total += z2.sum()
+        dof += 3 * z2.size
+    # 900 errors; the stated variances themselves are uncertain by some percent.
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], dof) / dof
+    assert low * 0.95 < total / dof < high * 1.05
+
+
+def test_noise_shared_by_two_axes_is_seen_as_correlation() -> None:
+    recorded = record(Recipe(stops=(3.0,) * 20, seed=3))
+    common = np.random.default_rng(0).standard_normal(len(recorded.log.force[0].time))
+    recorded.log.force[0].value[:, 0] += common
+    recorded.log.force[0].value[:, 1] += common
+    cov = find_dwells(recorded.log).force_cov[:, 0]
+    correlation = cov[:, 0, 1] / np.sqrt(cov[:, 0, 0] * cov[:, 1, 1])
+    # Half the variance is common; the sample correlation of 40 pairs and more.
+    assert np.all(np.abs(correlation - 0.5) < 4 * 0.75 / np.sqrt(40))
+    assert np.all(np.linalg.eigvalsh(cov) > 0)
+
+
+def test_a_louder_dwell_keeps_its_own_scatter_and_the_others_theirs() -> None:
+    recorded = record(Recipe(rate=500, stops=(3.0,) * 12, seed=4))
+    loud, factor = 5, 2.0
+    begin, end = recorded.stops[loud]
+    rng = np.random.default_rng(9)
+    for series in recorded.log.force:
+        inside = (series.time >= begin) & (series.time <= end)
+        extra = rng.standard_normal((inside.sum(), 3)) * np.sqrt(factor**2 - 1)
+        series.value[inside] += extra
+    dwells = find_dwells(recorded.log)
+    sd = np.sqrt(force_variance(dwells) * dwells.count[:, :, None])
+    others = np.delete(sd, loud, axis=0)
+    np.testing.assert_allclose(sd[loud] / others.mean(axis=0), factor, rtol=0.1)
+    assert np.ptp(others, axis=0).max() < 1e-9
+
+
+def test_rounded_constant_positions_state_their_resolution() -> None:
+    quantum = 1e-6
+    recorded = record(Recipe(position_noise=0.0, quantum=quantum, stops=(3.0,) * 20))
+    dwells = find_dwells(recorded.log)
+    assert len(dwells) == 20
+    variance = np.diagonal(dwells.position_cov, axis1=2, axis2=3)
+    np.testing.assert_allclose(variance, quantum**2 / 12, rtol=0.02)
+    error = dwells.position - recorded.position
+    assert np.abs(error).max() < 0.51 * quantum
+
+
+def test_drift_is_flagged_with_its_time_and_does_not_widen_the_noise() -> None:
+    recipe = Recipe(rate=200, drift=0.5, stops=(4.0,) * 12, seed=2)
+    dwells = find_dwells(record(recipe).log)
+    assert len(dwells) == 12
+    assert any(f"{dwells.start[3]:.2f}" in w and "drifts" in w for w in dwells.warnings)
+    ratio = force_variance(dwells) * dwells.count[:, :, None]
+    assert np.all(np.abs(ratio - 1) < 5 * np.sqrt(2 / 40))
+    quiet = find_dwells(record(Recipe(rate=200, stops=(4.0,) * 12, seed=2)).log)
+    assert not quiet.warnings

@@ -1,0 +1,50 @@
+"""Simulated campaigns and their verdict against the truth, shared by the tests of this folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal import simulation
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray, Rig
+from tdfscal.selfcalibration import SelfCalibration, self_calibrate
+from tdfscal.simulation import Options
+
+SQUEEZED = Options(squeeze=100.0)
+
+
+def calibrated(batch: simulation.Batch, rig: Rig, trial: int) -> SelfCalibration:
+    """One campaign of a batch, without Monte Carlo."""
+    return self_calibrate(rig, batch.dwells(trial), rng=np.random.default_rng(0), max_trials=0)
+
+
+def turns(truth: FloatArray, estimate: FloatArray) -> FloatArray:
+    """Error d (3n,) with R_true = exp([d]×) R, rad."""
+    return so3.log(truth @ np.swapaxes(estimate, -1, -2)).ravel()
+
+
+@dataclass(frozen=True)
+class Study:
+    """Errors (N, 3n) of N campaigns, their stated standard uncertainties, and d² (N,)."""
+
+    error: FloatArray
+    stated: FloatArray
+    distance: FloatArray
+    results: tuple[SelfCalibration, ...]
+
+
+def study(rig: Rig, options: Options, seed: int, trials: int) -> Study:
+    """Calibrate `trials` independent campaigns of a rig."""
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(seed), trials)
+    errors, stated, distance, results = [], [], [], []
+    for i in range(trials):
+        result = calibrated(batch, rig, i)
+        d = turns(batch.truth.rotation[i], result.fit.state.rotation)
+        cov = result.uncertainty.covariance
+        errors.append(d)
+        stated.append(np.sqrt(np.diagonal(cov)))
+        distance.append(d @ np.linalg.solve(cov, d))
+        results.append(result)
+    return Study(np.array(errors), np.array(stated), np.array(distance), tuple(results))

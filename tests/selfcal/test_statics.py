@@ -1,0 +1,179 @@
+"""The measurement model against the simulator's physics, and its Jacobians by other routes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.batch import Equations, Perturbed, Trials
+from tdfscal.numerics import so3
+from tdfscal.records import Declared, FloatArray, Known, Rig
+from tdfscal.simulation import Options, Recorder
+from tdfscal.statics import (
+    State,
+    balance,
+    features,
+    features_jacobian,
+    layout,
+    nominal,
+    postures,
+    retract,
+)
+
+EXACT = Declared()
+
+
+def exact_rig(n: int = 3) -> Rig:
+    """A rig that is exactly what its file says, but for zeros, mass and barycentre."""
+    return replace(simulation.make_rig(n), declared=EXACT)
+
+
+def true_state(rig: Rig, truth: simulation.Truth) -> State:
+    """The simulator's truth in the estimator's parameters."""
+    return replace(
+        nominal(rig),
+        rotation=truth.rotation,
+        zero=truth.zero,
+        mass=np.asarray(truth.mass),
+        barycentre=truth.barycentre,
+        sensitivity=truth.sensitivity[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
+    )
+
+
+@pytest.mark.parametrize("n", [3, 4, 6])
+def test_the_simulators_equilibrium_balances(n: int) -> None:
+    """At the truth, e is zero up to the elastic deflection that no servo shows.
+
+    A stiffness of 1e10 N/m leaves deflections of 0.1 µm under loads of some 10³ N.
+    """
+    rig = replace(exact_rig(n), declared=replace(EXACT, force_sensitivity=0.01))
+    options = Options(stiffness=1e10, squeeze=300.0, recorder=Recorder(mean_sd=0.0, encoder_sd=0.0))
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(5), 1)
+    truth = batch.truth.trial(0)
+    seen = postures(rig, batch.dwells(0))
+    state = true_state(rig, truth)
+    at = balance(
+        replace(seen, force_cov=seen.force_cov + np.eye(3)), state, np.zeros(3), rig.gravity
+    )
+    e = at.design @ features(state, at, rig.gravity)
+    load = float(truth.mass) * rig.gravity
+    assert np.abs(e[:, :3]).max() < 1e-9 * load
+    # Lever arms are off by the rotation of the pose that deflections of load/stiffness make.
+    assert np.abs(e[:, 3:]).max() < 20 * load**2 / 1e10
+    off = features(replace(state, rotation=so3.exp([1e-3, 0, 0]) @ state.rotation), at, rig.gravity)
+    assert np.abs(at.design @ off).max() > 1.0  # a milliradian is newtons: the check can fail
+
+
+def random_state(rig: Rig, rng: np.random.Generator) -> State:
+    """A state away from every special value."""
+    n = rig.n
+    sizes = {"rotation": 0.3, "zero": 2, "sensitivity": 0.02, "mass": 3, "barycentre": 0.02}
+    place = layout(n)
+    step = np.zeros(place["tilt"].stop)
+    for name, size in (sizes | {"tilt": 1e-2}).items():
+        step[place[name]] = size * rng.normal(size=place[name].stop - place[name].start)
+    return retract(nominal(rig), step)
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_features_jacobian_by_complex_step(n: int) -> None:
+    rng = np.random.default_rng(n)
+    rig = simulation.make_rig(n)
+    batch = simulation.simulate_dwells(rig, Options(), rng, 1)
+    state = random_state(rig, rng)
+    at = balance(postures(rig, batch.dwells(0)), state, np.array([0.0, 0.1, 0.2]), rig.gravity)
+    jac = features_jacobian(state, at, rig.gravity)
+    h = 1e-30
+    for j, unit in enumerate(np.eye(jac.shape[1])):
+        step: Any = 1j * h * unit
+        moved: Any = features(retract(state, step), at, rig.gravity)
+        scale = np.abs(jac[:, j]).max()
+        assert np.abs(moved.imag / h - jac[:, j]).max() < 1e-13 * scale, j
+
+
+def test_hinge_and_datum_columns_by_differences() -> None:
+    """The linearised corrections of hinges and datums against balances formed anew.
+
+    The positions are rigid to the last digit here, as the columns assume to first order.
+    """
+    rng = np.random.default_rng(2)
+    rig = exact_rig()
+    options = Options(recorder=Recorder(mean_sd=0.5, encoder_sd=0.0))
+    seen = postures(rig, simulation.simulate_dwells(rig, options, rng, 1).dwells(0))
+    state, centre, g = nominal(rig), np.array([0.0, 0.1, 0.2]), rig.gravity
+
+    def residual(s: State) -> FloatArray:
+        at = balance(seen, s, centre, g)
+        return np.asarray(at.design @ features(s, at, g))
+
+    at = balance(seen, state, centre, g)
+    jac = at.design @ features_jacobian(state, at, g)
+    place, h = layout(3), 1e-5
+    for j in [*range(place["hinge"].start, place["datum"].stop)]:
+        step = h * np.eye(jac.shape[2])[j]
+        difference = (residual(retract(state, step)) - residual(retract(state, -step))) / (2 * h)
+        assert np.abs(difference - jac[:, :, j]).max() < 1e-6 * np.abs(jac[:, :, j]).max()
+
+
+def test_noise_columns_by_differences() -> None:
+    """e moves with readings and positions as noise_force and noise_turn say."""
+    rng = np.random.default_rng(3)
+    rig = exact_rig()
+    seen = postures(rig, simulation.simulate_dwells(rig, Options(squeeze=50.0), rng, 1).dwells(0))
+    state, centre, g = random_state(rig, rng), np.array([0.0, 0.1, 0.2]), rig.gravity
+    at = balance(seen, state, centre, g)
+    e = at.design @ features(state, at, g)
+    noise = rng.normal(size=seen.force.shape)
+    moved = balance(replace(seen, force=seen.force + noise), state, centre, g)
+    predicted = np.einsum("kiab,kib->ka", at.noise_force, noise)
+    assert np.allclose(moved.design @ features(state, moved, g) - e, predicted, rtol=0, atol=1e-9)
+    shift = 1e-6 * rng.normal(size=seen.position.shape)
+    moved = balance(replace(seen, position=seen.position + shift), state, centre, g)
+    turn = so3.log(moved.rotation @ np.swapaxes(at.rotation, 1, 2))
+    predicted = np.einsum("kab,kb->ka", at.noise_turn, turn)
+    change = moved.design @ features(state, moved, g) - e
+    assert np.allclose(change, predicted, rtol=0, atol=1e-5 * np.abs(predicted).max())
+
+
+def test_batch_equals_the_model() -> None:
+    """Residual and adjoint of many trials against design and Jacobian of one."""
+    rng = np.random.default_rng(4)
+    rig = replace(simulation.make_rig(4), gravity_tilt_std=1e-3)
+    seen = postures(rig, simulation.simulate_dwells(rig, Options(), rng, 1).dwells(0))
+    base = random_state(rig, rng)
+    at, g = balance(seen, base, np.zeros(3), rig.gravity), rig.gravity
+    free, used = np.ones(layout(4)["tilt"].stop, dtype=bool), np.ones(len(seen), dtype=bool)
+    steps = 1e-3 * rng.normal(size=(len(free), 3))
+    equations = Equations(at, used, base, free, g)
+    trials = Trials.at(base, 3).moved(steps)
+    data = Perturbed(np.repeat(seen.force[..., None], 3, -1), np.zeros((len(seen), 6, 3)))
+    e = equations.residual(trials, data)
+    v = rng.normal(size=e.shape)
+    pulled = equations.pull_back(trials, data, v)
+    for t in range(3):
+        state = retract(base, steps[:, t])
+        one = at.design @ features(state, at, g)
+        assert np.allclose(e[..., t], one, rtol=0, atol=1e-12 * np.abs(at.design).max() * 1e3)
+        J = at.design @ features_jacobian(state, at, g)
+        expected = np.einsum("krp,kr->p", J, v[..., t])
+        # The tilt's turn is taken to first order: 1e-2 rad here, micro- to milliradians on rigs.
+        tilt = layout(4)["tilt"]
+        assert np.allclose(pulled[: tilt.start, t], expected[: tilt.start], rtol=1e-9, atol=1e-7)
+        assert np.allclose(
+            pulled[tilt, t], expected[tilt], rtol=0, atol=1e-2 * np.abs(expected[tilt]).max() + 1
+        )
+
+
+def test_weight_of_a_known_prior_is_a_known_parameter() -> None:
+    """std 0 drops the column: nothing but rotations is active on an exact rig."""
+    from tdfscal.selfcal import Priors
+
+    known = Known(np.zeros((3, 3)), np.zeros((3, 3)))
+    rig = replace(exact_rig(), zero=known)
+    rig = replace(rig, mass=Known(rig.mass.value, np.asarray(0.0)))
+    rig = replace(rig, barycentre=Known(rig.barycentre.value, np.zeros(3)))
+    assert Priors(rig).active.sum() == 9

@@ -1,0 +1,59 @@
+"""Truth from the simulator: errors within what is stated, by the distributions themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from campaigns import SQUEEZED, study, turns
+from scipy import stats
+
+from tdfscal import simulation
+from tdfscal.simulation import Options
+from tdfscal.starts import linear_data, linear_rotations
+from tdfscal.statics import postures
+
+#: A test fails by chance once in this many times the number of its checks.
+RARE = 1e-4
+
+
+def within(value: float, distribution: stats.rv_continuous, *args: float) -> bool:
+    """Both tails of the distribution are larger than RARE."""
+    return bool(RARE < distribution.cdf(value, *args) < 1 - RARE)
+
+
+@pytest.mark.parametrize(("n", "squeeze"), [(3, 0.0), (3, 200.0), (4, 50.0)])
+def test_errors_are_as_large_as_stated(n: int, squeeze: float) -> None:
+    rig, trials = simulation.make_rig(n), 40
+    seen = study(rig, Options(squeeze=squeeze), seed=n, trials=trials)
+    # Σ d² over independent campaigns of a 3n-vector is χ² with 3n·N degrees of freedom.
+    assert within(float(seen.distance.sum()), stats.chi2, 3 * n * trials)
+    inside = int(np.sum(np.abs(seen.error) < stats.norm.ppf(0.975) * seen.stated, axis=0).min())
+    assert stats.binom.cdf(inside, trials, 0.95) > RARE
+    # χ² of the fits: the stated noise is the noise that is there.
+    chi2, dof = (sum(getattr(r.quality, name) for r in seen.results) for name in ("chi2", "dof"))
+    assert within(chi2, stats.chi2, dof)
+    assert not any(r.rejected or r.reasons for r in seen.results)
+
+
+def test_five_times_better_than_the_papers_linear_method() -> None:
+    rig = simulation.reference_rig()
+    batch = simulation.simulate_dwells(rig, SQUEEZED, np.random.default_rng(0), 20)
+    ours = study(rig, SQUEEZED, seed=0, trials=20).error
+    linear = [
+        turns(
+            batch.truth.rotation[i],
+            linear_rotations(linear_data(rig, postures(rig, batch.dwells(i)))),
+        )
+        for i in range(20)
+    ]
+    assert np.sqrt(np.mean(np.square(linear))) > 5 * np.sqrt(np.mean(ours**2))
+
+
+def test_an_undeclared_gain_is_not_covered() -> None:
+    """Negative control: the statistics above do fail when the model is wrong."""
+    from tdfscal.simulation import Faults, Gain
+
+    options = Options(squeeze=100.0, faults=Faults(gains=(Gain(0, (1.01, 1.01, 1.01)),)))
+    seen = study(simulation.reference_rig(), options, seed=1, trials=8)
+    assert seen.distance.sum() > stats.chi2.ppf(1 - RARE, 9 * 8)
+    assert all(r.reasons or r.warnings for r in seen.results)

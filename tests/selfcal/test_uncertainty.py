@@ -1,0 +1,158 @@
+"""Covariance, budget and Monte Carlo against each other and against closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from campaigns import SQUEEZED, calibrated
+from scipy import stats
+
+from tdfscal import simulation
+from tdfscal.errors import NotIdentifiableError
+from tdfscal.montecarlo import Sampler, numerical_tolerance, propagate
+from tdfscal.numerics import so3
+from tdfscal.records import Declared, Known
+from tdfscal.selfcal import fit
+from tdfscal.simulation import Options, Recorder
+from tdfscal.uncertainty import evaluate, information_root
+
+RIG = replace(
+    simulation.reference_rig(),
+    declared=Declared(1e-5, 2e-5, 5e-5, 0.1, 1e-3, 0.05),
+    gravity_tilt_std=2e-4,
+)
+BATCH = simulation.simulate_dwells(RIG, SQUEEZED, np.random.default_rng(11), 2)
+RESULT = calibrated(BATCH, RIG, 0)
+
+
+def test_covariance_is_positive_definite_and_gives_rpy_std() -> None:
+    C = RESULT.uncertainty.covariance
+    assert np.array_equal(C, C.T) or np.allclose(C, C.T, rtol=1e-12, atol=0)
+    assert np.linalg.eigvalsh(C).min() > 0
+    # By differences of to_rpy, not by the Jacobian under test.
+    h, R = 1e-6, RESULT.fit.state.rotation
+    for i in range(3):
+        J = np.stack(
+            [
+                (so3.to_rpy(so3.exp(h * e) @ R[i]) - so3.to_rpy(so3.exp(-h * e) @ R[i])) / (2 * h)
+                for e in np.eye(3)
+            ],
+            axis=1,
+        )
+        block = C[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
+        assert np.allclose(
+            np.sqrt(np.diagonal(J @ block @ J.T)), RESULT.uncertainty.rpy_std[i], rtol=1e-6
+        )
+
+
+def test_the_budget_sums_to_the_variance_and_names_every_source() -> None:
+    shares = RESULT.uncertainty.contributions
+    total = np.sum(list(shares.values()), axis=0)
+    assert np.allclose(total, RESULT.uncertainty.rpy_std**2, rtol=1e-9)
+    for source in (
+        "noise",
+        "positioner",
+        "zero",
+        "sensitivity",
+        "mass",
+        "barycentre",
+        "hinge",
+        "datum",
+        "gravity",
+        "hinge friction",
+    ):
+        assert (shares[source] > 0).all(), source
+
+
+def test_a_declared_source_widens_and_an_undeclared_one_adds_nothing() -> None:
+    bare = replace(RIG, declared=replace(RIG.declared, force_sensitivity=0.0), gravity_tilt_std=0.0)
+    other = calibrated(BATCH, bare, 0)
+    assert not other.uncertainty.contributions["sensitivity"].any()
+    assert not other.uncertainty.contributions["gravity"].any()
+    # The noise-only variance cannot rise when there is less to estimate.
+    assert (other.uncertainty.rpy_std < RESULT.uncertainty.rpy_std).all()
+
+
+def test_birge_inflates_noise_and_never_shrinks() -> None:
+    parts = information_root(RESULT.fit)
+    calm, wild = (evaluate(RESULT.fit, parts, birge) for birge in (0.5, 3.0))
+    unit = evaluate(RESULT.fit, parts, 1.0)
+    assert np.array_equal(calm.covariance, unit.covariance)
+    noise = sum(unit.contributions[s] for s in ("noise", "positioner", "hinge friction"))
+    grown = np.diagonal(wild.rpy_covariance - unit.rpy_covariance, axis1=1, axis2=2)
+    assert np.allclose(grown, 8 * noise, rtol=1e-3)
+
+
+def test_monte_carlo_agrees_with_the_covariance() -> None:
+    parts = information_root(RESULT.fit)
+    sampler = Sampler(RESULT.fit, parts, 1.0)
+    T = 2000
+    trials, _ = sampler.solve(*sampler.perturb(np.random.default_rng(3), T))
+    d = so3.log(trials.rotation @ np.swapaxes(RESULT.fit.state.rotation, -1, -2)).reshape(T, -1)
+    C = evaluate(RESULT.fit, parts, 1.0).covariance
+    white = np.linalg.solve(np.linalg.cholesky(C), (d - d.mean(axis=0)).T)
+    # Whitened sample covariance: its diagonal is χ²/(T−1), its trace too.
+    for row in white:
+        assert 1e-4 < stats.chi2.cdf(row @ row, T - 1) < 1 - 1e-4
+    assert np.abs(np.corrcoef(white) - np.eye(9)).max() < stats.norm.ppf(1 - 1e-6) / np.sqrt(T)
+
+
+def test_a_trial_is_the_fit_of_its_own_data() -> None:
+    """One perturbed campaign solved again by the estimator itself, from its own readings."""
+    exact = replace(RIG, declared=replace(RIG.declared, positioner=0.0, hinge_moment=0.0))
+    result = calibrated(BATCH, exact, 1)
+    parts = information_root(result.fit)
+    sampler = Sampler(result.fit, parts, 1.0)
+    data, offset = sampler.perturb(np.random.default_rng(1), 1)
+    trials, _ = sampler.solve(replace(data, wrench=0 * data.wrench), 0 * offset)
+    redone = fit(exact, replace(result.fit.postures, force=data.reading[..., 0]), result.fit.state)
+    apart = so3.log(trials.rotation[0] @ np.swapaxes(redone.state.rotation, -1, -2))
+    # They differ by the weights, which the fit forms anew: second order in the perturbation.
+    assert np.abs(apart).max() < 2e-3 * result.uncertainty.rpy_std.min()
+
+
+def test_adaptive_stop_and_validation() -> None:
+    parts = information_root(RESULT.fit)
+    spread = evaluate(RESULT.fit, parts, 1.0)
+    found = propagate(RESULT.fit, parts, spread, 1.0, np.random.default_rng(0), 20_000)
+    assert found.trials == 20_000
+    assert found.validated
+    assert np.abs(found.std / spread.rpy_std - 1).max() < 5 / np.sqrt(2 * 20_000)
+    narrow = replace(spread, rpy_covariance=spread.rpy_covariance / 4)
+    again = propagate(RESULT.fit, parts, narrow, 1.0, np.random.default_rng(0), 10_000)
+    assert not again.validated
+
+
+@pytest.mark.parametrize(("u", "delta"), [(0.35, 0.05), (0.00012, 5e-5), (9.9, 0.5), (1.0, 0.5)])
+def test_numerical_tolerance_as_jcgm_101_writes_it(u: float, delta: float) -> None:
+    """7.9.2: u = c 10^l with one digit in c, δ = ½ 10^l."""
+    assert numerical_tolerance(np.array(u)) == pytest.approx(delta, rel=1e-12)
+
+
+def test_vertical_loads_show_no_yaw_however_many_postures() -> None:
+    """Only noise would seem to know the yaw, and it is not believed."""
+    soft = replace(RIG, declared=Declared(force_noise=0.1))
+    options = Options(postures=200, stiffness=1.0, recorder=Recorder(mean_sd=0.5))
+    options = replace(options, stiffness=np.diag([1e3, 1e3, 1e9]), travel=0.0)
+    batch = simulation.simulate_dwells(soft, options, np.random.default_rng(0), 1)
+    with pytest.raises(NotIdentifiableError, match="yaw of ncp1, yaw of ncp2, yaw of ncp3"):
+        calibrated(batch, soft, 0)
+
+
+def test_mass_barycentre_and_zeros_all_unknown_leave_the_angles_seen() -> None:
+    """Theory, section 4: three directions are unseen, and they never reach the angles."""
+    free = replace(
+        simulation.reference_rig(),
+        mass=Known(np.asarray(500.0), np.asarray(np.inf)),
+        barycentre=Known(np.array([0, 0, 0.25]), np.full(3, np.inf)),
+        zero=Known(np.zeros((3, 3)), np.full((3, 3), np.inf)),
+    )
+    batch = simulation.simulate_dwells(free, Options(squeeze=300.0), np.random.default_rng(6), 1)
+    result = calibrated(batch, free, 0)
+    assert len(information_root(result.fit).null) == 3
+    d = so3.log(batch.truth.rotation[0] @ np.swapaxes(result.fit.state.rotation, 1, 2)).ravel()
+    d2 = d @ np.linalg.solve(result.uncertainty.covariance, d)
+    assert 1e-4 < stats.chi2.cdf(d2, 9) < 1 - 1e-4
+    assert np.isinf(result.uncertainty.parameter_std).any()

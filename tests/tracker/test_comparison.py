@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tdfscal.comparison import compare, compare_pair
+from tdfscal.errors import DataError
+from tdfscal.joint import combine
+from tdfscal.records import FloatArray, Rotations
+
+from .world import chi2_bounds, error_vector
+
+NAMES = ("ncp1", "ncp2", "ncp3")
+
+
+def covariance(rng: np.random.Generator, size: float) -> FloatArray:
+    root = rng.normal(size=(9, 14))
+    return np.asarray(size**2 * root @ root.T / 14)
+
+
+def draw(
+    rng: np.random.Generator, truth: FloatArray, cov: FloatArray, names: tuple[str, ...] = NAMES
+) -> Rotations:
+    d = rng.multivariate_normal(np.zeros(9), cov).reshape(3, 3)
+    X = Rotation.from_rotvec(-d).as_matrix() @ truth
+    return Rotations(names, X, cov)
+
+
+def truths(rng: np.random.Generator, angle: float = 0.1) -> FloatArray:
+    return np.asarray(Rotation.from_rotvec(angle * rng.normal(size=(3, 3))).as_matrix())
+
+
+def about(rotations: Rotations, k: int, vector: list[float]) -> Rotations:
+    X = rotations.rotation.copy()
+    X[k] = Rotation.from_rotvec(vector).as_matrix() @ X[k]
+    return Rotations(rotations.supports, X, rotations.covariance)
+
+
+def test_chi2_and_en_of_independent_estimates() -> None:
+    total, above = 0.0, 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        X = truths(rng)
+        a, b = (draw(rng, X, covariance(rng, s)) for s in (3e-4, 1e-3))
+        pair = compare_pair(("a", a), ("b", b))
+        total += pair.chi2
+        above += int(np.sum(pair.en > 1))
+    low, high = chi2_bounds(9 * 200)
+    assert low < total < high
+    # |E_n| > 1 with k = 2 in 4.55 % of 1800 angles; correlation only widens the spread.
+    assert 0.025 * 1800 < above < 0.07 * 1800
+
+
+def test_a_known_difference_in_closed_form() -> None:
+    """Both level, yaw differs by 1 mrad with 0.3 and 0.4 mrad: E_n = 1 / (2 · 0.5) = 1."""
+    eye = np.tile(np.eye(3), (3, 1, 1))
+    a = Rotations(NAMES, eye, (0.3e-3) ** 2 * np.eye(9))
+    b = Rotations(NAMES, eye, (0.4e-3) ** 2 * np.eye(9))
+    pair = compare_pair(("a", about(a, 1, [0, 0, 1e-3])), ("b", b))
+    assert pair.rpy[1] == pytest.approx([0, 0, 1e-3], abs=1e-15)
+    assert pair.rotation_vector[1] == pytest.approx([0, 0, 1e-3], abs=1e-15)
+    assert pair.en[1, 2] == pytest.approx(1.0, rel=1e-12)
+    assert pair.chi2 == pytest.approx(4.0, rel=1e-12)
+    assert pair.dof == 9
+    more = compare_pair(("a", about(a, 1, [0, 0, 1.01e-3])), ("b", b))
+    assert not more.verified
+    assert more.verdict.startswith("not verified")
+    assert "yaw of ncp2" in more.verdict
+    less = compare_pair(("a", about(a, 1, [0, 0, 0.99e-3])), ("b", b))
+    assert less.verified
+    assert less.verdict.startswith("verified")
+
+
+def test_many_small_differences_are_not_verified() -> None:
+    """All nine E_n at 0.9: χ² = 9 · 1.8² = 29.2 on 9, p = 6e-4."""
+    eye = np.tile(np.eye(3), (3, 1, 1))
+    b = Rotations(NAMES, eye, 0.5e-6 * np.eye(9))
+    turned = Rotation.from_rotvec(np.full((3, 3), 1.8e-3)).as_matrix()
+    pair = compare_pair(("a", Rotations(NAMES, turned, 0.5e-6 * np.eye(9))), ("b", b))
+    assert pair.en.max() < 1
+    assert not pair.verified
+    assert "all differences together" in " ".join(pair.verdict.split())
+
+
+def test_angles_differ_the_short_way_round() -> None:
+    half = np.tile(Rotation.from_euler("x", np.pi - 1e-4).as_matrix(), (3, 1, 1))
+    other = np.tile(Rotation.from_euler("x", -np.pi + 1e-4).as_matrix(), (3, 1, 1))
+    cov = 1e-6 * np.eye(9)
+    pair = compare_pair(("a", Rotations(NAMES, half, cov)), ("b", Rotations(NAMES, other, cov)))
+    assert pair.rpy[:, 0] == pytest.approx(-2e-4, abs=1e-12)
+
+
+def test_order_of_the_supports_does_not_matter() -> None:
+    rng = np.random.default_rng(1)
+    X = truths(rng)
+    a, b = draw(rng, X, covariance(rng, 1e-3)), draw(rng, X, covariance(rng, 1e-3))
+    order = np.array([2, 0, 1])
+    rows = (3 * order[:, None] + np.arange(3)).ravel()
+    shuffled = Rotations(
+        tuple(NAMES[k] for k in order), b.rotation[order], b.covariance[np.ix_(rows, rows)]
+    )
+    assert compare_pair(("a", a), ("b", shuffled)).chi2 == compare_pair(("a", a), ("b", b)).chi2
+    assert np.array_equal(combine(a, shuffled).rpy, combine(a, b).rpy)
+
+
+def test_other_supports_are_refused() -> None:
+    rng = np.random.default_rng(2)
+    X = truths(rng)
+    a = draw(rng, X, covariance(rng, 1e-3))
+    b = draw(rng, X, covariance(rng, 1e-3), ("ncp1", "ncp2", "ncp4"))
+    with pytest.raises(DataError, match="ncp4"):
+        compare([("a", a), ("b", b)])
+    with pytest.raises(DataError, match="one calibration"):
+        compare([("a", a)])
+
+
+def test_a_covariance_that_is_none_is_refused() -> None:
+    rng = np.random.default_rng(3)
+    a = draw(rng, truths(rng), covariance(rng, 1e-3))
+    for bad in (np.zeros((9, 9)), np.full((9, 9), 1e-6), np.diag([np.inf, *[1e-6] * 8])):
+        with pytest.raises(DataError, match="positive definite"):
+            compare_pair(("a", a), ("b", Rotations(NAMES, a.rotation, bad)))
+
+
+def test_drift_over_time() -> None:
+    cov = 1e-8 * np.eye(9)
+    eye = np.tile(np.eye(3), (3, 1, 1))
+    files = [
+        (f"month {k}", about(Rotations(NAMES, eye, cov), 0, [1e-3 * k, 0, 0])) for k in range(4)
+    ]
+    history = compare(files)
+    assert history.drift[:, 0, 0] == pytest.approx([0, 1e-3, 2e-3, 3e-3], abs=1e-15)
+    assert history.drift_std[1:, 0, 0] == pytest.approx(np.sqrt(2) * 1e-4, rel=1e-9)
+    assert not any(c.verified for c in history.against_first)
+    assert [c.names for c in history.steps] == [(f"month {k + 1}", f"month {k}") for k in range(3)]
+
+
+def test_joint_error_is_within_the_stated_uncertainty() -> None:
+    total, wrong = 0.0, 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        X = truths(rng, 1.0)
+        a, b = (draw(rng, X, covariance(rng, s)) for s in (5e-4, 1e-3))
+        joint = combine(a, b)
+        d = error_vector(X, joint.rotations.rotation)
+        total += float(d @ np.linalg.solve(joint.rotations.covariance, d))
+        wrong += not joint.consistent
+    low, high = chi2_bounds(9 * 200)
+    assert low < total < high
+    assert wrong <= 8  # 1 % of 200 expected; more than 8 has a chance of 2e-4
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 0.5, 1.0, 1e3])
+def test_joint_variance_is_never_above_the_better(ratio: float) -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        X = truths(rng)
+        a, b = (draw(rng, X, covariance(rng, s)) for s in (1e-4, 1e-4 * ratio))
+        joint = combine(a, b).rotations.covariance
+        for one in (a, b):
+            gain = one.covariance - joint
+            scale = np.sqrt(np.diag(one.covariance))
+            assert np.linalg.eigvalsh(gain / scale[:, None] / scale)[0] > -1e-9
+
+
+def test_joint_weights_in_closed_form() -> None:
+    """Two turns about z with σ and 2σ: the mean lies a fifth of the way, variance 4/5 σ²."""
+    eye = np.tile(np.eye(3), (3, 1, 1))
+    a = Rotations(NAMES, eye, 1e-6 * np.eye(9))
+    b = about(Rotations(NAMES, eye, 4e-6 * np.eye(9)), 2, [0, 0, 1e-3])
+    joint = combine(a, b)
+    assert joint.rpy[2] == pytest.approx([0, 0, 2e-4], abs=1e-15)
+    assert joint.rpy_std == pytest.approx(np.sqrt(0.8) * 1e-3, rel=1e-9)
+    assert joint.weight == pytest.approx(0.2)
+    assert joint.consistent
+
+
+def test_contradicting_estimates_are_gated() -> None:
+    rng = np.random.default_rng(5)
+    X = truths(rng)
+    a, b = (draw(rng, X, covariance(rng, 3e-4)) for _ in range(2))
+    joint = combine(a, about(b, 1, [0, 5e-3, 0]))
+    assert not joint.consistent
+    assert joint.test.p_value < 0.01

@@ -1,0 +1,202 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.points import read_point_file, read_points, read_tracker_session
+from tdfscal.files.points_model import PointFile
+from tdfscal.records import Instrument
+
+PLAIN = "group,point,x,y,z\nncp1,P1,1,2,3\nncp1,P2,4,5,6\n"
+SA = """// SpatialAnalyzer SA 2024.1 ( x64 )
+// AXES = CARTESIAN: X,  Y,  Z ({unit})
+// Group,  Point,  X,  Y,  Z
+
+ncp1,  P1,  1,  2,  3
+ncp1,  P2,  4,  5,  6
+"""
+LEICA = "Group;Point;X [mm];Y [mm];Z [mm];U(95) X [mm];U(95) Y [mm];U(95) Z [µm]\n"
+METRES = np.array([[1.0, 2, 3], [4, 5, 6]])
+
+
+def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
+    path = folder / "points.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("in", 0.0254), ("cm", 1e-2)]
+)
+def test_plain_csv_takes_the_given_unit(tmp_path: Path, unit: str, factor: float) -> None:
+    read = read_points(write(tmp_path, PLAIN), length_unit=unit)
+    assert read.group == ("ncp1", "ncp1")
+    assert read.point == ("P1", "P2")
+    assert np.array_equal(read.xyz, factor * METRES)
+    assert read.std is None
+
+
+def test_no_unit_anywhere_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no length unit") as caught:
+        read_points(write(tmp_path, PLAIN), length_unit=None)
+    assert caught.value.exit_status == 3
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("mm", 1e-3), ("Inches", 0.0254), ("Meters", 1.0), ("in.", 0.0254)]
+)
+def test_unit_in_the_file_wins(tmp_path: Path, unit: str, factor: float) -> None:
+    read = read_points(write(tmp_path, SA.format(unit=unit)), length_unit="m")
+    assert np.array_equal(read.xyz, factor * METRES)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "// AXES = CARTESIAN: X, Y, Z (mm)\nncp1, P1, 1, 2, 3\nncp1, P2, 4, 5, 6\n",
+        "// AXES = CARTESIAN: X, Y, Z (mm)\nA, ncp1, P1, 1, 2, 3\nA, ncp1, P2, 4, 5, 6\n",
+        "// AXES = CARTESIAN: X, Y, Z (mm)\nA  ncp1  P1  1  2  3\nA   ncp1 P2 4 5 6\n",
+        "// Collection Group Point X Y Z\n// AXES = CARTESIAN (mm)\n"
+        "A ncp1 P1 1 2 3\nA ncp1 P2 4 5 6",
+        "\ufeffGroup,Point,X [mm],Y [mm],Z [mm],\r\nncp1,P1,1,2,3,\r\nncp1,P2,4,5,6,\r\n",
+        "Group Point X [mm] Y [mm] Z [mm]\nncp1 P1 1 2 3\nncp1 P2 4 5 6\n",
+        "group;point;x [mm];y [mm];z [mm]\nncp1;P1;1,0;2,0;3,0\nncp1;P2;4;5;6\n",
+        'point,group,z (mm),y (mm),x (mm)\n"P1","ncp1",3,2,1\nP2,ncp1,6,5,4\n',
+        "Group,Point,X [mm],Y [mm],Z [mm],Offset\nncp1,P1,1,2,3,0\nncp1,P2,4,5,6,0.0\n",
+    ],
+)
+def test_variants_of_the_formats(tmp_path: Path, text: str) -> None:
+    read = read_points(write(tmp_path, text), length_unit=None)
+    assert read.group == ("ncp1", "ncp1")
+    assert read.point == ("P1", "P2")
+    assert read.xyz == pytest.approx(1e-3 * METRES, rel=1e-15)
+
+
+def test_other_encodings(tmp_path: Path) -> None:
+    text = PLAIN.replace("P1", "Prüfpunkt")
+    for encoding in ("utf-8-sig", "cp1252", "utf-16"):
+        read = read_points(write(tmp_path, text, encoding), length_unit="m")
+        assert read.point[0] == "Prüfpunkt"
+
+
+def test_expanded_uncertainties_are_halved_and_said_so(tmp_path: Path) -> None:
+    text = LEICA + "ncp1;P1;1000;2000;3000;0,1;0,2;300\n"
+    read = read_point_file(write(tmp_path, text), length_unit=None)
+    assert read.points.xyz == pytest.approx(np.array([[1.0, 2.0, 3.0]]), rel=1e-15)
+    assert read.points.std is not None
+    assert read.points.std[0] == pytest.approx([5e-5, 1e-4, 1.5e-4], rel=1e-12)
+    assert any("u = U(95)/2" in note for note in read.notes)
+
+
+def test_standard_uncertainties_are_taken_as_they_are(tmp_path: Path) -> None:
+    text = "group,point,x,y,z,ux,uy,uz\nncp1,P1,1,2,3,0.1,0.2,0.3\n"
+    read = read_point_file(write(tmp_path, text), length_unit="mm")
+    assert read.points.std is not None
+    assert read.points.std[0] == pytest.approx([1e-4, 2e-4, 3e-4], rel=1e-12)
+    assert read.notes == ()
+
+
+def test_columns_not_used_are_said(tmp_path: Path) -> None:
+    text = "group,point,x,y,z,operator\nncp1,P1,1,2,3,me\n"
+    read = read_point_file(write(tmp_path, text), length_unit="mm")
+    assert any("operator" in note for note in read.notes)
+
+
+HEAD = "group,point,x,y,z\n"
+BAD = {
+    "empty": ("", "no points"),
+    "comments": ("// AXES = CARTESIAN (mm)\n", "no points"),
+    "header": (HEAD, "no points"),
+    "no header": ("ncp1,P1,1,2,3\n", "line 1.*names the columns"),
+    "nan": (HEAD + "ncp1,P1,1,2,3\nncp1,P2,nan,2,3\n", "line 3.*finite"),
+    "inf": (HEAD + "ncp1,P1,1,inf,3\n", "line 2.*finite"),
+    "too large": (HEAD + "ncp1,P1,1,1e999,3\n", "line 2.*finite"),
+    "text": (HEAD + "ncp1,P1,1,two,3\n", "line 2.*`two`"),
+    "underscore": (HEAD + "ncp1,P1,1,1_0,3\n", "line 2.*`1_0`"),
+    "blank": (HEAD + "ncp1,P1,1,,3\n", "line 2"),
+    "twice": (HEAD + "ncp1,P1,1,2,3\n\nncp1,P1,1,2,4\n", "line 4.*ncp1/P1.*line 2"),
+    "short": (HEAD + "ncp1,P1,1,2\n", "line 2.*4 columns.*5"),
+    "long": (HEAD + "ncp1,P1,1,2,3,4\n", "line 2.*6 columns.*5"),
+    "nameless": (HEAD + "ncp1,,1,2,3\n", "line 2.*name"),
+    "no group": ("point,x,y,z\nP1,1,2,3\n", "line 1.*group"),
+    "no z": ("group,point,x,y\nncp1,P1,1,2\n", "line 1"),
+    "x twice": ("group,point,x,y,z,x [mm]\nncp1,P1,1,2,3,1\n", "line 1.*twice"),
+    "cylindrical": ("// AXES = CYLINDRICAL: R, Theta, Z (mm)\nncp1,P1,1,2,3\n", "cylindrical"),
+    "polar": ("// AXES = POLAR (mm)\nncp1,P1,1,2,3\n", "line 1.*polar"),
+    "offset": (
+        "group,point,x,y,z,Planar Offset\nncp1,P1,1,2,3,0\nncp1,P2,1,2,4,19.05\n",
+        "line 3.*probe offset",
+    ),
+    "radius": ("group,point,x,y,z,Probe Radius\nncp1,P1,1,2,3,6.35\n", "line 2.*probe"),
+    "unit": ("group,point,x [furlong],y [furlong],z [furlong]\nncp1,P1,1,2,3\n", "furlong"),
+    "units": ("// AXES = CARTESIAN (mm)\ngroup,point,x [m],y [m],z [m]\nn,P,1,2,3\n", "different"),
+    "some u": ("group,point,x,y,z,ux\nncp1,P1,1,2,3,1\n", "line 1.*uncertainties for x"),
+    "negative u": ("group,point,x,y,z,ux,uy,uz\nncp1,P1,1,2,3,1,-1,1\n", "line 2.*negative"),
+    "six": ("// AXES = CARTESIAN (mm)\nA,B,ncp1,P1,1,2,3\n", "line 2.*7 columns"),
+    "binary": ("group\0point", "not a text file"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_file_is_refused_with_its_line(tmp_path: Path, case: str) -> None:
+    text, said = BAD[case]
+    with pytest.raises(DataError, match=said) as caught:
+        read_points(write(tmp_path, text), length_unit="mm")
+    assert "points.csv" in str(caught.value)
+    assert caught.value.hint
+    assert caught.value.exit_status == 3
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_a_usage_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"none\.csv"):
+        read_points(tmp_path / "none.csv", length_unit="mm")
+
+
+def test_an_unknown_given_unit_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="furlong"):
+        read_points(write(tmp_path, PLAIN), length_unit="furlong")
+
+
+def test_json_has_the_shape_of_the_model(tmp_path: Path) -> None:
+    point = {"group": "ncp1", "point": "P1", "x": 1, "y": 2, "z": 3}
+    content = {"length_unit": "mm", "points": [point]}
+    path = tmp_path / "points.json"
+    path.write_text(json.dumps(content))
+    assert read_points(path, length_unit="m").xyz == pytest.approx(np.array([[1e-3, 2e-3, 3e-3]]))
+    path.write_text(json.dumps({**content, "points": [point, point]}))
+    with pytest.raises(DataError, match="already"):
+        read_points(path, length_unit="m")
+
+
+@pytest.mark.parametrize(
+    "change", [{"x": float("nan")}, {"x": None}, {"group": ""}, {"ux": 1.0}, {"w": 1.0}]
+)
+def test_the_model_refuses(change: dict[str, object]) -> None:
+    point: dict[str, object] = {"group": "ncp1", "point": "P1", "x": 1.0, "y": 2.0, "z": 3.0}
+    good = {"length_unit": "mm", "points": [point]}
+    PointFile.model_validate(good)
+    with pytest.raises(ValidationError):
+        PointFile.model_validate({**good, "points": [{**point, **change}]})
+
+
+def test_a_session_is_read_with_its_notes(tmp_path: Path) -> None:
+    plain, leica = write(tmp_path, PLAIN), tmp_path / "leica.csv"
+    leica.write_text(LEICA + "ncp1;P1;1000;2000;3000;0,1;0,2;300\n", encoding="utf-8")
+    session, notes = read_tracker_session(
+        instrument=Instrument(1e-5, 5.0, 2.0),
+        drawing=1e-5,
+        length_unit="mm",
+        nominal=plain,
+        targets=leica,
+        servo=plain,
+        moves=plain,
+    )
+    assert session.targets.std is not None
+    assert session.nominal.std is None
+    assert len(notes) == 1

@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.records import FloatArray, PointSet
+from tdfscal.trackercal import match_points, register
+
+from .world import PAPER, chi2_bounds, error_vector, points, rotation, sight
+
+LABELS = ["A", "B", "C", "D", "E", "F", "G", "H"]
+
+
+def pair(
+    seed: int, count: int = 6, noise: float = 1e-5, std: bool = True
+) -> tuple[PointSet, PointSet, FloatArray, FloatArray]:
+    rng = np.random.default_rng(seed)
+    x, R, t = rng.uniform(-0.5, 0.5, size=(count, 3)), rotation(rng), np.array([4.0, 1.0, 0.5])
+    y = x @ R.T + t + noise * rng.normal(size=x.shape)
+    stated = np.full_like(y, noise) if std else None
+    group = ["frame"] * count
+    return points(group, LABELS[:count], y, stated), points(group, LABELS[:count], x), R, t
+
+
+@pytest.mark.parametrize("std", [True, False])
+def test_transform_and_its_uncertainty(std: bool) -> None:
+    total = 0.0
+    for seed in range(60):
+        measured, reference, R, t = pair(seed, std=std)
+        result = register(measured, reference)
+        d = np.concatenate([error_vector(R, result.rotation), t - result.translation])
+        total += float(d @ np.linalg.solve(result.covariance, d))
+    low, high = chi2_bounds(360)
+    if not std:
+        # With noise estimated on 12 degrees of freedom, each sixth is F(6, 12): mean 6/5,
+        # variance 24/25.
+        low, high = (6 * (60 * 1.2 + sign * 3.7 * np.sqrt(60 * 0.96)) for sign in (-1, 1))
+    assert low < total < high
+
+
+def test_instrument_noise_is_weighted() -> None:
+    rng = np.random.default_rng(1)
+    x = rng.uniform(-0.5, 0.5, size=(6, 3))
+    total, dof = 0.0, 0
+    for _ in range(40):
+        R = rotation(rng)
+        y = sight(rng, x @ R.T + [8.0, 0, 1])
+        names = ["frame"] * 6, LABELS[:6]
+        result = register(points(*names, y), points(*names, x), instrument=PAPER)
+        assert result.chi2 is not None
+        total, dof = total + result.chi2, dof + result.dof
+    low, high = chi2_bounds(dof)
+    assert low < total < high
+
+
+def test_order_of_the_points_does_not_matter() -> None:
+    measured, reference, _, _ = pair(2)
+    turned = PointSet(
+        measured.group[::-1],
+        measured.point[::-1],
+        measured.xyz[::-1],
+        None if measured.std is None else measured.std[::-1],
+        measured.source,
+    )
+    assert np.array_equal(
+        register(measured, reference).rotation, register(turned, reference).rotation
+    )
+
+
+def test_missing_and_extra_points_are_listed() -> None:
+    measured, reference, _, _ = pair(3, count=8)
+    assert measured.std is not None
+    fewer = PointSet(
+        measured.group[1:], measured.point[1:], measured.xyz[1:], measured.std[1:], "m"
+    )
+    result = register(fewer, reference)
+    assert (result.missing, result.extra) == (("frame/A",), ())
+    result = register(measured, replace(reference, point=("X", *reference.point[1:])))
+    assert (result.missing, result.extra) == (("frame/X",), ("frame/A",))
+    assert len(result.names) == 7
+
+
+def test_nothing_in_common_is_refused() -> None:
+    measured, reference, _, _ = pair(4)
+    with pytest.raises(DataError, match="frame/A"):
+        match_points(replace(measured, group=("other",) * 6), reference)
+
+
+def test_permuted_names_are_found() -> None:
+    measured, reference, _, _ = pair(5, count=8)
+    labels = list(measured.point)
+    labels[1], labels[4], labels[6] = labels[4], labels[6], labels[1]
+    with pytest.raises(DataError, match="names") as caught:
+        register(replace(measured, point=tuple(labels)), reference)
+    for old, new in (("E", "B"), ("G", "E"), ("B", "G")):
+        assert f"frame/{old} is frame/{new}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(1e3, r"mm read as m\?"), (25.4, "inches read as mm"), (1 / 0.0254, r"inches read as m\?")],
+)
+@pytest.mark.parametrize("std", [True, False])
+def test_wrong_units_are_named(factor: float, said: str, std: bool) -> None:
+    measured, reference, _, _ = pair(6, std=std)
+    for a, b in (
+        (replace(measured, xyz=measured.xyz * factor), reference),
+        (measured, replace(reference, xyz=reference.xyz * factor)),
+    ):
+        with pytest.raises(DataError, match=said):
+            register(a, b)
+
+
+def test_a_small_scale_is_shown_not_applied() -> None:
+    measured, reference, _, _ = pair(7)
+    warm = replace(reference, xyz=reference.xyz / 1.0002)
+    result = register(measured, warm)
+    assert abs(result.scale - 1.0002) < 4 * result.scale_std
+    assert result.scale_p < 1e-6
+    assert any("ppm" in w for w in result.warnings)
+    assert np.linalg.norm(result.rotation, axis=0) == pytest.approx(1, abs=1e-12)
+
+
+def test_mirror_and_line_are_refused() -> None:
+    measured, reference, _, _ = pair(8)
+    with pytest.raises(DataError, match="mirror"):
+        register(replace(measured, xyz=measured.xyz * [1, 1, -1]), reference)
+    line = np.arange(6)[:, None] * [0.1, 0.2, 0] + 1e-7 * np.eye(6)[:, :3]
+    with pytest.raises(NotIdentifiableError, match="line"):
+        register(
+            replace(measured, xyz=line + 1e-5 * np.random.default_rng(1).normal(size=(6, 3))),
+            replace(reference, xyz=line),
+        )
+
+
+def test_two_points_are_refused() -> None:
+    measured, reference, _, _ = pair(9, count=2)
+    with pytest.raises(NotIdentifiableError, match="2 points"):
+        register(measured, reference)
+
+
+def test_three_points_are_enough_and_marked_coplanar() -> None:
+    measured, reference, R, _ = pair(10, count=3)
+    result = register(measured, reference)
+    assert result.coplanar
+    d = error_vector(R, result.rotation)
+    assert d @ np.linalg.solve(result.covariance[:3, :3], d) < chi2_bounds(3)[1]
+
+
+@pytest.mark.parametrize("std", [True, False])
+def test_an_outlying_point_is_named(std: bool) -> None:
+    measured, reference, R, _ = pair(11, count=8, std=std)
+    xyz = measured.xyz.copy()
+    xyz[3] += [2e-3, 0, 0]
+    result = register(replace(measured, xyz=xyz), reference)
+    assert [r.name for r in result.rejected] == ["frame/D"]
+    d = error_vector(R, result.rotation)
+    assert d @ np.linalg.solve(result.covariance[:3, :3], d) < chi2_bounds(3)[1] * (1 if std else 4)
+
+
+def test_the_same_file_twice() -> None:
+    _, reference, _, _ = pair(12)
+    result = register(reference, reference)
+    assert np.abs(result.rotation - np.eye(3)).max() < 1e-14
+    assert result.rms < 1e-14
