@@ -103,7 +103,7 @@ def main() -> None:
     print("## The paper's instrument: 10 µm + 5 µm/m, 2″\n")
     print(
         "Four targets on a square of the side named, one raised by a fifth of it. Range and "
-        "angles are about equally good at 3 m and 1:1.7 at 15 m, so weights gain little.\n"
+        "angles are about equally good at 2 m and 1:1.7 at 15 m, so weights gain little.\n"
     )
     table(rig, PAPER, SQUARE, SPACINGS)
     print("\n## An interferometer: 2 µm + 0.5 µm/m, 2″\n")

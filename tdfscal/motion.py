@@ -30,6 +30,10 @@ class Poses:
     rotation: FloatArray
     translation: FloatArray
 
+    def rows(self, which: slice) -> Poses:
+        """Some of the poses."""
+        return Poses(self.rotation[which], self.translation[which])
+
 
 @dataclass(frozen=True, slots=True)
 class Motion:
@@ -43,6 +47,10 @@ class Motion:
     turning_rate: FloatArray
     acceleration: FloatArray
 
+    def rows(self, which: slice) -> Motion:
+        """Some of the instants."""
+        return Motion(self.turning[which], self.turning_rate[which], self.acceleration[which])
+
 
 def poses(hinge: FloatArray, position: FloatArray) -> Poses:
     """Poses from servo positions (N, n, 3) in m, BCS; hinge (n, 3) in m, LCS.
@@ -52,40 +60,59 @@ def poses(hinge: FloatArray, position: FloatArray) -> Poses:
     """
     N, n = position.shape[:2]
     r0 = hinge.mean(axis=0)
-    p0 = position.mean(axis=1)
-    spoke = position - p0[:, None]
+    p0 = position.sum(axis=1) / n
     blocks = -(-N // _BLOCK)
-    padded = np.pad(spoke, ((0, blocks * _BLOCK - N), (0, 0), (0, 0)), mode="edge")
-    padded = padded.reshape(blocks, _BLOCK, n, 3)
-    start, _ = register(hinge, padded.mean(axis=1))
-    R = _follow((hinge - r0) @ np.swapaxes(start, 1, 2), padded) @ start[:, None]
-    R = R.reshape(-1, 3, 3)[:N]
+    spoke = np.empty((blocks * _BLOCK, n, 3))
+    np.subtract(position, p0[:, None], out=spoke[:N])
+    spoke[N:] = spoke[N - 1]
+    spoke = spoke.reshape(blocks, _BLOCK, n, 3)
+    start, _ = register(hinge, spoke.mean(axis=1))
+    turned = _follow((hinge - r0) @ np.swapaxes(start, 1, 2), spoke)
+    rows = np.moveaxis(turned, (0, 1), (2, 3)).reshape(blocks, _BLOCK * 3, 3)
+    R = (rows @ start).reshape(-1, 3, 3)[:N]
     return Poses(R, p0 - R @ r0)
 
 
 def _follow(arm: FloatArray, spoke: FloatArray) -> FloatArray:
-    """Rotations (b, B, 3, 3) that turn arm (b, n, 3) on spoke (b, B, n, 3), all near the identity."""
+    """Rotations (3, 3, b, B) that turn arm (b, n, 3) on spoke (b, B, n, 3), all near the identity.
+
+    Components come first: numpy is fast along long last axes only.
+    """
     lever = so3.hat(arm)
     inertia = np.einsum("bnca,bncd->bad", lever, lever)
     gain = np.linalg.solve(inertia[:, None], lever)  # δφ = Σ gain_i ε_i
-    gain = np.moveaxis(gain, 1, 2).reshape(len(arm), 3, -1)
+    gain = np.swapaxes(gain, 2, 3).reshape(len(arm), -1, 3)
     flat = arm.reshape(len(arm), 1, -1)
-    turned = so3.exp(_step(spoke, flat, gain))
+    turned = _small_turn((spoke.reshape(*spoke.shape[:2], -1) - flat) @ gain)
     far = np.arange(len(arm))
     for _ in range(_STEPS):
         # Seen from the turned frame, the same fixed arms and gains serve again.
-        seen = spoke[far] @ turned[far]
-        step = _step(seen, flat[far], gain[far])
-        turned[far] = turned[far] @ so3.exp(step)
+        there = np.moveaxis(spoke[far], (2, 3), (0, 1))
+        seen = np.einsum("nc...,cd...->nd...", there, turned[:, :, far])
+        away = np.moveaxis(seen.reshape(-1, *seen.shape[2:]), 0, 2) - flat[far]
+        step = away @ gain[far]
+        turned[:, :, far] = np.einsum("ac...,cd...->ad...", turned[:, :, far], _small_turn(step))
         far = far[np.abs(step).max(axis=(1, 2)) > _CLOSE]
         if not far.size:
             break
     return turned
 
 
-def _step(spoke: FloatArray, arm: FloatArray, gain: FloatArray) -> FloatArray:
-    away = spoke.reshape(*spoke.shape[:2], -1) - arm
-    return np.asarray(away @ np.swapaxes(gain, 1, 2))
+def _small_turn(v: FloatArray) -> FloatArray:
+    """Rotations (3, 3, b, B) by vectors (b, B, 3), exact for |v| < 2: the unit quaternion
+    (v/2, √(1 − v²/4)) turns by 2 asin(|v|/2), which is |v| to the third order.
+    """
+    x, y, z = np.ascontiguousarray(np.moveaxis(v, 2, 0))
+    xx, yy, zz = x * x, y * y, z * z
+    w = np.sqrt(np.maximum(1.0 - 0.25 * (xx + yy + zz), 0.0))
+    out = np.empty((3, 3, *x.shape))
+    xy, xz, yz = 0.5 * x * y, 0.5 * x * z, 0.5 * y * z
+    x, y, z = w * x, w * y, w * z
+    out[0, 0], out[1, 1], out[2, 2] = 1 - 0.5 * (yy + zz), 1 - 0.5 * (xx + zz), 1 - 0.5 * (xx + yy)
+    out[0, 1], out[1, 0] = xy - z, xy + z
+    out[0, 2], out[2, 0] = xz + y, xz - y
+    out[1, 2], out[2, 1] = yz - x, yz + x
+    return out
 
 
 def derivative_kernels(half: int) -> FloatArray:
@@ -120,10 +147,10 @@ def _derivatives(signal: FloatArray, step: float, half: int) -> tuple[FloatArray
 def motion(at: Poses, step: float, half: int) -> Motion | None:
     """Velocities and accelerations of N evenly sampled poses, step in s.
 
-    half : samples on either side that a fit takes in. None where N < 2 half + 1.
+    half : samples on either side that a fit takes in. None where N ≤ 2 half.
     """
     N = len(at.translation)
-    if N < 2 * half + 1:
+    if N <= 2 * half:
         return None
     R = at.rotation
     signal = np.concatenate([at.translation, R.reshape(N, 9)], axis=1)
@@ -139,6 +166,9 @@ def motion(at: Poses, step: float, half: int) -> Motion | None:
 
 def _vee(M: FloatArray) -> FloatArray:
     """Vector (N, 3) of the skew part of M (N, 3, 3)."""
-    return np.stack(
-        [M[:, 2, 1] - M[:, 1, 2], M[:, 0, 2] - M[:, 2, 0], M[:, 1, 0] - M[:, 0, 1]], axis=1
-    ) / 2
+    return (
+        np.stack(
+            [M[:, 2, 1] - M[:, 1, 2], M[:, 0, 2] - M[:, 2, 0], M[:, 1, 0] - M[:, 0, 1]], axis=1
+        )
+        / 2
+    )

@@ -68,13 +68,7 @@ def sound(result: Fit, used: BoolArray) -> BoolArray:
 
 
 def fit_robust(rig: Rig, postures: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
-    """Fit with the postures that do not belong left out, each with its evidence.
-
-    Raises
-    ------
-    NotConvergedError
-        The iteration does not settle.
-    """
+    """Fit with the postures that do not belong left out, each with its evidence."""
     K = len(postures)
     result = fit(rig, postures, best_start(rig, postures).state)
     if not sound(result, np.ones(K, dtype=bool)).all():

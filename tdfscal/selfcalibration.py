@@ -107,6 +107,11 @@ def self_calibrate(
     )
     if not seen.identified:
         raise NotIdentifiableError(_unseen(seen), hint=seen.weak[0].advice)
+    if not result.converged:
+        raise NotConvergedError(
+            f"the estimate did not settle in {result.iterations} iterations",
+            hint="check mass, hinges and nominal mounting in rig.yaml, and record more postures",
+        )
     trials = None
     if estimator == "ml" and max_trials != 0:
         trials = propagate(result, parts, uncertainty, stats.birge, rng, max_trials or MAX_TRIALS)
@@ -136,24 +141,19 @@ def self_calibrate(
 
 def _fit(rig: Rig, observed: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
     """Robust fit; a poor one is held against exchanged sensors before it is believed."""
-    try:
-        result, found = fit_robust(rig, observed)
-    except NotConvergedError:
-        _check_exchanged(rig, observed, np.inf)
-        raise
-    off = float(np.sqrt(spread(result.distance)))
-    if off > _POOR:
-        _check_exchanged(rig, observed, off)
+    result, found = fit_robust(rig, observed)
+    if np.sqrt(spread(result.distance)) > _POOR:
+        _check_exchanged(rig, observed)
     return result, found
 
 
-def _check_exchanged(rig: Rig, observed: Postures, off: float) -> None:
-    """Raise DataError where another assignment of the sensors fits far better."""
+def _check_exchanged(rig: Rig, observed: Postures) -> None:
+    """Raise DataError where another assignment of the sensors explains the postures."""
     for order in sanity.orders(rig.n):
         other = replace(
             observed, force=observed.force[:, order], force_cov=observed.force_cov[:, order]
         )
-        if np.sqrt(spread(best_start(rig, other).distance)) < off / _POOR:
+        if np.sqrt(spread(best_start(rig, other).distance)) < _POOR:
             raise DataError(
                 f"the forces fit with {sanity.renamed(rig, order)}, and not as they are named",
                 where="log forces",

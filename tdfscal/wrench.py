@@ -45,15 +45,13 @@ class Wrenches:
 
     std : standard uncertainty of each component from the calibration and the rig's constants
     (rotations, zeros, sensitivities, mass, barycentre, hinges, datums, gravity's direction) with
-    their correlations; noise of the single sample is not in it; ∞ where a constant is open.
-    noise : standard uncertainty that the single sample adds by what the rig file declares
-    (positioner, force_noise, hinge_moment).
+    their correlations; ∞ where a constant is open. What a single sample adds (its noise, and what
+    the rig file declares per posture: positioner, force_noise, hinge_moment) is not in it.
     raw : without the calibration: nominal mounting, the rig's stated zeros, mass and barycentre.
     """
 
     value: FloatArray
     std: FloatArray
-    noise: FloatArray
     raw: FloatArray
 
 
@@ -72,12 +70,15 @@ def contact_wrench(
     lever_m = np.concatenate([[1.0], state.barycentre])
     mix = np.einsum("na,nbc->ncab", lever, M).reshape(3 * n, 12)
     constant = np.outer(lever_m, weight).ravel() - state.zero.ravel() @ mix
-    turned = (force.reshape(N, 3 * n) @ mix + constant).reshape(N, 4, 3) @ at.rotation
+    stacked = np.ascontiguousarray((force.reshape(N, 3 * n) @ mix + constant).T).reshape(4, 3, N)
+    turned = np.einsum(
+        "abx,bcx->acx", stacked, np.ascontiguousarray(np.moveaxis(at.rotation, 0, 2))
+    )
     out = np.empty((N, 6))
-    out[:, :3] = -turned[:, 0]
-    out[:, 3] = turned[:, 3, 1] - turned[:, 2, 2]
-    out[:, 4] = turned[:, 1, 2] - turned[:, 3, 0]
-    out[:, 5] = turned[:, 2, 0] - turned[:, 1, 1]
+    out[:, :3] = -turned[0].T
+    out[:, 3] = turned[3, 1] - turned[2, 2]
+    out[:, 4] = turned[1, 2] - turned[3, 0]
+    out[:, 5] = turned[2, 0] - turned[1, 1]
     return out if moving is None else out + moving
 
 
@@ -102,8 +103,8 @@ def to_lcs(at: Balance) -> FloatArray:
 
 def jacobian(given: Calibrated, at: Balance) -> FloatArray:
     """Derivative (K, 6, P) of the contact wrench (LCS) by the calibrated parameters."""
-    by_state = at.design @ features_jacobian(given.state, at, given.rig.gravity)
-    return np.asarray(to_lcs(at) @ by_state)
+    by_state = features_jacobian(given.state, at, given.rig.gravity)
+    return np.asarray(to_lcs(at) @ (at.design @ by_state))
 
 
 def single(given: Calibrated, position: FloatArray, force: FloatArray) -> Postures:
@@ -124,17 +125,14 @@ def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> Fl
 
     position (K, n, 3) in m, BCS; force (K, n, 3), N, readings.
     """
-    at = balance(
-        single(given, position, force), given.state, given.state.barycentre, given.rig.gravity
-    )
-    return _covariance(given, jacobian(given, at))
-
-
-def _covariance(given: Calibrated, J: FloatArray) -> FloatArray:
-    half = J @ given.root
+    posture = single(given, position, force)
+    at = balance(posture, given.state, given.state.barycentre, given.rig.gravity)
+    T = to_lcs(at)
+    by_state = features_jacobian(given.state, at, given.rig.gravity)
+    half = T @ (at.design @ (by_state @ given.root))
     out = half @ np.swapaxes(half, 1, 2)
     if given.open.any():
-        seen = np.abs(J[..., given.open]).max(axis=2) > _ROUNDING
+        seen = np.abs(T @ (at.design @ by_state[:, given.open])).max(axis=2) > _ROUNDING
         diagonal = np.arange(6)
         out[:, diagonal, diagonal] = np.where(seen, np.inf, out[:, diagonal, diagonal])
     return np.asarray(out)
@@ -167,8 +165,7 @@ def wrenches(
         )
         for state in states
     )
-    std, noise = _spread(given, time, position, force)
-    return Wrenches(value=value, std=std, noise=noise, raw=raw)
+    return Wrenches(value=value, std=_std(given, time, position, force), raw=raw)
 
 
 def pose(given: Calibrated, position: FloatArray) -> Poses:
@@ -176,22 +173,17 @@ def pose(given: Calibrated, position: FloatArray) -> Poses:
     return poses(given.state.hinge, position - given.state.datum)
 
 
-def _spread(
+def _std(
     given: Calibrated, time: FloatArray, position: FloatArray, force: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatArray:
     """Standard uncertainties (N, 6), worked out at the means of short blocks of samples."""
     start = _blocks(time)
     count = np.diff(np.append(start, len(time)))
     position, force = (
         np.add.reduceat(v, start, axis=0) / count[:, None, None] for v in (position, force)
     )
-    posture = single(given, position, force)
-    at = balance(posture, given.state, given.state.barycentre, given.rig.gravity)
-    T = to_lcs(at)
-    var = np.diagonal(_covariance(given, jacobian(given, at)), axis1=1, axis2=2)
-    noise = np.diagonal(T @ at.cov @ np.swapaxes(T, 1, 2), axis1=1, axis2=2)
-    std, scatter = (np.repeat(np.sqrt(v), count, axis=0) for v in (var, noise))
-    return std, scatter
+    var = np.diagonal(covariance(given, position, force), axis1=1, axis2=2)
+    return np.repeat(np.sqrt(var), count, axis=0)
 
 
 def _blocks(time: FloatArray) -> IntArray:

@@ -22,6 +22,7 @@ _FALSE_ALARMS = 1e-3  # expected per log
 _ROUNDS = 4
 _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
 _SMOOTH = 2.0 * np.sqrt(2.0 ** (_SCALES - 1))
+_BENDS = 10  # second differences that show how loud a rest is
 _SEED_QUANTILE = 0.02  # at least this share of a log is rest
 _SEED_WINDOW = 0.2  # s
 
@@ -44,6 +45,10 @@ class Noise:
 
     difference: FloatArray
     quantum: FloatArray
+
+    def times(self, factor: FloatArray) -> Noise:
+        """The noise of each axis (A,) times a factor."""
+        return Noise(self.difference * factor, self.quantum)
 
     def of_mean(self, length: IntArray | int) -> FloatArray:
         """Standard deviation of a window's mean, length(s) in bins → (..., A).
@@ -120,11 +125,16 @@ def difference_noise(found: Signals, marked: BoolArray) -> Noise:
 
 
 def mark_changes(
-    found: Signals, noise: Noise, marked: BoolArray, override: float | None
+    found: Signals,
+    noise: Noise,
+    marked: BoolArray,
+    override: float | None,
+    louder: FloatArray | None = None,
 ) -> BoolArray:
     """Bins that are marked already, or where the level of any axis changes.
 
-    override : a threshold of one's own for all axes and windows.
+    override : a threshold of one's own for all axes and windows. louder : (A, B), factor by which
+    the noise there exceeds the log's.
     Small windows first: they place a change best, and larger windows then keep clear of it.
     """
     marked = marked.copy()
@@ -135,7 +145,8 @@ def mark_changes(
     for axis, row in enumerate(found.value):
         for scale, (width, difference) in enumerate(_differences(row)):
             excess = np.abs(difference)
-            excess -= limit[scale, axis]
+            factor = 1.0 if louder is None else louder[axis, : len(excess)]
+            excess -= limit[scale, axis] * factor
             if scale == len(levels):
                 levels.append((width, excess))
             else:
@@ -189,18 +200,50 @@ def quiet_seed(found: Signals, base: BoolArray, width: float) -> BoolArray:
 
 
 def segment(
-    found: Signals, base: BoolArray, width: float, override: float | None
+    found: Signals,
+    base: BoolArray,
+    width: float,
+    override: float | None,
+    louder: FloatArray | None = None,
 ) -> tuple[BoolArray, Noise]:
-    """Alternate noise and marks until they agree; base: bins that are out in any case."""
+    """Alternate noise and marks until they agree; base: bins that are out in any case.
+
+    width : of a bin, s. override, louder : see `mark_changes`.
+    """
     marked = quiet_seed(found, base, width)
     for _ in range(_ROUNDS):
         noise = difference_noise(found, marked)
         if _travels(noise):
             return np.ones_like(base), noise
-        previous, marked = marked, mark_changes(found, noise, base, override)
+        previous, marked = marked, mark_changes(found, noise, base, override, louder)
         if np.array_equal(previous, marked):
             break
     return marked, noise
+
+
+def louder_rests(found: Signals, moving: BoolArray) -> FloatArray:
+    """Factor (A, B) by which the noise of each stretch of rest exceeds that of most; 1 elsewhere.
+
+    By the lower quartile of the second differences: settling is too smooth to show in it, or too
+    brief.
+    """
+    bend = np.abs(found.value[:, 2:] - 2 * found.value[:, 1:-1] + found.value[:, :-2])
+    factor = np.ones(found.value.shape)
+    first, last = runs(~moving)
+    long = last - first >= _BENDS + 2
+    first, last = first[long], last[long]
+    if not len(first):
+        return factor
+    own = np.stack(
+        [np.quantile(bend[:, a : b - 2], 0.25, axis=1) for a, b in zip(first, last, strict=True)]
+    )
+    most = np.median(own, axis=0)
+    ratio = np.divide(own, most, out=np.ones_like(own), where=most > 0)
+    # A quartile of n bends is known to about 1.6/√n.
+    known = 1.0 + 5.0 / np.sqrt(last - first)
+    for a, b, r, k in zip(first, last, ratio, known, strict=True):
+        factor[:, a:b] = np.where(r > k, r, 1.0)[:, None]
+    return factor
 
 
 def _travels(noise: Noise) -> bool:

@@ -12,6 +12,7 @@ from tdfscal.dwells.changes import (
     Noise,
     Signals,
     difference_noise,
+    louder_rests,
     runs,
     segment,
     signals,
@@ -39,7 +40,7 @@ class Field:
     """What the search works on: signals, where they change, their noise, the limits in bins.
 
     visible : (3n,), m, change of a position between two bins that stands out of the noise.
-    noise : of 6n axes, positions first.
+    louder : (3n, B), see `louder_rests`. noise : of 6n axes, positions first.
     """
 
     bins: Bins
@@ -47,6 +48,7 @@ class Field:
     forces: Signals
     moving: BoolArray
     disturbed: BoolArray
+    louder: FloatArray
     noise: Noise
     visible: FloatArray
     shortest: int
@@ -76,7 +78,8 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
     gap = positions.gap | forces.gap | _jumps(bins)
     moving, position_noise = segment(positions, gap, bins.width, options.position_threshold)
     moving = _dilated(moving)
-    disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold)
+    louder = louder_rests(forces, moving)
+    disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold, louder)
     shortest = options.min_duration or max(_SHORTEST, _SHORTEST_BINS * bins.width)
     settle = options.settle_time
     return Field(
@@ -85,6 +88,7 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         forces=forces,
         moving=moving,
         disturbed=disturbed,
+        louder=louder,
         noise=together(position_noise, force_noise),
         visible=threshold(positions, position_noise)[0],
         shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
@@ -117,9 +121,11 @@ def search(
     stretch = Stretch.of(value, field.noise, slice(axes, None), long_run, field.bins.width)
     extents: list[Extent] = []
     left_out: list[LeftOut] = []
+    still = np.ones(axes)
     for begin, end in zip(*runs(~field.moving), strict=True):
         if (end - begin) * field.bins.width >= _MENTIONED:
-            kept, out = _within_rest(field, stretch, int(begin), int(end), rough)
+            here = stretch.louder(np.concatenate([still, field.louder[:, begin]]))
+            kept, out = _within_rest(field, here, int(begin), int(end), rough)
             extents += kept
             left_out += out
     return extents, left_out
@@ -184,12 +190,13 @@ def _within_rest(
             continue
         part: Settled | None = Settled(start, stop)
         if field.settle is None:
-            # What precedes is settling after the move; after an earlier level it is a burst.
+            # What precedes is settling after the move; after a settled level it is a burst.
             part = settled_part(stretch, start, stop, origin, field.shortest, rough=rough)
         if part is not None and part.ratio <= _UNSETTLED:
             settled.append(part)
         else:
             unsettled.append(field.out(start, stop, "forces never settled between two changes"))
+            continue
         origin = _next(field, stop, end)
     held = round(_TRANSIENT / field.bins.width)
     settling = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -76,6 +76,12 @@ class Stretch:
         """Means about `origin`, (..., A)."""
         length = np.asarray(end) - np.asarray(begin)
         return np.asarray((self.total[end] - self.total[begin]) / length[..., None])
+
+    def louder(self, factor: FloatArray) -> Stretch:
+        """With the noise of each axis (A,) times a factor."""
+        if np.all(factor == 1.0):
+            return self
+        return replace(self, noise=self.noise.times(factor), long_run=self.long_run * factor)
 
     def misfit(self, difference: FloatArray, variance: FloatArray, p: float) -> BoolArray:
         """Does a difference of means (..., A) contradict the noise, with false alarm p?

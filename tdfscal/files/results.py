@@ -246,7 +246,7 @@ def _fit(result: SelfCalibration) -> dict[str, Any]:
         "rms_force": stats.rms_force,
         "rms_moment": stats.rms_moment,
         "iterations": result.fit.iterations,
-        "converged": True,
+        "converged": result.fit.converged,
     }
 
 

@@ -1,0 +1,19 @@
+"""Which postures and squeezes to command next, and the uncertainty to expect (theory, section 7)."""
+
+from tdfscal.planning.candidates import Candidates
+from tdfscal.planning.information import Forecast
+from tdfscal.planning.limits import Limits, travel_limits
+from tdfscal.planning.plan import MOST, Objective, Plan, Request, make_plan, plan_for_target
+
+__all__ = [
+    "MOST",
+    "Candidates",
+    "Forecast",
+    "Limits",
+    "Objective",
+    "Plan",
+    "Request",
+    "make_plan",
+    "plan_for_target",
+    "travel_limits",
+]

@@ -18,7 +18,7 @@ _OF_CAPACITY = 0.9
 #: Unplanned internal forces are allowed for up to this many standard deviations.
 _MARGIN = 3.0
 #: Share of the candidates whose lean, and whose squeeze, lie on the limit: optimal plans live there.
-_AT_THE_LIMIT = 0.6
+_AT_THE_LIMIT = 0.8
 _ROUNDING = 1e-9
 
 
@@ -54,11 +54,12 @@ class Candidates:
 def draw(
     rig: Rig, limits: Limits, count: int, rng: np.random.Generator, *, extremes: bool = True
 ) -> Candidates:
-    """Draw candidates inside the limits; without extremes, uniformly: what nobody planned.
+    """Draw candidates inside the limits; without extremes, evenly: what nobody planned.
 
-    Leans spread evenly over the disc of the tilt limit, turns about the vertical within it,
-    squeezes evenly over the ball of the internal modes; what breaks a limit is scaled down onto
-    it. The middle of the hinges stays at home: translations tell the balance nothing.
+    Leans spread evenly over the disc of the tilt limit, turns about the vertical within it.
+    Squeezes have a random direction in the space of internal forces and an even size up to the
+    limit. What breaks a limit is scaled down onto it. The middle of the hinges stays at home:
+    translations tell the balance nothing.
 
     Raises UsageError where the weight alone breaks a limit.
     """
@@ -78,7 +79,7 @@ def draw(
     along = rng.standard_normal((count, d))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     direction = np.einsum("kd,kdna->kna", along, modes)
-    radius = np.where(at_limit[2], 1.0, rng.uniform(size=count) ** (1.0 / d))
+    radius = np.where(at_limit[2], 1.0, rng.uniform(size=count))
     reach = np.max(np.linalg.norm(direction, axis=2), axis=1)
     squeeze = (limits.squeeze * radius / reach)[:, None, None] * direction
     margin = _MARGIN * limits.repeatability_force(rig)

@@ -20,7 +20,8 @@ def squared_z(recorded: Recorded, dwells: Dwells) -> np.ndarray:
     """Mahalanobis distance squared of each mean force from the truth, (K, n)."""
     assert len(dwells) == len(recorded.stops)
     error = dwells.force - recorded.force
-    return np.einsum("kni,knij,knj->kn", error, np.linalg.inv(dwells.force_cov), error)
+    precision = np.linalg.inv(dwells.force_cov)
+    return np.asarray(np.einsum("kni,knij,knj->kn", error, precision, error))
 
 
 @pytest.mark.parametrize(("rate", "stop"), [(50, 4.0), (200, 4.0), (1000, 1.0), (5000, 0.7)])

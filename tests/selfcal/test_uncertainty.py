@@ -68,11 +68,12 @@ def test_the_budget_sums_to_the_variance_and_names_every_source() -> None:
 
 def test_a_declared_source_widens_and_an_undeclared_one_adds_nothing() -> None:
     bare = replace(RIG, declared=replace(RIG.declared, force_sensitivity=0.0), gravity_tilt_std=0.0)
-    other = calibrated(BATCH, bare, 0)
-    assert not other.uncertainty.contributions["sensitivity"].any()
-    assert not other.uncertainty.contributions["gravity"].any()
-    # The noise-only variance cannot rise when there is less to estimate.
-    assert (other.uncertainty.rpy_std < RESULT.uncertainty.rpy_std).all()
+    other = fit(bare, RESULT.fit.postures, RESULT.fit.state)
+    spread = evaluate(other, information_root(other), 1.0)
+    assert not spread.contributions["sensitivity"].any()
+    assert not spread.contributions["gravity"].any()
+    full = evaluate(RESULT.fit, information_root(RESULT.fit), 1.0)
+    assert (spread.rpy_std < full.rpy_std).all()
 
 
 def test_birge_inflates_noise_and_never_shrinks() -> None:

@@ -1,0 +1,1 @@
+"""Long statistics; each script prints the Markdown table beside it."""
