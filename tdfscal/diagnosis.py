@@ -24,6 +24,8 @@ EXPLAINS = 0.01
 _CLEAR = 9.0
 #: At most this share of the postures can be in contact before no cause is named.
 _TOUCHED = 0.4
+#: Postures that are tried as in contact, those with the largest residuals.
+_SUSPECTS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,19 +155,19 @@ def _contact(given: Whitened, postures: Sequence[int]) -> _Model:
     )
 
 
-def _contacts(
-    given: Whitened, z: FloatArray, project: FloatArray, rival: Cause
-) -> list[Cause]:
+def _contacts(given: Whitened, z: FloatArray, project: FloatArray, rival: Cause) -> list[Cause]:
     """Contact in one posture each; where none explains all, in more of them, one by one."""
     K = len(given.residual)
     if K < 2:
         return []
-    single = [_fit(_contact(given, [k]), z, project) for k in range(K)]
+    off = np.sum(z.reshape(K, 6) ** 2, axis=1)
+    suspects = np.argsort(off)[::-1][:_SUSPECTS].tolist()
+    single = [_fit(_contact(given, [k]), z, project) for k in suspects]
     best = max(single, key=_weight)
     chosen = list(best.postures)
     while not best.explains and not rival.explains and len(chosen) + 1 <= _TOUCHED * K:
         more = [
-            _fit(_contact(given, [*chosen, k]), z, project) for k in range(K) if k not in chosen
+            _fit(_contact(given, [*chosen, k]), z, project) for k in suspects if k not in chosen
         ]
         best = max(more, key=_weight)
         chosen = list(best.postures)
@@ -201,11 +203,7 @@ def _fit(model: _Model, z: FloatArray, project: FloatArray) -> Cause:
 
 def turn_information(given: Whitened, free: FloatArray | None = None) -> FloatArray:
     """Information (n, 3, 3), 1/rad², that the postures hold about one sensor's turn alone."""
-    n = (given.jacobian.shape[2] - 6) // 18
     _, project = _white(given, free)
-    out = []
-    for i in range(n):
-        model = next(m for m in _models(given) if m.kind == "sensor turned" and m.support == i)
-        H = model.columns - project @ (project.T @ model.columns)
-        out.append(H.T @ H)
-    return np.stack(out)
+    columns = [m.columns for m in _models(given) if m.kind == "sensor turned"]
+    left = [H - project @ (project.T @ H) for H in columns]
+    return np.stack([H.T @ H for H in left])

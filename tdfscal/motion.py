@@ -150,7 +150,7 @@ def motion(at: Poses, step: float, half: int) -> Motion | None:
     half : samples on either side that a fit takes in. None where N ≤ 2 half.
     """
     N = len(at.translation)
-    if N <= 2 * half:
+    if 2 * half >= N:
         return None
     R = at.rotation
     signal = np.concatenate([at.translation, R.reshape(N, 9)], axis=1)

@@ -11,6 +11,7 @@ from itertools import permutations, product
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.statics import Postures, forces, gravity, nominal, register
 
@@ -33,7 +34,8 @@ def check_geometry(rig: Rig, position: FloatArray) -> None:
     Raises
     ------
     DataError
-        They differ: a unit, swapped or mirrored axes, swapped supports, or another rig.
+        They differ, or the terminal stands on its head while gravity points along −Z: a unit,
+        swapped or mirrored axes, swapped supports, or another rig.
     """
     p = position - position.mean(axis=1, keepdims=True)
     r = rig.hinge - rig.hinge.mean(axis=0)
@@ -49,19 +51,33 @@ def check_geometry(rig: Rig, position: FloatArray) -> None:
             else "check log.length_unit, the position fields and the hinge coordinates",
         )
     limit = _shape_limit(rig)
-    off = _misfit(rig.hinge, position)
-    if off > limit:
-        found = next(
-            (text for text, q in _rearranged(rig, position) if _misfit(rig.hinge, q) <= limit), None
-        )
-        raise DataError(
-            f"the NCP positions miss the hinge pattern of rig.yaml by {1e3 * off:.3g} mm"
-            + (f"; it would fit with {found}" if found else ""),
-            where="log positions",
-            hint="correct the position fields of the log block in rig.yaml"
-            if found
-            else "check that log and rig.yaml belong to the same rig",
-        )
+    off, up = _misfit(rig.hinge, position)
+    if off <= limit and up > 0:
+        return
+    wrong = (
+        f"the NCP positions miss the hinge pattern of rig.yaml by {1e3 * off:.3g} mm"
+        if off > limit
+        else "the terminal stands on its head in the log: its z axis points downwards"
+    )
+    found = _explanation(rig, position, limit)
+    raise DataError(
+        wrong + (f"; it would fit with {found}" if found else ""),
+        where="log positions",
+        hint="correct the position fields of the log block in rig.yaml"
+        if found
+        else "check the position fields, the hinges, and that log and rig.yaml belong together",
+    )
+
+
+def _explanation(rig: Rig, position: FloatArray, limit: float) -> str | None:
+    """Words for the rearrangement that fits upright with the terminal least turned."""
+    fitting = []
+    for text, candidate in _rearranged(rig, position):
+        off, up = _misfit(rig.hinge, candidate)
+        if off <= limit and up > 0:
+            R, _ = register(rig.hinge, candidate)
+            fitting.append((float(np.median(np.linalg.norm(so3.log(R), axis=1))), text))
+    return min(fitting)[1] if fitting else None
 
 
 def _shape_limit(rig: Rig) -> float:
@@ -70,11 +86,12 @@ def _shape_limit(rig: Rig) -> float:
     return _SHAPE * radius + 6 * float(stated)
 
 
-def _misfit(hinge: FloatArray, position: FloatArray) -> float:
-    """Median over the postures of the rms distance after registration, m."""
+def _misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:
+    """Medians over the postures: rms distance after registration in m, and height of LCS z."""
     R, T = register(hinge, position)
     off = position - (np.einsum("kab,nb->kna", R, hinge) + T[:, None])
-    return float(np.median(np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))))
+    rms = np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
+    return float(np.median(rms)), float(np.median(R[:, 2, 2]))
 
 
 def _rearranged(rig: Rig, position: FloatArray) -> Iterator[tuple[str, FloatArray]]:
@@ -108,23 +125,6 @@ def renamed(rig: Rig, order: list[int]) -> str:
         f"{rig.supports[i]} taken from {rig.supports[j]}" for i, j in enumerate(order) if i != j
     ]
     return " and ".join(moved)
-
-
-def check_poses(rig: Rig, position: FloatArray) -> None:
-    """A terminal on its head in the BCS means mirrored or exchanged axes.
-
-    Raises
-    ------
-    DataError
-        The LCS's z axis points downwards in most postures while gravity points along −Z.
-    """
-    R, _ = register(rig.hinge, position)
-    if np.median(R[:, 2, 2]) < 0:
-        raise DataError(
-            "the terminal stands on its head in the log: its z axis points downwards",
-            where="log positions",
-            hint="check the order and signs of the position fields, and of the hinges in rig.yaml",
-        )
 
 
 def check_weight(rig: Rig, postures: Postures) -> None:

@@ -33,7 +33,7 @@ from tdfscal.statics import (
 )
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
-_SETTLED = 1e-7
+_SETTLED = 1e-6
 _PASSES = 40
 #: Residuals per posture.
 ROWS = 6

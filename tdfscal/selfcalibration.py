@@ -85,7 +85,6 @@ def self_calibrate(
             hint="hold each posture for at least two seconds, or check the position fields",
         )
     sanity.check_geometry(rig, dwells.position)
-    sanity.check_poses(rig, dwells.position)
     screened = screening.screen(rig, dwells)
     index = np.flatnonzero(screened.keep)
     observed = postures(rig, dwells).subset(index)

@@ -322,19 +322,21 @@ def features_jacobian(state: State, at: Balance, g: float) -> FloatArray:
     """∂ψ/∂(step of `retract`), (q, P), of a state without batch axes."""
     n, place = state.n, layout(state.n)
     jac = np.zeros((18 * n + 12, 18 * n + 6))
-    M = sensing(state)
-    inverse = unmixing(state.sensitivity)
-    for i in range(n):
-        m_rows = slice(9 * i, 9 * i + 9)
-        b_rows = slice(9 * n + 3 * i, 9 * n + 3 * i + 3)
-        rot = slice(place["rotation"].start + 3 * i, place["rotation"].start + 3 * i + 3)
-        zero = slice(place["zero"].start + 3 * i, place["zero"].start + 3 * i + 3)
-        sens = slice(place["sensitivity"].start + 6 * i, place["sensitivity"].start + 6 * i + 6)
-        dM_rot = so3.hat(np.eye(3)) @ M[i]  # [e_j]× M
-        dM_sens = -M[i] @ SYMMETRIC @ inverse[i]
-        jac[m_rows, rot], jac[b_rows, rot] = dM_rot.reshape(3, 9).T, (dM_rot @ state.zero[i]).T
-        jac[m_rows, sens], jac[b_rows, sens] = dM_sens.reshape(6, 9).T, (dM_sens @ state.zero[i]).T
-        jac[b_rows, zero] = M[i]
+    M, each = sensing(state), np.arange(n)
+    turned = so3.hat(np.eye(3)) @ M[:, None]  # (n, 3, 3, 3): [e_j]× M
+    strained = -M[:, None] @ SYMMETRIC @ unmixing(state.sensitivity)[:, None]  # (n, 6, 3, 3)
+    # Views of the block (features of the sensor, its parameters) with one axis per sensor.
+    m_rows = jac[: 9 * n].reshape(n, 9, -1)
+    b_rows = jac[9 * n : 12 * n].reshape(n, 3, -1)
+    for group, change in (("rotation", turned), ("sensitivity", strained)):
+        size = change.shape[1]
+        columns = place[group].start + size * each[:, None] + np.arange(size)
+        m_part = np.swapaxes(change.reshape(n, size, 9), 1, 2)
+        b_part = np.swapaxes((change @ state.zero[:, None, :, None])[..., 0], 1, 2)
+        np.put_along_axis(m_rows, np.repeat(columns[:, None], 9, axis=1), m_part, axis=2)
+        np.put_along_axis(b_rows, np.repeat(columns[:, None], 3, axis=1), b_part, axis=2)
+    columns = place["zero"].start + 3 * each[:, None] + np.arange(3)
+    np.put_along_axis(b_rows, np.repeat(columns[:, None], 3, axis=1), M, axis=2)
 
     w, wr = slice(12 * n, 12 * n + 3), slice(12 * n + 3, 12 * n + 12)
     gvec, lever = gravity(state, g), state.barycentre - at.centre

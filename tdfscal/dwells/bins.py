@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -109,7 +110,7 @@ def _view(page: _Page, rows: slice | IntArray, columns: slice) -> _Page:
     )
 
 
-def _store(page: _Page, rows: IntArray, columns: slice, new: _Page) -> None:
+def _store(page: _Page, rows: slice | IntArray, columns: slice, new: _Page) -> None:
     page.count[rows, columns] = new.count
     page.mean[rows, columns] = new.mean
     page.scatter[rows, columns] = new.scatter
@@ -117,22 +118,23 @@ def _store(page: _Page, rows: IntArray, columns: slice, new: _Page) -> None:
     page.high[rows, columns] = new.high
 
 
-def _moments(value: FloatArray, first: IntArray) -> _Page:
+def _moments(value: FloatArray, first: IntArray, *, extremes: bool) -> _Page:
     """Moments of the samples value (N, 3) in groups that begin at `first`; one stream wide."""
     columns = np.array(value.T, dtype=np.float64, order="C")
     reference = columns[:, :1].copy()
     columns -= reference
     count = np.diff(first, append=len(value))
-    total = np.add.reduceat(columns, first, axis=1)
-    low = np.minimum.reduceat(columns, first, axis=1)
-    high = np.maximum.reduceat(columns, first, axis=1)
+    mean = np.add.reduceat(columns, first, axis=1)
+    mean /= count
+    low = high = mean
+    if extremes:
+        low = np.minimum.reduceat(columns, first, axis=1)
+        high = np.maximum.reduceat(columns, first, axis=1)
     np.multiply(columns, columns, out=columns)
     square = np.add.reduceat(columns, first, axis=1)
-    mean = total / count
-    # A constant reading has no scatter, although sum and mean round.
-    constant = low == high
-    mean = np.where(constant, low, mean)
-    scatter = np.where(constant, 0.0, np.maximum(square - total * mean, 0.0))
+    scatter = square - count * mean**2
+    # A constant reading has no scatter, although the sums round.
+    scatter[scatter < 64 * np.finfo(np.float64).eps * square] = 0.0
     return _Page(
         count.astype(np.int32)[:, None],
         (mean + reference).T[:, None],
@@ -169,7 +171,8 @@ class _Binner:
             for rows, index, first in edges[key]:
                 value = series.value[rows]
                 self._note_quantum(stream, value[:_PEEK])
-                self._put(stream, index, _moments(value, first))
+                forces = stream >= len(self.supports)
+                self._put(stream, index, _moments(value, first, extremes=forces))
         if len(self.pages) * _PAGE > self.limit:
             self._coarsen()
 
@@ -236,14 +239,20 @@ class _Binner:
 
     def _put(self, stream: int, index: IntArray, new: _Page) -> None:
         number = index // _PAGE
-        cuts = np.flatnonzero(np.diff(number)) + 1
+        cuts = [0, *(np.flatnonzero(np.diff(number)) + 1), len(index)]
         column = slice(stream, stream + 1)
-        for part in np.split(np.arange(len(index)), cuts):
-            key = int(number[part[0]])
+        for begin, end in pairwise(cuts):
+            key = int(number[begin])
             page = self.pages.setdefault(key, _Page.empty(_PAGE, self.streams))
-            rows = index[part] - key * _PAGE
-            piece = _view(new, part, slice(None))
-            _store(page, rows, column, _merge(_view(page, rows, column), piece))
+            rows = index[begin:end] - key * _PAGE
+            piece = _view(new, slice(begin, end), slice(None))
+            # All but the first bin of a piece are new, as a rule.
+            known = np.flatnonzero(page.count[rows, stream])
+            if len(known):
+                merged = _merge(_view(page, rows[known], column), _view(piece, known, slice(None)))
+                _store(piece, known, slice(None), merged)
+            dense = rows[-1] - rows[0] + 1 == len(rows)
+            _store(page, slice(rows[0], rows[-1] + 1) if dense else rows, column, piece)
 
     def _coarsen(self) -> None:
         """Double the width until the pages are few enough."""

@@ -20,8 +20,11 @@ from tdfscal.records import BoolArray, FloatArray, IntArray
 _SCALES = 6  # windows of 1 … 32 bins; what is slower is settling or drift, tested per dwell
 _FALSE_ALARMS = 1e-3  # expected per log
 _ROUNDS = 4
+_BLOCKS, _BLOCK = 16, 2048  # bins
+_ENOUGH = 8_000  # differences that show the noise
 _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
 _SMOOTH = 2.0 * np.sqrt(2.0 ** (_SCALES - 1))
+_SOME_BENDS = 100
 _BENDS = 10  # second differences that show how loud a rest is
 _SEED_QUANTILE = 0.02  # at least this share of a log is rest
 _SEED_WINDOW = 0.2  # s
@@ -108,13 +111,15 @@ def _clean(marked: BoolArray, length: int) -> BoolArray:
 
 def difference_noise(found: Signals, marked: BoolArray) -> Noise:
     """Robust noise of the differences over the bins that are not marked."""
+    found, marked = _blocks(found, marked)
     axes = len(found.value)
     result = np.full((_SCALES, axes), np.nan)
     clean = {}
     for axis, row in enumerate(found.value):
         for scale, (width, difference) in enumerate(_differences(row)):
             if width not in clean:
-                clean[width] = np.flatnonzero(_clean(marked, 2 * width))
+                index = np.flatnonzero(_clean(marked, 2 * width))
+                clean[width] = index[:: max(len(index) // _ENOUGH, 1)]
             if len(clean[width]) >= 8:
                 result[scale, axis] = _MAD * np.median(np.abs(difference[clean[width]]))
     for scale in range(_SCALES):
@@ -208,17 +213,31 @@ def segment(
 ) -> tuple[BoolArray, Noise]:
     """Alternate noise and marks until they agree; base: bins that are out in any case.
 
-    width : of a bin, s. override, louder : see `mark_changes`.
+    width : of a bin, s. override, louder : see `mark_changes`. Blocks over the whole log are
+    enough for the noise of a long one.
     """
-    marked = quiet_seed(found, base, width)
+    sample, out = _blocks(found, base)
+    marked = quiet_seed(sample, out, width)
     for _ in range(_ROUNDS):
-        noise = difference_noise(found, marked)
+        noise = difference_noise(sample, marked)
         if _travels(noise):
             return np.ones_like(base), noise
-        previous, marked = marked, mark_changes(found, noise, base, override, louder)
+        previous, marked = marked, mark_changes(sample, noise, out, override)
         if np.array_equal(previous, marked):
             break
-    return marked, noise
+    return mark_changes(found, noise, base, override, louder), noise
+
+
+def _blocks(found: Signals, base: BoolArray) -> tuple[Signals, BoolArray]:
+    """Evenly spread blocks of a long log, each parted from the next by a bin that is out."""
+    count = len(base)
+    if count <= _BLOCKS * _BLOCK:
+        return found, base
+    begin = np.linspace(0, count - _BLOCK, _BLOCKS).round().astype(np.int64)
+    rows = (begin[:, None] + np.arange(_BLOCK)).ravel()
+    out = base[rows]
+    out[::_BLOCK] = True
+    return Signals(found.value[:, rows], found.gap[rows], found.quantum), out
 
 
 def louder_rests(found: Signals, moving: BoolArray) -> FloatArray:
@@ -234,16 +253,20 @@ def louder_rests(found: Signals, moving: BoolArray) -> FloatArray:
     first, last = first[long], last[long]
     if not len(first):
         return factor
-    own = np.stack(
-        [np.quantile(bend[:, a : b - 2], 0.25, axis=1) for a, b in zip(first, last, strict=True)]
-    )
+    own = np.stack([_lower_quartile(bend[:, a : b - 2]) for a, b in zip(first, last, strict=True)])
     most = np.median(own, axis=0)
     ratio = np.divide(own, most, out=np.ones_like(own), where=most > 0)
     # A quartile of n bends is known to about 1.6/√n.
-    known = 1.0 + 5.0 / np.sqrt(last - first)
+    known = 1.0 + 5.0 / np.sqrt(np.minimum(last - first, _SOME_BENDS))
     for a, b, r, k in zip(first, last, ratio, known, strict=True):
         factor[:, a:b] = np.where(r > k, r, 1.0)[:, None]
     return factor
+
+
+def _lower_quartile(bend: FloatArray) -> FloatArray:
+    """(A,) of (A, N), from a share of them where there are many."""
+    some = np.sort(bend[:, :: max(bend.shape[1] // _SOME_BENDS, 1)], axis=1)
+    return np.asarray(some[:, some.shape[1] // 4])
 
 
 def _travels(noise: Noise) -> bool:

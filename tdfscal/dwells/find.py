@@ -13,12 +13,13 @@ from tdfscal.dwells.bins import Bins, reduce_to_bins
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.postures import postures_as_dwells
 from tdfscal.dwells.search import Field, prepare, search, within
-from tdfscal.dwells.statistics import Extent, Moments, dwell_moments
+from tdfscal.dwells.statistics import Extent, Moments, dwell_moments, force_extremes
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
 
 _DRIFT_ALARM = 1e-2  # false drifts per log
 _SETTLING = 10.0  # s; a change that lasts longer is drift, not settling
+_SAMPLE = 60  # rests that the first two rounds look at
 _MANY = 10  # dwells that show what is common
 _ALIKE = 0.8  # share of them with one sign
 _VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line or bow
@@ -59,19 +60,19 @@ def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
 
     The search runs three times: the first round shows the drift common to all dwells, which the
     second tells from settling; this shows the noise of long means, which the third weighs against
-    the bias that settling leaves.
+    the bias that settling leaves. A sample of the stops is enough for the first two.
     """
     field = prepare(bins, options or DwellOptions())
     rate, long_run = np.zeros(len(field.forces.value)), field.long_run
-    extents, left_out = search(field, rate, long_run, rough=True)
-    for _ in range(2):
+    extents, left_out = search(field, rate, long_run, rough=True, some=_SAMPLE)
+    for some in (_SAMPLE, None):
         if extents:
             field = within(field, extents)
             moments = dwell_moments(bins, extents)
             rate = _common_drift(field, extents, moments)
             found = _long_run(bins, moments)
             long_run = np.where(found > 0, found, field.long_run)
-        extents, left_out = search(field, rate, long_run)
+        extents, left_out = search(field, rate, long_run, some=some)
     return _with_statistics(field, extents, left_out)
 
 
@@ -118,11 +119,7 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
         field.out(extents[k].begin, extents[k].end, reason) for k, reason in unsettled.items()
     ]
     force = moments.mean[:, n:]
-    low, high = force.copy(), force.copy()
-    for k, extent in enumerate(extents):
-        rows = extent.rows
-        low[k] = np.nanmin(bins.mean[rows, n:] + bins.low[rows], axis=0)
-        high[k] = np.nanmax(bins.mean[rows, n:] + bins.high[rows], axis=0)
+    low, high = force_extremes(bins, extents)
     return Dwells(
         supports=bins.supports,
         start=np.array([field.time(extents[k].begin) for k in keep]),

@@ -21,7 +21,7 @@ from tdfscal.dwells.changes import (
 )
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.settle import Settled, Stretch, one_decay, one_level, restless, settled_part
-from tdfscal.dwells.statistics import Extent
+from tdfscal.dwells.statistics import Extent, evenly
 from tdfscal.records import BoolArray, FloatArray, LeftOut
 
 _SHORTEST = 0.2  # s
@@ -106,10 +106,16 @@ def within(field: Field, extents: list[Extent]) -> Field:
 
 
 def search(
-    field: Field, rate: FloatArray, long_run: FloatArray, *, rough: bool = False
+    field: Field,
+    rate: FloatArray,
+    long_run: FloatArray,
+    *,
+    rough: bool = False,
+    some: int | None = None,
 ) -> tuple[list[Extent], list[LeftOut]]:
     """Dwells of all stretches of rest, and what is left out.
 
+    some : look at so many rests at most, evenly over the log.
     rough : take what may still be biased by the end of settling, for a first look at the noise.
 
     rate : (3n,), N/s, drift of the forces to take out before levels are compared.
@@ -122,12 +128,15 @@ def search(
     extents: list[Extent] = []
     left_out: list[LeftOut] = []
     still = np.ones(axes)
-    for begin, end in zip(*runs(~field.moving), strict=True):
-        if (end - begin) * field.bins.width >= _MENTIONED:
-            here = stretch.louder(np.concatenate([still, field.louder[:, begin]]))
-            kept, out = _within_rest(field, here, int(begin), int(end), rough)
-            extents += kept
-            left_out += out
+    first, last = runs(~field.moving)
+    named = (last - first) * field.bins.width >= _MENTIONED
+    first, last = first[named], last[named]
+    chosen = evenly(len(first), some or len(first))
+    for begin, end in zip(first[chosen], last[chosen], strict=True):
+        here = stretch.louder(np.concatenate([still, field.louder[:, begin]]))
+        kept, out = _within_rest(field, here, int(begin), int(end), rough)
+        extents += kept
+        left_out += out
     return extents, left_out
 
 
@@ -160,7 +169,7 @@ def _kept_clear(field: Field, begin: int, end: int, *, after: bool) -> int:
         held, outside = value[:, max(end - 5, 0) : end], value[:, max(end - 2, 0) : end + _ONSET]
     if outside.shape[1] <= 2:
         return 0  # the log begins or ends at rest
-    away = np.abs(outside - np.median(held, axis=1)[:, None])
+    away = np.abs(outside - held.mean(axis=1)[:, None])
     visible = np.maximum(field.visible, np.finfo(np.float64).tiny)
     excursion = (away / visible[:, None]).max(axis=0)
     seen, far = excursion > 1.0, excursion > 8.0

@@ -66,8 +66,9 @@ class Stretch:
     ) -> Stretch:
         """With the prefix sums of value."""
         origin = np.median(value, axis=1)
-        total = np.zeros((value.shape[1] + 1, len(value)))
-        np.cumsum(value.T - origin, axis=0, out=total[1:])
+        total = np.zeros((len(value), value.shape[1] + 1))
+        np.cumsum(value - origin[:, None], axis=1, out=total[:, 1:])
+        total = total.T
         scale = np.abs(total).max(axis=0, initial=0.0) + np.abs(origin)
         tolerance = 1.001 * noise.quantum + 64 * np.finfo(np.float64).eps * scale
         return cls(value, origin, total, noise, force, long_run, width, tolerance)
@@ -216,7 +217,11 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:
         return None
     scaled = (value[noisy] - value[noisy].mean(axis=1, keepdims=True)) / long_run[noisy, None]
     tau = np.geomspace(1.0, min(_SLOWEST / stretch.width, 2.0 * length), _CONSTANTS)
-    best = int(np.argmax(_gain(scaled, tau)))
+    least = chdtri(int(noisy.sum()), _P_DECAY)
+    gain = _gain(scaled, tau)
+    best = int(np.argmax(gain))
+    if gain[best] < 0.8 * least:  # no refinement gains more
+        return None
     tau = np.geomspace(tau[max(best - 1, 0)], tau[min(best + 1, _CONSTANTS - 1)], _CONSTANTS)
     gain = _gain(scaled, tau)
     best = int(np.argmax(gain))
@@ -224,7 +229,7 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:
     window = max(int(tau[best]), 1)
     sigma = stretch.noise.of_mean(window)[stretch.force][noisy] * np.sqrt(window)
     excess = max(float(np.median(sigma / long_run[noisy])), 1.0)
-    if gain[best] < excess**2 * chdtri(int(noisy.sum()), _P_DECAY):
+    if gain[best] < excess**2 * least:
         return None
     shape = _shapes(tau[best : best + 1], length)[0]
     amplitude = (value - value.mean(axis=1, keepdims=True)) @ shape / (shape @ shape)

@@ -74,7 +74,7 @@ class Calibration(Strict):
     validation: ValidationResult | None = None
     tracker: TrackerStatistics | None = None
     postures: PostureTable | None = None
-    methods: tuple[MethodAngles, ...] = ()
+    methods: tuple[MethodAngles, ...] | None = None
     quality: QualityResult = QualityResult()
     warnings: tuple[Text, ...] = ()
 
@@ -91,7 +91,7 @@ class Calibration(Strict):
                 check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
             if self.monte_carlo.histogram is not None:
                 check_shape(self.monte_carlo.histogram.counts, len(self.supports), "histogram")
-        for index, alone in enumerate(self.methods):
+        for index, alone in enumerate(self.methods or ()):
             for name in ("rpy", "rpy_std"):
                 check_shape(getattr(alone, name), len(self.supports), name, "methods", index)
         return self

@@ -196,7 +196,7 @@ class ObservabilityResult(Strict):
     angles: tuple[AngleSeen, ...]
     weak: tuple[WeakAngle, ...] = ()
     correlations: tuple[CloseCouple, ...] = ()
-    loads: tuple[SensorLoad, ...] = ()
+    loads: tuple[SensorLoad, ...] | None = None
 
 
 class AngleBudget(Strict):

@@ -61,7 +61,7 @@ class PostureTable(Strict):
     force_after: Vectors
     moment_before: Vectors
     moment_after: Vectors
-    left_out: tuple[Stretch, ...] = ()
+    left_out: tuple[Stretch, ...] | None = None
 
     @model_validator(mode="after")
     def _aligned(self) -> Self:

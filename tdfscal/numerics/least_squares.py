@@ -13,8 +13,8 @@ from tdfscal.records import FloatArray
 S = TypeVar("S")
 
 #: A step is converged when it changes the whitened residual by less than this many standard
-#: deviations: a 1e-8 of any parameter's own uncertainty.
-TOLERANCE = 1e-8
+#: deviations, a millionth of any parameter's own uncertainty; the step after it would be far less.
+TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)

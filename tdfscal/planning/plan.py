@@ -173,6 +173,10 @@ class _Planner:
             held = held + np.einsum("k,kmp,kmq->pq", self.given.weight, J, J)
             turns = slice(0, 3 * self.rig.n)
             held[turns, turns] -= faked_information(self.given)
+            # Where noise fakes all there is, ignorance remains: 1 in units of its width.
+            values, vectors = np.linalg.eigh(sight.wide[:, None] * held * sight.wide)
+            half = vectors * np.sqrt(np.maximum(values, 1.0)) / sight.wide[:, None]
+            held = half @ half.T
         return held
 
     def _objective(self) -> FloatArray:

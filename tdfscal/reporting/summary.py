@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
+from pathlib import PurePath
 
 from tdfscal.files.calibration import Calibration
+from tdfscal.reporting.advice import advise
+from tdfscal.reporting.clock import clock
 
 METHODS = {
     "self": "self-calibration",
@@ -14,8 +15,6 @@ METHODS = {
     "joint": "joint calibration, self and tracker",
 }
 ESTIMATORS = {"ml": "", "linear": ", linear method of the paper"}
-#: A source worth naming contributes at least this share of an angle's variance.
-_NOTABLE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,7 @@ def summarise(calibration: Calibration) -> Summary:
     """Work out the rows."""
     c = calibration
     method = METHODS[c.method] + (ESTIMATORS[c.estimator] if c.estimator else "")
-    names = ", ".join(entry.path.rsplit("/", 1)[-1] for entry in c.inputs)
+    names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
     return Summary(
         title=c.rig.name,
         subtitle=f"{method} of {len(c.supports)} sensors from {names}",
@@ -69,7 +68,7 @@ def summarise(calibration: Calibration) -> Summary:
         proof=_proof(c),
         rejected=_rejected(c),
         warnings=c.warnings,
-        advice=_advice(c),
+        advice=advise(c),
     )
 
 
@@ -165,42 +164,14 @@ def _proof(c: Calibration) -> tuple[tuple[str, str, str, str, str], ...]:
 def _rejected(c: Calibration) -> tuple[str, ...]:
     if c.fit is None:
         return ()
+    time = clock(c)
     return tuple(
         f"posture {r.index + 1}"
         + (
-            f" ({r.start:.1f} to {r.end:.1f} s)"
+            f" ({time.stretch(r.start, r.end)})"
             if r.start is not None and r.end is not None
             else ""
         )
         + f": {r.reason}"
         for r in c.fit.rejected
     )
-
-
-def _advice(c: Calibration) -> tuple[str, ...]:
-    """What to do next."""
-    if c.status == "rejected":
-        return (
-            "Do not load this result into a controller. Remove the causes named above and record "
-            "again.",
-        )
-    advice = [
-        "Prove it on three to five new postures: tdfscal validate CALIBRATION LOG. Repeat monthly."
-    ]
-    sources = _shares(c)
-    if sources.get("zero", 0) > _NOTABLE:
-        advice.append(
-            "A tare just before the campaign would lower the uncertainty: zeros dominate."
-        )
-    elif sources.get("noise", 0) > _NOTABLE:
-        advice.append("More postures, or a harder squeeze, would lower the uncertainty further.")
-    return tuple(advice)
-
-
-def _shares(c: Calibration) -> dict[str, float]:
-    """Mean share of each source over the angles."""
-    if c.budget is None:
-        return {}
-    table = np.array([[a.variance[s] for s in c.budget.sources] for a in c.budget.angles])
-    share = (table / table.sum(axis=1, keepdims=True)).mean(axis=0)
-    return dict(zip(c.budget.sources, share.tolist(), strict=True))

@@ -4,6 +4,6 @@ Each module declares its options and imports what it needs inside the command, s
 stays light.
 """
 
-from tdfscal.cli.commands import calibrate, report, schema, simulate
+from tdfscal.cli.commands import apply, calibrate, plan, report, schema, simulate, validate
 
-__all__ = ["calibrate", "report", "schema", "simulate"]
+__all__ = ["apply", "calibrate", "plan", "report", "schema", "simulate", "validate"]

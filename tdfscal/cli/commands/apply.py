@@ -1,0 +1,40 @@
+"""`tdfscal apply`: options."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tdfscal.cli.app import Json, Paths, Quiet, RigFile, app
+
+
+@app.command()
+def apply(
+    calibration: Annotated[Path, typer.Argument(metavar="CALIBRATION", help="Calibration file.")],
+    paths: Paths,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FILE", help="Result: .csv or .parquet."),
+    ],
+    rig: RigFile = None,
+    quasi_static: Annotated[
+        bool,
+        typer.Option("--quasi-static", help="Leave inertia out although the rig file states it."),
+    ] = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Work out the contact force and torque over a whole log."""
+    from tdfscal.cli.applying import run
+
+    run(
+        calibration,
+        paths,
+        output=output,
+        rig=rig,
+        quasi_static=quasi_static,
+        json=json,
+        quiet=quiet,
+    )

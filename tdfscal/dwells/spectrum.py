@@ -1,0 +1,149 @@
+"""Spectral density of a dwell's noise at frequency zero, from the bins of many dwells.
+
+Each run's bin means (each weighted by √samples, so that white noise has ordinates of expectation σ²
+whatever the bins hold) are cosine-transformed, which gives independent ordinates of the spectrum.
+Orders 0 and 1 are the mean and the drift; the others are averaged from the lowest frequency
+upwards, by octaves, as long as a wider band agrees with all narrower ones (Lepski's rule). White
+noise uses the whole band, correlated noise only where its spectrum is flat. The same is tried after
+dividing by the shape of white noise plus a first-order autoregression, fitted to the first
+autocovariances, and the wider band wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import dct
+
+from tdfscal.dwells.bins import Bins
+from tdfscal.records import FloatArray, IntArray
+
+_SHORTEST_RUN = 6  # bins; shorter pieces of a dwell carry no spectrum
+_BASE_ORDINATES = 40  # in the narrowest band
+_LEPSKI = 2.8  # standard deviations of disagreement that end the widening
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Noise of one uninterrupted run of bins, line removed, all streams.
+
+    frequency : (M,), cycles per bin. amplitude : (M, S, 3), cosine transform from order 2 on.
+    covariance : (3, S, 3), mean products at lags 0, 1, 2. length : bins.
+    """
+
+    frequency: FloatArray
+    amplitude: FloatArray
+    covariance: FloatArray
+    length: int
+
+
+def spectrum(bins: Bins, rows: IntArray) -> Spectrum | None:
+    """Spectrum of consecutive bins; None where they are too few."""
+    if len(rows) < _SHORTEST_RUN:
+        return None
+    weight = bins.count[rows].astype(np.float64)[:, :, None]
+    x = np.where(weight > 0, bins.mean[rows], 0.0)
+    x -= x.max(axis=0)  # keeps the digits; empty bins have no weight
+    total = weight.sum(axis=0)
+    line = np.linspace(-1.0, 1.0, len(rows))[:, None, None]
+    line = line - (weight * line).sum(axis=0) / total
+    x -= (weight * x).sum(axis=0) / total
+    x -= line * ((weight * line * x).sum(axis=0) / (weight * line**2).sum(axis=0))
+    x *= np.sqrt(weight)
+    lags = np.stack([(x[k:] * x[: len(x) - k]).mean(axis=0) for k in range(3)])
+    order = np.arange(2, len(x))
+    return Spectrum(order / (2.0 * len(x)), dct(x, axis=0, norm="ortho")[2:], lags, len(x))
+
+
+def _autocovariance(raw: FloatArray, length: float) -> FloatArray:
+    """Autocovariances (3 lags, 3) of the noise from those of detrended dwells of mean length."""
+    covariance = raw
+    for _ in range(3):
+        # A fitted line takes two ordinates of the lowest frequencies out of each dwell.
+        lost = 2.0 * _rational_spectrum(covariance, np.zeros(1))[0] / length
+        covariance = raw + np.minimum(lost, 0.5 * raw[0])
+    return covariance
+
+
+def _rational_spectrum(covariance: FloatArray, frequency: FloatArray) -> FloatArray:
+    """(F, 3), spectrum of white noise plus a first-order autoregression, from lags 0, 1, 2.
+
+    Also that of an autoregression averaged over bins, which is of the same form (the white part is
+    then negative). White where lag 1 says nothing of a pole.
+    """
+    zero, one, two = covariance
+    pole = np.divide(two, one, out=np.zeros(3), where=(one > 0) & (two > 0))
+    pole = np.minimum(pole, 0.98)
+    red = np.divide(one, pole, out=np.zeros(3), where=pole > 0)
+    red = np.minimum(red, 2.0 * zero)
+    turn = 1 - 2 * pole * np.cos(2 * np.pi * frequency[:, None]) + pole**2
+    spectrum = zero - red + red * (1 - pole**2) / turn
+    return np.asarray(np.maximum(spectrum, 1e-3 * zero))
+
+
+def density(usable: Sequence[Spectrum], stream: int, pooled: FloatArray) -> FloatArray:
+    """(3, 3), spectral density of a stream at frequency zero per sample.
+
+    usable : spectra of dwells with common scatter. pooled : (3,), their sample variance, which
+    stands in where there is too little.
+    """
+    if sum(len(one.frequency) for one in usable) < _SHORTEST_RUN:
+        return np.diag(pooled)
+    frequency = np.concatenate([one.frequency for one in usable])
+    order = np.argsort(frequency, kind="stable")
+    frequency = frequency[order]
+    amplitude = np.concatenate([one.amplitude[:, stream] for one in usable])[order]
+    length = np.array([one.length for one in usable])
+    lags = np.array([one.covariance[:, stream] for one in usable])
+    covariance = _autocovariance(np.average(lags, axis=0, weights=length), float(length.mean()))
+    level, width = np.zeros(3), np.zeros(3, dtype=np.int64)
+    shape = _rational_spectrum(covariance, np.concatenate([[0.0], frequency]))
+    shape = np.divide(shape[1:], shape[0], out=np.ones_like(shape[1:]), where=shape[0] > 0)
+    for axis in range(3):
+        level[axis], width[axis] = _zero_frequency(
+            frequency, amplitude[:, axis] ** 2, shape[:, axis]
+        )
+    band = amplitude[: int(width.min())]
+    product = band.T @ band
+    scale = np.sqrt(np.diagonal(product))
+    correlation = np.divide(
+        product, np.outer(scale, scale), out=np.eye(3), where=np.outer(scale, scale) > 0
+    )
+    root = np.sqrt(level)
+    return np.asarray(correlation * np.outer(root, root))
+
+
+def _zero_frequency(
+    frequency: FloatArray, power: FloatArray, shape: FloatArray
+) -> tuple[float, int]:
+    """Level of the spectrum at 0 and the number of ordinates behind it.
+
+    shape : the fitted spectrum relative to its value at frequency 0.
+    """
+    plain = _widest_flat_band(frequency, power)
+    whitened = _widest_flat_band(frequency, power / shape)
+    return whitened if whitened[1] > plain[1] else plain
+
+
+def _widest_flat_band(frequency: FloatArray, power: FloatArray) -> tuple[float, int]:
+    """Lepski's rule over bands from 0 to f, f doubling; (mean power, ordinates)."""
+    cumulative = np.cumsum(power)
+    size = min(_BASE_ORDINATES, len(power))
+    sizes, means = [size], [float(cumulative[size - 1] / size)]
+    limit = float(frequency[size - 1])
+    while sizes[-1] < len(power):
+        limit *= 2.0
+        size = int(np.searchsorted(frequency, limit, side="right"))
+        if size <= sizes[-1]:
+            continue
+        mean = float(cumulative[size - 1] / size)
+        # Difference of nested means: variance of the narrower less that of the wider.
+        for narrow, known in zip(sizes, means, strict=True):
+            spread = np.sqrt(2.0 / narrow - 2.0 / size) * max(known, mean)
+            if abs(mean - known) > _LEPSKI * spread:
+                return means[-1], sizes[-1]
+        sizes.append(size)
+        means.append(mean)
+    return means[-1], sizes[-1]

@@ -1,0 +1,96 @@
+"""What to do next, from the numbers of a calibration and from why it was rejected."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.gate import REJECTED_MAX
+from tdfscal.joint import CONSISTENT_P
+from tdfscal.observability import ANGLES
+
+#: A source worth naming contributes at least this share of the angles' variance.
+_NOTABLE = 0.25
+_LESSEN = {
+    "noise": "More postures, or a harder squeeze, would lower the uncertainty further: noise "
+    "dominates.",
+    "zero": "A tare just before the campaign would lower the uncertainty: the zeros dominate.",
+    "positioner": "A harder squeeze would lower the uncertainty: NCP repeatability dominates.",
+    "mass": "Weighing the terminal would lower the uncertainty: its mass dominates.",
+    "barycentre": "More tilt, or a better barycentre, would lower the uncertainty: it dominates.",
+    "hinge": "Measuring the hinge centres would lower the uncertainty: they dominate.",
+    "datum": "Measuring the servo datums would lower the uncertainty: they dominate.",
+    "gravity": "Levelling the BCS would lower the uncertainty: the direction of gravity dominates.",
+    "sensitivity": "Calibrated gains would lower the uncertainty: the sensitivity dominates.",
+    "instrument angle": "A tracker nearer to the rig would lower the uncertainty: its angles "
+    "dominate.",
+}
+
+
+def advise(c: Calibration) -> tuple[str, ...]:
+    """Return sentences in the order in which to act on them."""
+    if c.status == "rejected":
+        return (
+            "Do not load this result into a controller.",
+            *_mend(c),
+            "Then record again and calibrate again.",
+        )
+    advice = [
+        "Prove it on three to five new postures: tdfscal validate CALIBRATION LOG. Repeat monthly."
+    ]
+    shares = _shares(c)
+    if shares:
+        largest = max(shares, key=lambda source: shares[source])
+        if shares[largest] > _NOTABLE and largest in _LESSEN:
+            advice.append(_LESSEN[largest])
+    return tuple(advice)
+
+
+def _mend(c: Calibration) -> tuple[str, ...]:
+    """What may have caused each reason of the gate."""
+    limits, fit, found = c.rig.acceptance, c.fit, []
+    if np.any(c.rpy_std > limits.angle_std):
+        i, j = np.unravel_index(int(c.rpy_std.argmax()), c.rpy_std.shape)
+        found.append(
+            f"Squeeze the NCPs against each other, or record more postures with more tilt: "
+            f"{ANGLES[j]} of {c.support_names[i]} is the weakest angle."
+            if c.method != "tracker"
+            else "Measure more targets, farther apart, or from nearer: the angles are too weak."
+        )
+    if fit is not None and fit.birge > limits.birge_max:
+        found.append(
+            "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
+            "grows with time is drift (tare again); misfit everywhere is crosstalk or gain "
+            "(declare uncertainty.force_sensitivity), or a wrong mass, hinge or barycentre in "
+            "rig.yaml."
+        )
+    if fit is not None and len(fit.rejected) > REJECTED_MAX * (fit.postures + len(fit.rejected)):
+        found.append(
+            "Find what touched the terminal at the postures rejected (cables, a hand, a stop) and "
+            "free it."
+        )
+    if any(entry.integrity == "salvaged" for entry in c.inputs):
+        found.append("Copy the log from the recorder again; the file is damaged.")
+    consistency = c.tracker.get("consistency_p_value") if c.tracker else None
+    if isinstance(consistency, float) and consistency < CONSISTENT_P:
+        found.append(
+            "Calibrate by each method alone and compare: the tracker sees a sensor's body, "
+            "self-calibration its sensing axes (tracker.misalignment states what may lie between)."
+        )
+    birge = c.tracker.get("birge") if c.tracker else None
+    if c.method != "self" and isinstance(birge, float) and birge > limits.birge_max:
+        found.append(
+            "Look at the tracker's residuals: a moved instrument, a loose target, or uncertainties "
+            "stated too small."
+        )
+    return tuple(found)
+
+
+def _shares(c: Calibration) -> dict[str, float]:
+    """Mean share of each source over the angles."""
+    if c.budget is None or not c.budget.sources:
+        return {}
+    table = np.array([[a.variance[s] for s in c.budget.sources] for a in c.budget.angles])
+    total = table.sum(axis=1, keepdims=True)
+    share = np.divide(table, total, out=np.zeros_like(table), where=total > 0).mean(axis=0)
+    return dict(zip(c.budget.sources, share.tolist(), strict=True))

@@ -1,0 +1,45 @@
+"""The figures of a report: each module draws one claim from a calibration file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.reporting.figures import (
+    angles,
+    budget,
+    methods,
+    observability,
+    residuals,
+    rig,
+    survey,
+    timeline,
+    trials,
+)
+from tdfscal.reporting.figures.style import Drawing, save
+
+_ALL = (
+    angles.draw,
+    methods.draw,
+    residuals.draw,
+    budget.draw,
+    timeline.draw,
+    observability.draw,
+    rig.draw,
+    trials.draw,
+    survey.draw,
+)
+
+
+def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
+    """Return every figure for which the file holds the data, in the order of reading."""
+    found = (draw(calibration) for draw in _ALL)
+    return tuple(drawing for drawing in found if drawing is not None)
+
+
+def write_figures(calibration: Calibration, folder: Path) -> tuple[Path, ...]:
+    """Write every figure as PNG and SVG into a folder, which is made where it is missing.
+
+    Raises UsageError where they cannot be written.
+    """
+    return tuple(path for drawing in drawings(calibration) for path in save(drawing, folder))

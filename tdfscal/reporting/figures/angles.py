@@ -1,0 +1,71 @@
+"""The installation angles with their 95 % intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.observability import ANGLES
+from tdfscal.reporting.figures.style import BLUE, GREY, INK, Drawing, figure, signed
+
+
+def draw(c: Calibration) -> Drawing:
+    """Turn from the nominal mounting, and beside it the interval about each angle."""
+    std = c.rpy_std
+    i, j = np.unravel_index(int(std.argmax()), std.shape)
+    a, b = np.unravel_index(int(std.argmin()), std.shape)
+    return Drawing(
+        "angles",
+        "Installation angles",
+        f"{ANGLES[j]} of {c.support_names[i]} is known to {1e3 * std[i, j]:.2g} mrad, the least "
+        f"well; {ANGLES[b]} of {c.support_names[a]} to {1e3 * std[a, b]:.2g} mrad, the best "
+        "(standard uncertainties).",
+        lambda: _paint(c),
+    )
+
+
+def _paint(c: Calibration) -> Figure:
+    nominal = np.array([support.nominal_rpy for support in c.rig.supports])
+    turn = 1e3 * ((c.rpy - nominal + np.pi) % (2 * np.pi) - np.pi).ravel()
+    low = 1e3 * np.array([s.rpy_interval.low for s in c.supports]).ravel()
+    high = 1e3 * np.array([s.rpy_interval.high for s in c.supports]).ravel()
+    value = 1e3 * c.rpy.ravel()
+    place = np.arange(len(value), dtype=float) + np.repeat(0.5 * np.arange(len(c.supports)), 3)
+    fig = figure(0.9 + 0.23 * len(value))
+    left, right = fig.subplots(1, 2, sharey=True)
+    left.barh(place, turn, height=0.62, color=BLUE, edgecolor=INK, linewidth=0.4)
+    left.axvline(0, color=INK, linewidth=0.8)
+    reach = np.abs(turn).max() * 1.35 or 1.0
+    left.set_xlim(min(0, turn.min()) - 0.3 * reach, max(0, turn.max()) + 0.3 * reach)
+    for y, t in zip(place, turn, strict=True):
+        left.annotate(
+            signed(t, "+.2f"),
+            (t, y),
+            xytext=(4 if t >= 0 else -4, 0),
+            textcoords="offset points",
+            ha="left" if t >= 0 else "right",
+            va="center",
+            fontsize=7.5,
+        )
+    left.set_xlabel("turn from the nominal mounting, mrad")
+    labels = [f"{s.name}  {angle}" for s in c.supports for angle in ANGLES]
+    left.set_yticks(place, labels)
+    left.invert_yaxis()
+    right.errorbar(
+        np.zeros_like(value),
+        place,
+        xerr=np.maximum(0, [value - low, high - value]),
+        fmt="o",
+        markersize=3.5,
+        color=INK,
+        ecolor=BLUE,
+        elinewidth=1.8,
+        capsize=3.5,
+    )
+    right.axvline(0, color=GREY, linewidth=0.8)
+    right.set_xlabel("95 % interval about the angle, mrad")
+    right.tick_params(left=False)
+    for ax in (left, right):
+        ax.grid(axis="y", visible=False)
+    return fig

@@ -1,0 +1,84 @@
+"""The contact wrench that remains at each posture, before and after."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.files.evidencemodel import PostureTable
+from tdfscal.records import FloatArray
+from tdfscal.reporting.figures.style import (
+    BLUE,
+    ORANGE,
+    Drawing,
+    figure,
+    legend_above,
+    logarithmic,
+    raster,
+)
+
+
+def draw(c: Calibration) -> Drawing | None:
+    """Length of the remaining force and moment, posture by posture."""
+    table = c.postures
+    if table is None or not table.index:
+        return None
+    before, after = _rms(_length(table.force_before)), _rms(_length(table.force_after))
+    m_before, m_after = _rms(_length(table.moment_before)), _rms(_length(table.moment_after))
+    return Drawing(
+        "residuals",
+        "False contact wrench at each posture",
+        f"No posture touches anything, yet without calibration a controller would see "
+        f"{before:.3g} N and {m_before:.3g} N·m; calibrated, {after:.2g} N and {m_after:.2g} N·m "
+        "(rms, each posture predicted from the others).",
+        lambda: _paint(table),
+    )
+
+
+def _paint(table: PostureTable) -> Figure:
+    fig = figure(4.0)
+    top, bottom = fig.subplots(2, 1, sharex=True)
+    number = np.array(table.index) + 1
+    _panel(top, number, _length(table.force_before), _length(table.force_after), "force, N")
+    _panel(bottom, number, _length(table.moment_before), _length(table.moment_after), "moment, N·m")
+    bottom.set_xlabel("posture")
+    bottom.xaxis.get_major_locator().set_params(integer=True)
+    legend_above(top, 2)
+    return fig
+
+
+def _panel(ax: Axes, number: FloatArray, before: FloatArray, after: FloatArray, label: str) -> None:
+    pixels = raster(len(number))
+    size = 2.0 if pixels else 4.5
+    ax.plot(
+        number,
+        before,
+        "s",
+        markersize=size,
+        markerfacecolor="white",
+        color=ORANGE,
+        label="before: nominal mounting, stated zeros",
+        rasterized=pixels,
+    )
+    ax.plot(
+        number,
+        after,
+        "o",
+        markersize=size,
+        color=BLUE,
+        label="after: calibrated without this posture",
+        rasterized=pixels,
+    )
+    if min(before.min(), after.min()) > 0:
+        logarithmic(ax)
+    ax.set_ylabel(label)
+
+
+def _length(vectors: tuple[tuple[float, float, float], ...]) -> FloatArray:
+    return np.asarray(np.linalg.norm(np.array(vectors), axis=1))
+
+
+def _rms(lengths: FloatArray) -> float:
+    return float(np.sqrt(np.mean(lengths**2)))

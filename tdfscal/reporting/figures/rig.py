@@ -1,0 +1,129 @@
+"""The rig: hinges, barycentre, and the sensors' axes, nominal and turned."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray
+from tdfscal.reporting.figures.style import BLUE, GREEN, GREY, INK, ORANGE, Drawing, figure
+
+#: The largest turn is drawn about this big.
+_SHOWN = np.radians(25.0)
+_STEPS = (1, 2, 5)
+_ELEVATION = 24
+_AZIMUTHS = range(-80, -9, 5)
+_COLOURS = (ORANGE, GREEN, BLUE)
+
+
+def draw(c: Calibration) -> Drawing:
+    """The terminal level, in LCS coordinates; sensor frames in the BCS."""
+    turn = _turns(c)
+    size = np.linalg.norm(turn, axis=1)
+    i = int(size.argmax())
+    factor = magnification(float(size.max()))
+    shown = f"turns magnified {factor}×" if factor > 1 else "turns drawn as they are"
+    degrees = np.degrees(size[i])
+    return Drawing(
+        "rig",
+        "The rig and how its sensors are turned",
+        f"{c.support_names[i]} is turned most against its nominal mounting, by "
+        f"{1e3 * size[i]:.3g} mrad ({degrees:.2g}°); {shown}.",
+        lambda: _paint(c, turn, factor),
+    )
+
+
+def magnification(largest: float) -> int:
+    """Return a round factor that shows the largest turn (rad) clearly; 1 where that is so."""
+    if largest <= 0:
+        return 1
+    wanted = _SHOWN / largest
+    if wanted < 2:
+        return 1
+    decade = 10 ** int(np.floor(np.log10(wanted)))
+    return max(step * decade for step in _STEPS if step * decade <= wanted)
+
+
+def clear_view(points: FloatArray) -> int:
+    """Return the azimuth in degrees from which no two points (N, 3) hide each other."""
+
+    def gap(azimuth: int) -> float:
+        a, e = np.radians(azimuth), np.radians(_ELEVATION)
+        right = [-np.sin(a), np.cos(a), 0.0]
+        up = [-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)]
+        seen = points @ np.array([right, up]).T
+        apart = np.linalg.norm(seen[:, None] - seen, axis=2)
+        return float(apart[np.triu_indices(len(points), 1)].min())
+
+    return max(_AZIMUTHS, key=gap)
+
+
+def _turns(c: Calibration) -> FloatArray:
+    """(n, 3), rad, BCS: rotation vectors from the nominal to the calibrated mounting."""
+    nominal = so3.from_rpy(np.array([s.nominal_rpy for s in c.rig.supports]))
+    return np.asarray(so3.log(c.rotation @ np.swapaxes(nominal, 1, 2)))
+
+
+def _paint(c: Calibration, turn: FloatArray, factor: int) -> Figure:
+    hinge = np.array([s.hinge for s in c.rig.supports])
+    bary = np.array(c.terminal.barycenter.value)
+    nominal = so3.from_rpy(np.array([s.nominal_rpy for s in c.rig.supports]))
+    drawn = so3.exp(factor * turn) @ nominal
+    middle = hinge.mean(axis=0)
+    length = 0.4 * float(np.linalg.norm(hinge - middle, axis=1).mean())
+    fig = figure(4.4, arranged=False)
+    ax: Any = fig.add_axes((0.0, 0.04, 1.0, 0.98), projection="3d")
+    around = np.argsort(np.arctan2(*(hinge - middle)[:, 1::-1].T))
+    ring = hinge[np.append(around, around[0])]
+    ax.plot(*ring.T, color=GREY, linewidth=1.0)
+    for h in hinge:
+        ax.plot(*np.array([h, bary]).T, color=GREY, linewidth=0.6, linestyle=":")
+    ax.plot(*hinge.T, "o", color=INK, markersize=6)
+    foot = np.array([bary, [bary[0], bary[1], middle[2]]])
+    ax.plot(*foot.T, color=INK, linewidth=1.0, linestyle="--")
+    ax.plot(*bary[:, None], "D", color=INK, markersize=7, markerfacecolor="white")
+    ax.text(*(bary + length * np.array([0.12, 0, 0.28])), "barycentre", fontsize=8)
+    for i, support in enumerate(c.supports):
+        outward = (hinge[i] - middle) / (np.linalg.norm(hinge[i] - middle) or 1.0)
+        ax.text(
+            *(hinge[i] + 0.3 * length * outward - [0, 0, 0.5 * length]),
+            support.name,
+            fontsize=9,
+            fontweight="bold",
+            ha="center",
+        )
+        for k in range(3):
+            for frame, style, width in ((nominal, (0, (3, 2)), 0.9), (drawn, "-", 1.8)):
+                tip = hinge[i] + length * frame[i][:, k]
+                ax.plot(
+                    *np.array([hinge[i], tip]).T,
+                    linestyle=style,
+                    color=_COLOURS[k],
+                    linewidth=width,
+                )
+            tip = hinge[i] + 1.14 * length * drawn[i][:, k]
+            ax.text(*tip, "xyz"[k], color=_COLOURS[k], fontsize=8, ha="center", va="center")
+    ax.view_init(elev=_ELEVATION, azim=clear_view(np.vstack([hinge, bary])))
+    _frame(ax, np.vstack([hinge, bary, hinge + np.array([0, 0, length])]), length)
+    shown = f"calibrated, turn ×{factor}" if factor > 1 else "calibrated"
+    handles = [
+        Line2D([], [], marker="o", color=INK, linestyle="", label="hinge (SHC)"),
+        Line2D([], [], color=INK, linestyle=(0, (3, 2)), linewidth=0.9, label="nominal axes"),
+        Line2D([], [], color=INK, linewidth=1.8, label=f"axes {shown}"),
+    ]
+    fig.legend(handles=handles, loc="upper left", ncols=3)
+    return fig
+
+
+def _frame(ax: Any, points: FloatArray, margin: float) -> None:
+    low, high = points.min(axis=0) - 0.6 * margin, points.max(axis=0) + 0.6 * margin
+    for axis, a, b in zip("xyz", low, high, strict=True):
+        getattr(ax, f"set_{axis}lim")(a, b)
+        getattr(ax, f"set_{axis}label")(f"{axis.upper()}, m", fontsize=8)
+    ax.set_box_aspect(high - low, zoom=1.18)
+    ax.tick_params(labelsize=7, pad=0)

@@ -1,0 +1,121 @@
+"""One look for all figures: readable in print, without colour, and by colour-blind readers."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from tdfscal.files.saving import make_folder, replacing, write_text
+
+WIDTH = 7.3
+"""Inches: the text width of an A4 page."""
+INK, GREY, PALE = "#1a1a1a", "#6b6b6b", "#d9d9d9"
+BLUE, ORANGE, GREEN, RED = "#0b5394", "#d55e00", "#117733", "#a50f15"
+FILLS = ("#4f81bd", "#f2c14e", "#8fbf8f", "#d98880", "#b8a1d9", "#c9c9c9", "#7fcdbb", "#e0a3c8")
+HATCHES = ("", "///", "...", "\\\\\\", "xx", "--", "oo", "++")
+"""Beside colours, so that areas differ in black and white."""
+_DPI = 200
+_RASTER_FROM = 400
+_SETTINGS: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.labelsize": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": GREY,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
+    "hatch.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "text.parse_math": False,
+    "axes.formatter.useoffset": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "tdfscal",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A figure with what it says.
+
+    name : of its file. title : what is drawn. reading : its message, one sentence.
+    paint : draws it; called once per rendering, since a Figure carries state.
+    """
+
+    name: str
+    title: str
+    reading: str
+    paint: Callable[[], Figure]
+
+
+def figure(height: float, *, arranged: bool = True) -> Figure:
+    """Return an empty figure, `height` inches high; arranged: its parts make room for each other."""
+    return Figure(figsize=(WIDTH, height), layout="constrained" if arranged else None)
+
+
+def raster(count: int) -> bool:
+    """Tell whether so many markers are better drawn as pixels than one by one."""
+    return count > _RASTER_FROM
+
+
+def signed(value: float, form: str) -> str:
+    """Return a number with its sign, a true minus where it is negative."""
+    return f"{value:{form}}".replace("-", "−")
+
+
+def logarithmic(ax: Axes) -> None:
+    """Logarithmic y axis with plain numbers at the decades."""
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+def legend_above(ax: Axes, columns: int) -> None:
+    """Legend over the axes, where it covers nothing."""
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, borderaxespad=0.3)
+
+
+def to_svg(drawing: Drawing) -> str:
+    """SVG element for a page: no XML prologue, identifiers of its own, text as outlines."""
+    with _look():
+        stream = io.StringIO()
+        drawing.paint().savefig(stream, format="svg", dpi=_DPI, metadata={"Date": None})
+    text = stream.getvalue()
+    body = re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+    # Several figures share one page, and identifiers must differ between them.
+    return re.sub(
+        r'(\bid="|url\(#|href="#)', lambda match: f"{match.group(1)}{drawing.name}-", body
+    ).strip()
+
+
+def save(drawing: Drawing, folder: Path) -> tuple[Path, Path]:
+    """Write a figure as PNG and SVG; return the paths. Raises UsageError where that fails."""
+    make_folder(folder)
+    png, svg = folder / f"{drawing.name}.png", folder / f"{drawing.name}.svg"
+    with replacing(png) as beside, _look():
+        drawing.paint().savefig(beside, format="png", dpi=_DPI)
+    write_text(svg, '<?xml version="1.0" encoding="utf-8"?>\n' + to_svg(drawing) + "\n")
+    return png, svg
+
+
+@contextmanager
+def _look() -> Iterator[None]:
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        for name, value in _SETTINGS.items():
+            mpl.rcParams[name] = value  # type: ignore[index]
+        yield

@@ -1,0 +1,102 @@
+"""Residuals of the laser tracker's points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import groupby
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from pydantic import JsonValue
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.records import FloatArray
+from tdfscal.reporting.figures.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    Drawing,
+    figure,
+    legend_above,
+    raster,
+)
+
+_MARKS = (("o", BLUE, "x"), ("s", ORANGE, "y"), ("^", GREEN, "z"))
+
+
+def draw(c: Calibration) -> Drawing | None:
+    """Residual of each point in µm and in its standard uncertainties."""
+    found = _read(c.tracker)
+    if found is None:
+        return None
+    names, residual, normalised = found
+    worst = int(np.abs(normalised).max(axis=1).argmax())
+    rms = 1e6 * float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
+    return Drawing(
+        "survey",
+        "Residuals of the tracker's points",
+        f"The {len(names)} points fit within {rms:.3g} µm (rms); the worst is {names[worst]}, "
+        f"{np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
+        lambda: _paint(names, residual, normalised),
+    )
+
+
+def _read(
+    tracker: Mapping[str, JsonValue] | None,
+) -> tuple[list[str], FloatArray, FloatArray] | None:
+    """Names (N), residuals (N, 3) in m and in standard uncertainties, where the file has them."""
+    kept = tracker.get("residuals") if tracker else None
+    if not isinstance(kept, dict) or not isinstance(names := kept.get("points"), list) or not names:
+        return None
+    try:
+        tables = [np.array(kept[key], dtype=float) for key in ("residual", "normalised")]
+    except (KeyError, TypeError, ValueError):
+        return None
+    if any(table.shape != (len(names), 3) for table in tables):
+        return None
+    return [str(name) for name in names], tables[0], tables[1]
+
+
+def _paint(names: list[str], residual: FloatArray, normalised: FloatArray) -> Figure:
+    fig = figure(3.9)
+    top, bottom = fig.subplots(2, 1, sharex=True)
+    place = np.arange(len(names))
+    for ax, table in ((top, 1e6 * residual), (bottom, normalised)):
+        for k, (marker, colour, label) in enumerate(_MARKS):
+            ax.plot(
+                place + 0.2 * (k - 1),
+                table[:, k],
+                marker,
+                color=colour,
+                markersize=3.4,
+                label=label,
+                rasterized=raster(len(names)),
+            )
+        ax.axhline(0, color=GREY, linewidth=0.8)
+    for limit in (-2, 2):
+        bottom.axhline(limit, color=INK, linewidth=0.8, linestyle="--")
+    top.set_ylabel("residual, µm")
+    bottom.set_ylabel("residual / its\nstd. uncertainty")
+    _groups(bottom, top, names)
+    legend_above(top, 3)
+    return fig
+
+
+def _groups(bottom: Axes, top: Axes, names: list[str]) -> None:
+    """Name the supports once each along the axis, with a line between them."""
+    start, ticks, labels = 0, [], []
+    for group, members in groupby(name.split("/")[0] for name in names):
+        size = len(list(members))
+        ticks.append(start + (size - 1) / 2)
+        labels.append(f"{group}\n({size})")
+        start += size
+        for ax in (bottom, top):
+            ax.axvline(start - 0.5, color=GREY, linewidth=0.5, linestyle=":")
+    bottom.set_xticks(ticks, labels)
+    bottom.set_xlabel("points: moves of each NCP first, then targets on each sensor")
+    for ax in (bottom, top):
+        ax.grid(axis="x", visible=False)
+        ax.set_xlim(-0.7, len(names) - 0.3)

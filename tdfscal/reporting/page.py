@@ -1,0 +1,216 @@
+"""The content of a report page: words, tables and figures in the order of reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.files.calibration import Calibration
+from tdfscal.reporting.figures import drawings
+from tdfscal.reporting.figures.style import Drawing
+from tdfscal.reporting.summary import METHODS, Summary, summarise
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of text under a header; the first `left` columns are words, the others numbers."""
+
+    caption: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    left: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A figure, a table, or both."""
+
+    title: str
+    reading: str
+    drawing: Drawing | None = None
+    tables: tuple[Table, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One calibration. tiles : name, number, remark; what a reader sees at a glance."""
+
+    summary: Summary
+    created: str
+    tiles: tuple[tuple[str, str, str], ...]
+    sections: tuple[Section, ...]
+    provenance: tuple[tuple[str, str], ...]
+    inputs: Table
+    absent: tuple[str, ...]
+
+
+def compose(c: Calibration) -> Page:
+    """Work out a page from a calibration file's content."""
+    summary = summarise(c)
+    found = {drawing.name: drawing for drawing in drawings(c)}
+    beside = {
+        "angles": (_angles(summary),),
+        "residuals": (_proof(summary),) if summary.proof else (),
+        "timeline": (_left_out(summary),) if summary.rejected else (),
+        "rig": _terminal(c, summary),
+    }
+    return Page(
+        summary=summary,
+        created=c.created.replace("T", " ").replace("Z", " UTC"),
+        tiles=_tiles(c),
+        sections=tuple(
+            Section(drawing.title, drawing.reading, drawing, beside.get(name, ()))
+            for name, drawing in found.items()
+        ),
+        provenance=_provenance(c),
+        inputs=Table(
+            "Input files",
+            ("file", "SHA-256", "bytes", "integrity"),
+            tuple((f.path, f.sha256, f"{f.bytes:,}", f.integrity) for f in c.inputs),
+            left=2,
+        ),
+        absent=_absent(c, set(found)),
+    )
+
+
+def _tiles(c: Calibration) -> tuple[tuple[str, str, str], ...]:
+    tiles = [
+        (
+            "weakest angle",
+            f"{1e3 * c.rpy_std.max():.2g} mrad",
+            f"limit {1e3 * c.rig.acceptance.angle_std:.2g} mrad",
+        )
+    ]
+    if c.validation is not None:
+        v = c.validation
+        tiles.append(
+            (
+                "false contact force",
+                f"{v.force.rms_after:.2g} N",
+                f"before {v.force.rms_before:.3g} N",
+            )
+        )
+        tiles.append(
+            (
+                "false contact moment",
+                f"{v.moment.rms_after:.2g} N·m",
+                f"before {v.moment.rms_before:.3g} N·m",
+            )
+        )
+    if c.fit is not None:
+        total = c.fit.postures + len(c.fit.rejected)
+        tiles.append(("postures", f"{c.fit.postures} of {total}", "in the fit"))
+        tiles.append(
+            (
+                "residuals",
+                f"{c.fit.birge:.2g} ×",
+                f"what is expected; limit {c.rig.acceptance.birge_max:.2g}",
+            )
+        )
+    elif c.tracker is not None and isinstance(birge := c.tracker.get("birge"), float):
+        tiles.append(("points", f"{c.tracker.get('points')}", "of the survey"))
+        tiles.append(("residuals", f"{birge:.2g} ×", "what is expected"))
+    return tuple(tiles)
+
+
+def _angles(s: Summary) -> Table:
+    return Table(
+        "Installation angles in the BCS, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
+        ("sensor", "angle", "value", "std. unc.", "95 % from", "to", "mostly from"),
+        tuple(
+            (
+                row.support,
+                row.angle,
+                f"{row.value:.3f}",
+                f"{row.std:.3f}",
+                f"{row.low:.3f}",
+                f"{row.high:.3f}",
+                row.source,
+            )
+            for row in s.angles
+        ),
+        left=2,
+    )
+
+
+def _proof(s: Summary) -> Table:
+    return Table(
+        "Contact wrench that remains at postures held out, about the LCS origin",
+        ("", "rms before", "rms after", "largest before", "largest after"),
+        s.proof,
+    )
+
+
+def _left_out(s: Summary) -> Table:
+    rows = tuple(tuple(text.split(": ", 1)) for text in s.rejected)
+    return Table("Rejected postures", ("posture", "reason"), rows, left=2)
+
+
+def _terminal(c: Calibration, s: Summary) -> tuple[Table, ...]:
+    mass, bary = c.terminal.mass, c.terminal.barycenter
+    rows = [("mass, kg", f"{mass.value:.3f}", _std(mass.std, 3))]
+    rows += [
+        (f"barycentre {axis}, mm", f"{1e3 * value:.3f}", _std(std, 3, 1e3))
+        for axis, value, std in zip("xyz", bary.value, bary.std, strict=True)
+    ]
+    terminal = Table("Terminal after the adjustment, LCS", ("", "value", "std. unc."), tuple(rows))
+    zeros = Table("Zero offsets, N, sensor frames", ("sensor", "x", "y", "z"), s.zeros)
+    return (zeros, terminal) if s.zeros else (terminal,)
+
+
+def _std(value: float | None, digits: int, scale: float = 1.0) -> str:
+    return "open" if value is None else f"{scale * value:.{digits}f}"
+
+
+def _provenance(c: Calibration) -> tuple[tuple[str, str], ...]:
+    estimator = {"ml": "maximum likelihood", "linear": "linear (the paper's)", None: ""}[
+        c.estimator
+    ]
+    rows = [
+        ("Method", METHODS[c.method] + (f", {estimator}" if estimator else "")),
+        ("Command", c.command),
+        ("Created", c.created),
+        ("Software", f"{c.software.name} {c.software.version}"),
+        ("Seed", str(c.seed)),
+        ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
+        ("Convention", c.convention),
+        ("Covariance", c.covariance.definition),
+    ]
+    rows += summary_facts(c)
+    return tuple(rows)
+
+
+def summary_facts(c: Calibration) -> list[tuple[str, str]]:
+    """Statistics of the fit, and the largest correlation between two angles."""
+    rows = [(name, text) for name, text in summarise(c).facts if name != "Postures"]
+    std = np.sqrt(np.diagonal(c.rotation_covariance))
+    if np.all(std > 0):
+        off = c.rotation_covariance / np.outer(std, std) - np.eye(len(std))
+        a, b = np.unravel_index(int(np.abs(off).argmax()), off.shape)
+        names = c.covariance.parameters
+        rows.append(("Correlation", f"largest {off[a, b]:+.2f}, between {names[a]} and {names[b]}"))
+    return rows
+
+
+def _absent(c: Calibration, drawn: set[str]) -> tuple[str, ...]:
+    """What the page does not show, and why."""
+    notes = []
+    if c.method != "tracker" and "residuals" not in drawn:
+        notes.append(
+            "This file holds no single postures, so neither their residuals nor the log's timeline "
+            "can be drawn; calibrate again to have them."
+        )
+    if c.method == "tracker":
+        notes.append("A tracker survey has no postures: no residual wrench and no timeline.")
+    if "trials" not in drawn:
+        notes.append(
+            {
+                "self": "No Monte Carlo histogram: the trials were switched off, or not kept.",
+                "tracker": "The tracker's Monte Carlo trials are not kept, only their summary.",
+                "joint": "A joint result has no Monte Carlo of its own; see each method alone.",
+            }[c.method]
+        )
+    if "survey" not in drawn and c.method != "self":
+        notes.append("This file holds no residuals of single points; calibrate again to have them.")
+    return tuple(notes)

@@ -1,0 +1,249 @@
+"""Studies in words, tables and plain rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from tdfscal.observability import ANGLES
+from tdfscal.reporting.text import table, wrapped
+from tdfscal.studies.accuracy import BINS, Accuracy, angle_names
+from tdfscal.studies.sensitivity import Sweep
+
+SHORT = {"ml": "self, ML", "linear": "self, linear", "tracker": "tracker"}
+
+Row = tuple[str | float | int, ...]
+
+
+def posture_name(sweep: Sweep) -> str:
+    """The terminal's posture in words."""
+    if not np.any(sweep.rpy):
+        return "aligned"
+    return "roll, pitch, yaw " + ", ".join(f"{v:g}" for v in sweep.rpy) + " rad"
+
+
+def forces_name(sweep: Sweep) -> str:
+    """The hinge forces in words."""
+    if sweep.internal == 0.0:
+        return "no internal forces"
+    return f"internal forces of {sweep.internal:g} N"
+
+
+def sensitivity_text(supports: tuple[str, ...], sweeps: list[Sweep]) -> str:
+    """Largest error of each sweep."""
+    lines: list[str] = []
+    for sweep in sweeps:
+        span = sweep.deviation[-1]
+        lines += wrapped(
+            f"Error of the contact wrench with one angle of one sensor off by ±{span:g} rad, "
+            f"{posture_name(sweep)}, {forces_name(sweep)}",
+            "",
+            "",
+        )
+        rows = [
+            [
+                name if j == 0 else "",
+                ANGLES[j],
+                f"{sweep.force[i, j].max():.2f}",
+                f"{sweep.torque[i, j].max():.2f}",
+            ]
+            for i, name in enumerate(supports)
+            for j in range(3)
+        ]
+        lines += table(["sensor", "angle", "force, N", "torque, N·m"], rows, left=2)
+        lines.append("")
+    return "\n".join(lines)
+
+
+def sensitivity_rows(supports: tuple[str, ...], sweeps: list[Sweep]) -> Iterator[Row]:
+    """Header and rows of sensitivity.csv."""
+    yield (
+        "posture_roll",
+        "posture_pitch",
+        "posture_yaw",
+        "internal_N",
+        "support",
+        "angle",
+        "deviation_rad",
+        "force_error_N",
+        "torque_error_Nm",
+    )
+    for sweep in sweeps:
+        for i, name in enumerate(supports):
+            for j, angle in enumerate(ANGLES):
+                for d, f, m in zip(
+                    sweep.deviation, sweep.force[i, j], sweep.torque[i, j], strict=True
+                ):
+                    yield (
+                        *sweep.rpy.tolist(),
+                        sweep.internal,
+                        name,
+                        angle,
+                        float(d),
+                        float(f),
+                        float(m),
+                    )
+
+
+def sensitivity_document(
+    rig_name: str, supports: tuple[str, ...], sweeps: list[Sweep], files: list[str]
+) -> dict[str, Any]:
+    """The study as plain JSON values, SI units."""
+    return {
+        "format": "tdfscal-study-sensitivity/1",
+        "rig": rig_name,
+        "span": float(sweeps[0].deviation[-1]),
+        "sweeps": [
+            {
+                "rpy": sweep.rpy.tolist(),
+                "internal": sweep.internal,
+                "supports": [
+                    {
+                        "name": name,
+                        "force_error": sweep.force[i].max(axis=1).tolist(),
+                        "torque_error": sweep.torque[i].max(axis=1).tolist(),
+                    }
+                    for i, name in enumerate(supports)
+                ],
+            }
+            for sweep in sweeps
+        ],
+        "files": files,
+    }
+
+
+def accuracy_text(study: Accuracy) -> str:
+    """Table 2 of this rig, and the verdict."""
+    rig, options = study.setup.rig, study.setup.options
+    lines = wrapped(
+        f"{rig.name}: {study.setup.runs} simulated campaigns of {len(study.command)} postures, "
+        f"tilt {np.rad2deg(options.tilt):g}°, internal forces {options.squeeze:g} N; tracker "
+        f"{study.setup.survey.distance:g} m away, {len(study.setup.survey.targets)} targets per "
+        "sensor",
+        "",
+        "",
+    )
+    lines += ["", "Error of the installation angles, mrad: mean and standard deviation"]
+    header = ["sensor", "angle"]
+    for result in study.results:
+        header += [f"{SHORT[result.method]}: mean", "std"]
+    rows = []
+    for i, j, name, angle in angle_names(rig):
+        row = [name if j == 0 else "", angle]
+        for result in study.results:
+            row += [f"{1e3 * result.mean[i, j]:.4f}", f"{1e3 * result.std[i, j]:.4f}"]
+        rows.append(row)
+    lines += [*table(header, rows, left=2), ""]
+    lines += wrapped(study.verdict, "")
+    for result in study.results:
+        worst = float(np.abs(result.bias).max())
+        text = f"{result.name}: " + ("unbiased" if result.unbiased else "biased")
+        text += f", the largest mean is {worst:.1f} standard errors"
+        if result.stated is not None:
+            ratio = result.std / result.stated
+            text += f"; scatter is {ratio.min():.2f} to {ratio.max():.2f} times the stated"
+        if result.failed:
+            text += f"; no result in {result.failed} campaigns"
+        lines += wrapped(f"- {text}")
+    for method, why in study.left_out.items():
+        lines += wrapped(f"- {SHORT[method]} is left out: {why}")
+    return "\n".join(lines) + "\n"
+
+
+def accuracy_rows(study: Accuracy) -> Iterator[Row]:
+    """Header and rows of accuracy.csv: Table 2."""
+    yield (
+        "method",
+        "support",
+        "angle",
+        "runs",
+        "failed",
+        "mean_rad",
+        "std_rad",
+        "rms_rad",
+        "standard_error_rad",
+        "mean_in_standard_errors",
+        "stated_std_rad",
+    )
+    for result in study.results:
+        runs = len(result.error)
+        for i, j, name, angle in angle_names(study.setup.rig):
+            std = float(result.std[i, j])
+            yield (
+                result.method,
+                name,
+                angle,
+                runs,
+                result.failed,
+                float(result.mean[i, j]),
+                std,
+                float(result.rms[i, j]),
+                std / runs**0.5,
+                float(result.bias[i, j]),
+                "" if result.stated is None else float(result.stated[i, j]),
+            )
+
+
+def histogram_rows(study: Accuracy) -> Iterator[Row]:
+    """Header and rows of histograms.csv: Figs. 7–9 and 12–14 as numbers."""
+    yield "method", "support", "angle", "low_rad", "high_rad", "count"
+    for result in study.results:
+        for i, j, name, angle in angle_names(study.setup.rig):
+            counts, edges = result.histogram(i, j)
+            for b in range(BINS):
+                yield (
+                    result.method,
+                    name,
+                    angle,
+                    float(edges[b]),
+                    float(edges[b + 1]),
+                    int(counts[b]),
+                )
+
+
+def error_rows(study: Accuracy) -> Iterator[Row]:
+    """Header and rows of errors.csv: every campaign."""
+    names = [f"{name}.{angle}" for _, _, name, angle in angle_names(study.setup.rig)]
+    yield ("method", "run", *names)
+    for result in study.results:
+        for run, row in enumerate(result.error.reshape(len(result.error), -1).tolist()):
+            yield (result.method, run, *row)
+
+
+def accuracy_document(study: Accuracy, files: list[str]) -> dict[str, Any]:
+    """The study as plain JSON values, SI units."""
+    rig = study.setup.rig
+    best = study.ranking[0]
+    return {
+        "format": "tdfscal-study-accuracy/1",
+        "rig": rig.name,
+        "runs": study.setup.runs,
+        "seed": study.setup.seed,
+        "postures": len(study.command),
+        "methods": [
+            {
+                "method": result.method,
+                "name": result.name,
+                "failed": result.failed,
+                "unbiased": result.unbiased,
+                "mean_rms": float(result.rms.mean()),
+                "factor": float(result.rms.mean() / best.rms.mean()),
+                "supports": [
+                    {
+                        "name": name,
+                        "mean": result.mean[i].tolist(),
+                        "std": result.std[i].tolist(),
+                        "stated_std": None if result.stated is None else result.stated[i].tolist(),
+                    }
+                    for i, name in enumerate(rig.supports)
+                ],
+            }
+            for result in study.results
+        ],
+        "left_out": study.left_out,
+        "best": best.method,
+        "verdict": study.verdict,
+        "files": files,
+    }

@@ -1,0 +1,200 @@
+"""The verdict of a validation, as plain values and as text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tdfscal.diagnosis import Cause
+from tdfscal.records import FloatArray
+from tdfscal.reporting.text import table, wrapped
+from tdfscal.validation import FALSE_ALARM, POWER, Validation
+from tdfscal.wrench import COMPONENTS
+
+#: At most as many postures are listed one by one.
+_LISTED = 12
+
+
+def lengths(wrench: FloatArray) -> FloatArray:
+    """Lengths (K, 2) of force and moment of wrenches (K, 6)."""
+    return np.asarray(np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2))
+
+
+def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
+    """Everything as JSON values, SI units."""
+    return {
+        "verdict": "still valid" if v.holds else "recalibrate",
+        "holds": v.holds,
+        "why": " ".join(_why(v)),
+        "chi2": v.chi2,
+        "dof": v.dof,
+        "p_value": v.p_value,
+        "search_p_value": v.search_p,
+        "false_alarm": FALSE_ALARM,
+        "postures": [
+            {
+                "index": int(k),
+                "start": float(v.dwells.start[k]),
+                "end": float(v.dwells.end[k]),
+                "uncalibrated": dict(zip(COMPONENTS, v.nominal[row].tolist(), strict=True)),
+                "calibrated": dict(zip(COMPONENTS, v.calibrated[row].tolist(), strict=True)),
+                "std": [float(s) if np.isfinite(s) else None for s in v.std[row]],
+            }
+            for row, k in enumerate(v.used)
+        ],
+        "left_out": [{"index": k, "reason": reason} for k, reason in sorted(v.left_out.items())],
+        **{name: _residual(v, column) for column, name in enumerate(("force", "moment"))},
+        "suspected": [_cause(v, cause) for cause in v.suspected],
+        "detectable_turn": {
+            "power": POWER,
+            "supports": [
+                {"name": name, **_axes(turn)}
+                for name, turn in zip(v.rig.supports, v.detectable, strict=True)
+            ],
+        },
+        "warnings": list(warnings),
+    }
+
+
+def _residual(v: Validation, column: int) -> dict[str, float]:
+    before, after = lengths(v.nominal)[:, column], lengths(v.calibrated)[:, column]
+    return {
+        "rms_before": float(np.sqrt(np.mean(before**2))),
+        "rms_after": float(np.sqrt(np.mean(after**2))),
+        "max_before": float(before.max()),
+        "max_after": float(after.max()),
+    }
+
+
+def _axes(turn: FloatArray) -> dict[str, float | None]:
+    values = (float(t) if np.isfinite(t) else None for t in turn)
+    return dict(zip(("rx", "ry", "rz"), values, strict=True))
+
+
+def _cause(v: Validation, cause: Cause) -> dict[str, Any]:
+    return {
+        "kind": cause.kind,
+        "support": None if cause.support is None else v.rig.supports[cause.support],
+        "postures": [int(v.used[k]) for k in cause.postures],
+        "value": cause.value.tolist(),
+        "std": cause.std.tolist(),
+        "chi2_explained": cause.gain,
+        "unknowns": cause.unknowns,
+        "remaining_p_value": cause.remaining_p,
+        "text": describe(v, cause),
+    }
+
+
+def describe(v: Validation, cause: Cause) -> str:
+    """One cause in words, with its size."""
+    value, std = cause.value, cause.std
+    if cause.kind == "sensor turned":
+        assert cause.support is not None
+        turn = _pairs(1e3 * value, 1e3 * std)
+        return (
+            f"the sensor of {v.rig.supports[cause.support]} has turned by "
+            f"{1e3 * np.linalg.norm(value):.2f} mrad: {turn} mrad about x, y, z of the BCS"
+        )
+    if cause.kind == "zero drifted":
+        assert cause.support is not None
+        return (
+            f"the zero of {v.rig.supports[cause.support]} has drifted by {_pairs(value, std)} N "
+            "along x, y, z of the sensor"
+        )
+    if cause.kind == "load changed":
+        return (
+            f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
+            f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
+        )
+    named = ", ".join(
+        f"{v.used[k] + 1} ({v.dwells.start[v.used[k]]:.1f} s)" for k in cause.postures
+    )
+    largest = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
+    return (
+        f"contact in posture{'s' if len(cause.postures) > 1 else ''} {named}: "
+        f"{largest[0]:.2g} N, {largest[1]:.2g} N·m"
+    )
+
+
+def _pairs(value: FloatArray, std: FloatArray) -> str:
+    return ", ".join(f"{a:+.2f} ± {s:.2f}" for a, s in zip(value, std, strict=True))
+
+
+def _why(v: Validation) -> list[str]:
+    """Sentences: the reason, and what to do."""
+    if v.holds:
+        return [
+            f"The residual wrenches of {len(v.used)} postures are what the stated uncertainties "
+            f"explain (p = {v.p_value:.2g}).",
+            _sure(v),
+        ]
+    found = [
+        f"The residual wrenches are not what the stated uncertainties explain: χ² = {v.chi2:.4g} "
+        f"for {v.dof} degrees of freedom (p = {v.p_value:.1g})."
+    ]
+    if not v.suspected:
+        found.append(
+            "No single cause explains them: not one sensor turned, one zero drifted, another load, "
+            "or contact in a few postures."
+        )
+    elif v.suspected[0].kind == "contact" and len(v.suspected) == 1:
+        found.append("Free these postures and record them again before anything else.")
+    elif v.suspected[0].kind == "load changed":
+        found.append("Correct the load, or the rig file and calibrate again.")
+    if len(v.suspected) > 1:
+        found.append("The postures do not tell these causes apart; record more of them.")
+    return found
+
+
+def _sure(v: Validation) -> str:
+    lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
+    text = (
+        f"A single sensor turned by more than {1e3 * lean:.2g} mrad in roll or pitch would have "
+        f"been found with {POWER:.0%} probability"
+    )
+    if twist > np.pi / 4:
+        return f"{text}; a turn about the vertical would not show in these postures."
+    return f"{text}, about the vertical by more than {1e3 * twist:.2g} mrad."
+
+
+def render(v: Validation, warnings: Sequence[str]) -> str:
+    """Text in 80 columns."""
+    lines = [f"{v.rig.name}: {'STILL VALID' if v.holds else 'RECALIBRATE'}"]
+    lines += [line for sentence in _why(v) for line in wrapped(sentence, "", "")]
+    for cause in v.suspected:
+        lines += wrapped(f"- {describe(v, cause)}")
+    lines += ["", "Contact wrench that should be zero, LCS, about its origin"]
+    rows = []
+    for column, (name, unit) in enumerate((("force", "N"), ("moment", "N·m"))):
+        r = _residual(v, column)
+        names = ("rms_before", "rms_after", "max_before", "max_after")
+        rows.append([name, *(f"{r[key]:.3g} {unit}" for key in names)])
+    header = ["", "rms before", "rms after", "largest before", "largest after"]
+    lines += table(header, rows)
+    lines += ["", "Postures, calibrated, ± standard uncertainty", *_postures(v)]
+    for heading, items in (
+        ("Left out", [f"posture {k + 1}: {reason}" for k, reason in sorted(v.left_out.items())]),
+        ("Warnings", list(warnings)),
+    ):
+        if items:
+            lines += ["", heading]
+            lines += [line for item in items for line in wrapped(f"- {item}")]
+    return "\n".join(lines)
+
+
+def _postures(v: Validation) -> list[str]:
+    """The postures with the largest residual force, in the order of the log."""
+    order = np.sort(np.argsort(lengths(v.calibrated)[:, 0])[::-1][:_LISTED])
+    rows = [
+        [
+            str(v.used[k] + 1),
+            f"{v.dwells.start[v.used[k]]:.1f}",
+            *(f"{v.calibrated[k, c]:.2f}±{v.std[k, c]:.2f}" for c in range(6)),
+        ]
+        for k in order
+    ]
+    return table(
+        ["", "from s", *(f"{c} {'N' if c[0] == 'f' else 'N·m'}" for c in COMPONENTS)], rows
+    )

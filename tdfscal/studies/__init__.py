@@ -1,0 +1,1 @@
+"""The paper's studies on any rig: what wrong angles cost, and how well each method finds them."""

@@ -1,0 +1,89 @@
+"""What a wrong installation angle costs at the contact (Sect. 2.3, Fig. 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray, Rig
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """Error of the contact wrench against each angle of each sensor, at one posture.
+
+    rpy : (3,), rad, of the terminal. internal : N, standard deviation of the internal forces per
+    orthonormal mode; 0 for the smallest forces that carry the weight. deviation : (D,), rad, from
+    the nominal mounting. force, torque : (n, 3, D), N and N·m about the LCS origin, lengths of
+    ΔF_e[:3] and ΔF_e[3:]; with internal forces their quadratic mean.
+    """
+
+    rpy: FloatArray
+    internal: float
+    deviation: FloatArray
+    force: FloatArray
+    torque: FloatArray
+
+
+def sensitivity(
+    rig: Rig,
+    rpy: FloatArray,
+    *,
+    internal: float = 0.0,
+    span: float = 0.05,
+    points: int = 101,
+) -> Sweep:
+    """Sweep roll, pitch and yaw of one sensor after the other by ±span about the nominal mounting.
+
+    The sensors' forces balance the weight over the true mounting J′, the controller assumes the
+    nominal one J: F = −J′ᵀ(J′J′ᵀ)⁻¹ R_g G + U c and ΔF_e = (J − J′) F (Eq. 16–19 corrected), U the
+    null space of J′ and c ~ N(0, internal²). The mean square over c is summed in closed form.
+
+    Raises UsageError for numbers that make no sweep.
+    """
+    if not 0.0 < span < np.pi or points < 2:
+        raise UsageError(f"a sweep of ±{span:g} rad in {points} points is none")
+    if not 0.0 <= internal < np.inf:
+        raise UsageError(f"the internal forces are {internal:g} N", hint="give 0 or more")
+    R = so3.from_rpy(np.asarray(rpy, dtype=np.float64))
+    deviation = np.linspace(-span, span, points)
+    angles = np.broadcast_to(rig.nominal_rpy, (rig.n, 3, points, rig.n, 3)).copy()
+    for i in range(rig.n):
+        for j in range(3):
+            angles[i, j, :, i, j] += deviation
+    J = jacobian(rig, R, so3.from_rpy(rig.nominal_rpy))
+    J_true = jacobian(rig, R, so3.from_rpy(angles))
+    error, spread = _error(rig, R, J, J_true)
+    square = error**2 + internal**2 * np.sum(spread**2, axis=-1)
+    return Sweep(
+        rpy=np.asarray(rpy, dtype=np.float64),
+        internal=internal,
+        deviation=deviation,
+        force=np.sqrt(square[..., :3].sum(axis=-1)),
+        torque=np.sqrt(square[..., 3:].sum(axis=-1)),
+    )
+
+
+def jacobian(rig: Rig, R: FloatArray, X: FloatArray) -> FloatArray:
+    """J (..., 6, 3n) of Eq. 11 corrected: rows Rᵀ X_i and r̂_i Rᵀ X_i; X (..., n, 3, 3)."""
+    force = R.T @ X
+    blocks = np.concatenate([force, so3.hat(rig.hinge) @ force], axis=-2)  # (..., n, 6, 3)
+    blocks = np.moveaxis(blocks, -3, -2)
+    return np.asarray(blocks.reshape(*blocks.shape[:-2], 3 * rig.n))
+
+
+def _error(
+    rig: Rig, R: FloatArray, J: FloatArray, J_true: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """ΔF_e (..., 6) of the smallest forces, and of each unit internal force (..., 6, 3n − 6)."""
+    G = rig.mass.value * rig.gravity * np.array([0.0, 0.0, -1.0])
+    down = R.T @ G
+    load = np.concatenate([down, np.cross(rig.barycentre.value, down)])  # R_g G
+    across = np.swapaxes(J_true, -1, -2)
+    F = -across @ np.linalg.solve(J_true @ across, np.broadcast_to(load, (*J_true.shape[:-1],))[..., None])
+    U = np.swapaxes(np.linalg.svd(J_true, full_matrices=True)[2][..., 6:, :], -1, -2)
+    wrong = J - J_true
+    return (wrong @ F)[..., 0], wrong @ U

@@ -1,0 +1,37 @@
+"""Runs the command line in this process and keeps what it says."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tdfscal.cli import main
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+
+
+@dataclass(frozen=True)
+class Run:
+    """Exit status, standard output, standard error."""
+
+    status: int
+    out: str
+    err: str
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path | int) -> Run:
+    """Run `tdfscal` with these arguments."""
+    capsys.readouterr()
+    old, sys.argv = sys.argv, ["tdfscal", *map(str, arguments)]
+    try:
+        main()
+        status = 0
+    except SystemExit as end:
+        status = int(end.code or 0)
+    finally:
+        sys.argv = old
+    captured = capsys.readouterr()
+    return Run(status, captured.out, captured.err)

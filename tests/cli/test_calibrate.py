@@ -1,0 +1,126 @@
+"""`tdfscal calibrate` on the sample campaign: the same numbers whatever the format."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from running import SAMPLES, run
+
+from tdfscal.numerics import so3
+
+FORMATS = ("csv", "parquet", "mcap")
+
+
+@pytest.fixture(scope="module")
+def documents(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Calibrations of the three formats, by the command line, as JSON documents."""
+    import subprocess
+    import sys
+
+    found = {}
+    for form in FORMATS:
+        line = [sys.executable, "-m", "tdfscal", "calibrate", str(SAMPLES / form), "--json", "-o",
+                str(tmp_path_factory.mktemp(form) / "c.json"), "--trials", "2000"]  # fmt: skip
+        done = subprocess.run(line, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        found[form] = json.loads(done.stdout)
+    return found
+
+
+def test_three_formats_give_the_same_angles(documents: dict[str, Any]) -> None:
+    angles = {f: np.array([s["rpy"] for s in d["supports"]]) for f, d in documents.items()}
+    for form in FORMATS[1:]:
+        assert np.abs(angles[form] - angles["csv"]).max() < 1e-9
+
+
+def test_the_truth_is_within_the_stated_uncertainty(documents: dict[str, Any]) -> None:
+    from scipy import stats
+
+    truth = yaml.safe_load((SAMPLES / "csv" / "truth.yaml").read_text())
+    found = documents["csv"]
+    true, rotation = (np.array([s["rotation"] for s in d["supports"]]) for d in (truth, found))
+    d = so3.log(true @ np.swapaxes(rotation, 1, 2)).ravel()
+    d2 = d @ np.linalg.solve(np.array(found["covariance"]["matrix"]), d)
+    assert 1e-4 < stats.chi2.cdf(d2, len(d)) < 1 - 1e-4
+
+
+def test_file_and_standard_output_agree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "c.yaml"
+    seen = run(capsys, "calibrate", SAMPLES / "parquet", "-o", target, "--json", "--trials", 0)
+    assert seen.status == 0
+    printed, written = json.loads(seen.out), yaml.safe_load(target.read_text())
+    assert printed == written
+    assert "reading the log" in seen.err
+    text = run(capsys, "report", target)
+    assert text.status == 0
+    assert "ACCEPTED" in text.out
+    assert max(map(len, text.out.splitlines())) <= 80
+    assert json.loads(run(capsys, "report", target, "--json").out) == printed
+
+
+def test_same_inputs_and_seed_same_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    one, two = (
+        json.loads(
+            run(
+                capsys,
+                "calibrate",
+                SAMPLES / "parquet",
+                "--json",
+                "-o",
+                "-",
+                "--trials",
+                1000,
+                "--seed",
+                3,
+            ).out
+        )
+        for _ in range(2)
+    )
+    for document in (one, two):
+        del document["created"]
+    assert one == two
+
+
+def test_a_rejected_result_is_written_only_on_request(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, target = tmp_path / "campaign", tmp_path / "c.json"
+    shutil.copytree(SAMPLES / "parquet", folder)
+    rig = folder / "rig.yaml"
+    document = yaml.safe_load(rig.read_text())
+    document["acceptance"]["angle_std"] = 1e-5
+    rig.write_text(yaml.safe_dump(document))
+    seen = run(capsys, "calibrate", folder, "-o", target, "--trials", 0, "-q")
+    assert seen.status == 1
+    assert "REJECTED" in seen.out
+    assert "above the limit of 0.01 mrad" in " ".join(seen.out.split())
+    assert not target.exists()
+    seen = run(capsys, "calibrate", folder, "-o", target, "--trials", 0, "-q", "--allow-rejected")
+    assert seen.status == 1
+    assert json.loads(target.read_text())["status"] == "rejected"
+
+
+@pytest.mark.parametrize("method", ["tracker", "joint"])
+def test_methods(method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "c.json"
+    seen = run(
+        capsys, "calibrate", SAMPLES / "csv", "--method", method, "-o", target, "--trials", 1000
+    )
+    assert seen.status == 0, seen.err
+    assert json.loads(target.read_text())["method"] == method
+
+
+def test_the_linear_method(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = run(
+        capsys, "calibrate", SAMPLES / "parquet", "--estimator", "linear", "--allow-rejected",
+        "-o", tmp_path / "c.json", "--trials", 200,
+    )  # fmt: skip
+    assert seen.status in (0, 1, 4), seen.err
+    if seen.status < 4:
+        assert json.loads((tmp_path / "c.json").read_text())["estimator"] == "linear"
