@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tdfscal.diagnosis import Suspicion
 from tdfscal.observability import ANGLES
 from tdfscal.records import FloatArray, InputFile, Rig
 
@@ -21,10 +22,12 @@ def judge(
     used: int = 0,
     rejected: int = 0,
     inputs: Sequence[InputFile] = (),
+    doubts: Sequence[Suspicion] = (),
 ) -> tuple[str, ...]:
     """Reasons to reject a result with standard uncertainties std (n, 3) in rad; none: accepted.
 
     used, rejected : numbers of postures. inputs : a salvaged one is never accepted.
+    doubts : a harmful suspicion is a reason.
     """
     limits, reasons = rig.acceptance, []
     for i, j in np.argwhere(~(std <= limits.angle_std)):
@@ -47,4 +50,5 @@ def judge(
         for entry in inputs
         if entry.integrity == "salvaged"
     ]
+    reasons += [doubt.text for doubt in doubts if doubt.harmful]
     return tuple(reasons)

@@ -9,6 +9,7 @@ import numpy as np
 
 from tdfscal import observability, sanity, screening
 from tdfscal.crossvalidation import CrossValidation, cross_validate
+from tdfscal.diagnosis import Suspicion, suspicions
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.gate import judge
 from tdfscal.linearcal import evaluate_linear, fit_linear
@@ -49,6 +50,7 @@ class SelfCalibration:
     quality: Quality
     uncertainty: Uncertainty
     observability: Observability
+    suspicions: tuple[Suspicion, ...]
     validation: CrossValidation
     monte_carlo: MonteCarlo | None
     rejected: dict[int, str]
@@ -111,6 +113,10 @@ def self_calibrate(
             f"the estimate did not settle in {result.iterations} iterations",
             hint="check mass, hinges and nominal mounting in rig.yaml, and record more postures",
         )
+    doubts: tuple[Suspicion, ...] = ()
+    if estimator == "ml" and not measured_noise:
+        held = ((dwells.start + dwells.end) / 2)[index]
+        doubts = suspicions(result, parts, uncertainty, held, stats.birge)
     trials = None
     if estimator == "ml" and max_trials != 0:
         trials = propagate(result, parts, uncertainty, stats.birge, rng, max_trials or MAX_TRIALS)
@@ -123,6 +129,7 @@ def self_calibrate(
         quality=stats,
         uncertainty=uncertainty,
         observability=seen,
+        suspicions=doubts,
         validation=cross_validate(result, parts),
         monte_carlo=trials,
         rejected=rejected,
@@ -133,8 +140,9 @@ def self_calibrate(
             used=len(dwells) - len(rejected),
             rejected=len(rejected),
             inputs=inputs,
+            doubts=doubts,
         ),
-        warnings=_warnings(dwells, stats, trials, measured_noise),
+        warnings=_warnings(dwells, stats, trials, doubts, measured_noise=measured_noise),
     )
 
 
@@ -189,7 +197,12 @@ def _unseen(seen: Observability) -> str:
 
 
 def _warnings(
-    dwells: Dwells, stats: Quality, trials: MonteCarlo | None, measured_noise: bool
+    dwells: Dwells,
+    stats: Quality,
+    trials: MonteCarlo | None,
+    doubts: tuple[Suspicion, ...],
+    *,
+    measured_noise: bool,
 ) -> tuple[str, ...]:
     """Collect what the user must know although the result may be good."""
     found = list(dwells.warnings)
@@ -203,6 +216,7 @@ def _warnings(
             f"the residuals are {stats.birge:.2g} times what the stated uncertainties explain "
             f"(p = {stats.p_value:.1g}); all noise was scaled up by that factor"
         )
+    found += [doubt.text for doubt in doubts if not doubt.harmful]
     if trials is not None and not trials.validated:
         found.append(
             "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those "

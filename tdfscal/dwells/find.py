@@ -181,5 +181,7 @@ def _drifts(
 
 def _beyond_noise(value: FloatArray, std: FloatArray) -> FloatArray:
     """Factor (S, 3) by which most dwells exceed their std: vibration leaves lines and bows too."""
+    if len(value) < _MANY:
+        return np.ones(value.shape[1:])
     z = np.divide(np.abs(value), std, out=np.zeros_like(value), where=std > 0)
     return np.asarray(np.clip(1.4826 * np.median(z, axis=0), 1.0, _VIBRATION))

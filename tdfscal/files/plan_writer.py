@@ -62,7 +62,7 @@ def _notes(plan: Plan, command: str, seed: int) -> list[str]:
         ]
     else:
         lines += [
-            f".squeeze_x _y _z: internal force on the terminal, N, that the displacement .dx .dy",
+            ".squeeze_x _y _z: internal force on the terminal, N, that the displacement .dx .dy",
             f".dz, m, makes with {limits.stiffness:g} N/m; the positions contain it already.",
         ]
     lines += [

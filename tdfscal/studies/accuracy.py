@@ -130,7 +130,9 @@ def accuracy(
     UsageError : too few runs. NotConvergedError : a method finds almost no result.
     """
     if setup.runs < FEWEST_RUNS:
-        raise UsageError(f"{setup.runs} runs show no scatter", hint=f"ask for {FEWEST_RUNS} or more")
+        raise UsageError(
+            f"{setup.runs} runs show no scatter", hint=f"ask for {FEWEST_RUNS} or more"
+        )
     posture_seed, campaign_seed = np.random.SeedSequence(setup.seed).spawn(2)
     options = commanded(setup.rig, setup.options, np.random.default_rng(posture_seed))
     assert options.command is not None

@@ -132,9 +132,7 @@ def _tracker(task: Task, truth: Truth, rng: np.random.Generator) -> Errors:
         one = truth.trial(i)
         session = simulate_survey(rig, one, survey, rng).session
         try:
-            found = calibrate_tracker(
-                rig, session, misalignment=survey.body_misalignment, trials=0
-            )
+            found = calibrate_tracker(rig, session, misalignment=survey.body_misalignment, trials=0)
         except TdfscalError:
             continue
         errors[i] = _errors(found.rotations.rotation, one.rpy)

@@ -83,7 +83,9 @@ def _error(
     down = R.T @ G
     load = np.concatenate([down, np.cross(rig.barycentre.value, down)])  # R_g G
     across = np.swapaxes(J_true, -1, -2)
-    F = -across @ np.linalg.solve(J_true @ across, np.broadcast_to(load, (*J_true.shape[:-1],))[..., None])
+    F = -across @ np.linalg.solve(
+        J_true @ across, np.broadcast_to(load, (*J_true.shape[:-1],))[..., None]
+    )
     U = np.swapaxes(np.linalg.svd(J_true, full_matrices=True)[2][..., 6:, :], -1, -2)
     wrong = J - J_true
     return (wrong @ F)[..., 0], wrong @ U
