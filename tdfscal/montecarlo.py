@@ -15,7 +15,8 @@ from tdfscal.uncertainty import COVERAGE, Uncertainty
 
 #: Trials per block: JCGM 101, 7.9.4 b) asks for at least 10⁴.
 BLOCK = 10_000
-_CHUNK = 500
+#: Trials solved together: what fits into a cache.
+CHUNK = 250
 _STEPS = 25
 #: A trial is solved when its last step is below this many standard uncertainties.
 _SOLVED = 1e-5
@@ -125,8 +126,8 @@ def propagate(
         size = min(BLOCK, max_trials - done)
         block = np.concatenate(
             [
-                _angles(sampler, rng, estimate, min(_CHUNK, size - start))
-                for start in range(0, size, _CHUNK)
+                _angles(sampler, rng, estimate, min(CHUNK, size - start))
+                for start in range(0, size, CHUNK)
             ]
         )
         done += size

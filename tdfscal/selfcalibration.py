@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal import observability, sanity, screening
+from tdfscal import observability, sanity, screening, stability
 from tdfscal.crossvalidation import CrossValidation, cross_validate
 from tdfscal.diagnosis import Suspicion, suspicions
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
@@ -18,6 +18,7 @@ from tdfscal.observability import Observability
 from tdfscal.records import Dwells, InputFile, Rig
 from tdfscal.robust import Rejection, fit_robust
 from tdfscal.selfcal import Fit, best_start, spread
+from tdfscal.stability import Stability
 from tdfscal.statics import Postures, postures
 from tdfscal.uncertainty import Quality, Uncertainty, evaluate, information_root, quality
 
@@ -51,6 +52,7 @@ class SelfCalibration:
     uncertainty: Uncertainty
     observability: Observability
     suspicions: tuple[Suspicion, ...]
+    stability: Stability
     validation: CrossValidation
     monte_carlo: MonteCarlo | None
     rejected: dict[int, str]
@@ -113,9 +115,10 @@ def self_calibrate(
             f"the estimate did not settle in {result.iterations} iterations",
             hint="check mass, hinges and nominal mounting in rig.yaml, and record more postures",
         )
+    held = ((dwells.start + dwells.end) / 2)[index]
+    steady = stability.examine(result, held)
     doubts: tuple[Suspicion, ...] = ()
     if estimator == "ml" and not measured_noise:
-        held = ((dwells.start + dwells.end) / 2)[index]
         doubts = suspicions(result, parts, uncertainty, held, stats.birge)
     trials = None
     if estimator == "ml" and max_trials != 0:
@@ -130,6 +133,7 @@ def self_calibrate(
         uncertainty=uncertainty,
         observability=seen,
         suspicions=doubts,
+        stability=steady,
         validation=cross_validate(result, parts),
         monte_carlo=trials,
         rejected=rejected,
@@ -142,7 +146,7 @@ def self_calibrate(
             inputs=inputs,
             doubts=doubts,
         ),
-        warnings=_warnings(dwells, stats, trials, doubts, measured_noise=measured_noise),
+        warnings=_warnings(dwells, stats, trials, doubts, steady, measured_noise=measured_noise),
     )
 
 
@@ -201,6 +205,7 @@ def _warnings(
     stats: Quality,
     trials: MonteCarlo | None,
     doubts: tuple[Suspicion, ...],
+    steady: Stability,
     *,
     measured_noise: bool,
 ) -> tuple[str, ...]:
@@ -217,6 +222,8 @@ def _warnings(
             f"(p = {stats.p_value:.1g}); all noise was scaled up by that factor"
         )
     found += [doubt.text for doubt in doubts if not doubt.harmful]
+    if not measured_noise:
+        found += steady.warnings
     if trials is not None and not trials.validated:
         found.append(
             "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those "

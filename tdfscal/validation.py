@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from tdfscal import diagnosis, sanity, screening
+from tdfscal import causes, sanity, screening
 from tdfscal.calibrated import Calibrated
-from tdfscal.diagnosis import Cause, Whitened
+from tdfscal.causes import Cause, Whitened
 from tdfscal.errors import DataError
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Rig
@@ -65,7 +65,7 @@ class Validation:
         if self.holds or not self.causes or not self.causes[0].explains:
             return ()
         first, *others = self.causes
-        return (first, *(cause for cause in others if diagnosis.alike(first, cause)))
+        return (first, *(cause for cause in others if causes.alike(first, cause)))
 
 
 def validate(
@@ -99,8 +99,8 @@ def validate(
         )
     observed, warnings = _with_noise(postures(rig, dwells).subset(used), noise)
     white, wrench, std, free = _whitened(given, observed)
-    chi2, dof = diagnosis.statistic(white, free)
-    found = diagnosis.causes(white, free)
+    chi2, dof = causes.statistic(white, free)
+    found = causes.causes(white, free)
     single = [cause for cause in found if len(cause.postures) < 2]
     tried = 1 + 2 * rig.n + (len(used) if len(used) > 1 else 0)
     plain = nominal(given.rig)
@@ -117,7 +117,7 @@ def validate(
         p_value=float(chi2_sf(chi2, dof)) if dof > 0 else 1.0,
         search_p=min(1.0, tried * min(cause.p_value for cause in single)),
         causes=found,
-        detectable=_detectable(diagnosis.turn_information(white, free), tried),
+        detectable=_detectable(causes.turn_information(white, free), tried),
         warnings=(*dwells.warnings, *warnings),
     )
 

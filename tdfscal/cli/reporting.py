@@ -1,20 +1,122 @@
-"""`tdfscal report`."""
+"""`tdfscal report` and `tdfscal compare`."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tdfscal.cli.app import emit
-from tdfscal.files.calibration import load_calibration
-from tdfscal.reporting.text import render
+from tdfscal.errors import UsageError
+from tdfscal.files.calibration import Calibration, load_calibration, parse_calibration
+from tdfscal.reporting.terminal import show
+
+if TYPE_CHECKING:
+    from tdfscal.workflow import Outcome
+
+Named = tuple[str, Calibration]
 
 
-def run(files: list[Path], *, json: bool) -> None:
-    """Print each calibration."""
-    loaded = [load_calibration(path) for path in files]
+def run(files: list[Path], *, html: Path | None, figures: Path | None, json: bool) -> None:
+    """Print one calibration, or several side by side; write page and figures where asked."""
+    loaded = load(files)
+    if str(html) == "-" and json:
+        raise UsageError("--html - and --json both want standard output", hint="name a file")
+    if figures is not None:
+        _write_figures(loaded, figures)
+    if html is not None:
+        _write_html(loaded, html)
+        if str(html) == "-":
+            return
     if json:
-        documents = [c.model_dump(mode="json", exclude_none=True) for c in loaded]
-        emit(documents[0] if len(documents) == 1 else {"calibrations": documents})
+        _print_json(loaded)
+    elif len(loaded) == 1:
+        show(loaded[0][1])
+    else:
+        from tdfscal.reporting.several import put_side_by_side
+        from tdfscal.reporting.several_text import render_several
+
+        sys.stdout.write(render_several(put_side_by_side(loaded)))
+
+
+def compare(files: list[Path], *, json: bool) -> None:
+    """Compare the first calibration with each of the others, in the order given."""
+    from tdfscal.comparison import compare_pair
+    from tdfscal.reporting.several import comparison_document
+    from tdfscal.reporting.several_text import render_comparison
+
+    if len(files) < 2:
+        raise UsageError("one calibration cannot be compared", hint="name two files or more")
+    loaded = [(name, c.rotations()) for name, c in load(files)]
+    pairs = [compare_pair(loaded[0], other) for other in loaded[1:]]
+    if json:
+        documents = [comparison_document(pair, {}) for pair in pairs]
+        emit(
+            documents[0]
+            if len(documents) == 1
+            else {"verified": all(pair.verified for pair in pairs), "comparisons": documents}
+        )
+    else:
+        sys.stdout.write("\n".join(render_comparison(pair) for pair in pairs))
+
+
+def write_report(outcome: Outcome, path: Path) -> None:
+    """Write the HTML report of a calibration just made; `-` is standard output.
+
+    The same page as `report --html` makes of the calibration file. Raises UsageError where it
+    cannot be written.
+    """
+    _write_html([("", outcome.calibration)], path)
+
+
+def load(files: Sequence[Path]) -> list[Named]:
+    """Read calibration files, `-` from standard input; names tell them apart.
+
+    Raises DataError, UsageError.
+    """
+    if sum(str(path) == "-" for path in files) > 1:
+        raise UsageError("standard input can be read once only", hint="name files")
+    loaded = [
+        ("standard input", parse_calibration(sys.stdin.buffer.read(), "standard input"))
+        if str(path) == "-"
+        else (str(path), load_calibration(path))
+        for path in files
+    ]
+    if len({name for name, _ in loaded}) < len(loaded):
+        raise UsageError("a calibration file is named twice", hint="name each file once")
+    return loaded
+
+
+def _print_json(loaded: list[Named]) -> None:
+    documents = [c.model_dump(mode="json", exclude_none=True) for _, c in loaded]
+    if len(documents) == 1:
+        emit(documents[0])
         return
-    sys.stdout.write("\n".join(render(c) for c in loaded))
+    from tdfscal.reporting.several import document, put_side_by_side
+
+    comparison = document(put_side_by_side(loaded))
+    emit({"calibrations": documents, "comparison": comparison})
+
+
+def _write_html(loaded: list[Named], path: Path) -> None:
+    from tdfscal.files.saving import write_text
+    from tdfscal.reporting.html import render_page, render_several
+
+    page = render_page(loaded[0][1]) if len(loaded) == 1 else render_several(loaded)
+    if str(path) == "-":
+        sys.stdout.write(page)
+    else:
+        write_text(path, page)
+
+
+def _write_figures(loaded: list[Named], folder: Path) -> None:
+    from tdfscal.reporting.figures import write_figures
+    from tdfscal.reporting.figures.style import save
+    from tdfscal.reporting.several import put_side_by_side, several_drawings
+
+    if len(loaded) == 1:
+        write_figures(loaded[0][1], folder)
+        return
+    for drawing in several_drawings(put_side_by_side(loaded)):
+        save(drawing, folder)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import numpy as np
 
@@ -185,39 +185,52 @@ def _within_rest(
         wanted = field.shortest * field.bins.width
         reason = f"too short: at rest for {length:.2f} s, {wanted:.2f} s needed"
         return [], [field.out(begin, end, reason)]
-    clear = (
-        begin + _kept_clear(field, begin, end, after=True),
-        end - _kept_clear(field, begin, end, after=False),
-    )
-    first = clear[0] if field.settle is None else max(begin + field.settle, clear[0])
-    settled: list[Settled] = []
-    unsettled: list[LeftOut] = []
-    origin = begin
-    for calm, stop in _calm(field, begin, end):
-        start, stop = max(calm, first), min(stop, clear[1])
-        if stop - start < field.shortest:
-            continue
-        part: Settled | None = Settled(start, stop)
-        if field.settle is None:
-            # What precedes is settling after the move; after a settled level it is a burst.
-            part = settled_part(stretch, start, stop, origin, field.shortest, rough=rough)
-        if part is not None and part.ratio <= _UNSETTLED:
-            settled.append(part)
-        else:
-            unsettled.append(field.out(start, stop, "forces never settled between two changes"))
-            continue
-        origin = _next(field, stop, end)
-    held = round(_TRANSIENT / field.bins.width)
-    settling = [
-        a.end - a.begin < held or one_decay(stretch, a, b) or restless(stretch, a)
-        for a, b in pairwise(settled)
-    ]
-    settled = [p for p, out in zip(settled, [*settling, False], strict=False) if not out]
+    settled, unsettled = _settled_parts(field, stretch, begin, end, rough)
     if not settled:
         reason = f"forces never settled in {length:.2f} s at rest"
         return [], [field.out(begin, end, reason)]
     extents, jolts = _joined(field, stretch, settled)
     return extents, unsettled + jolts
+
+
+def _settled_parts(
+    field: Field, stretch: Stretch, begin: int, end: int, rough: bool
+) -> tuple[list[Settled], list[LeftOut]]:
+    """Settled parts of a rest [begin, end) in time order, and the calm ones that are not settled."""
+    clear = begin + _kept_clear(field, begin, end, after=True)
+    latest = end - _kept_clear(field, begin, end, after=False)
+    if field.settle is not None:
+        clear = max(begin + field.settle, clear)
+    settled: list[Settled] = []
+    unsettled: list[LeftOut] = []
+    origin = begin
+    final = False
+    for calm, stop in (found := _calm(field, begin, end)):
+        start, last = max(calm, clear), min(stop, latest)
+        if last - start < field.shortest:
+            continue
+        part: Settled | None = Settled(start, last)
+        if field.settle is None:
+            # What precedes is settling after the move; after a settled level it is a burst.
+            part = settled_part(stretch, start, last, origin, field.shortest, rough=rough)
+        if part is None or part.ratio > _UNSETTLED:
+            unsettled.append(field.out(start, last, "forces never settled between two changes"))
+            continue
+        settled.append(part)
+        final = stop == found[-1][1]
+        origin = _next(field, stop, end)
+    held = round(_TRANSIENT / field.bins.width)
+    kept = [
+        part
+        for part, later in zip_longest(settled, settled[1:])
+        if (later is None and final)
+        or not (
+            part.end - part.begin < held
+            or restless(stretch, part)
+            or (later is not None and one_decay(stretch, part, later))
+        )
+    ]
+    return kept, unsettled
 
 
 def _next(field: Field, begin: int, end: int) -> int:
@@ -234,14 +247,13 @@ def _calm(field: Field, begin: int, end: int) -> list[tuple[int, int]]:
     calm = [(begin + int(a), begin + int(b)) for a, b in zip(first, last, strict=True)]
     held = round(_TRANSIENT / field.bins.width)
     kept = []
+    crest = 0
     for k, (start, stop) in enumerate(calm):
         length = stop - start
-        if k + 1 < len(calm):
-            if length < held or length < calm[k + 1][0] - stop:
-                continue
-        elif k and length < min(held, calm[k - 1][1] - calm[k - 1][0]):
-            continue
-        kept.append((start, stop))
+        if k + 1 < len(calm) and (length < held or length < calm[k + 1][0] - stop):
+            crest = max(crest, length)
+        elif k + 1 < len(calm) or length >= 2 * crest:
+            kept.append((start, stop))
     return kept
 
 

@@ -24,6 +24,7 @@ from tdfscal.files.calibrationmodel import (
     ObservabilityResult,
     QualityResult,
     Software,
+    StabilityResult,
     SupportResult,
     TerminalResult,
     TrackerStatistics,
@@ -72,6 +73,7 @@ class Calibration(Strict):
     budget: Budget | None = None
     monte_carlo: MonteCarloResult | None = None
     validation: ValidationResult | None = None
+    stability: StabilityResult | None = None
     tracker: TrackerStatistics | None = None
     postures: PostureTable | None = None
     methods: tuple[MethodAngles, ...] | None = None

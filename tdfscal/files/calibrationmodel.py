@@ -252,6 +252,23 @@ class ValidationResult(Strict):
     moment: ResidualWrench
 
 
+class ChangeResult(Strict):
+    """A change of the unexplained wrench, N and N·m, and the chance that it is noise."""
+
+    force: NotNegative
+    moment: NotNegative
+    p_value: Probability
+
+
+class StabilityResult(Strict):
+    """Drift over the campaign; repeatability and hysteresis where postures were visited again."""
+
+    drift: ChangeResult
+    returns: Count
+    repeat: ChangeResult | None = None
+    hysteresis: ChangeResult | None = None
+
+
 class QualityResult(Strict):
     """Why the gate rejects the result; no reason where it accepts."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -196,6 +196,7 @@ def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
         "observability": _observability(result.observability) | {"loads": evidence.loads(result)},
         "monte_carlo": _trials(result, origin.seed),
         "validation": _validation(result),
+        "stability": asdict(result.stability),
     }
 
 

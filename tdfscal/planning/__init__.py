@@ -1,4 +1,4 @@
-"""Which postures and squeezes to command next, and the uncertainty to expect (theory, section 7)."""
+"""Which postures and squeezes to command, and what to expect of them (theory, section 7)."""
 
 from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.information import Forecast

@@ -17,7 +17,7 @@ from tdfscal.statics import gravity, nominal
 _OF_CAPACITY = 0.9
 #: Unplanned internal forces are allowed for up to this many standard deviations.
 _MARGIN = 3.0
-#: Share of the candidates whose lean, and whose squeeze, lie on the limit: optimal plans live there.
+#: Share of the candidates whose lean, and whose squeeze, is on the limit: good plans live there.
 _AT_THE_LIMIT = 0.8
 _ROUNDING = 1e-9
 
@@ -154,9 +154,9 @@ def _check_weight(
     if not np.all(np.max(largest, axis=1) <= limits.force - margin):
         i = int(np.argmax(largest.max(axis=0)))
         raise UsageError(
-            f"the weight alone puts {largest[:, i].min():.4g} N on {rig.supports[i]}, and unplanned "
-            f"internal forces up to {margin:.3g} N come on top: no posture keeps the limit of "
-            f"{limits.force:.4g} N",
+            f"the weight alone puts {largest[:, i].min():.4g} N on {rig.supports[i]}, and "
+            f"unplanned internal forces up to {margin:.3g} N come on top: no posture keeps the "
+            f"limit of {limits.force:.4g} N",
             where="force limit",
             hint="raise the limit, or state the NCPs' stiffness and repeatability better",
         )

@@ -40,7 +40,7 @@ class Limits:
 
 
 def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> FloatArray:
-    """Half ranges (n, 3), m, from support → (all axes,) or (x, y, z); None stands for every support.
+    """Half ranges (n, 3), m, from support → (all axes,) or (x, y, z); None is every support.
 
     Raises UsageError for an unknown support or an impossible range.
     """

@@ -252,14 +252,12 @@ class _Planner:
             self.forecast(draw(self.rig, self.request.limits, count, self.rng, extremes=False))
             for _ in range(_RANDOM_SETS)
         ]
-        wrenches = [(s.contact_force, s.contact_torque) for s in sets]
-        if wrenches[0][0] is None:
-            return Forecast(np.mean([s.rpy_std for s in sets], axis=0))
-        return Forecast(
-            np.mean([s.rpy_std for s in sets], axis=0),
-            np.mean([w[0] for w in wrenches], axis=0),
-            np.mean([w[1] for w in wrenches], axis=0),
-        )
+        angles = np.mean([s.rpy_std for s in sets], axis=0)
+        force = [s.contact_force for s in sets if s.contact_force is not None]
+        torque = [s.contact_torque for s in sets if s.contact_torque is not None]
+        if not force:
+            return Forecast(angles)
+        return Forecast(angles, np.mean(force, axis=0), np.mean(torque, axis=0))
 
     def _refuse_unobservable(self, postures: Candidates, expected: Forecast) -> None:
         """Raise NotIdentifiableError where the best of plans does not reach the objective."""

@@ -9,17 +9,9 @@ import numpy as np
 from tdfscal.files.calibration import Calibration
 from tdfscal.reporting.figures import drawings
 from tdfscal.reporting.figures.style import Drawing
+from tdfscal.reporting.figures.timeline import SHOWN
 from tdfscal.reporting.summary import METHODS, Summary, summarise
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Rows of text under a header; the first `left` columns are words, the others numbers."""
-
-    caption: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    left: int = 1
+from tdfscal.reporting.tables import Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +30,7 @@ class Page:
 
     summary: Summary
     created: str
+    claim: str
     tiles: tuple[tuple[str, str, str], ...]
     sections: tuple[Section, ...]
     provenance: tuple[tuple[str, str], ...]
@@ -52,12 +45,13 @@ def compose(c: Calibration) -> Page:
     beside = {
         "angles": (_angles(summary),),
         "residuals": (_proof(summary),) if summary.proof else (),
-        "timeline": (_left_out(summary),) if summary.rejected else (),
+        "timeline": (_left_out(summary),) if len(summary.rejected) > SHOWN else (),
         "rig": _terminal(c, summary),
     }
     return Page(
         summary=summary,
         created=c.created.replace("T", " ").replace("Z", " UTC"),
+        claim=_claim(c),
         tiles=_tiles(c),
         sections=tuple(
             Section(drawing.title, drawing.reading, drawing, beside.get(name, ()))
@@ -72,6 +66,18 @@ def compose(c: Calibration) -> Page:
         ),
         absent=_absent(c, set(found)),
     )
+
+
+def _claim(c: Calibration) -> str:
+    """Say in one sentence what was achieved."""
+    said = f"Every angle is known to {1e3 * c.rpy_std.max():.2g} mrad or better"
+    if c.validation is not None:
+        v = c.validation.force
+        said += (
+            f"; the false contact force falls from {v.rms_before:.3g} N to {v.rms_after:.2g} N "
+            "at postures held out"
+        )
+    return f"{said}."
 
 
 def _tiles(c: Calibration) -> tuple[tuple[str, str, str], ...]:
@@ -103,14 +109,20 @@ def _tiles(c: Calibration) -> tuple[tuple[str, str, str], ...]:
         tiles.append(("postures", f"{c.fit.postures} of {total}", "in the fit"))
         tiles.append(
             (
-                "residuals",
-                f"{c.fit.birge:.2g} ×",
-                f"what is expected; limit {c.rig.acceptance.birge_max:.2g}",
+                "residuals / expected",
+                f"{c.fit.birge:.2f}",
+                f"limit {c.rig.acceptance.birge_max:.2g}",
             )
         )
     elif c.tracker is not None and isinstance(birge := c.tracker.get("birge"), float):
         tiles.append(("points", f"{c.tracker.get('points')}", "of the survey"))
-        tiles.append(("residuals", f"{birge:.2g} ×", "what is expected"))
+        tiles.append(
+            (
+                "residuals / expected",
+                f"{birge:.2f}",
+                f"limit {c.rig.acceptance.birge_max:.2g}",
+            )
+        )
     return tuple(tiles)
 
 
@@ -177,11 +189,11 @@ def _provenance(c: Calibration) -> tuple[tuple[str, str], ...]:
         ("Convention", c.convention),
         ("Covariance", c.covariance.definition),
     ]
-    rows += summary_facts(c)
+    rows += _statistics(c)
     return tuple(rows)
 
 
-def summary_facts(c: Calibration) -> list[tuple[str, str]]:
+def _statistics(c: Calibration) -> list[tuple[str, str]]:
     """Statistics of the fit, and the largest correlation between two angles."""
     rows = [(name, text) for name, text in summarise(c).facts if name != "Postures"]
     std = np.sqrt(np.diagonal(c.rotation_covariance))

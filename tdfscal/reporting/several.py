@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from tdfscal.comparison import ANGLES, Comparison, History, compare
 from tdfscal.files.calibration import Calibration
-from tdfscal.reporting.page import Table
 from tdfscal.reporting.summary import METHODS
+from tdfscal.reporting.tables import Table
 
 if TYPE_CHECKING:
     from tdfscal.reporting.figures.style import Drawing

@@ -9,10 +9,11 @@ import numpy as np
 
 from tdfscal.observability import ANGLES
 from tdfscal.reporting.text import table, wrapped
-from tdfscal.studies.accuracy import BINS, Accuracy, angle_names
+from tdfscal.studies.accuracy import Accuracy, angle_names
 from tdfscal.studies.sensitivity import Sweep
 
 SHORT = {"ml": "self, ML", "linear": "self, linear", "tracker": "tracker"}
+COLUMN = {"ml": "ML", "linear": "linear", "tracker": "tracker"}
 
 Row = tuple[str | float | int, ...]
 
@@ -128,7 +129,7 @@ def accuracy_text(study: Accuracy) -> str:
     lines += ["", "Error of the installation angles, mrad: mean and standard deviation"]
     header = ["sensor", "angle"]
     for result in study.results:
-        header += [f"{SHORT[result.method]}: mean", "std"]
+        header += [f"{COLUMN[result.method]} mean", "std"]
     rows = []
     for i, j, name, angle in angle_names(rig):
         row = [name if j == 0 else "", angle]
@@ -192,7 +193,7 @@ def histogram_rows(study: Accuracy) -> Iterator[Row]:
     for result in study.results:
         for i, j, name, angle in angle_names(study.setup.rig):
             counts, edges = result.histogram(i, j)
-            for b in range(BINS):
+            for b in range(len(counts)):
                 yield (
                     result.method,
                     name,

@@ -69,7 +69,8 @@ def _paint_sweep(supports: tuple[str, ...], sweep: Sweep) -> Figure:
                     markevery=(3 * j, 12),  # curves that coincide still show their markers
                     label=ANGLES[j],
                 )
-            ax.set_ylim(0.0, 1.05 * max(float(values.max()), 1e-9))
+            top = max(float(values.max()), 1e-9)
+            ax.set_ylim(-0.03 * top, 1.05 * top)
             ax.set_xlabel("angle off, mrad")
             ax.tick_params(labelbottom=True)
             if column == 0:
@@ -77,7 +78,14 @@ def _paint_sweep(supports: tuple[str, ...], sweep: Sweep) -> Figure:
             if q == 0:
                 ax.set_title(supports[i])
     handles, labels = grid[0, 0].get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside upper left", ncols=3)
+    fig.legend(
+        handles,
+        labels,
+        loc="outside upper left",
+        ncols=3,
+        title=f"terminal {posture_name(sweep)}; {forces_name(sweep)}",
+        alignment="left",
+    )
     return fig
 
 
@@ -109,13 +117,13 @@ def _plain(name: str) -> str:
 def _paint_errors(study: Accuracy, i: int) -> Figure:
     rows = len(study.results)
     fig = figure(0.5 + 1.9 * rows)
-    grid = fig.subplots(rows, 3, sharex="row", squeeze=False)
+    grid = fig.subplots(rows, 3, squeeze=False)
     name = study.setup.rig.supports[i]
     for row, result in enumerate(study.results):
         for j in range(3):
             ax = grid[row, j]
             _histogram(ax, result, i, j)
-            ax.set_title(f"{name}  {ANGLES[j]}, {SHORT[result.method]}", fontsize=8, pad=3)
+            ax.set_title(f"{name}  {ANGLES[j]}: {SHORT[result.method]}", fontsize=8, pad=3)
             ax.set_xlabel("error, mrad", fontsize=7.5)
         grid[row, 0].set_ylabel("campaigns")
     return fig
@@ -150,10 +158,11 @@ def _paint_overview(study: Accuracy) -> Figure:
     fig = figure(3.2)
     ax = fig.subplots()
     place = np.arange(len(names)) + 0.6 * np.repeat(np.arange(study.setup.rig.n), 3)
-    for result in study.results:
+    for k, result in enumerate(study.results):
+        here = place + 0.22 * (k - (len(study.results) - 1) / 2)  # side by side
         colour, marker = _MARKS[result.method]
         ax.plot(
-            place,
+            here,
             1e3 * result.std.ravel(),
             linestyle="none",
             marker=marker,
@@ -162,7 +171,7 @@ def _paint_overview(study: Accuracy) -> Figure:
             label=f"{SHORT[result.method]}, standard deviation",
         )
         ax.plot(
-            place,
+            here,
             1e3 * np.abs(result.mean).ravel(),
             linestyle="none",
             marker=marker,

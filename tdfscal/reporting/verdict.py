@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.diagnosis import Cause
+from tdfscal.causes import Cause
 from tdfscal.records import FloatArray
 from tdfscal.reporting.text import table, wrapped
 from tdfscal.validation import FALSE_ALARM, POWER, Validation

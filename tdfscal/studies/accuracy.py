@@ -21,7 +21,7 @@ NAMES = {
 #: A mean this many standard errors from zero is a bias.
 BIASED = 3.0
 FEWEST_RUNS = 2
-BINS = 30
+MOST_BINS = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +79,9 @@ class MethodResult:
         return bool(np.all(np.abs(self.bias) <= BIASED))
 
     def histogram(self, i: int, j: int) -> tuple[IntArray, FloatArray]:
-        """Counts (BINS,) and edges (BINS + 1,), rad, of one angle's errors."""
-        counts, edges = np.histogram(self.error[:, i, j], bins=BINS)
+        """Counts (b,) and edges (b + 1,), rad, of one angle's errors; 2 ∛N bins, up to 30."""
+        bins = min(MOST_BINS, int(np.ceil(2 * np.cbrt(len(self.error)))))
+        counts, edges = np.histogram(self.error[:, i, j], bins=bins)
         return counts.astype(np.int64), edges
 
 

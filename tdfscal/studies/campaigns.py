@@ -22,7 +22,7 @@ from tdfscal.uncertainty import evaluate, information_root
 
 #: Campaigns that are simulated together; the seeds go by blocks, so that the number of processes
 #: changes no number.
-BLOCK = 50
+BLOCK = 25
 #: Campaigns per block whose stated uncertainty is worked out; it hardly varies between them.
 _STATED = 2
 
@@ -62,7 +62,7 @@ def commanded(rig: Rig, options: Options, rng: np.random.Generator) -> Options:
 def run_blocks(
     tasks: list[Task], workers: int, progress: Callable[[int], None]
 ) -> Iterator[dict[str, Errors]]:
-    """Run the blocks in their order, in this process or in several; progress hears the runs done."""
+    """Run the blocks in their order, here or in several processes; progress hears the runs done."""
     done = 0
     if workers <= 1 or len(tasks) == 1:
         for task in tasks:
@@ -100,7 +100,7 @@ def _errors(estimate: FloatArray, truth: FloatArray) -> FloatArray:
 
 def _self(rig: Rig, campaigns: list[Dwells], truth: Truth) -> Errors:
     errors = np.full((len(campaigns), rig.n, 3), np.nan)
-    stated = []
+    stated: list[FloatArray] = []
     for i, dwells in enumerate(campaigns):
         try:
             fit, _ = fit_robust(rig, postures(rig, dwells))

@@ -140,9 +140,11 @@ def test_settling_leaves_no_bias(amplitude: float, tau: float, hertz: float) -> 
     assert worst_bias(recorded, dwells, number).max() < 1.0
 
 
-@pytest.mark.parametrize(("tau", "stop"), [(3.0, 2.0), (3.0, 4.0), (1.0, 1.0)])
-def test_what_never_settles_is_left_out_with_the_reason(tau: float, stop: float) -> None:
-    dwells = find_dwells(record(Recipe(settle=(20.0, tau, 0.0), stops=(stop,) * 8)).log)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("tau", "stop"), [(3.0, 2.0), (3.0, 4.0), (2.0, 3.0), (1.0, 1.0)])
+def test_what_never_settles_is_left_out_with_the_reason(tau: float, stop: float, seed: int) -> None:
+    recipe = Recipe(settle=(20.0, tau, 0.0), stops=(stop,) * 8, seed=seed)
+    dwells = find_dwells(record(recipe).log)
     assert len(dwells) == 0
     assert len(dwells.left_out) == 8
     assert all("never settled" in out.reason for out in dwells.left_out)

@@ -4,6 +4,30 @@ Each module declares its options and imports what it needs inside the command, s
 stays light.
 """
 
-from tdfscal.cli.commands import apply, calibrate, plan, report, schema, simulate, study, validate
+from tdfscal.cli.commands import (
+    apply,
+    calibrate,
+    compare,
+    export,
+    plan,
+    register,
+    report,
+    schema,
+    simulate,
+    study,
+    validate,
+)
 
-__all__ = ["apply", "calibrate", "plan", "report", "schema", "simulate", "study", "validate"]
+__all__ = [
+    "apply",
+    "calibrate",
+    "compare",
+    "export",
+    "plan",
+    "register",
+    "report",
+    "schema",
+    "simulate",
+    "study",
+    "validate",
+]

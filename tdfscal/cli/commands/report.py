@@ -12,10 +12,20 @@ from tdfscal.cli.app import Json, app
 
 @app.command()
 def report(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE…", help="Calibration files.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE…", help="Calibration files; - for stdin.")
+    ],
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Also write one HTML page; - for stdout."),
+    ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option("--figures", metavar="DIR", help="Also write the figures, PNG and SVG."),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Summarise a calibration file, or several side by side."""
+    """Summarise a calibration file, or several side by side and over time."""
     from tdfscal.cli.reporting import run
 
-    run(files, json=json)
+    run(files, html=html, figures=figures, json=json)

@@ -20,9 +20,10 @@ def draw(c: Calibration) -> Drawing | None:
         return None
     mean = _shares(budget).mean(axis=0)
     order = np.argsort(-mean)
-    said = f"{budget.sources[order[0]]} makes up {mean[order[0]]:.0%} of the variance on average"
+    share = 100 * mean[order]
+    said = f"{budget.sources[order[0]]} makes up {share[0]:.0f} % of the variance on average"
     if len(order) > 1:
-        said += f", {budget.sources[order[1]]} {mean[order[1]]:.0%}"
+        said += f", {budget.sources[order[1]]} {share[1]:.0f} %"
     said = said[0].upper() + said[1:]
     return Drawing(
         "budget",

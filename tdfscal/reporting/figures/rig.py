@@ -45,7 +45,7 @@ def magnification(largest: float) -> int:
     wanted = _SHOWN / largest
     if wanted < 2:
         return 1
-    decade = 10 ** int(np.floor(np.log10(wanted)))
+    decade = int(10 ** np.floor(np.log10(wanted)))
     return max(step * decade for step in _STEPS if step * decade <= wanted)
 
 

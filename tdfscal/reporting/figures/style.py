@@ -63,7 +63,7 @@ class Drawing:
 
 
 def figure(height: float, *, arranged: bool = True) -> Figure:
-    """Return an empty figure, `height` inches high; arranged: its parts make room for each other."""
+    """Return an empty figure, `height` inches high; arranged: its parts make room for others."""
     return Figure(figsize=(WIDTH, height), layout="constrained" if arranged else None)
 
 

@@ -13,7 +13,8 @@ from tdfscal.files.evidencemodel import PostureTable
 from tdfscal.reporting.clock import clock
 from tdfscal.reporting.figures.style import FILLS, GREY, INK, PALE, RED, Drawing, figure, raster
 
-_REASONS = 8
+SHOWN = 8
+"""Reasons that the figure itself carries; a longer list belongs beside it."""
 _CHARS = 96
 
 
@@ -85,11 +86,11 @@ def _notes(c: Calibration, rejected: list[RejectedPosture]) -> str:
     """Reasons, numbered as the marks are."""
     time = clock(c)
     lines = []
-    for r in rejected[:_REASONS]:
+    for r in rejected[:SHOWN]:
         where = time.stretch(r.start or 0.0, r.end or 0.0)
         lines += textwrap.wrap(
             f"Posture {r.index + 1} ({where}): {r.reason}", _CHARS, subsequent_indent="     "
         )
-    if len(rejected) > _REASONS:
-        lines.append(f"and {len(rejected) - _REASONS} more, listed with the warnings")
+    if len(rejected) > SHOWN:
+        lines.append(f"and {len(rejected) - SHOWN} more")
     return "\n".join(lines)

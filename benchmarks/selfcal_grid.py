@@ -1,0 +1,169 @@
+"""Self-calibration over a grid of simulated rigs: error against the Cramér–Rao bound.
+
+    python -m benchmarks.selfcal_grid [TRIALS] [PROCESSES] > benchmarks/selfcal_grid.md
+
+Every cell draws its own machines within what its rig file states. The bound is that of the true
+loads and the true state, priors included; RMSE, stated standard uncertainty and coverage are over
+all angles of all campaigns, and coverage also over the joint 95 % region of the 3n angles.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass, replace
+from itertools import product
+from multiprocessing import Pool
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from tdfscal import simulation
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import FloatArray, Known, Rig
+from tdfscal.selfcal import at_state
+from tdfscal.selfcalibration import self_calibrate
+from tdfscal.simulation import Options
+from tdfscal.statics import State, postures
+from tdfscal.uncertainty import information_root
+
+SUPPORTS = (3, 4, 6)
+TILTS = (1.0, 5.0, 10.0)
+LOADS = (("natural", 20.0), ("natural", 100.0), ("natural", 500.0), ("squeeze", 100.0))
+TARES = (0.1, 0.5, 5.0)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One rig and campaign of the grid."""
+
+    supports: int
+    tilt: float
+    kind: str
+    load: float
+    tare: float
+
+    def rig(self) -> Rig:
+        rig = simulation.make_rig(self.supports)
+        zero = np.full((self.supports, 3), self.tare)
+        return replace(rig, zero=Known(np.zeros_like(zero), zero))
+
+    def options(self) -> Options:
+        tilt = float(np.deg2rad(self.tilt))
+        if self.kind == "natural":
+            return Options(tilt=tilt, internal=self.load)
+        return Options(tilt=tilt, internal=20.0, squeeze=self.load)
+
+
+@dataclass(frozen=True)
+class Row:
+    """Figures of a cell."""
+
+    cell: Cell
+    rmse: float
+    bound: float
+    stated: float
+    mahalanobis: float
+    single: float
+    joint: float
+
+
+def bound(rig: Rig, batch: simulation.Batch, trial: int) -> FloatArray:
+    """Variances (3n,) of the Cramér–Rao bound at the truth, with noise-free readings."""
+    truth = batch.truth.trial(trial)
+    S = truth.sensitivity
+    state = State(
+        rotation=truth.rotation,
+        zero=truth.zero,
+        sensitivity=S[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
+        mass=np.asarray(truth.mass),
+        barycentre=truth.barycentre,
+        hinge=truth.hinge,
+        datum=truth.datum,
+        tilt=np.zeros(2),
+    )
+    seen = postures(rig, batch.dwells(trial))
+    sensing = (np.eye(3) + S) @ np.swapaxes(truth.rotation, 1, 2)
+    exact = np.einsum("nab,knb->kna", sensing, batch.true_force[trial]) + truth.zero
+    root = information_root(
+        at_state(rig, replace(seen, force=exact), state, np.ones(len(seen)))
+    ).root
+    return np.asarray(np.sum(root[: 3 * rig.n] ** 2, axis=1))
+
+
+def row(job: tuple[int, Cell, int]) -> Row:
+    """Run the campaigns of one cell."""
+    seed, cell, trials = job
+    rig = cell.rig()
+    batch = simulation.simulate_dwells(rig, cell.options(), np.random.default_rng(seed), trials)
+    errors, variances, bounds, distances = [], [], [], []
+    for i in range(trials):
+        result = self_calibrate(rig, batch.dwells(i), rng=np.random.default_rng(0), max_trials=0)
+        R = result.fit.state.rotation
+        d = so3.log(batch.truth.rotation[i] @ np.swapaxes(R, 1, 2)).ravel()
+        C = result.uncertainty.covariance
+        errors.append(d)
+        variances.append(np.diagonal(C))
+        bounds.append(bound(rig, batch, i))
+        distances.append(d @ np.linalg.solve(C, d))
+    e, v = np.array(errors), np.array(variances)
+    size = 3 * rig.n
+    return Row(
+        cell,
+        float(np.sqrt(np.mean(e**2))),
+        float(np.sqrt(np.mean(bounds))),
+        float(np.sqrt(np.mean(v))),
+        float(np.mean(distances)) / size,
+        float(np.mean(e**2 < chi2_quantile(0.95, 1) * v)),
+        float(np.mean(np.array(distances) < chi2_quantile(0.95, size))),
+    )
+
+
+def cells() -> list[Cell]:
+    """Return the grid."""
+    return [
+        Cell(n, tilt, kind, load, tare)
+        for n, tilt, (kind, load), tare in product(SUPPORTS, TILTS, LOADS, TARES)
+    ]
+
+
+def main() -> None:
+    """Print the table."""
+    trials = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    processes = int(sys.argv[2]) if len(sys.argv) > 2 else 2
+    jobs = [(seed, cell, trials) for seed, cell in enumerate(cells())]
+    print("# Self-calibration against the Cramér–Rao bound\n")
+    print(
+        f"`python -m benchmarks.selfcal_grid {trials}`: {trials} campaigns of 24 postures a row.\n"
+    )
+    header = (
+        "n | tilt, ° | internal forces, N | tare, N | bound, mrad | RMSE / bound | stated / RMSE"
+    )
+    print(f"| {header} | d²/3n | angles in 95 % | region in 95 % |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    rows = []
+    with Pool(processes) as pool:
+        for found in pool.imap(row, jobs):
+            rows.append(found)
+            c = found.cell
+            print(
+                f"| {c.supports} | {c.tilt:g} | {c.kind} {c.load:g} | {c.tare:g} "
+                f"| {1e3 * found.bound:.3f} | {found.rmse / found.bound:.3f} "
+                f"| {found.stated / found.rmse:.3f} | {found.mahalanobis:.3f} "
+                f"| {found.single:.3f} | {found.joint:.3f} |",
+                flush=True,
+            )
+    total = np.sqrt(np.mean([(r.rmse / r.bound) ** 2 for r in rows]))
+    stated = np.sqrt(np.mean([(r.stated / r.rmse) ** 2 for r in rows]))
+    print(
+        f"\nAll rows together: RMSE / bound {total:.3f}, stated / RMSE {stated:.3f}, "
+        f"d²/3n {np.mean([r.mahalanobis for r in rows]):.3f}, "
+        f"angles in their 95 % interval {np.mean([r.single for r in rows]):.4f}, "
+        f"joint region {np.mean([r.joint for r in rows]):.4f}."
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,44 @@
+"""What every export states in words, and numbers in full precision."""
+
+from __future__ import annotations
+
+import re
+
+from tdfscal.errors import UsageError
+from tdfscal.files.calibration import Calibration
+
+_FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
+
+
+def origin(c: Calibration) -> list[str]:
+    """Lines that say what the numbers are, from what, and how to use them."""
+    lines = [
+        f"Installation rotations of the force sensors of: {c.rig.name}",
+        f"{c.software.name} {c.software.version}, method {c.method}, created {c.created}, {c.status}",
+        c.convention,
+        "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
+    ]
+    if c.status == "rejected":
+        lines.append("REJECTED by the quality gate: not for use on a machine")
+    return lines
+
+
+def number(value: float) -> str:
+    """Return the shortest text that reads back as the same double."""
+    return repr(float(value))
+
+
+def child(support: str) -> str:
+    """Name of a sensor's frame."""
+    return f"{support}_tdfs"
+
+
+def frame(name: str) -> str:
+    """Return a frame's name as it is. Raises UsageError for one that URDF or ROS cannot hold."""
+    if not _FRAME.fullmatch(name):
+        raise UsageError(
+            f"{name!r} is no name of a frame",
+            where="--parent",
+            hint="use letters, digits, _ and /, a letter first",
+        )
+    return name

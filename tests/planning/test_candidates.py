@@ -1,0 +1,106 @@
+"""Candidates keep every limit, and their forces are those of a terminal at rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import UsageError
+from tdfscal.planning.candidates import draw
+from tdfscal.planning.limits import check_limits, displacement, travel_limits
+from tdfscal.planning.loads import carrying, internal_modes
+from tdfscal.records import Declared
+from tdfscal.simulation import make_rig, reference_rig, simulate_dwells
+from tests.planning.limits import limits
+from tests.simulation.rigs import exact_rig, still
+
+RNG = np.random.default_rng
+
+
+@pytest.mark.parametrize("n", [3, 4, 8])
+def test_internal_modes_have_no_net_wrench_and_are_orthonormal(n: int) -> None:
+    arm = RNG(n).normal(size=(5, n, 3))
+    modes = internal_modes(arm)
+    assert modes.shape == (5, 3 * n - 6, n, 3)
+    assert np.allclose(modes.sum(axis=2), 0.0, atol=1e-12)
+    assert np.allclose(np.cross(arm[:, None], modes).sum(axis=2), 0.0, atol=1e-12)
+    flat = modes.reshape(5, 3 * n - 6, -1)
+    assert np.allclose(flat @ np.swapaxes(flat, 1, 2), np.eye(3 * n - 6), atol=1e-12)
+
+
+def test_carrying_forces_balance_the_weight_and_are_the_smallest() -> None:
+    rng = RNG(1)
+    arm, arm_m, weight = rng.normal(size=(4, 3)), rng.normal(size=3), np.array([0.0, 0.0, -4903.0])
+    F = carrying(arm, arm_m, weight)
+    assert np.allclose(F.sum(axis=0), -weight)
+    assert np.allclose(np.cross(arm, F).sum(axis=0), -np.cross(arm_m, weight), atol=1e-9)
+    # Orthogonal to all that could be added without a net wrench.
+    assert np.allclose(np.einsum("dna,na->d", internal_modes(arm), F), 0.0, atol=1e-8)
+
+
+def test_forces_are_those_of_the_simulated_machine() -> None:
+    rig = exact_rig()
+    stiffness = 2e9  # so stiff that the terminal does not sink
+    pool = draw(rig, limits(rig, stiffness=stiffness), 20, RNG(2))
+    command = pool.place + pool.squeeze / stiffness
+    options = still(command=command, stiffness=stiffness)
+    force = simulate_dwells(rig, options, RNG(3), 1).true_force[0]
+    # What the terminal sinks by, 1 µm of 0.6 m, turns no force by more.
+    assert np.abs(force - pool.force).max() < 2e-6 * np.abs(force).max()
+
+
+def test_every_limit_is_kept() -> None:
+    rig = make_rig(4, declared=Declared(positioner=1e-5, force_noise=0.1))
+    rig = replace(rig, capacity=np.full((4, 3), [300.0, 300.0, 1800.0]))
+    bounds = limits(rig, squeeze=400.0, travel=0.04, force=1500.0, stiffness=2e6)
+    pool = draw(rig, bounds, 400, RNG(4))
+    assert len(pool) > 200
+    margin = 3 * 2e6 * 1e-5
+    assert np.linalg.norm(pool.squeeze, axis=2).max() <= 400.0 * (1 + 1e-12)
+    assert np.linalg.norm(pool.force, axis=2).max() <= (1500.0 - margin) * (1 + 1e-12)
+    assert np.abs(displacement(rig, pool.rotation)).max() <= 0.04
+    assert (np.abs(pool.force) + margin <= 0.9 * rig.capacity[0] * (1 + 1e-12)).all()
+    lean = np.arccos(pool.rotation[:, 2, 2])
+    assert lean.max() <= bounds.tilt * (1 + 1e-9)
+    # The limits are used, not only kept.
+    assert np.abs(displacement(rig, pool.rotation)).max() > 0.0399
+    assert (np.abs(pool.force) + margin).max(axis=(0, 1))[0] > 0.9 * 300.0 * 0.99
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"tilt_deg": -1.0}, "tilt limit"),
+        ({"tilt_deg": 60.0}, "tilt limit"),
+        ({"squeeze": -5.0}, "squeeze"),
+        ({"squeeze": np.inf}, "squeeze"),
+        ({"force": np.nan}, "force limit"),
+        ({"travel": -0.1}, "travel"),
+        ({"stiffness": 0.0}, "stiffness"),
+    ],
+)
+def test_impossible_limits_are_refused(change: dict[str, float], said: str) -> None:
+    rig = reference_rig()
+    with pytest.raises(UsageError, match=said):
+        check_limits(rig, limits(rig, **change))
+
+
+def test_weight_beyond_a_limit_is_named() -> None:
+    rig = reference_rig()
+    with pytest.raises(UsageError, match=r"the weight alone puts .* on ncp"):
+        draw(rig, limits(rig, force=1000.0), 50, RNG(5))
+    weak = replace(rig, capacity=np.full((3, 3), 1000.0))
+    with pytest.raises(UsageError, match="capacity"):
+        draw(weak, limits(weak), 50, RNG(5))
+
+
+def test_travel_by_support() -> None:
+    rig = reference_rig()
+    travel = travel_limits(rig, {"ncp2": (0.1, 0.2, 0.3), None: (0.05,)})
+    assert travel.tolist() == [[0.05] * 3, [0.1, 0.2, 0.3], [0.05] * 3]
+    with pytest.raises(UsageError, match=r"no support 'ncp9'.*ncp1, ncp2, ncp3"):
+        travel_limits(rig, {"ncp9": (0.1,)})
+    with pytest.raises(UsageError, match="2 ranges"):
+        travel_limits(rig, {None: (0.1, 0.2)})

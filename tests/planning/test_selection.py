@@ -1,0 +1,81 @@
+"""Choice by linear algebra, against brute force; order, returns and approaches."""
+
+from __future__ import annotations
+
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+
+from tdfscal.planning.ordering import approaches, distances, short_tour, with_returns
+from tdfscal.planning.selection import choose, gains, greedy, inverse, updated
+from tdfscal.records import FloatArray
+
+
+def problem(seed: int, count: int = 9) -> tuple[FloatArray, FloatArray, FloatArray]:
+    rng = np.random.default_rng(seed)
+    J = rng.normal(size=(count, 2, 5)) * rng.uniform(0.2, 3.0, (count, 1, 5))
+    return J, 0.1 * np.eye(5), rng.normal(size=(3, 5))
+
+
+def objective(J: FloatArray, base: FloatArray, L: FloatArray, chosen: list[int]) -> float:
+    information = base + sum(J[k].T @ J[k] for k in chosen)
+    return float(np.trace(L @ np.linalg.inv(information) @ L.T))
+
+
+def test_gain_is_the_fall_of_the_objective() -> None:
+    J, base, L = problem(0)
+    gain = gains(J, inverse(base), L)
+    before = objective(J, base, L, [])
+    expected = [before - objective(J, base, L, [k]) for k in range(len(J))]
+    assert np.allclose(gain, expected, rtol=1e-10)
+
+
+def test_rows_added_and_taken_away() -> None:
+    J, base, _ = problem(1)
+    C = updated(inverse(base), J[0])
+    assert np.allclose(C, np.linalg.inv(base + J[0].T @ J[0]), rtol=1e-10)
+    assert np.allclose(updated(C, J[0], -1.0), inverse(base), rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_exchange_reaches_what_trying_all_sets_finds(seed: int) -> None:
+    J, base, L = problem(seed)
+    found = choose(J, base, L, 4)
+    best = min(objective(J, base, L, list(c)) for c in combinations(range(len(J)), 4))
+    assert len(set(found.index.tolist())) == 4
+    assert found.objective == pytest.approx(objective(J, base, L, found.index.tolist()))
+    assert found.objective <= objective(J, base, L, greedy(J, base, L, 4)) * (1 + 1e-12)
+    assert found.objective <= 1.01 * best
+
+
+def test_tour_is_a_permutation_and_nearly_the_shortest() -> None:
+    place = np.random.default_rng(2).normal(size=(7, 3, 3))
+    distance = distances(place)
+
+    def length(order: list[int]) -> float:
+        return float(sum(distance[a, b] for a, b in zip(order, [*order[1:], order[0]], strict=True)))
+
+    tour = short_tour(distance, 3)
+    assert tour[0] == 3
+    assert sorted(tour) == list(range(7))
+    best = min(length([0, *rest]) for rest in permutations(range(1, 7)))
+    assert length(tour.tolist()) <= 1.1 * best
+
+
+def test_two_opt_uncrosses_a_circle() -> None:
+    angle = 2 * np.pi * np.random.default_rng(3).permutation(20) / 20
+    xy = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    distance = np.linalg.norm(xy[:, None] - xy, axis=2)
+    tour = short_tour(distance, 0)
+    length = distance[tour, np.roll(tour, -1)].sum()
+    assert length == pytest.approx(20 * 2 * np.sin(np.pi / 20))
+
+
+def test_returns_and_approaches() -> None:
+    order = with_returns(np.array([4, 0, 1, 2, 3]), 2)
+    assert order.tolist() == [4, 0, 1, 4, 2, 3, 4]
+    assert with_returns(np.array([1, 0]), 0).tolist() == [1, 0]
+    side = approaches(order)
+    assert set(side.tolist()) == {-1, 1}
+    assert [side[0], side[3], side[6]] == [1, -1, 1]

@@ -1,0 +1,79 @@
+"""Simulated campaigns whose last postures are held out from the calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cache
+
+import numpy as np
+
+from tdfscal.calibrated import Calibrated, from_fit
+from tdfscal.numerics import so3
+from tdfscal.records import Dwells, FloatArray, Rig
+from tdfscal.selfcal import best_start
+from tdfscal.simulation import Batch, Faults, Options, make_rig, simulate_dwells
+from tdfscal.statics import postures
+from tdfscal.uncertainty import evaluate, information_root, quality
+
+USED = 24
+HELD = 5
+RIG = make_rig()
+
+
+@dataclass(frozen=True)
+class World:
+    """Campaigns (trials) of USED + HELD dwells, and their calibrations from the first USED."""
+
+    batch: Batch
+    given: tuple[Calibrated, ...]
+
+    def __len__(self) -> int:
+        return len(self.given)
+
+    def held(self, trial: int) -> Dwells:
+        """The postures that the calibration has not seen."""
+        return part(self.batch.dwells(trial), np.arange(USED, USED + HELD))
+
+
+def part(dwells: Dwells, rows: FloatArray | np.typing.NDArray[np.int64]) -> Dwells:
+    """Some of the dwells."""
+    index = np.asarray(rows, dtype=np.int64)
+    whole = ("supports", "left_out", "warnings")
+    names = [f.name for f in fields(Dwells) if f.name not in whole]
+    return replace(dwells, **{name: getattr(dwells, name)[index] for name in names})
+
+
+@cache
+def simulated(
+    trials: int,
+    faults: Faults | None = None,
+    mass: float = 500.0,
+    seed: int = 1,
+) -> Batch:
+    """Campaigns of the reference rig; with one seed, the same rigs, postures and noise."""
+    options = Options(postures=USED + HELD, squeeze=200.0, faults=faults or Faults())
+    return simulate_dwells(make_rig(mass=mass), options, np.random.default_rng(seed), trials)
+
+
+@cache
+def world(trials: int, seed: int = 1) -> World:
+    """Calibrate each campaign."""
+    batch = simulated(trials, seed=seed)
+    return World(batch, tuple(calibrate(RIG, batch.dwells(t)) for t in range(trials)))
+
+
+def calibrate(rig: Rig, dwells: Dwells) -> Calibrated:
+    """Calibrate from the first USED dwells."""
+    fit = best_start(rig, postures(rig, part(dwells, np.arange(USED))))
+    parts = information_root(fit)
+    return from_fit(fit, evaluate(fit, parts, quality(fit, parts).birge).covariance)
+
+
+def turned(world: World, trial: int, sensor: int, turn: FloatArray) -> Dwells:
+    """Held-out dwells after a sensor has turned by a vector in rad, BCS."""
+    dwells, truth = world.held(trial), world.batch.truth
+    X, z = truth.rotation[trial, sensor], truth.zero[trial, sensor]
+    force = dwells.force.copy()
+    # f' − z = X'ᵀ F = (exp([a]×) X)ᵀ X (f − z)
+    force[:, sensor] = (force[:, sensor] - z) @ ((so3.exp(turn) @ X).T @ X).T + z
+    return replace(dwells, force=force)

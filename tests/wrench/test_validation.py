@@ -1,0 +1,166 @@
+"""Held-out logs: false alarms, changes found and named, and how sure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tdfscal.calibrated import Calibrated, independent
+from tdfscal.errors import DataError
+from tdfscal.records import Dwells, Known
+from tdfscal.simulation import Contact, Faults, ZeroShift
+from tdfscal.statics import layout
+from tdfscal.validation import POWER, Validation, validate
+from wrench.held_out import HELD, RIG, USED, part, simulated, turned, world
+
+TRIALS = 200
+MANY = world(TRIALS)
+Held = Callable[[int], Dwells]
+
+
+def verdicts(held: Held, trials: int = TRIALS) -> list[Validation]:
+    return [validate(MANY.given[t], held(t)) for t in range(trials)]
+
+
+def held_of(faults: Faults | None = None, mass: float = 500.0) -> Held:
+    batch = simulated(TRIALS, faults, mass)
+    return lambda trial: replace(MANY, batch=batch).held(trial)
+
+
+def direction(trial: int) -> np.typing.NDArray[np.float64]:
+    a = np.random.default_rng(trial).standard_normal(3)
+    return np.asarray(a / np.linalg.norm(a))
+
+
+def test_what_holds_is_rejected_at_most_once_in_fifty() -> None:
+    found = verdicts(MANY.held)
+    assert sum(not v.holds for v in found) <= 0.02 * TRIALS
+    # Stronger: χ² of all postures together follows its distribution.
+    assert stats.kstest([v.p_value for v in found], "uniform").pvalue > 1e-3
+    total = sum(v.chi2 for v in found)
+    assert 1e-3 < stats.chi2.cdf(total, sum(v.dof for v in found)) < 1 - 1e-3
+
+
+def test_a_covariance_that_is_too_small_would_be_noticed() -> None:
+    small = [replace(g, covariance=g.covariance / 9) for g in MANY.given]
+    found = [validate(small[t], MANY.held(t)) for t in range(TRIALS)]
+    assert stats.kstest([v.p_value for v in found], "uniform").pvalue < 1e-3
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch", "yaw", "any"])
+def test_a_sensor_turned_by_3_mrad_is_found_and_named(axis: str) -> None:
+    trials, named = 100, 0
+    for t in range(trials):
+        unit = direction(t) if axis == "any" else np.eye(3)[["roll", "pitch", "yaw"].index(axis)]
+        v = validate(MANY.given[t], turned(MANY, t, t % 3, 3e-3 * unit))
+        named += any(c.kind == "sensor turned" and c.support == t % 3 for c in v.suspected)
+    assert named >= 0.95 * trials
+
+
+def test_the_turn_is_estimated_with_an_honest_uncertainty() -> None:
+    squares = []
+    for t in range(100):
+        turn = 3e-3 * direction(t)
+        v = validate(MANY.given[t], turned(MANY, t, t % 3, turn))
+        found = next(c for c in v.causes if c.kind == "sensor turned" and c.support == t % 3)
+        squares.append(((found.value - turn) / found.std) ** 2)
+    # Each component alone is χ² with one degree of freedom.
+    total = np.sum(squares, axis=0)
+    assert np.all(stats.chi2.cdf(total, 100) < 1 - 1e-4)
+    assert np.all(stats.chi2.cdf(total, 100) > 1e-4)
+
+
+def test_a_load_of_2_kg_is_found_and_weighed() -> None:
+    found = verdicts(held_of(mass=502.0))
+    assert sum(not v.holds for v in found) >= 0.95 * TRIALS
+    named = [v.suspected[0] for v in found if v.suspected]
+    assert sum(c.kind == "load changed" for c in named) >= 0.95 * TRIALS
+    z = np.array([(c.value[0] - 2.0) / c.std[0] for c in named if c.kind == "load changed"])
+    assert 1e-4 < stats.chi2.cdf(z @ z, len(z)) < 1 - 1e-4
+
+
+def test_a_posture_in_contact_is_found_and_named() -> None:
+    touched = Contact(USED + 2, (3.0, -2.0, 4.0), (1.0, 1.0, -1.0))
+    found = verdicts(held_of(Faults(contacts=(touched,))))
+    named = [v for v in found if v.suspected and v.suspected[0].postures == (2,)]
+    assert len(named) >= 0.95 * TRIALS
+
+
+def test_two_postures_in_contact_are_named_together() -> None:
+    touched = tuple(Contact(USED + k, (10.0, -20.0, 15.0)) for k in (1, 3))
+    found = verdicts(held_of(Faults(contacts=touched)), 20)
+    named = [v.suspected[0].postures for v in found if v.suspected]
+    assert named.count((1, 3)) >= 19
+
+
+def test_a_drifted_zero_is_told_from_a_turned_sensor() -> None:
+    shift = ZeroShift(1, USED, (2.0, -1.0, 3.0))
+    found = verdicts(held_of(Faults(zero_shifts=(shift,))))
+    named = [v.suspected[0] for v in found if v.suspected]
+    right = [c for c in named if c.kind == "zero drifted" and c.support == 1]
+    assert len(right) >= 0.95 * TRIALS
+
+
+def test_what_is_called_detectable_is_detected_as_often_as_said() -> None:
+    axis, sensor, hits = 2, 1, 0
+    for t in range(TRIALS):
+        smallest = validate(MANY.given[t], MANY.held(t)).detectable[sensor, axis]
+        v = validate(MANY.given[t], turned(MANY, t, sensor, smallest * np.eye(3)[axis]))
+        hits += not v.holds
+    # The search alone is counted; the test of all postures together can only add to it.
+    assert stats.binom.cdf(hits, TRIALS, POWER) > 1e-3
+
+
+def test_parameters_taken_as_independent_err_on_the_safe_side() -> None:
+    rejected = sum(not validate(alone(MANY.given[t]), MANY.held(t)).holds for t in range(TRIALS))
+    assert rejected <= 0.02 * TRIALS
+
+
+def test_open_parameters_cost_degrees_of_freedom_not_validity() -> None:
+    place = layout(3)
+    open_ = np.zeros(place["tilt"].stop, dtype=np.bool_)
+    open_[place["zero"]] = True
+    given = replace(MANY.given[0], open=open_)
+    v = validate(given, MANY.held(0))
+    assert v.dof == 6 * HELD - 9
+    drift = held_of(Faults(zero_shifts=(ZeroShift(1, USED, (20.0, -10.0, 30.0)),)))
+    assert validate(given, drift(0)).holds
+    assert not validate(MANY.given[0], drift(0)).holds
+
+
+def test_one_posture_is_enough_to_find_another_load() -> None:
+    one = simulated(TRIALS, None, 502.0).dwells(0)
+    v = validate(MANY.given[0], part(one, np.array([USED])))
+    assert v.dof == 6
+    assert not v.holds
+
+
+def test_no_dwell_and_no_noise_are_refused() -> None:
+    held = MANY.held(0)
+    with pytest.raises(DataError, match="no static dwell"):
+        validate(MANY.given[0], part(held, np.zeros(0)))
+    silent = replace(held, force_cov=np.zeros_like(held.force_cov))
+    quiet = replace(RIG, declared=replace(RIG.declared, force_noise=0.0))
+    with pytest.raises(DataError, match="force_noise"):
+        validate(MANY.given[0], silent, rig=quiet)
+    v = validate(MANY.given[0], silent, rig=quiet, noise=0.2)
+    assert v.holds
+    assert "residuals of the calibration" in v.warnings[0]
+
+
+def alone(given: Calibrated) -> Calibrated:
+    """The same calibration, as its file says it without the block of all parameters."""
+    place, std = layout(3), np.sqrt(np.diagonal(given.covariance))
+    turns = place["rotation"]
+    return independent(
+        given.rig,
+        given.state.rotation,
+        given.covariance[turns, turns],
+        zero=Known(given.state.zero, std[place["zero"]].reshape(3, 3)),
+        mass=Known(given.state.mass, std[place["mass"]][0]),
+        barycentre=Known(given.state.barycentre, std[place["barycentre"]]),
+    )
