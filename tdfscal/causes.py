@@ -7,16 +7,19 @@ is judged by how much χ² falls when its q unknowns a are fitted (generalised l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.statics import layout
 
 Kind = Literal["sensor turned", "load changed", "zero drifted", "contact"]
+
+#: What may happen to one sensor, and the parameters that stand for it.
+_SENSOR_CAUSES: dict[Kind, str] = {"sensor turned": "rotation", "zero drifted": "zero"}
 
 #: A cause explains the residuals when what it leaves has at least this probability.
 EXPLAINS = 0.01
@@ -30,32 +33,83 @@ _SUSPECTS = 20
 
 @dataclass(frozen=True, slots=True)
 class Whitened:
-    """Residual wrenches with all that correlates them.
+    """Residual wrenches of K postures with all that correlates them taken away.
 
-    residual : (K, 6), L⁻¹ e of each posture's own noise. jacobian : (K, 6, P), L⁻¹ ∂e/∂θ.
-    root : (P, r), U with U Uᵀ the covariance of θ. whitener : (K, 6, 6), L⁻¹.
+    residual : (6K,), white. columns : (6K, P), its derivative by the calibrated parameters.
+    own : (K, 6, 6), L⁻¹ of each posture's own noise. common : (6K, r), orthonormal; shrink : (r,):
+    along them the calibration's error is common to all postures. free : (6K, f), orthonormal,
+    directions of parameters that nobody knows; the residual has no part in them.
     """
 
     residual: FloatArray
-    jacobian: FloatArray
-    root: FloatArray
-    whitener: FloatArray
+    columns: FloatArray
+    own: FloatArray
+    common: FloatArray
+    shrink: FloatArray
+    free: FloatArray
 
-    def decorrelate(self, columns: FloatArray) -> FloatArray:
-        """White columns (6K, c) of (6K, c): the calibration's common error taken into account.
+    @property
+    def chi2(self) -> float:
+        """χ² of all residual wrenches together."""
+        return float(self.residual @ self.residual)
 
-        With B = J U the covariance is I + B Bᵀ; by the singular values s of B its inverse root is
-        I − V (1 − 1/√(1 + s²)) Vᵀ.
-        """
-        B = (self.jacobian @ self.root).reshape(-1, self.root.shape[1])
-        V, s, _ = np.linalg.svd(B, full_matrices=False)
-        shrink = 1 - 1 / np.sqrt(1 + s**2)
-        return np.asarray(columns - V @ (shrink[:, None] * (V.T @ columns)))
+    @property
+    def dof(self) -> int:
+        """Its degrees of freedom."""
+        return int(self.residual.size - self.free.shape[1])
+
+    def white(self, columns: FloatArray) -> FloatArray:
+        """Columns (6K, c), whitened posture by posture already, made white altogether."""
+        common = self.shrink[:, None] * (self.common.T @ columns)
+        white = columns - self.common @ common
+        return np.asarray(white - self.free @ (self.free.T @ white))
+
+
+def whiten(
+    residual: FloatArray,
+    jacobian: FloatArray,
+    noise: FloatArray,
+    root: FloatArray,
+    unknown: BoolArray,
+) -> Whitened:
+    """Take away the noise of each posture and the error of the calibration.
+
+    residual : (K, 6). jacobian : (K, 6, P), its derivative by the parameters. noise : (K, 6, 6),
+    covariance of each posture's own noise. root : (P, r), U with U Uᵀ the covariance of the
+    parameters. unknown : (P,), parameters of which nothing is known.
+
+    With B = L⁻¹ J U the covariance is I + B Bᵀ; by the singular values s of B its inverse root is
+    I − V (1 − 1/√(1 + s²)) Vᵀ.
+    """
+    own = np.linalg.inv(np.linalg.cholesky(noise))
+    columns = (own @ jacobian).reshape(-1, jacobian.shape[2])
+    V, s, _ = np.linalg.svd(columns @ root, full_matrices=False)
+    start = Whitened(
+        residual=(own @ residual[..., None]).ravel(),
+        columns=columns,
+        own=own,
+        common=V,
+        shrink=1 - 1 / np.sqrt(1 + s**2),
+        free=np.zeros((len(columns), 0)),
+    )
+    known = replace(start, free=_basis(start.white(columns[:, unknown])))
+    return replace(
+        known,
+        residual=known.white(start.residual[:, None])[:, 0],
+        columns=known.white(columns),
+    )
+
+
+def _basis(columns: FloatArray) -> FloatArray:
+    """Orthonormal basis of what columns (m, c) span."""
+    size = np.linalg.norm(columns, axis=0)
+    U, s, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(U[:, s > 1e-9 * s.max(initial=0.0)])
 
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """A possible cause, fitted.
+    """A possible cause, fitted by generalised least squares.
 
     support : index, for a sensor's cause. postures : indices, for a contact.
     value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R); a load's
@@ -88,14 +142,10 @@ class _Model:
     columns: FloatArray
 
 
-def causes(given: Whitened, free: FloatArray | None = None) -> tuple[Cause, ...]:
-    """All single causes, the most likely first.
-
-    free : (6K, f), directions of which nothing is known, fitted in any case.
-    """
-    z, project = _white(given, free)
-    fitted = [_fit(model, z, project) for model in _models(given)]
-    fitted += _contacts(given, z, project, max(fitted, key=_weight))
+def causes(given: Whitened) -> tuple[Cause, ...]:
+    """All single causes, the most likely first."""
+    fitted = [_fit(model, given) for model in _models(given)]
+    fitted += _contacts(given, max(fitted, key=_weight))
     return tuple(sorted(fitted, key=_weight, reverse=True))
 
 
@@ -104,10 +154,11 @@ def alike(first: Cause, other: Cause) -> bool:
     return other.explains and _weight(first) - _weight(other) < _CLEAR
 
 
-def statistic(given: Whitened, free: FloatArray | None = None) -> tuple[float, int]:
-    """χ² of all residual wrenches together, and its degrees of freedom."""
-    z, project = _white(given, free)
-    return float(z @ z), z.size - project.shape[1]
+def turn_information(given: Whitened) -> FloatArray:
+    """Information (n, 3, 3), 1/rad², that the postures hold about one sensor's turn alone."""
+    n = _sensors(given)
+    H = given.columns[:, layout(n)["rotation"]].reshape(-1, n, 3)
+    return np.asarray(np.einsum("mna,mnb->nab", H, H))
 
 
 def _weight(cause: Cause) -> float:
@@ -115,77 +166,58 @@ def _weight(cause: Cause) -> float:
     return cause.gain - 2 * cause.unknowns
 
 
-def _white(given: Whitened, free: FloatArray | None) -> tuple[FloatArray, FloatArray]:
-    """White residual (6K,) and an orthonormal basis (6K, f) of what is fitted in any case."""
-    z = given.decorrelate(given.residual.reshape(-1, 1))[:, 0]
-    if free is None or not free.shape[1]:
-        return z, np.zeros((z.size, 0))
-    basis = _basis(given.decorrelate(free))
-    return z - basis @ (basis.T @ z), basis
-
-
-def _basis(columns: FloatArray) -> FloatArray:
-    size = np.linalg.norm(columns, axis=0)
-    U, s, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(U[:, s > 1e-9 * s.max(initial=0.0)])
+def _sensors(given: Whitened) -> int:
+    return int(given.columns.shape[1] - 6) // 18
 
 
 def _models(given: Whitened) -> list[_Model]:
-    n = (given.jacobian.shape[2] - 6) // 18
-    place = layout(n)
-    J = given.jacobian.reshape(-1, given.jacobian.shape[2])
-
-    def of(kind: Kind, columns: IntArray, support: int | None = None) -> _Model:
-        return _Model(kind, support, (), given.decorrelate(J[:, columns]))
-
-    found = [of("load changed", np.arange(place["mass"].start, place["barycentre"].stop))]
-    for i in range(n):
-        found.append(of("sensor turned", place["rotation"].start + 3 * i + np.arange(3), i))
-        found.append(of("zero drifted", place["zero"].start + 3 * i + np.arange(3), i))
+    place = layout(_sensors(given))
+    load = slice(place["mass"].start, place["barycentre"].stop)
+    found = [_Model("load changed", None, (), given.columns[:, load])]
+    for kind, group in _SENSOR_CAUSES.items():
+        for i, first in enumerate(range(place[group].start, place[group].stop, 3)):
+            found.append(_Model(kind, i, (), given.columns[:, first : first + 3]))
     return found
 
 
 def _contact(given: Whitened, postures: Sequence[int]) -> _Model:
-    K = len(given.residual)
-    columns = np.zeros((K, 6, 6 * len(postures)))
+    columns = np.zeros((len(given.own), 6, 6 * len(postures)))
     for place, k in enumerate(postures):
-        columns[k, :, 6 * place : 6 * place + 6] = given.whitener[k]
-    return _Model(
-        "contact", None, tuple(sorted(postures)), given.decorrelate(columns.reshape(6 * K, -1))
-    )
+        columns[k, :, 6 * place : 6 * place + 6] = given.own[k]
+    white = given.white(columns.reshape(-1, columns.shape[2]))
+    return _Model("contact", None, tuple(sorted(postures)), white)
 
 
-def _contacts(given: Whitened, z: FloatArray, project: FloatArray, rival: Cause) -> list[Cause]:
+def _contacts(given: Whitened, rival: Cause) -> list[Cause]:
     """Contact in one posture each; where none explains all, in more of them, one by one."""
-    K = len(given.residual)
+    K = len(given.own)
     if K < 2:
         return []
-    off = np.sum(z.reshape(K, 6) ** 2, axis=1)
+    off = np.sum(given.residual.reshape(K, 6) ** 2, axis=1)
     suspects = np.argsort(off)[::-1][:_SUSPECTS].tolist()
-    single = [_fit(_contact(given, [k]), z, project) for k in suspects]
+    single = [_fit(_contact(given, [k]), given) for k in suspects]
     best = max(single, key=_weight)
     chosen = list(best.postures)
     while not best.explains and not rival.explains and len(chosen) + 1 <= _TOUCHED * K:
-        more = [
-            _fit(_contact(given, [*chosen, k]), z, project) for k in suspects if k not in chosen
-        ]
-        best = max(more, key=_weight)
+        rest = [k for k in suspects if k not in chosen]
+        if not rest:
+            break
+        best = max((_fit(_contact(given, [*chosen, k]), given) for k in rest), key=_weight)
         chosen = list(best.postures)
         single.append(best)
     return single
 
 
-def _fit(model: _Model, z: FloatArray, project: FloatArray) -> Cause:
-    H = model.columns - project @ (project.T @ model.columns)
-    size = np.linalg.norm(H, axis=0)
+def _fit(model: _Model, given: Whitened) -> Cause:
+    size = np.linalg.norm(model.columns, axis=0)
     size = np.where(size > 0, size, 1.0)
-    U, s, Vt = np.linalg.svd(H / size, full_matrices=False)
+    U, s, Vt = np.linalg.svd(model.columns / size, full_matrices=False)
     seen = s > 1e-9 * s.max(initial=0.0)
-    fitted = U[:, seen].T @ z
+    fitted = U[:, seen].T @ given.residual
     gain, q = float(fitted @ fitted), int(seen.sum())
     root = (Vt[seen].T / s[seen]) / size[:, None]
-    left = z.size - project.shape[1] - q
-    rest = max(float(z @ z) - gain, 0.0)
+    left = given.dof - q
+    rest = max(given.chi2 - gain, 0.0)
     contact = model.kind == "contact"
     return Cause(
         kind=model.kind,
@@ -196,14 +228,6 @@ def _fit(model: _Model, z: FloatArray, project: FloatArray) -> Cause:
         std=np.zeros(0) if contact else np.linalg.norm(root, axis=1),
         gain=gain,
         unknowns=q,
-        p_value=float(chi2_sf(gain, q)),
+        p_value=float(chi2_sf(gain, q)) if q else 1.0,
         remaining_p=float(chi2_sf(rest, left)) if left > 0 else 1.0,
     )
-
-
-def turn_information(given: Whitened, free: FloatArray | None = None) -> FloatArray:
-    """Information (n, 3, 3), 1/rad², that the postures hold about one sensor's turn alone."""
-    _, project = _white(given, free)
-    columns = [m.columns for m in _models(given) if m.kind == "sensor turned"]
-    left = [H - project @ (project.T @ H) for H in columns]
-    return np.stack([H.T @ H for H in left])

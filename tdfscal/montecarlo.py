@@ -9,12 +9,11 @@ import numpy as np
 from tdfscal.batch import Equations, Perturbed, Trials
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.numerics.propagation import propagate
 from tdfscal.records import FloatArray
 from tdfscal.selfcal import Fit
 from tdfscal.uncertainty import COVERAGE, Uncertainty
 
-#: Trials per block: JCGM 101, 7.9.4 b) asks for at least 10⁴.
-BLOCK = 10_000
 #: Trials solved together: what fits into a cache.
 CHUNK = 250
 _STEPS = 25
@@ -27,9 +26,9 @@ class MonteCarlo:
     """What the trials show, per angle; all (n, 3) in rad.
 
     mean, std : of roll, pitch, yaw. low, high : probabilistically symmetric 95 % interval.
-    tolerance : δ of JCGM 101, 7.9.2: half a unit of the first digit of each standard uncertainty.
-    stable : the averages settled within δ/5 before the trials ran out (7.9.4).
-    validated : both ends of the linear interval agree with the trials' within δ (clause 8).
+    tolerance, stable : as `Propagated`. validated : the linear interval agrees with the trials'
+    within the tolerance (JCGM 101, clause 8). sample : (trials, n, 3), deviations of some trials
+    from the estimate.
     """
 
     trials: int
@@ -41,12 +40,6 @@ class MonteCarlo:
     stable: bool
     validated: bool
     sample: FloatArray
-    """(min(trials, BLOCK), n, 3), rad, the first trials' deviations from the estimate."""
-
-
-def numerical_tolerance(std: FloatArray, digits: int = 1) -> FloatArray:
-    """Return δ = ½ 10ˡ with std = c 10ˡ and c of that many digits (JCGM 101, 7.9.2)."""
-    return np.asarray(0.5 * 10.0 ** (np.floor(np.log10(std)) - (digits - 1)))
 
 
 class Sampler:
@@ -106,7 +99,7 @@ def covariance_root(cov: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
-def propagate(
+def simulate(
     fit: Fit,
     parts: Spectrum,
     linear: Uncertainty,
@@ -114,42 +107,26 @@ def propagate(
     rng: np.random.Generator,
     max_trials: int,
 ) -> MonteCarlo:
-    """Run blocks of trials until the averages are stable or the trials run out (7.9.4)."""
+    """Perturb and solve until the averages are stable or the trials run out."""
     sampler = Sampler(fit, parts, birge)
     estimate = so3.to_rpy(fit.state.rotation)
-    tolerance = numerical_tolerance(linear.rpy_std)
-    tail = 100 * (1 - COVERAGE) / 2
-    summaries: list[FloatArray] = []
-    first = np.empty(0)
-    done, stable = 0, False
-    while done < max_trials and not stable:
-        size = min(BLOCK, max_trials - done)
-        block = np.concatenate(
-            [
-                _angles(sampler, rng, estimate, min(CHUNK, size - start))
-                for start in range(0, size, CHUNK)
-            ]
-        )
-        done += size
-        first = block if len(first) == 0 else first
-        low, high = np.percentile(block, [tail, 100 - tail], axis=0)
-        summaries.append(np.stack([block.mean(axis=0), block.std(axis=0, ddof=1), low, high]))
-        if len(summaries) > 1:
-            spread = np.std(summaries, axis=0, ddof=1) / np.sqrt(len(summaries))
-            stable = bool((2 * spread < tolerance / 5).all())
-    mean, std, low, high = np.mean(summaries, axis=0)
+
+    def draw(size: int) -> FloatArray:
+        chunks = [min(CHUNK, size - start) for start in range(0, size, CHUNK)]
+        return np.concatenate([_angles(sampler, rng, estimate, chunk) for chunk in chunks])
+
+    found = propagate(draw, linear.rpy_std, COVERAGE, max_trials)
     half = linear.coverage_factor * linear.rpy_std
-    off = np.maximum(np.abs(low + half), np.abs(high - half))
     return MonteCarlo(
-        trials=done,
-        mean=estimate + mean,
-        std=std,
-        low=estimate + low,
-        high=estimate + high,
-        tolerance=tolerance,
-        stable=stable,
-        validated=bool((off <= tolerance).all()),
-        sample=first,
+        trials=found.trials,
+        mean=estimate + found.mean,
+        std=found.std,
+        low=estimate + found.low,
+        high=estimate + found.high,
+        tolerance=found.tolerance,
+        stable=found.stable,
+        validated=found.validates(-half, half),
+        sample=found.sample,
     )
 
 

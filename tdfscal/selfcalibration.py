@@ -13,7 +13,7 @@ from tdfscal.diagnosis import Suspicion, suspicions
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.gate import judge
 from tdfscal.linearcal import evaluate_linear, fit_linear
-from tdfscal.montecarlo import MonteCarlo, propagate
+from tdfscal.montecarlo import MonteCarlo, simulate
 from tdfscal.observability import Observability
 from tdfscal.records import Dwells, InputFile, Rig
 from tdfscal.robust import Rejection, fit_robust
@@ -122,7 +122,7 @@ def self_calibrate(
         doubts = suspicions(result, parts, uncertainty, held, stats.birge)
     trials = None
     if estimator == "ml" and max_trials != 0:
-        trials = propagate(result, parts, uncertainty, stats.birge, rng, max_trials or MAX_TRIALS)
+        trials = simulate(result, parts, uncertainty, stats.birge, rng, max_trials or MAX_TRIALS)
     rejected = dict(screened.reasons) | {int(index[r.index]): r.reason for r in found}
     return SelfCalibration(
         rig=rig,

@@ -13,12 +13,13 @@ from scipy import special
 
 from tdfscal import causes, sanity, screening
 from tdfscal.calibrated import Calibrated
-from tdfscal.causes import Cause, Whitened
+from tdfscal.causes import Cause, Whitened, whiten
 from tdfscal.errors import DataError
+from tdfscal.motion import Poses
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Rig
 from tdfscal.statics import Postures, balance, nominal, postures
-from tdfscal.wrench import contact_wrench, jacobian, pose, to_lcs
+from tdfscal.wrench import contact_wrench, jacobian, to_lcs
 
 #: Probability of rejecting a calibration that holds; half of it goes to the search for one cause.
 FALSE_ALARM = 0.005
@@ -98,26 +99,25 @@ def validate(
             f"no dwell can be used: {next(iter(screened.reasons.values()))}", where="log forces"
         )
     observed, warnings = _with_noise(postures(rig, dwells).subset(used), noise)
-    white, wrench, std, free = _whitened(given, observed)
-    chi2, dof = causes.statistic(white, free)
-    found = causes.causes(white, free)
+    seen = _see(given, observed)
+    white = seen.white
+    found = causes.causes(white)
     single = [cause for cause in found if len(cause.postures) < 2]
     tried = 1 + 2 * rig.n + (len(used) if len(used) > 1 else 0)
-    plain = nominal(given.rig)
     return Validation(
         rig=rig,
         dwells=dwells,
         used=used,
         left_out=screened.reasons,
-        nominal=contact_wrench(plain, rig.gravity, pose(given, observed.position), observed.force),
-        calibrated=wrench,
-        std=std,
-        chi2=chi2,
-        dof=dof,
-        p_value=float(chi2_sf(chi2, dof)) if dof > 0 else 1.0,
+        nominal=seen.nominal,
+        calibrated=seen.calibrated,
+        std=seen.std,
+        chi2=white.chi2,
+        dof=white.dof,
+        p_value=float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0,
         search_p=min(1.0, tried * min(cause.p_value for cause in single)),
         causes=found,
-        detectable=_detectable(causes.turn_information(white, free), tried),
+        detectable=_detectable(causes.turn_information(white), tried),
         warnings=(*dwells.warnings, *warnings),
     )
 
@@ -144,26 +144,33 @@ def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tupl
     return replace(observed, force_cov=cov), (text,)
 
 
-def _whitened(
-    given: Calibrated, observed: Postures
-) -> tuple[Whitened, FloatArray, FloatArray, FloatArray]:
-    """Whitened problem; wrench and its std (K, 6); directions (6K, f) of open parameters."""
-    g = given.rig.gravity
-    at = balance(observed, given.state, given.state.barycentre, g)
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Wrenches without and with the calibration and the latter's std, (K, 6), and whitened."""
+
+    nominal: FloatArray
+    calibrated: FloatArray
+    std: FloatArray
+    white: Whitened
+
+
+def _see(given: Calibrated, observed: Postures) -> _Seen:
+    rig, state = given.rig, given.state
+    at = balance(observed, state, state.barycentre, rig.gravity)
     T, J = to_lcs(at), jacobian(given, at)
-    wrench = contact_wrench(given.state, g, pose(given, observed.position), observed.force)
-    noise = T @ at.cov @ np.swapaxes(T, 1, 2)
-    root = given.root
-    total = noise + (J @ root) @ np.swapaxes(J @ root, 1, 2)
-    whitener = np.linalg.inv(np.linalg.cholesky(noise))
-    white = Whitened(
-        residual=(whitener @ wrench[..., None])[..., 0],
-        jacobian=whitener @ J,
-        root=root,
-        whitener=whitener,
+    poses = Poses(at.rotation, observed.position.mean(axis=1))
+    plain, calibrated = (
+        contact_wrench(s, rig.gravity, poses, observed.force) for s in (nominal(rig), state)
     )
-    free = white.jacobian.reshape(-1, J.shape[2])[:, given.open]
-    return white, wrench, np.sqrt(np.diagonal(total, axis1=1, axis2=2)), free
+    noise, root = T @ at.cov @ np.swapaxes(T, 1, 2), given.root
+    half = J @ root
+    total = noise + half @ np.swapaxes(half, 1, 2)
+    return _Seen(
+        nominal=plain,
+        calibrated=calibrated,
+        std=np.sqrt(np.diagonal(total, axis1=1, axis2=2)),
+        white=whiten(calibrated, J, noise, root, given.open),
+    )
 
 
 def _detectable(information: FloatArray, tried: int) -> FloatArray:

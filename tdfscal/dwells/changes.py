@@ -26,6 +26,7 @@ _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaus
 _SMOOTH = 2.0 * np.sqrt(2.0 ** (_SCALES - 1))
 _SOME_BENDS = 100
 _BENDS = 10  # second differences that show how loud a rest is
+_CREEP = 1.25  # growth from the second longest windows to the longest; settling doubles
 _SEED_QUANTILE = 0.02  # at least this share of a log is rest
 _SEED_WINDOW = 0.2  # s
 
@@ -222,6 +223,7 @@ def segment(
         noise = difference_noise(sample, marked)
         if _travels(noise):
             return np.ones_like(base), noise
+        noise = without_creep(noise)
         previous, marked = marked, mark_changes(sample, noise, out, override)
         if np.array_equal(previous, marked):
             break
@@ -257,7 +259,7 @@ def louder_rests(found: Signals, moving: BoolArray) -> FloatArray:
     most = np.median(own, axis=0)
     ratio = np.divide(own, most, out=np.ones_like(own), where=most > 0)
     # A quartile of n bends is known to about 1.6/√n.
-    known = 1.0 + 5.0 / np.sqrt(np.minimum(last - first, _SOME_BENDS))
+    known = 1.0 + 8.0 / np.sqrt(np.minimum(last - first, _SOME_BENDS))
     for a, b, r, k in zip(first, last, ratio, known, strict=True):
         factor[:, a:b] = np.where(r > k, r, 1.0)[:, None]
     return factor
@@ -267,6 +269,27 @@ def _lower_quartile(bend: FloatArray) -> FloatArray:
     """(A,) of (A, N), from a share of them where there are many."""
     some = np.sort(bend[:, :: max(bend.shape[1] // _SOME_BENDS, 1)], axis=1)
     return np.asarray(some[:, some.shape[1] // 4])
+
+
+def without_creep(noise: Noise) -> Noise:
+    """The noise with what still grows at the longest windows replaced by uncorrelated noise.
+
+    Vibration and correlated noise average out in long windows. Differences that grow to the end
+    are settling that fills the stops, and would hide itself if it counted as noise.
+    """
+    difference = noise.difference.copy()
+    scales = len(difference)
+    growing = difference[-1] > _CREEP * difference[-2]
+    lowest = np.full(difference.shape[1], scales - 1)
+    for scale in range(scales - 1, 0, -1):
+        growing &= difference[scale] > difference[scale - 1]
+        lowest[growing] = scale - 1
+    for axis in np.flatnonzero(lowest < scales - 1):
+        beyond = np.arange(lowest[axis] + 1, scales)
+        difference[beyond, axis] = difference[lowest[axis], axis] * 2.0 ** (
+            -0.5 * (beyond - lowest[axis])
+        )
+    return Noise(difference, noise.quantum)
 
 
 def _travels(noise: Noise) -> bool:

@@ -17,7 +17,7 @@ from tdfscal.dwells.statistics import Extent, Moments, dwell_moments, force_extr
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
 
-_DRIFT_ALARM = 1e-2  # false drifts per log
+_DRIFT_ALARM = 1e-3  # false drifts per log
 _SETTLING = 10.0  # s; a change that lasts longer is drift, not settling
 _SAMPLE = 60  # rests that the first two rounds look at
 _MANY = 10  # dwells that show what is common

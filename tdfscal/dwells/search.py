@@ -18,6 +18,7 @@ from tdfscal.dwells.changes import (
     signals,
     threshold,
     together,
+    without_creep,
 )
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.settle import Settled, Stretch, one_decay, one_level, restless, settled_part
@@ -101,8 +102,9 @@ def within(field: Field, extents: list[Extent]) -> Field:
     out = np.ones(len(field.bins), dtype=np.bool_)
     for extent in extents:
         out[extent.rows] = False
-    positions = difference_noise(field.positions, out)
-    return replace(field, noise=together(positions, difference_noise(field.forces, out)))
+    positions = without_creep(difference_noise(field.positions, out))
+    forces = without_creep(difference_noise(field.forces, out))
+    return replace(field, noise=together(positions, forces))
 
 
 def search(
@@ -196,7 +198,7 @@ def _within_rest(
 def _settled_parts(
     field: Field, stretch: Stretch, begin: int, end: int, rough: bool
 ) -> tuple[list[Settled], list[LeftOut]]:
-    """Settled parts of a rest [begin, end) in time order, and the calm ones that are not settled."""
+    """Settled parts of a rest [begin, end) in time order, and calm ones that are not settled."""
     clear = begin + _kept_clear(field, begin, end, after=True)
     latest = end - _kept_clear(field, begin, end, after=False)
     if field.settle is not None:

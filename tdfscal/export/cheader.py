@@ -9,7 +9,7 @@ from tdfscal.files.calibration import Calibration
 from tdfscal.records import FloatArray
 
 _FUNCTION = """\
-/* Force that sensor i exerts on the terminal, in the BCS, N; reading and result may be one array. */
+/* Force of sensor i on the terminal in the BCS, N; reading and force may be one array. */
 static inline void tdfscal_force_bcs(int i, const double reading[3], double force[3])
 {
     double load[3], sum[3];

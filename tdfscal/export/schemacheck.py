@@ -51,8 +51,9 @@ def check(document: str, path: Path) -> None:
         ) from error
     fault = next(schema.iter_errors(document), None)
     if fault is not None:
+        said = _first_line(fault.reason or fault)
         raise UsageError(
-            f"the draft does not obey the schema at {fault.path}: {_first_line(fault.reason or fault)}",
+            f"the draft does not obey the schema at {fault.path}: {said}",
             where=str(path),
             hint="please report this with the version of the schema",
         )

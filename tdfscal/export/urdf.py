@@ -17,8 +17,8 @@ def urdf(c: Calibration, parent: str = "bcs") -> str:
     base = frame(parent)
     notes = [
         *origin(c),
-        "An NCP only translates, so its link has the BCS's axes: paste each joint under the link of "
-        "its NCP. xyz is not calibrated; set it from the drawing.",
+        "An NCP only translates, so its link has the BCS's axes: paste each joint under that link. "
+        "xyz is not calibrated; set it from the drawing.",
         "A rotation alone does not correct a reading: subtract the zero, given with each joint.",
     ]
     lines = ['<?xml version="1.0" encoding="utf-8"?>', "<!--"]

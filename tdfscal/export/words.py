@@ -12,9 +12,10 @@ _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
 
 def origin(c: Calibration) -> list[str]:
     """Lines that say what the numbers are, from what, and how to use them."""
+    program = f"{c.software.name} {c.software.version}"
     lines = [
         f"Installation rotations of the force sensors of: {c.rig.name}",
-        f"{c.software.name} {c.software.version}, method {c.method}, created {c.created}, {c.status}",
+        f"{program}, method {c.method}, created {c.created}, {c.status}",
         c.convention,
         "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
     ]

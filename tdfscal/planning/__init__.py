@@ -3,7 +3,8 @@
 from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.information import Forecast
 from tdfscal.planning.limits import Limits, travel_limits
-from tdfscal.planning.plan import MOST, Objective, Plan, Request, make_plan, plan_for_target
+from tdfscal.planning.make import MOST, make_plan, plan_for_target
+from tdfscal.planning.plan import Objective, Plan, Request
 
 __all__ = [
     "MOST",

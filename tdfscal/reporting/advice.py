@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.files.calibration import Calibration
-from tdfscal.gate import REJECTED_MAX
-from tdfscal.joint import CONSISTENT_P
-from tdfscal.observability import ANGLES
 
+_ANGLES = ("roll", "pitch", "yaw")
 #: A source worth naming contributes at least this share of the angles' variance.
 _NOTABLE = 0.25
 _LESSEN = {
@@ -48,12 +46,15 @@ def advise(c: Calibration) -> tuple[str, ...]:
 
 def _mend(c: Calibration) -> tuple[str, ...]:
     """What may have caused each reason of the gate."""
+    from tdfscal.gate import REJECTED_MAX
+    from tdfscal.joint import CONSISTENT_P
+
     limits, fit, found = c.rig.acceptance, c.fit, []
     if np.any(c.rpy_std > limits.angle_std):
         i, j = np.unravel_index(int(c.rpy_std.argmax()), c.rpy_std.shape)
         found.append(
             f"Squeeze the NCPs against each other, or record more postures with more tilt: "
-            f"{ANGLES[j]} of {c.support_names[i]} is the weakest angle."
+            f"{_ANGLES[j]} of {c.support_names[i]} is the weakest angle."
             if c.method != "tracker"
             else "Measure more targets, farther apart, or from nearer: the angles are too weak."
         )

@@ -36,8 +36,8 @@ def render(r: PointRegistration) -> str:
     lines += table(["", "value", "std. unc.", "unit"], rows)
     lines += [
         "",
-        "Rotation",
-        *table(["", "", ""], [[f"{v:.12f}" for v in x] for x in r.rotation], 0),
+        "Rotation, by rows",
+        *("  " + "  ".join(f"{v:+.12f}" for v in row) for row in r.rotation),
     ]
     lines += ["", "Residuals, mm (x, y, z, length)"]
     lines += table(

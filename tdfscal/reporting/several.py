@@ -84,6 +84,7 @@ def document(view: Several) -> dict[str, Any]:
     names = dict(zip(view.letters, view.names, strict=True))
     return {
         "calibrations": list(view.names),
+        "letters": list(view.letters),
         "supports": list(h.supports),
         "verified": view.agrees,
         "rpy": h.rpy.tolist(),
@@ -144,8 +145,7 @@ def _warnings(letters: Sequence[str], content: Sequence[Calibration]) -> tuple[s
     logs = [frozenset(f.sha256 for f in c.inputs) for c in content]
     if any(a & b for i, a in enumerate(logs) for b in logs[i + 1 :]):
         found.append(
-            "some share input files: they are not independent, and E_n is then too large "
-            "or too small"
+            "some share input files: they are not independent, and E_n is then only a guide"
         )
     return tuple(found)
 

@@ -30,9 +30,7 @@ def test_scatter_is_the_expectation_over_random_internal_forces() -> None:
     unplanned = size * np.einsum(
         "td,dna->tna", RNG(1).standard_normal((draws, 3)), internal_modes(arm)[0]
     )
-    many = replace(
-        pool.take(np.zeros(draws, dtype=np.int64)), squeeze=pool.squeeze[0] + unplanned
-    )
+    many = replace(pool.take(np.zeros(draws, dtype=np.int64)), squeeze=pool.squeeze[0] + unplanned)
     rows = sight.rows(many)[:, :, :9]
     each = np.swapaxes(rows, 1, 2) @ rows
     error = each.std(axis=0) / np.sqrt(draws)

@@ -54,7 +54,9 @@ def test_tour_is_a_permutation_and_nearly_the_shortest() -> None:
     distance = distances(place)
 
     def length(order: list[int]) -> float:
-        return float(sum(distance[a, b] for a, b in zip(order, [*order[1:], order[0]], strict=True)))
+        return float(
+            sum(distance[a, b] for a, b in zip(order, [*order[1:], order[0]], strict=True))
+        )
 
     tour = short_tour(distance, 3)
     assert tour[0] == 3

@@ -11,7 +11,7 @@ from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.montecarlo import Sampler, numerical_tolerance, propagate
+from tdfscal.montecarlo import Sampler, simulate
 from tdfscal.numerics import so3
 from tdfscal.records import Declared, Known
 from tdfscal.selfcal import fit
@@ -117,19 +117,13 @@ def test_a_trial_is_the_fit_of_its_own_data() -> None:
 def test_adaptive_stop_and_validation() -> None:
     parts = information_root(RESULT.fit)
     spread = evaluate(RESULT.fit, parts, 1.0)
-    found = propagate(RESULT.fit, parts, spread, 1.0, np.random.default_rng(0), 20_000)
+    found = simulate(RESULT.fit, parts, spread, 1.0, np.random.default_rng(0), 20_000)
     assert found.trials == 20_000
     assert found.validated
     assert np.abs(found.std / spread.rpy_std - 1).max() < 5 / np.sqrt(2 * 20_000)
     narrow = replace(spread, rpy_covariance=spread.rpy_covariance / 4)
-    again = propagate(RESULT.fit, parts, narrow, 1.0, np.random.default_rng(0), 10_000)
+    again = simulate(RESULT.fit, parts, narrow, 1.0, np.random.default_rng(0), 10_000)
     assert not again.validated
-
-
-@pytest.mark.parametrize(("u", "delta"), [(0.35, 0.05), (0.00012, 5e-5), (9.9, 0.5), (1.0, 0.5)])
-def test_numerical_tolerance_as_jcgm_101_writes_it(u: float, delta: float) -> None:
-    """7.9.2: u = c 10^l with one digit in c, δ = ½ 10^l."""
-    assert numerical_tolerance(np.array(u)) == pytest.approx(delta, rel=1e-12)
 
 
 def test_vertical_loads_show_no_yaw_however_many_postures() -> None:

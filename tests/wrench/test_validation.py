@@ -15,14 +15,15 @@ from tdfscal.records import Dwells, Known
 from tdfscal.simulation import Contact, Faults, ZeroShift
 from tdfscal.statics import layout
 from tdfscal.validation import POWER, Validation, validate
-from wrench.held_out import HELD, RIG, USED, part, simulated, turned, world
 
-TRIALS = 200
+from .held_out import HELD, RIG, USED, part, simulated, turned, world
+
+TRIALS, FEWER = 200, 100
 MANY = world(TRIALS)
 Held = Callable[[int], Dwells]
 
 
-def verdicts(held: Held, trials: int = TRIALS) -> list[Validation]:
+def verdicts(held: Held, trials: int = FEWER) -> list[Validation]:
     return [validate(MANY.given[t], held(t)) for t in range(trials)]
 
 
@@ -37,7 +38,7 @@ def direction(trial: int) -> np.typing.NDArray[np.float64]:
 
 
 def test_what_holds_is_rejected_at_most_once_in_fifty() -> None:
-    found = verdicts(MANY.held)
+    found = verdicts(MANY.held, TRIALS)
     assert sum(not v.holds for v in found) <= 0.02 * TRIALS
     # Stronger: χ² of all postures together follows its distribution.
     assert stats.kstest([v.p_value for v in found], "uniform").pvalue > 1e-3
@@ -46,39 +47,39 @@ def test_what_holds_is_rejected_at_most_once_in_fifty() -> None:
 
 
 def test_a_covariance_that_is_too_small_would_be_noticed() -> None:
-    small = [replace(g, covariance=g.covariance / 9) for g in MANY.given]
-    found = [validate(small[t], MANY.held(t)) for t in range(TRIALS)]
+    small = [replace(g, covariance=g.covariance / 25) for g in MANY.given[:FEWER]]
+    found = [validate(given, MANY.held(t)) for t, given in enumerate(small)]
     assert stats.kstest([v.p_value for v in found], "uniform").pvalue < 1e-3
 
 
 @pytest.mark.parametrize("axis", ["roll", "pitch", "yaw", "any"])
 def test_a_sensor_turned_by_3_mrad_is_found_and_named(axis: str) -> None:
-    trials, named = 100, 0
-    for t in range(trials):
+    named = 0
+    for t in range(FEWER):
         unit = direction(t) if axis == "any" else np.eye(3)[["roll", "pitch", "yaw"].index(axis)]
         v = validate(MANY.given[t], turned(MANY, t, t % 3, 3e-3 * unit))
         named += any(c.kind == "sensor turned" and c.support == t % 3 for c in v.suspected)
-    assert named >= 0.95 * trials
+    assert named >= 0.95 * FEWER
 
 
 def test_the_turn_is_estimated_with_an_honest_uncertainty() -> None:
     squares = []
-    for t in range(100):
+    for t in range(FEWER):
         turn = 3e-3 * direction(t)
         v = validate(MANY.given[t], turned(MANY, t, t % 3, turn))
         found = next(c for c in v.causes if c.kind == "sensor turned" and c.support == t % 3)
         squares.append(((found.value - turn) / found.std) ** 2)
     # Each component alone is χ² with one degree of freedom.
     total = np.sum(squares, axis=0)
-    assert np.all(stats.chi2.cdf(total, 100) < 1 - 1e-4)
-    assert np.all(stats.chi2.cdf(total, 100) > 1e-4)
+    assert np.all(stats.chi2.cdf(total, FEWER) < 1 - 1e-4)
+    assert np.all(stats.chi2.cdf(total, FEWER) > 1e-4)
 
 
 def test_a_load_of_2_kg_is_found_and_weighed() -> None:
     found = verdicts(held_of(mass=502.0))
-    assert sum(not v.holds for v in found) >= 0.95 * TRIALS
+    assert sum(not v.holds for v in found) >= 0.95 * FEWER
     named = [v.suspected[0] for v in found if v.suspected]
-    assert sum(c.kind == "load changed" for c in named) >= 0.95 * TRIALS
+    assert sum(c.kind == "load changed" for c in named) >= 0.95 * FEWER
     z = np.array([(c.value[0] - 2.0) / c.std[0] for c in named if c.kind == "load changed"])
     assert 1e-4 < stats.chi2.cdf(z @ z, len(z)) < 1 - 1e-4
 
@@ -87,7 +88,7 @@ def test_a_posture_in_contact_is_found_and_named() -> None:
     touched = Contact(USED + 2, (3.0, -2.0, 4.0), (1.0, 1.0, -1.0))
     found = verdicts(held_of(Faults(contacts=(touched,))))
     named = [v for v in found if v.suspected and v.suspected[0].postures == (2,)]
-    assert len(named) >= 0.95 * TRIALS
+    assert len(named) >= 0.95 * FEWER
 
 
 def test_two_postures_in_contact_are_named_together() -> None:
@@ -102,22 +103,22 @@ def test_a_drifted_zero_is_told_from_a_turned_sensor() -> None:
     found = verdicts(held_of(Faults(zero_shifts=(shift,))))
     named = [v.suspected[0] for v in found if v.suspected]
     right = [c for c in named if c.kind == "zero drifted" and c.support == 1]
-    assert len(right) >= 0.95 * TRIALS
+    assert len(right) >= 0.95 * FEWER
 
 
 def test_what_is_called_detectable_is_detected_as_often_as_said() -> None:
     axis, sensor, hits = 2, 1, 0
-    for t in range(TRIALS):
+    for t in range(FEWER):
         smallest = validate(MANY.given[t], MANY.held(t)).detectable[sensor, axis]
         v = validate(MANY.given[t], turned(MANY, t, sensor, smallest * np.eye(3)[axis]))
         hits += not v.holds
     # The search alone is counted; the test of all postures together can only add to it.
-    assert stats.binom.cdf(hits, TRIALS, POWER) > 1e-3
+    assert stats.binom.cdf(hits, FEWER, POWER) > 1e-3
 
 
 def test_parameters_taken_as_independent_err_on_the_safe_side() -> None:
-    rejected = sum(not validate(alone(MANY.given[t]), MANY.held(t)).holds for t in range(TRIALS))
-    assert rejected <= 0.02 * TRIALS
+    rejected = sum(not validate(alone(MANY.given[t]), MANY.held(t)).holds for t in range(FEWER))
+    assert rejected <= 0.02 * FEWER
 
 
 def test_open_parameters_cost_degrees_of_freedom_not_validity() -> None:
@@ -133,7 +134,7 @@ def test_open_parameters_cost_degrees_of_freedom_not_validity() -> None:
 
 
 def test_one_posture_is_enough_to_find_another_load() -> None:
-    one = simulated(TRIALS, None, 502.0).dwells(0)
+    one = simulated(FEWER, None, 502.0).dwells(0)
     v = validate(MANY.given[0], part(one, np.array([USED])))
     assert v.dof == 6
     assert not v.holds

@@ -19,8 +19,8 @@ def draw(c: Calibration) -> Drawing:
         "angles",
         "Installation angles",
         f"{ANGLES[j].capitalize()} of {c.support_names[i]} is known to {1e3 * std[i, j]:.2g} mrad, "
-        f"the least well; {ANGLES[b]} of {c.support_names[a]} to {1e3 * std[a, b]:.2g} mrad, the best "
-        "(standard uncertainties).",
+        f"the least well; {ANGLES[b]} of {c.support_names[a]} to {1e3 * std[a, b]:.2g} mrad, "
+        "the best (standard uncertainties).",
         lambda: _paint(c),
     )
 

@@ -22,7 +22,7 @@ def draw(h: History, letters: Sequence[str], days: Sequence[float]) -> Drawing:
     f, i, j = (int(k) for k in np.unravel_index(int(en.argmax()), en.shape))
     said = (
         f"The largest change against {letters[0]} is {ANGLES[j]} of {h.supports[i]} in "
-        f"{letters[f + 1]}: {1e3 * h.drift[f + 1, i, j]:+.2g} mrad, E_n = {en[f, i, j]:.2f}; "
+        f"{letters[f + 1]}: {1e3 * h.drift[f + 1, i, j]:+.3g} mrad, E_n = {en[f, i, j]:.2f}; "
         + ("beyond" if en[f, i, j] > 1 else "within")
         + " its uncertainty."
     ).replace("-", "−")
@@ -34,7 +34,7 @@ def _paint(h: History, letters: Sequence[str], days: Sequence[float]) -> Figure:
     x = np.array(days) if over_time else np.arange(len(letters), dtype=float)
     margin = 0.08 * (x[-1] - x[0]) if over_time else 0.5
     fig = figure(0.7 + 1.45 * n)
-    grid = fig.subplots(n, 3, sharex=True, sharey=True, squeeze=False)
+    grid = fig.subplots(n, 3, sharex=True, squeeze=False)
     for i in range(n):
         for j in range(3):
             ax = grid[i, j]

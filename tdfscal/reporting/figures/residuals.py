@@ -30,9 +30,9 @@ def draw(c: Calibration) -> Drawing | None:
     return Drawing(
         "residuals",
         "False contact wrench at each posture",
-        f"No posture touches anything, yet without calibration a controller would see "
-        f"{before:.3g} N and {m_before:.3g} N·m; calibrated, {after:.2g} N and {m_after:.2g} N·m "
-        "(rms, each posture predicted from the others).",
+        f"Uncalibrated, a controller would take {before:.3g} N and {m_before:.3g} N·m for contact "
+        f"where there is none; calibrated, {after:.2g} N and {m_after:.2g} N·m (rms, each posture "
+        "predicted from the others).",
         lambda: _paint(table),
     )
 

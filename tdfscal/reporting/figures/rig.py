@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from tdfscal.files.calibration import Calibration
 from tdfscal.numerics import so3
@@ -124,6 +125,7 @@ def _frame(ax: Any, points: FloatArray, margin: float) -> None:
     low, high = points.min(axis=0) - 0.6 * margin, points.max(axis=0) + 0.6 * margin
     for axis, a, b in zip("xyz", low, high, strict=True):
         getattr(ax, f"set_{axis}lim")(a, b)
+        getattr(ax, f"{axis}axis").set_major_locator(MaxNLocator(5))
         getattr(ax, f"set_{axis}label")(f"{axis.upper()}, m", fontsize=8)
     ax.set_box_aspect(high - low, zoom=1.18)
     ax.tick_params(labelsize=7, pad=0)

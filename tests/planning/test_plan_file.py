@@ -1,0 +1,117 @@
+"""The plan's CSV as a machine reads it, and the command."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdfscal.cli import main
+from tdfscal.files.campaign_writer import simulate_to_folder
+from tdfscal.files.plan_writer import plan_csv
+from tdfscal.planning import Request, make_plan
+from tdfscal.simulation import Recorder, reference_rig
+from tests.planning.limits import limits
+
+FEW = ["--candidates", "150"]
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plan") / "rig"
+    recorder = Recorder(mean_sd=0.5)
+    simulate_to_folder(folder, postures=6, rows="postures", recorder=recorder)
+    return folder
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
+    monkeypatch.setattr(sys, "argv", ["tdfscal", *map(str, arguments)])
+    with pytest.raises(SystemExit) as leaving:
+        main()
+        sys.exit(0)
+    return int(leaving.value.code or 0)
+
+
+def table(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
+
+
+def test_rows_are_the_plan() -> None:
+    rig = reference_rig()
+    plan = make_plan(
+        rig, Request(limits(rig, stiffness=2e7), candidates=150), 8, np.random.default_rng(0)
+    )
+    text = plan_csv(plan, "tdfscal plan", 0)
+    rows = table(text)
+    assert [row["posture"] for row in rows] == [str(k + 1) for k in range(8)]
+    assert [int(row["approach"]) for row in rows] == plan.approach.tolist()
+    assert [k for k, row in enumerate(rows) if row["returns"]] == plan.returns.tolist()
+    assert plan.displacement is not None
+    for i, name in enumerate(rig.supports):
+        for a, axis in enumerate("xyz"):
+            position = [float(row[f"{name}.{axis}"]) for row in rows]
+            squeeze = [float(row[f"{name}.squeeze_{axis}"]) for row in rows]
+            moved = [float(row[f"{name}.d{axis}"]) for row in rows]
+            assert np.allclose(position, plan.position[:, i, a], atol=0.5e-9)
+            assert np.allclose(squeeze, plan.postures.squeeze[:, i, a], atol=0.5e-4)
+            assert np.allclose(moved, plan.displacement[:, i, a], atol=0.5e-9)
+    notes = [line for line in text.splitlines() if line.startswith("#")]
+    assert any("frame: BCS" in line and line.endswith("m.") for line in notes)
+    assert any(f"expected {rig.supports[2]}" in line and "mrad" in line for line in notes)
+
+
+def test_command_writes_and_prints(
+    campaign: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "plan.csv"
+    assert run(monkeypatch, "plan", campaign, "-o", out, "--postures", "8", *FEW) == 0
+    shown = capsys.readouterr().out
+    assert "to expect of the installation angles" in shown
+    assert max(map(len, shown.replace(str(out), "").splitlines())) <= 80
+    assert len(table(out.read_text(encoding="utf-8"))) == 8
+    again = tmp_path / "again.csv"
+    options = ["--postures", "8", *FEW, "--json", "--given", str(campaign)]
+    assert run(monkeypatch, "plan", campaign / "rig.yaml", "-o", again, *options) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["given"] == 6
+    assert document["noise"] == pytest.approx(1.0) or document["noise"] > 0
+    assert document["expected"]["mean_std"] < document["before"]["mean_std"]
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "said"),
+    [
+        (["--travel", "ncp7=0.1"], 2, "no support 'ncp7'"),
+        (["--travel", "wide"], 2, "no list of numbers"),
+        (["--force-limit", "100"], 2, "the weight alone puts"),
+        (["--tilt", "70"], 2, "tilt limit"),
+        (["--at", "0.3,0,0", "--travel", "0.05"], 2, "beyond its travel"),
+        (["--at", "0.3"], 2, "not three numbers"),
+        (["--postures", "5", "--target", "1"], 2, "two different things"),
+        (["--tilt", "0", "--squeeze", "0"], 4, "do not determine"),
+        (["--target", "0.001"], 4, "is asked for"),
+        (["--given", "nowhere"], 2, "no such file"),
+    ],
+)
+def test_faults_are_named_and_leave_no_file(
+    options: list[str],
+    status: int,
+    said: str,
+    campaign: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "plan.csv"
+    assert run(monkeypatch, "plan", campaign, "-o", out, *FEW, *options) == status
+    shown = capsys.readouterr()
+    assert said in shown.err
+    assert shown.out == ""
+    assert not out.exists()

@@ -1,0 +1,128 @@
+"""Calibrations to report on: from simulated dwells, through the real steps, once per session."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdfscal.cli import main
+from tdfscal.comparison import compare_pair
+from tdfscal.files.calibration import Calibration, save_calibration
+from tdfscal.files.results import Provenance, from_joint, from_self, from_tracker
+from tdfscal.files.rig import LoadedRig, parse_rig
+from tdfscal.joint import combine
+from tdfscal.records import Dwells, InputFile, Rotations
+from tdfscal.selfcalibration import SelfCalibration, self_calibrate
+from tdfscal.simulation import Options, simulate_dwells
+from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
+
+RIG = """\
+format: tdfscal-rig/1
+name: "{name}"
+terminal:
+  mass: {{value: 500.0, std: 0.2}}
+  barycenter: {{value: [0.01, -0.015, 0.25], std: [0.001, 0.001, 0.001]}}
+supports:
+{supports}
+uncertainty: {{positioner: 1.0e-5, hinge: 2.0e-5, force_noise: 0.1}}
+"""
+NASTY = "Rig <b>$x_2$</b> & <script>alert(1)</script> {{ 7*7 }}"
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A result with the records behind it."""
+
+    rig: LoadedRig
+    dwells: Dwells
+    result: SelfCalibration
+    calibration: Calibration
+
+
+def rig_of(n: int, name: str) -> LoadedRig:
+    turns = 2 * np.pi * np.arange(n) / n + 0.2
+    lines = [
+        f"  - {{name: support_{i + 1}, hinge: [{0.6 * np.cos(a):.4f}, {0.6 * np.sin(a):.4f}, "
+        f"{0.02 * (-1) ** i:.2f}], zero: {{value: [0, 0, 0], std: [0.5, 0.5, 0.5]}}}}"
+        for i, a in enumerate(turns)
+    ]
+    text = RIG.format(name=name, supports="\n".join(lines))
+    return parse_rig(text.encode(), "rig.yaml")
+
+
+@cache
+def sample(
+    n: int = 3, postures: int = 12, seed: int = 1, name: str = "Test rig", touched: bool = False
+) -> Sample:
+    """A self-calibration; touched: a force of 80 N pushes at posture 5."""
+    loaded = rig_of(n, name)
+    options = Options(postures=postures, squeeze=200.0)
+    dwells = simulate_dwells(loaded.rig, options, np.random.default_rng(seed), 1).dwells(0)
+    if touched:
+        force = dwells.force.copy()
+        force[4, 0] += [80.0, 0.0, 0.0]
+        dwells = replace(dwells, force=force)
+    result = self_calibrate(loaded.rig, dwells, rng=np.random.default_rng(0), max_trials=4000)
+    return Sample(loaded, dwells, result, from_self(result, provenance(loaded)))
+
+
+def provenance(loaded: LoadedRig) -> Provenance:
+    log = InputFile("campaign/log <1>.csv", "ab" * 32, 1234, "verified")
+    return Provenance(loaded, (log,), "tdfscal calibrate campaign", 7)
+
+
+@cache
+def surveyed() -> tuple[SelfCalibration, TrackerCalibration, Calibration, Calibration]:
+    """Self-calibration and survey of one rig: own, tracker, tracker's file, joint file."""
+    from tdfscal.simulation import SurveyOptions, simulate_campaign
+
+    loaded = rig_of(3, "Surveyed rig")
+    campaign = simulate_campaign(
+        loaded.rig, Options(postures=12, squeeze=200.0), np.random.default_rng(5)
+    )
+    del campaign, SurveyOptions
+    raise NotImplementedError
+
+
+def changed(c: Calibration, **changes: Any) -> Calibration:
+    """The same file with some fields altered, checked again."""
+    return Calibration.model_validate(c.model_dump() | changes)
+
+
+def turned_about_z(c: Calibration, angle: float) -> Calibration:
+    """The same calibration with each sensor turned by an angle (rad) about the BCS's Z."""
+    raise NotImplementedError
+
+
+def saved(c: Calibration, folder: Path, name: str) -> Path:
+    path = folder / name
+    save_calibration(c, path)
+    return path
+
+
+@dataclass(frozen=True)
+class Run:
+    status: int
+    out: str
+    err: str
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Run:
+    """Run `tdfscal` in this process."""
+    capsys.readouterr()
+    old, sys.argv = sys.argv, ["tdfscal", *map(str, arguments)]
+    status = 0
+    try:
+        main()
+    except SystemExit as end:
+        status = int(end.code or 0)
+    finally:
+        sys.argv = old
+    captured = capsys.readouterr()
+    return Run(status, captured.out, captured.err)

@@ -1,0 +1,137 @@
+"""Inject one fault, and exactly that is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from campaigns import SQUEEZED, calibrated, study
+
+from tdfscal import simulation
+from tdfscal.errors import DataError
+from tdfscal.records import Known, Rig
+from tdfscal.simulation import Contact, Crosstalk, DeadAxis, Drift, Faults, Gain, Jolt, Options
+
+RIG = simulation.reference_rig()
+SMALL = (0.004, 0.004, 0.004)
+
+
+def with_faults(faults: Faults, options: Options = SQUEEZED) -> Options:
+    return replace(options, faults=faults)
+
+
+@pytest.mark.parametrize("touched", [(7,), (2, 19)])
+def test_touched_postures_are_rejected_by_name_and_no_other(touched: tuple[int, ...]) -> None:
+    contacts = tuple(Contact(k, (3.0, -4.0, 6.0), (1.0, 0.5, -0.5)) for k in touched)
+    for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=2, trials=5).results:
+        assert tuple(sorted(result.rejected)) == touched
+        assert all("contact" in reason for reason in result.rejected.values())
+        assert not result.reasons
+
+
+def test_more_than_a_tenth_rejected_is_a_failure() -> None:
+    contacts = tuple(Contact(k, (30.0, -40.0, 60.0)) for k in (2, 8, 13, 19))
+    for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=3, trials=3).results:
+        assert len(result.rejected) == 4
+        assert any("4 of 24 postures" in reason for reason in result.reasons)
+
+
+def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[list[str]]:
+    """What each of a few campaigns suspects, the surest first."""
+    batch = simulation.simulate_dwells(real, options, np.random.default_rng(seed), 5)
+    return [[s.what for s in calibrated(batch, stated, i).suspicions] for i in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("real", "faults", "words"),
+    [
+        (RIG, Faults(gains=(Gain(1, (0.004, 0.004, 0.004)),)), "gain or crosstalk of ncp2"),
+        (
+            RIG,
+            Faults(crosstalk=(Crosstalk(2, (0.004, 0.004, 0.004)),)),
+            "gain or crosstalk of ncp3",
+        ),
+        (RIG, Faults(drifts=(Drift(0, (4.0, -4.0, 4.0)),)), "the zero of ncp1 drifts"),
+        (replace(RIG, mass=Known(np.asarray(503.0), RIG.mass.std)), Faults(), "the mass"),
+        (
+            replace(RIG, barycentre=Known(np.array([0.006, -0.006, 0.25]), RIG.barycentre.std)),
+            Faults(),
+            "the barycentre",
+        ),
+        (replace(RIG, gravity_tilt_std=4e-3), Faults(), "gravity"),
+    ],
+    ids=["gain", "crosstalk", "drift", "mass", "barycentre", "tilt"],
+)
+def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: str) -> None:
+    found = suspects(real, RIG, with_faults(faults), seed=4)
+    assert sum(bool(names) and words in names[0] for names in found) >= 4
+
+
+def test_a_sound_campaign_raises_no_suspicion() -> None:
+    """At 0.5 % false alarms, more than two among 40 has a chance of 1e-3."""
+    found = study(RIG, SQUEEZED, seed=5, trials=40).results
+    assert sum(bool(r.suspicions) for r in found) <= 2
+    assert sum(len(r.rejected) for r in found) <= 1
+
+
+def test_saturated_postures_are_named() -> None:
+    share = float(RIG.mass.value) * RIG.gravity / 3
+    capped = replace(RIG, capacity=np.full((3, 3), 1.06 * share))
+    result = study(capped, with_faults(Faults(saturated=True)), seed=6, trials=1).results[0]
+    batch = simulation.simulate_dwells(
+        capped, with_faults(Faults(saturated=True)), np.random.default_rng(6), 1
+    )
+    over = np.flatnonzero(np.abs(batch.dwells(0).force_max).max(axis=(1, 2)) >= 1.06 * share)
+    assert set(over) <= set(result.rejected)
+    assert all("capacity" in result.rejected[int(k)] for k in over)
+
+
+def test_a_dead_axis_is_refused_by_name() -> None:
+    from tdfscal.dwells import find_dwells
+    from tdfscal.selfcalibration import self_calibrate
+
+    options = with_faults(Faults(dead_axes=(DeadAxis(1, 0),)), replace(SQUEEZED, postures=5))
+    campaign = simulation.simulate_campaign(RIG, options, np.random.default_rng(7))
+    with pytest.raises(DataError, match=r"x axis of the sensor of ncp2 .* dead"):
+        self_calibrate(RIG, find_dwells(campaign.log), rng=np.random.default_rng(0))
+
+
+def test_a_jolt_does_not_reach_the_angles() -> None:
+    """A blow during a dwell, in the time series: cut out, or the posture rejected."""
+    from scipy import stats
+
+    from tdfscal.dwells import find_dwells
+    from tdfscal.numerics import so3
+    from tdfscal.selfcalibration import self_calibrate
+
+    options = with_faults(Faults(jolts=(Jolt(6, (200.0, -100.0, 300.0)),)))
+    campaign = simulation.simulate_campaign(RIG, options, np.random.default_rng(8))
+    result = self_calibrate(
+        RIG, find_dwells(campaign.log), rng=np.random.default_rng(0), max_trials=0
+    )
+    d = so3.log(campaign.truth.rotation @ np.swapaxes(result.fit.state.rotation, 1, 2)).ravel()
+    d2 = d @ np.linalg.solve(result.uncertainty.covariance, d)
+    assert d2 < stats.chi2.ppf(1 - 1e-4, 9)
+    assert not result.reasons
+
+
+def test_averaged_postures_without_a_noise_take_it_from_the_residuals() -> None:
+    """`rows: postures` and nothing declared: honest, with few degrees of freedom, and said."""
+    from scipy import stats
+
+    from tdfscal.dwells import find_dwells
+    from tdfscal.numerics import so3
+    from tdfscal.selfcalibration import self_calibrate
+
+    bare = replace(RIG, declared=replace(RIG.declared, force_noise=0.0))
+    batch = simulation.simulate_dwells(bare, SQUEEZED, np.random.default_rng(9), 10)
+    total = 0.0
+    for i in range(10):
+        dwells = find_dwells(batch.log(i))
+        result = self_calibrate(bare, dwells, rng=np.random.default_rng(0), max_trials=0)
+        assert "from the residuals" in result.warnings[0]
+        R = result.fit.state.rotation
+        d = so3.log(batch.truth.rotation[i] @ np.swapaxes(R, 1, 2)).ravel()
+        total += float(d @ np.linalg.solve(result.uncertainty.covariance, d))
+    assert 1e-4 < stats.chi2.cdf(total, 90) < 1 - 1e-4

@@ -1,0 +1,152 @@
+"""What must not change the answer: order, names, origins, units, and how the BCS is turned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from campaigns import SQUEEZED
+
+from tdfscal import simulation
+from tdfscal.numerics import so3
+from tdfscal.records import Dwells, FloatArray, IntArray, Known, Rig
+from tdfscal.selfcalibration import self_calibrate
+
+RIG = replace(
+    simulation.reference_rig(),
+    declared=replace(simulation.reference_rig().declared, force_sensitivity=1e-3, datum=2e-5),
+)
+BATCH = simulation.simulate_dwells(RIG, SQUEEZED, np.random.default_rng(21), 1)
+DWELLS = BATCH.dwells(0)
+CLOSE = 1e-9
+
+
+def angles(rig: Rig, dwells: Dwells) -> FloatArray:
+    result = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+    return so3.to_rpy(result.fit.state.rotation)
+
+
+REFERENCE = angles(RIG, DWELLS)
+
+
+def along(dwells: Dwells, index: IntArray | list[int], axis: int) -> Dwells:
+    """Dwells with postures (axis 0) or supports (axis 1) in another order."""
+    per_support = ("position", "position_cov", "force", "force_cov", "force_min", "force_max")
+    names = (*per_support, "count", "effective") + (("start", "end") if axis == 0 else ())
+    taken: dict[str, Any] = {n: np.take(getattr(dwells, n), index, axis=axis) for n in names}
+    return replace(dwells, **taken)
+
+
+def test_order_of_the_postures() -> None:
+    order = np.random.default_rng(0).permutation(len(DWELLS))
+    assert np.abs(angles(RIG, along(DWELLS, order, 0)) - REFERENCE).max() < CLOSE
+
+
+def test_names_and_order_of_the_supports() -> None:
+    order = [2, 0, 1]
+    rig = replace(
+        RIG,
+        supports=("c", "a", "b"),
+        hinge=RIG.hinge[order],
+        zero=Known(RIG.zero.value[order], RIG.zero.std[order]),
+        nominal_rpy=RIG.nominal_rpy[order],
+        rpy_std=RIG.rpy_std[order],
+        capacity=RIG.capacity[order],
+    )
+    dwells = replace(along(DWELLS, order, 1), supports=rig.supports)
+    assert np.abs(angles(rig, dwells) - REFERENCE[order]).max() < CLOSE
+
+
+def test_origin_of_the_lcs() -> None:
+    shift = np.array([0.3, -0.7, 1.1])
+    rig = replace(
+        RIG,
+        hinge=RIG.hinge + shift,
+        barycentre=Known(RIG.barycentre.value + shift, RIG.barycentre.std),
+    )
+    assert np.abs(angles(rig, DWELLS) - REFERENCE).max() < CLOSE
+
+
+def test_origin_of_the_bcs() -> None:
+    moved = replace(DWELLS, position=DWELLS.position + np.array([5.0, -3.0, 2.0]))
+    assert np.abs(angles(RIG, moved) - REFERENCE).max() < CLOSE
+
+
+@pytest.mark.parametrize("turn", [0.4, -2.5])
+def test_the_bcs_turned_about_gravity(turn: float) -> None:
+    """Positions turn, readings do not: every X_i turns with the BCS."""
+    Q = so3.from_rpy(np.array([0.0, 0.0, turn]))
+    turned = replace(
+        DWELLS,
+        position=DWELLS.position @ Q.T,
+        position_cov=Q @ DWELLS.position_cov @ Q.T,
+    )
+    rig = replace(RIG, nominal_rpy=so3.to_rpy(Q @ so3.from_rpy(RIG.nominal_rpy)))
+    expected = so3.to_rpy(Q @ so3.from_rpy(REFERENCE))
+    assert np.abs(angles(rig, turned) - expected).max() < CLOSE
+
+
+def test_units_of_force() -> None:
+    """All forces, the mass and their uncertainties in units ten times as large."""
+    tenth, declared = 0.1, RIG.declared
+    rig = replace(
+        RIG,
+        mass=Known(tenth * RIG.mass.value, tenth * RIG.mass.std),
+        zero=Known(tenth * RIG.zero.value, tenth * RIG.zero.std),
+        declared=replace(declared, force_noise=tenth * declared.force_noise),
+    )
+    dwells = replace(
+        DWELLS,
+        force=tenth * DWELLS.force,
+        force_cov=tenth**2 * DWELLS.force_cov,
+        force_min=tenth * DWELLS.force_min,
+        force_max=tenth * DWELLS.force_max,
+    )
+    assert np.abs(angles(rig, dwells) - REFERENCE).max() < CLOSE
+
+
+def test_units_of_length() -> None:
+    """All lengths in units of which a metre has half as many: moments are told by their rows."""
+    half, declared = 0.5, RIG.declared
+    rig = replace(
+        RIG,
+        hinge=half * RIG.hinge,
+        barycentre=Known(half * RIG.barycentre.value, half * RIG.barycentre.std),
+        declared=replace(
+            declared,
+            hinge=half * declared.hinge,
+            positioner=half * declared.positioner,
+            datum=half * declared.datum,
+        ),
+    )
+    dwells = replace(
+        DWELLS, position=half * DWELLS.position, position_cov=half**2 * DWELLS.position_cov
+    )
+    assert np.abs(angles(rig, dwells) - REFERENCE).max() < CLOSE
+
+
+@pytest.mark.parametrize(
+    "mounting", [[0, 0, np.pi / 2], [0, 0, np.pi], [np.pi, 0, 0], [0.0, 0.0, -np.pi / 2]]
+)
+def test_an_unstated_mounting_is_found(mounting: list[float]) -> None:
+    """The second sensor stands a quarter or half turn off, and rig.yaml does not say so.
+
+    Upside down, the weight check speaks first, since it cannot tell it from a wrong sign.
+    """
+    rpy = np.random.default_rng(3).normal(scale=0.02, size=(3, 3))
+    rpy[1] += mounting
+    options = replace(SQUEEZED, rpy=rpy)
+    rig = simulation.reference_rig()
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(5), 1)
+    if mounting[0] != 0:
+        from tdfscal.errors import DataError
+
+        with pytest.raises(DataError, match="nominal_rpy"):
+            angles(rig, batch.dwells(0))
+        return
+    result = self_calibrate(rig, batch.dwells(0), rng=np.random.default_rng(0), max_trials=0)
+    off = so3.log(batch.truth.rotation[0] @ np.swapaxes(result.fit.state.rotation, 1, 2))
+    assert np.abs(off).max() < 5 * result.uncertainty.rpy_std.max()
+    assert not result.reasons

@@ -1,0 +1,98 @@
+"""`tdfscal study …`: tables, figures, text."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from tdfscal.cli import main
+from tdfscal.files.campaign_writer import simulate_to_folder
+from tdfscal.simulation import Recorder
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study") / "rig"
+    simulate_to_folder(folder, postures=2, rows="postures", recorder=Recorder(mean_sd=0.5))
+    return folder
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
+    monkeypatch.setattr(sys, "argv", ["tdfscal", *map(str, arguments)])
+    with pytest.raises(SystemExit) as leaving:
+        main()
+        sys.exit(0)
+    return int(leaving.value.code or 0)
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_sensitivity(
+    rig: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, "--rpy", "0.1,0,0") == 0
+    text = capsys.readouterr().out
+    assert "81.71" in text
+    assert max(map(len, text.replace(str(out), "").splitlines())) <= 80
+    table = rows(out / "sensitivity.csv")
+    assert len(table) == 2 * 2 * 9 * 101
+    worst = max(
+        float(row["force_error_N"])
+        for row in table
+        if row["internal_N"] == "0.0" and row["posture_roll"] == "0.0"
+    )
+    assert worst == pytest.approx(81.7, abs=0.05)
+    for name in ("aligned", "aligned-squeezed", "tilted", "tilted-squeezed"):
+        assert (out / f"sensitivity-{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in (out / f"sensitivity-{name}.svg").read_text(encoding="utf-8")
+    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["sweeps"][0]["supports"][0]["force_error"][2] == pytest.approx(0, abs=1e-9)
+    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, "--rpy", "a,b") == 2
+    assert "--rpy" in capsys.readouterr().err
+
+
+def test_accuracy(
+    rig: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    options = ["--runs", "4", "--postures", "10", "--seed", "1", "-q"]
+    assert run(monkeypatch, "study", "accuracy", rig, "-o", out, *options) == 0
+    text = capsys.readouterr().out
+    assert "is the most accurate on this rig" in text
+    assert max(map(len, text.replace(str(out), "").splitlines())) <= 80
+    assert len(rows(out / "accuracy.csv")) == 3 * 9
+    errors = [row for row in rows(out / "errors.csv") if row["method"] == "ml"]
+    assert len(errors) == 4
+    mean = sum(float(row["ncp2.pitch"]) for row in errors) / 4
+    said = next(
+        row
+        for row in rows(out / "accuracy.csv")
+        if (row["method"], row["support"], row["angle"]) == ("ml", "ncp2", "pitch")
+    )
+    assert float(said["mean_rad"]) == pytest.approx(mean, rel=1e-12)
+    counts: dict[tuple[str, ...], int] = {}
+    for row in rows(out / "histograms.csv"):
+        key = (row["method"], row["support"], row["angle"])
+        counts[key] = counts.get(key, 0) + int(row["count"])
+    assert set(counts.values()) == {4}
+    for name in ("accuracy", "errors-1-ncp1", "errors-3-ncp3"):
+        assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert run(monkeypatch, "study", "accuracy", rig, "-o", out, *options, "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["best"] == "ml"
+    assert [method["method"] for method in document["methods"]] == ["ml", "linear", "tracker"]

@@ -1,0 +1,287 @@
+"""`tdfscal apply` and `tdfscal validate` on folders, by the command line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from tdfscal.cli import main
+from tdfscal.files.calibration import load_calibration
+from tdfscal.files.campaign_writer import write_campaign
+from tdfscal.files.inuse import calibrated
+from tdfscal.records import Log, Rig, Series
+from tdfscal.simulation import (
+    Campaign,
+    Contact,
+    Faults,
+    Options,
+    Recorder,
+    make_rig,
+    simulate_campaign,
+)
+
+USED, HELD = 16, 4
+FORCE = (60.0, -40.0, 80.0)
+OFF = USED + 1
+
+
+@dataclass(frozen=True)
+class Places:
+    """Folders: used to calibrate, held out, held out with a contact; the calibration file."""
+
+    home: Path
+    held: Path
+    touched: Path
+    calibration: Path
+    campaign: Campaign
+
+
+@dataclass(frozen=True)
+class Run:
+    status: int
+    out: str
+    err: str
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> Run:
+    capsys.readouterr()
+    old, sys.argv = sys.argv, ["tdfscal", *map(str, arguments)]
+    try:
+        main()
+        status = 0
+    except SystemExit as end:
+        status = int(end.code or 0)
+    finally:
+        sys.argv = old
+    captured = capsys.readouterr()
+    return Run(status, captured.out, captured.err)
+
+
+def between(log: Log, start: float, end: float) -> Log:
+    def cut(s: Series) -> Series:
+        keep = (s.time >= start) & (s.time < end)
+        return Series(s.time[keep], s.value[keep])
+
+    return replace(log, position=tuple(map(cut, log.position)), force=tuple(map(cut, log.force)))
+
+
+def campaign(faults: Faults | None = None) -> Campaign:
+    recorder = Recorder(dwell=(2.5, 3.0), move=(1.5, 2.0), force_rate=200.0, position_rate=50.0)
+    options = Options(
+        postures=USED + HELD, squeeze=300.0, recorder=recorder, faults=faults or Faults()
+    )
+    return simulate_campaign(make_rig(), options, np.random.default_rng(8))
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
+    home = tmp_path_factory.mktemp("apply")
+    plain, touched = campaign(), campaign(Faults(contacts=(Contact(OFF, FORCE),)))
+    middle = 0.5 * (plain.end[USED - 1] + plain.start[USED])
+    parts = {
+        "used": replace(plain, log=between(plain.log, 0.0, middle)),
+        "held": replace(plain, log=between(plain.log, middle, np.inf)),
+        "touched": replace(touched, log=between(touched.log, middle, np.inf)),
+    }
+    for name, content in parts.items():
+        write_campaign(content, home / name, format="mcap")
+    found = home / "calibration.yaml"
+    sys.argv, old = (
+        ["tdfscal", "calibrate", str(home / "used"), "-o", str(found), "--trials", "0", "-q"],
+        sys.argv,
+    )
+    try:
+        main()
+    except SystemExit as end:
+        assert not end.code
+    finally:
+        sys.argv = old
+    return Places(home, home / "held", home / "touched", found, touched)
+
+
+def test_contact_force_appears_where_it_acts(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    target = tmp_path / "wrench.parquet"
+    seen = run(capsys, "apply", places.calibration, places.touched, "-o", target, "--json")
+    assert seen.status == 0, seen.err
+    table = pq.read_table(target)
+    assert table.num_rows == json.loads(seen.out)["rows"]
+    assert table.schema.metadata[b"frame"] == b"LCS"
+    column = {name: table[name].to_numpy() for name in table.column_names}
+    c, settled = places.campaign, 0.6
+    for k in range(USED, USED + HELD):
+        dwell = (column["time"] > c.start[k] + settled) & (column["time"] < c.end[k] - 0.1)
+        found = np.array([column[f"f{a}"][dwell].mean() for a in "xyz"])
+        std = np.array([column[f"u_f{a}"][dwell].mean() for a in "xyz"])
+        raw = np.array([column[f"raw_f{a}"][dwell].mean() for a in "xyz"])
+        truth = np.array(FORCE) if k == OFF else np.zeros(3)
+        # 2 N per sample on three sensors over 360 samples, and 0.1 N per posture on each.
+        noise = np.sqrt(3 * (2.0**2 / dwell.sum() + 0.1**2))
+        assert np.all(np.abs(found - truth) < 4 * np.hypot(std, noise))
+        assert np.linalg.norm(raw - truth) > 20.0
+
+
+def test_csv_and_parquet_hold_the_same(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    tables = []
+    for suffix, read in ((".csv", pa_csv.read_csv), (".parquet", pq.read_table)):
+        target = tmp_path / f"wrench{suffix}"
+        assert run(capsys, "apply", places.calibration, places.held, "-o", target).status == 0
+        tables.append(read(target).to_pandas().to_numpy())
+    assert np.array_equal(*tables)
+
+
+def test_still_valid(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = run(capsys, "validate", places.calibration, places.held)
+    assert seen.status == 0, seen.err
+    assert "STILL VALID" in seen.out
+    assert max(map(len, seen.out.splitlines())) <= 90
+    found = json.loads(run(capsys, "validate", places.calibration, places.held, "--json").out)
+    assert found["verdict"] == "still valid"
+    assert len(found["postures"]) == HELD
+    assert found["force"]["rms_after"] < 0.02 * found["force"]["rms_before"]
+    assert found["p_value"] > 1e-3
+
+
+def test_contact_is_named_and_fails(places: Places, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = run(capsys, "validate", places.calibration, places.touched, "--json")
+    assert seen.status == 1
+    found = json.loads(seen.out)
+    assert found["verdict"] == "recalibrate"
+    assert found["suspected"][0]["kind"] == "contact"
+    assert found["suspected"][0]["postures"] == [OFF - USED]
+    assert "contact in posture 2" in run(
+        capsys, "validate", places.calibration, places.touched
+    ).out.replace("\n    ", " ")
+
+
+def edited(path: Path, change: Any) -> Path:
+    document = yaml.safe_load(path.read_text())
+    change(document)
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d["terminal"]["mass"].update(value=510.0), "mass is 510 kg instead of 500"),
+        (lambda d: d["supports"][0]["hinge"].__setitem__(0, 0.61), "hinge of ncp1"),
+        (lambda d: d["gravity"].update(magnitude=9.7), "gravity"),
+        (lambda d: d["supports"][1].update(nominal_rpy=[0, 0, 1.0]), "nominal mounting of ncp2"),
+        (lambda d: d["supports"][2]["zero"].update(value=[9, 0, 0]), "zero of ncp3"),
+    ],
+)
+def test_a_rig_that_contradicts_is_refused(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path, change: Any, said: str
+) -> None:
+    folder = tmp_path / "held"
+    shutil.copytree(places.held, folder)
+    edited(folder / "rig.yaml", change)
+    target = tmp_path / "w.csv"
+    for arguments in (
+        ("validate", places.calibration, folder),
+        ("apply", places.calibration, folder, "-o", target),
+    ):
+        seen = run(capsys, *arguments)
+        assert seen.status == 2
+        assert said in seen.err
+        assert len(seen.err.strip().splitlines()) == 1
+    assert not target.exists()
+
+
+def test_a_mass_within_its_uncertainty_is_no_contradiction(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = tmp_path / "held"
+    shutil.copytree(places.held, folder)
+    edited(folder / "rig.yaml", lambda d: d["terminal"]["mass"].update(value=500.3))
+    assert run(capsys, "validate", places.calibration, folder).status == 0
+
+
+def test_the_embedded_rig_serves_where_there_is_no_other(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    shutil.copy(places.held / "log.mcap", log)
+    assert run(capsys, "validate", places.calibration, log).status == 0
+
+
+def test_a_rejected_calibration_is_used_with_a_loud_warning(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    target = tmp_path / "rejected.yaml"
+    shutil.copy(places.calibration, target)
+    edited(target, lambda d: d.update(status="rejected", quality={"reasons": ["a test"]}))
+    seen = run(capsys, "validate", target, places.held)
+    assert "IS A REJECTED CALIBRATION" in seen.err
+    assert "a test" in seen.err
+
+
+@pytest.mark.parametrize("name", ["wrench.txt", "missing/wrench.csv"])
+def test_a_result_that_cannot_be_written_is_refused_at_once(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+) -> None:
+    seen = run(capsys, "apply", places.calibration, places.held, "-o", tmp_path / name)
+    assert seen.status == 2
+    assert not (tmp_path / name).exists()
+
+
+def test_an_input_is_never_replaced(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time\n")
+    seen = run(capsys, "apply", places.calibration, log, "-o", log)
+    assert seen.status == 2
+    assert "replace an input" in seen.err
+    assert log.read_text() == "time\n"
+
+
+def test_a_damaged_log_leaves_an_older_result_alone(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    log, target = tmp_path / "log.mcap", tmp_path / "w.csv"
+    whole = (places.held / "log.mcap").read_bytes()
+    log.write_bytes(whole[: len(whole) // 2])
+    target.write_text("older")
+    assert run(capsys, "apply", places.calibration, log, "-o", target).status == 3
+    assert target.read_text() == "older"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.mcap", "w.csv"]
+
+
+def test_inertia_of_the_rig_file_is_used(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder, target = tmp_path / "held", tmp_path / "w.parquet"
+    shutil.copytree(places.held, folder)
+    inertia = [[60, 0, 0], [0, 60, 0], [0, 0, 90]]
+    edited(folder / "rig.yaml", lambda d: d["terminal"].update(inertia=inertia))
+    found = []
+    for more in ((), ("--quasi-static",)):
+        line = ("apply", places.calibration, folder, "-o", target, "--json", *more)
+        assert json.loads(run(capsys, *line).out)["quasi_static"] == bool(more)
+        found.append(pq.read_table(target)["fx"].to_numpy())
+    assert len(found[0]) == len(found[1])
+    assert np.abs(found[0] - found[1]).max() > 1.0
+
+
+def test_the_file_gives_back_the_parameters(places: Places) -> None:
+    given = calibrated(load_calibration(places.calibration))
+    rig: Rig = given.rig
+    assert given.state.rotation.shape == (3, 3, 3)
+    assert given.state.mass == pytest.approx(500.0, abs=1.0)
+    assert rig.supports == ("ncp1", "ncp2", "ncp3")
+    assert not given.open.any()

@@ -1,0 +1,85 @@
+"""Lengths of normal vectors by closed forms, and the decision rule."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tdfscal.conformity import COVERAGE, assess, coverage_radius, exceeding, within
+from tdfscal.wrench import wrenches
+
+from .held_out import RIG, world
+
+GIVEN = world(1).given[0]
+
+
+def test_coverage_radius_in_one_two_and_three_dimensions() -> None:
+    assert stats.norm.cdf(2) - stats.norm.cdf(-2) == pytest.approx(COVERAGE, abs=1e-15)
+    for dof in (1, 2, 3):
+        cov = np.diag([9.0] * dof + [0.0] * (3 - dof))
+        expected = 3 * np.sqrt(stats.chi2.ppf(COVERAGE, dof))
+        assert coverage_radius(cov) == pytest.approx(expected, rel=1e-9)
+    assert coverage_radius(np.zeros((3, 3))) == 0.0
+
+
+def test_probability_of_a_shifted_sphere_is_noncentral_chi_square() -> None:
+    mean = np.array([1.0, 2.0, -1.0])
+    for limit in (0.5, 2.0, 4.0, 8.0):
+        expected = stats.ncx2.sf(limit**2 / 4, 3, mean @ mean / 4)
+        assert exceeding(4 * np.eye(3), mean, limit) == pytest.approx(expected, abs=1e-12)
+
+
+def test_probability_of_an_ellipsoid_by_monte_carlo() -> None:
+    rng, draws = np.random.default_rng(2), 400_000
+    A = rng.standard_normal((3, 3)) * np.array([5.0, 1.0, 0.1])
+    mean = np.array([1.0, -2.0, 0.5])
+    inside = np.linalg.norm(mean + rng.standard_normal((draws, 3)) @ A.T, axis=1) < 4.0
+    p = within(A @ A.T, mean, 4.0)
+    assert abs(inside.mean() - p) < 5 * np.sqrt(p * (1 - p) / draws)
+
+
+def test_a_certain_error_is_inside_or_outside() -> None:
+    mean = np.array([3.0, 0.0, 4.0])
+    assert exceeding(np.zeros((3, 3)), mean, 5.1) == 0.0
+    assert exceeding(np.zeros((3, 3)), mean, 4.9) == 1.0
+
+
+def test_guard_band() -> None:
+    U = assess(GIVEN).force.expanded
+    assert assess(GIVEN, force=1.0001 * U).conforms
+    tight = assess(GIVEN, force=0.9999 * U)
+    assert not tight.conforms
+    assert len(tight.reasons) == 1
+    assert "contact force" in tight.reasons[0]
+    assert tight.force.exceeding == pytest.approx(1 - COVERAGE, rel=0.01)
+    known = np.array([0.5 * U, 0, 0, 0, 0, 0])
+    assert not assess(GIVEN, force=1.4 * U, deviation=known).conforms
+    assert assess(GIVEN, force=1.6 * U, deviation=known).conforms
+
+
+def test_limits_come_from_the_rig_file() -> None:
+    limits = replace(RIG.acceptance, contact_force=1e-3, contact_rpy=(0.02, -0.01, 0.1))
+    found = assess(replace(GIVEN, rig=replace(RIG, acceptance=limits)))
+    assert found.rpy == (0.02, -0.01, 0.1)
+    assert not found.force.conforms
+    assert found.torque.conforms
+    assert found.force.exceeding == pytest.approx(1.0, abs=1e-4)
+
+
+def test_open_parameters_never_conform_to_a_limit() -> None:
+    unknown = np.zeros_like(GIVEN.open)
+    unknown[9:12] = True
+    found = assess(replace(GIVEN, open=unknown), force=1e6)
+    assert not found.force.conforms
+    assert found.force.exceeding == 1.0
+
+
+def test_the_posture_is_at_rest() -> None:
+    from tdfscal.conformity import _standing
+
+    position, reading = _standing(GIVEN, (0.05, -0.03, 0.2))
+    value = wrenches(GIVEN, np.zeros(1), position, reading).value
+    assert np.abs(value).max() < 1e-8

@@ -1,0 +1,177 @@
+"""The contact wrench against closed forms and the simulator's truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tdfscal.calibrated import Calibrated
+from tdfscal.motion import motion, poses
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray
+from tdfscal.simulation import Contact, Faults
+from tdfscal.statics import balance, gravity, postures, register, retract
+from tdfscal.wrench import contact_wrench, covariance, jacobian, to_lcs, wrenches
+
+from .held_out import HELD, RIG, USED, World, simulated, world
+
+FORCE, MOMENT = (30.0, -20.0, 45.0), (8.0, -6.0, 4.0)
+MANY = world(100)
+
+
+def mahalanobis(given: Calibrated, held: World, trial: int, truth: FloatArray) -> float:
+    """Squared length of the error of all held-out wrenches by their stated covariance."""
+    observed = postures(RIG, held.held(trial))
+    found = wrenches(given, np.arange(float(HELD)), observed.position, observed.force).value
+    at = balance(observed, given.state, given.state.barycentre, RIG.gravity)
+    T, J = to_lcs(at), jacobian(given, at).reshape(6 * HELD, -1)
+    total = J @ given.covariance @ J.T
+    noise = T @ at.cov @ np.swapaxes(T, 1, 2)
+    for k in range(HELD):
+        total[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += noise[k]
+    error = (found - truth).ravel()
+    return float(error @ np.linalg.solve(total, error))
+
+
+@pytest.mark.parametrize("touching", [True, False])
+def test_error_is_within_the_stated_uncertainty(touching: bool) -> None:
+    contacts = tuple(Contact(USED + k, FORCE, MOMENT) for k in range(HELD)) if touching else ()
+    held = replace(MANY, batch=simulated(100, Faults(contacts=contacts)))
+    truth = np.array([*FORCE, *MOMENT]) if touching else np.zeros(6)
+    d2 = [mahalanobis(given, held, t, truth) for t, given in enumerate(MANY.given)]
+    assert stats.kstest(d2, stats.chi2(6 * HELD).cdf).pvalue > 1e-3
+    assert 1e-3 < stats.chi2.cdf(sum(d2), 6 * HELD * len(d2)) < 1 - 1e-3
+
+
+def test_wrench_is_newtons_law_written_out() -> None:
+    given, dwells = MANY.given[0], MANY.held(0)
+    s = given.state
+    found = wrenches(given, dwells.start, dwells.position, dwells.force).value
+    R, _ = register(s.hinge, dwells.position - s.datum)
+    G = float(s.mass) * gravity(s, RIG.gravity)
+    for k in range(HELD):
+        L = [R[k].T @ s.rotation[i] @ (dwells.force[k, i] - s.zero[i]) for i in range(3)]
+        weight = R[k].T @ G
+        force = -np.sum(L, axis=0) - weight
+        moment = -sum(np.cross(s.hinge[i], L[i]) for i in range(3)) - np.cross(s.barycentre, weight)
+        # Poses are good to 1e-10 rad, and 5 kN turn with them.
+        assert np.abs(found[k] - [*force, *moment]).max() < 5e-7
+
+
+def test_standard_uncertainty_is_the_spread_over_the_covariance() -> None:
+    given, dwells = MANY.given[0], MANY.held(0)
+    rng, draws = np.random.default_rng(5), 1000
+    steps = rng.standard_normal((draws, given.root.shape[1])) @ given.root.T
+    time = np.arange(float(HELD))
+    values = []
+    for step in steps:
+        state = retract(given.state, step)
+        at = poses(state.hinge, dwells.position - state.datum)
+        values.append(contact_wrench(state, RIG.gravity, at, dwells.force))
+    stated = wrenches(given, time, dwells.position, dwells.force).std
+    # The spread of a standard deviation from m draws is 1/√(2m): five of these.
+    assert np.abs(np.std(values, axis=0) / stated - 1).max() < 5 / np.sqrt(2 * draws)
+
+
+def test_sensitivity_is_undone_before_the_rotation() -> None:
+    given, dwells = MANY.given[0], MANY.held(0)
+    voigt = np.array([[0.01, -0.02, 0.015, 0.003, -0.004, 0.005]] * 3)
+    scaled = replace(given, state=replace(given.state, sensitivity=voigt))
+    xx, yy, zz, yz, xz, xy = voigt[0]
+    S = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    zero = given.state.zero
+    mixed = (dwells.force - zero) @ (np.eye(3) + S).T + zero
+    found = wrenches(scaled, dwells.start, dwells.position, mixed).value
+    plain = wrenches(given, dwells.start, dwells.position, dwells.force).value
+    assert np.abs(found - plain).max() < 1e-8
+
+
+def test_open_zeros_leave_the_uncertainty_open() -> None:
+    given, dwells = MANY.given[0], MANY.held(0)
+    unknown = np.zeros_like(given.open)
+    unknown[9:12] = True
+    cov = covariance(replace(given, open=unknown), dwells.position, dwells.force)
+    assert np.all(np.isinf(np.diagonal(cov, axis1=1, axis2=2)[:, :3]))
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-3, 0.05, 5.0])
+def test_poses_are_those_of_the_registration(speed: float) -> None:
+    rng, N = np.random.default_rng(1), 1000
+    t = np.arange(N) / 1000
+    axis = np.array([0.6, -0.5, 0.3])
+    R = so3.exp(speed * np.sin(2 * t)[:, None] * axis)
+    position = np.einsum("kab,nb->kna", R, RIG.hinge) + rng.standard_normal((N, 1, 3))
+    position += 1e-5 * rng.standard_normal(position.shape)
+    found = poses(RIG.hinge, position)
+    R0, T0 = register(RIG.hinge, position)
+    assert np.abs(found.rotation - R0).max() < 3e-10
+    assert np.abs(found.translation - T0).max() < 1e-9
+
+
+def test_inertial_terms_are_the_rate_of_momentum() -> None:
+    rate, N = 1000.0, 2001
+    t = np.arange(N) / rate
+    inertia = np.array([[60.0, 2.0, -3.0], [2.0, 70.0, 1.0], [-3.0, 1.0, 90.0]])
+    rig = replace(RIG, inertia=inertia)
+    given = replace(MANY.given[0], rig=rig)
+    s, m = given.state, float(given.state.mass)
+
+    def pose_at(u: Any) -> tuple[FloatArray, FloatArray]:
+        turn = np.stack([0.05 * np.sin(3 * u), 0.04 * np.cos(2 * u), 0.06 * np.sin(u)], axis=-1)
+        path = np.stack([0.02 * np.sin(4 * u), 0.03 * np.cos(3 * u), 0.01 * u**2], axis=-1)
+        return so3.exp(turn), path
+
+    def momentum(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Linear momentum, and angular momentum about the BCS' origin, by complex step."""
+        h = 1e-30
+        R, T = pose_at(u)
+        Rc, Tc = pose_at(u + 1j * h)
+        dR, dT = Rc.imag / h, Tc.imag / h
+        spin = dR @ np.swapaxes(R, 1, 2)
+        w = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+        r = R @ s.barycentre
+        p = m * (dT + np.cross(w, r))
+        about_o = (R @ inertia @ np.swapaxes(R, 1, 2) @ w[..., None])[..., 0] + m * np.cross(r, dT)
+        return p, about_o + np.cross(T, p)
+
+    R, T = pose_at(t)
+    h = 1e-4
+    (p1, l1), (p0, l0) = momentum(t + h), momentum(t - h)
+    force, torque = (p1 - p0) / (2 * h), (l1 - l0) / (2 * h)
+    weight = m * gravity(s, rig.gravity)
+    need = force - weight
+    # Moments about the LCS origin, which moves: those about the BCS' origin less T × F.
+    turn = torque - np.cross(T, force) - np.cross(R @ s.barycentre, weight)
+    arm = np.einsum("kab,nb->kna", R, s.hinge)
+    grasp = np.concatenate([np.broadcast_to(np.eye(3), (N, 3, 3, 3)), so3.hat(arm)], axis=2)
+    grasp = np.moveaxis(grasp, 1, 2).reshape(N, 6, 9)
+    F = (np.linalg.pinv(grasp) @ np.concatenate([need, turn], axis=1)[..., None]).reshape(N, 3, 3)
+    reading = np.einsum("nba,knb->kna", s.rotation, F) + s.zero
+    position = arm + T[:, None] + s.datum
+    at = poses(s.hinge, position - s.datum)
+    moving = motion(at, 1 / rate, 100)
+    with_inertia = wrenches(given, t, position, reading, at=at, moving=moving).value
+    at_rest = wrenches(given, t, position, reading, at=at).value
+    inner = slice(100, -100)
+    # A cubic over ±0.1 s misses f''''·h²·const of 4 rad/s motions: below 2 % of the inertia.
+    assert np.abs(at_rest[inner]).max() > 100.0
+    assert np.abs(with_inertia[inner]).max() < 0.02 * np.abs(at_rest[inner]).max()
+    shorter = motion(at, 1 / rate, 20)
+    better = wrenches(given, t, position, reading, at=at, moving=shorter).value
+    assert np.abs(better[inner]).max() < 0.002 * np.abs(at_rest[inner]).max()
+
+
+def test_derivatives_have_no_delay() -> None:
+    t = np.arange(401) / 200.0
+    path = np.stack([t**3, -(t**2), np.ones_like(t)], axis=1)
+    at = poses(RIG.hinge, RIG.hinge + path[:, None])
+    found = motion(at, 1 / 200.0, 20)
+    assert found is not None
+    expected = np.stack([6 * t, np.full_like(t, -2.0), np.zeros_like(t)], axis=1)
+    assert np.abs(found.acceleration - expected).max() < 1e-6  # a cubic is met to rounding
+    assert np.abs(found.turning).max() < 1e-9
+    assert motion(at, 1 / 200.0, 201) is None

@@ -1,0 +1,119 @@
+"""Logs in pieces, of different rates, with gaps: the same wrench as in one piece."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from tdfscal.records import FloatArray, Log, Series
+from tdfscal.timebase import Samples, Tally, aligned
+from tdfscal.wrenchlog import WrenchPiece, at_rest, in_motion
+
+from .held_out import RIG, world
+
+GIVEN = world(1).given[0]
+NAMES = RIG.supports
+
+
+def line(time: FloatArray, support: int, kind: int) -> Series:
+    """A straight line in time: linear interpolation meets it exactly."""
+    base = RIG.hinge[support] if kind == 0 else np.array([10.0, -20.0, 1600.0 + support])
+    slope = (1e-3 if kind == 0 else 5.0) * np.array([1.0, -2.0, 0.5]) * (support + 1)
+    return Series(time, base + time[:, None] * slope)
+
+
+def log(position_rate: float, force_rate: float, start: float, end: float) -> Log:
+    p = np.arange(np.ceil(start * position_rate), end * position_rate) / position_rate
+    f = np.arange(np.ceil(start * force_rate), end * force_rate) / force_rate
+    return Log(
+        NAMES,
+        tuple(line(p, i, 0) for i in range(3)),
+        tuple(line(f, i, 1) for i in range(3)),
+    )
+
+
+def pieces(position_rate: float, force_rate: float, cuts: list[float]) -> Iterator[Log]:
+    for a, b in pairwise(cuts):
+        yield log(position_rate, force_rate, a, b)
+
+
+def joined(parts: Iterator[Samples]) -> Samples:
+    found = list(parts)
+    return Samples(*(np.concatenate([getattr(s, n) for s in found]) for n in Samples.__slots__))
+
+
+def values(parts: Iterator[WrenchPiece]) -> tuple[FloatArray, FloatArray]:
+    found = list(parts)
+    time = np.concatenate([p.time for p in found])
+    return time, np.concatenate([p.wrench.value for p in found])
+
+
+def test_positions_are_interpolated_across_the_borders_of_pieces() -> None:
+    tally = Tally()
+    found = joined(aligned(pieces(50.0, 333.0, [0.0, 0.31, 0.32, 0.9, 2.0]), tally))
+    assert np.all(np.diff(found.time) > 0)
+    # Every force sample up to the last position is there, once.
+    expected = np.arange(np.floor(1.98 * 333.0) + 1) / 333.0
+    assert np.array_equal(found.time, expected)
+    for i in range(3):
+        assert np.abs(found.position[:, i] - line(found.time, i, 0).value).max() < 1e-12
+        assert np.abs(found.force[:, i] - line(found.time, i, 1).value).max() < 1e-9
+    assert tally.used == len(expected)
+    assert tally.used + tally.uncovered == int(np.ceil(2.0 * 333.0))
+
+
+def test_nothing_is_interpolated_over_a_gap() -> None:
+    def gap() -> Iterator[Log]:
+        yield log(50.0, 100.0, 0.0, 1.0)
+        yield replace(log(50.0, 100.0, 1.0, 3.0), position=log(50.0, 100.0, 2.5, 3.0).position)
+
+    tally = Tally()
+    found = joined(aligned(gap(), tally))
+    assert not np.any((found.time > 0.98 + 1e-9) & (found.time < 2.5 - 1e-9))
+    assert tally.uncovered == int(np.sum(np.arange(99, 250) / 100.0 > 0.98)) + 1
+
+
+def test_what_is_no_number_is_left_out_and_counted() -> None:
+    whole = log(100.0, 100.0, 0.0, 1.0)
+    value = whole.force[1].value.copy()
+    value[[3, 7]] = np.nan
+    force = (whole.force[0], Series(whole.force[1].time, value), whole.force[2])
+    tally = Tally()
+    found = joined(aligned([replace(whole, force=force)], tally))
+    assert (tally.used, tally.unreadable) == (98, 2)
+    assert not np.isin(found.time, [0.03, 0.07]).any()
+
+
+def test_pieces_give_what_the_whole_gives() -> None:
+    def moving(position: FloatArray, time: FloatArray) -> FloatArray:
+        swing = np.sin(3 * time)[:, None] * np.array([0.02, 0.01, -0.006])
+        return np.asarray(position + swing)
+
+    def shaken(parts: Iterator[Log]) -> Iterator[Log]:
+        for part in parts:
+            series = tuple(Series(s.time, moving(s.value, s.time)) for s in part.position)
+            yield replace(part, position=series)
+
+    rig = replace(GIVEN.rig, inertia=np.diag([60.0, 70.0, 90.0]))
+    given = replace(GIVEN, rig=rig)
+    whole, cut = [0.0, 4.0], [0.0, 0.05, 0.9, 1.0, 1.01, 2.2, 4.0]
+    for stage in (at_rest, in_motion):
+        t1, v1 = values(stage(given, aligned(shaken(pieces(200.0, 200.0, whole)), Tally())))
+        t2, v2 = values(stage(given, aligned(shaken(pieces(200.0, 200.0, cut)), Tally())))
+        assert np.array_equal(t1, t2)
+        assert len(t1) == 800
+        # Poses are good to 1e-10 rad; their second derivative by 5 ms steps to some 1e-7 rad/s².
+        assert np.abs(v1 - v2).max() < 1e-4
+    at_rest_v = values(at_rest(given, aligned(shaken(pieces(200.0, 200.0, whole)), Tally())))[1]
+    assert np.abs(v1 - at_rest_v).max() > 50.0
+
+
+def test_a_stretch_too_short_for_a_window_is_taken_as_at_rest() -> None:
+    rig = replace(GIVEN.rig, inertia=np.eye(3))
+    short = [log(100.0, 100.0, 0.0, 0.1)]
+    _, v1 = values(in_motion(replace(GIVEN, rig=rig), aligned(short, Tally())))
+    _, v2 = values(at_rest(GIVEN, aligned(short, Tally())))
+    assert np.array_equal(v1, v2)
