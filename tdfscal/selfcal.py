@@ -38,7 +38,7 @@ _PASSES = 40
 #: Residuals per posture.
 ROWS = 6
 #: Scale of the median residual up to which a start is good, and above which it is lost.
-_EXPLAINED, _LOST = 2.0, 25.0
+_EXPLAINED, _LOST = 2.0, 900.0
 #: Quarter turns about the BCS's axes that bring z up or down: the ways to mount a sensor.
 _MOUNTINGS = tuple(
     so3.from_rpy(np.array([flip, 0.0, quarter]))
@@ -207,11 +207,11 @@ def spread(distance: FloatArray) -> float:
     return max(1.0, float(np.median(distance) / chi2_quantile(0.5, ROWS)))
 
 
-def best_start(rig: Rig, postures: Postures) -> Fit:
+def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
     """Fit from the first start that explains the postures, or from the best of all.
 
-    The nominal mounting; the linear solution; then, where neither explains the median posture,
-    each sensor turned by quarter turns and upside down, one after the other.
+    The nominal mounting; the linear solution; then, where neither comes near and mountings are
+    to be tried, each sensor turned by quarter turns and upside down, one after the other.
     """
     everyone, priors = np.ones(len(postures)), Priors(rig)
 
@@ -225,7 +225,7 @@ def best_start(rig: Rig, postures: Postures) -> Fit:
     if best[0] > _EXPLAINED:
         best = min(best, tried(linear_start(rig, postures)), key=lambda pair: pair[0])
     for i in range(rig.n):
-        if best[0] <= _LOST:
+        if best[0] <= _LOST or not mountings:
             break
         for turn in _MOUNTINGS:
             rotation = nominal(rig).rotation.copy()

@@ -29,7 +29,7 @@ MAX_TRIALS = 40_000
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
 #: Residuals this many times the expected ones make exchanged sensors worth a try.
-_POOR = 3.0
+_POOR = 10.0
 #: χ² this unlikely is said aloud.
 _UNLIKELY = 0.01
 #: Rounds that bring an unknown noise level and the fit into agreement.
@@ -164,7 +164,8 @@ def _check_exchanged(rig: Rig, observed: Postures) -> None:
         other = replace(
             observed, force=observed.force[:, order], force_cov=observed.force_cov[:, order]
         )
-        if np.sqrt(spread(best_start(rig, other).distance)) < _POOR:
+        started = best_start(rig, other, mountings=False)
+        if np.sqrt(spread(started.distance)) < _POOR:
             raise DataError(
                 f"the forces fit with {sanity.renamed(rig, order)}, and not as they are named",
                 where="log forces",

@@ -98,6 +98,7 @@ class Planner:
         return found.index[index], returns
 
     def forecast(self, postures: Candidates) -> Forecast:
+        """Uncertainty to expect of postures, with what is held already."""
         at = self._at if self.request.objective == "wrench" else self.request.at
         return forecast(self.sight, postures, self.request.limits, self.held, at)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def test_more_is_known_of_more_postures_and_never_less_than_the_priors_say() -> 
         forecast(sight, pool.take(np.arange(count)), bounds, sight.prior()).rpy_std
         for count in (6, 12, 24, 40)
     ]
-    assert all((more < fewer).all() for fewer, more in zip(std, std[1:], strict=False))
+    assert all((more < fewer).all() for fewer, more in pairwise(std))
     known = replace(rig, zero=Known(rig.zero.value, np.zeros((3, 3))))
     tared = Sight.of(known, 1.0)
     assert (forecast(tared, pool, bounds, tared.prior()).rpy_std < std[-1]).all()

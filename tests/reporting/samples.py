@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 
 from tdfscal.cli import main
-from tdfscal.comparison import compare_pair
 from tdfscal.files.calibration import Calibration, save_calibration
 from tdfscal.files.results import Provenance, from_joint, from_self, from_tracker
 from tdfscal.files.rig import LoadedRig, parse_rig
 from tdfscal.joint import combine
 from tdfscal.records import Dwells, InputFile, Rotations
 from tdfscal.selfcalibration import SelfCalibration, self_calibrate
-from tdfscal.simulation import Options, simulate_dwells
-from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
+from tdfscal.simulation import Options, SurveyOptions, simulate_dwells, simulate_survey
+from tdfscal.trackercal import calibrate_tracker
 
 RIG = """\
 format: tdfscal-rig/1
@@ -78,26 +77,32 @@ def provenance(loaded: LoadedRig) -> Provenance:
 
 
 @cache
-def surveyed() -> tuple[SelfCalibration, TrackerCalibration, Calibration, Calibration]:
-    """Self-calibration and survey of one rig: own, tracker, tracker's file, joint file."""
-    from tdfscal.simulation import SurveyOptions, simulate_campaign
-
-    loaded = rig_of(3, "Surveyed rig")
-    campaign = simulate_campaign(
-        loaded.rig, Options(postures=12, squeeze=200.0), np.random.default_rng(5)
+def surveyed() -> tuple[Calibration, Calibration]:
+    """A tracker's calibration and the joint one, of the rig and truth of one self-calibration."""
+    base = sample()
+    truth = simulate_dwells(
+        base.rig.rig, Options(postures=12, squeeze=200.0), np.random.default_rng(1), 1
+    ).truth
+    survey = simulate_survey(
+        base.rig.rig, truth.rotation[0], SurveyOptions(), np.random.default_rng(3)
     )
-    del campaign, SurveyOptions
-    raise NotImplementedError
+    tracker = calibrate_tracker(base.rig.rig, survey.session, trials=1000)
+    origin = provenance(base.rig)
+    own = Rotations(
+        base.rig.rig.supports,
+        base.result.fit.state.rotation,
+        base.result.uncertainty.covariance,
+    )
+    both = combine(own, tracker.rotations)
+    return (
+        from_tracker(tracker, origin, (), ()),
+        from_joint(both, base.result, tracker, origin, (), ()),
+    )
 
 
 def changed(c: Calibration, **changes: Any) -> Calibration:
     """The same file with some fields altered, checked again."""
     return Calibration.model_validate(c.model_dump() | changes)
-
-
-def turned_about_z(c: Calibration, angle: float) -> Calibration:
-    """The same calibration with each sensor turned by an angle (rad) about the BCS's Z."""
-    raise NotImplementedError
 
 
 def saved(c: Calibration, folder: Path, name: str) -> Path:

@@ -11,6 +11,7 @@ from tdfscal.errors import UsageError
 from tdfscal.linearcal import fit_linear
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
+from tdfscal.reporting.studies import accuracy_text
 from tdfscal.selfcalibration import self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, reference_rig, simulate_dwells
 from tdfscal.statics import postures
@@ -58,6 +59,13 @@ def test_unbiased_and_as_accurate_as_stated(study: Accuracy) -> None:
     assert study.ranking[0].method == "ml"
     assert study.of("linear").rms.mean() > 5 * study.of("ml").rms.mean()
     assert "times better than laser tracker" in study.verdict
+
+
+def test_table_2_in_words(study: Accuracy) -> None:
+    text = accuracy_text(study)
+    assert "is the most accurate on this rig" in text.replace("\n  ", " ")
+    assert f"{1e3 * study.of('tracker').std[1, 2]:.4f}" in text
+    assert max(map(len, text.splitlines())) <= 80
 
 
 def result_of(error: FloatArray) -> MethodResult:
