@@ -16,8 +16,8 @@ from tdfscal.statics import register
 
 #: Samples that share one exact registration; the others follow it by Gauss–Newton.
 _BLOCK = 64
-#: Turn at which a Gauss–Newton step is exact to a tenth of a nanoradian (its square), rad.
-_CLOSE = 1.0e-5
+#: A last Gauss–Newton step, rad; what remains is this times the relative misfit of the hinges.
+_CLOSE = 1.0e-6
 _STEPS = 12
 #: Degree of the local polynomial; an odd one costs the second derivative nothing.
 _DEGREE = 3

@@ -11,6 +11,7 @@ from tdfscal.numerics import so3
 from tdfscal.observability import load_directions
 from tdfscal.records import FloatArray
 from tdfscal.selfcalibration import SelfCalibration
+from tdfscal.statics import register
 from tdfscal.trackercal import TrackerCalibration
 
 #: Bins of a quarter of a standard uncertainty; normally one trial in 16 000 lies beyond.
@@ -21,25 +22,27 @@ def postures(result: SelfCalibration) -> dict[str, Any]:
     """Time and residual wrench of each posture in the fit, in LCS axes."""
     dwells, check = result.dwells, result.validation
     used = [k for k in range(len(dwells)) if k not in result.rejected]
-    to_lcs = np.swapaxes(result.fit.at.rotation[check.index], 1, 2)
-
-    def turned(vectors: FloatArray) -> FloatArray:
-        return np.asarray((to_lcs @ vectors[..., None])[..., 0])
-
+    stated, _ = register(result.rig.hinge, result.fit.postures.position[check.index])
+    found = result.fit.at.rotation[check.index]
     return {
         "definition": POSTURES_DEFINITION,
         "index": used,
         "start": dwells.start[used],
         "end": dwells.end[used],
-        "force_before": turned(check.before.force),
-        "force_after": turned(check.after.force),
-        "moment_before": turned(check.before.moment),
-        "moment_after": turned(check.after.moment),
+        "force_before": _in_lcs(stated, check.before.force),
+        "force_after": _in_lcs(found, check.after.force),
+        "moment_before": _in_lcs(stated, check.before.moment),
+        "moment_after": _in_lcs(found, check.after.moment),
         "left_out": [
             {"start": piece.start, "end": piece.end, "reason": piece.reason}
             for piece in dwells.left_out
         ],
     }
+
+
+def _in_lcs(pose: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Vectors (K, 3) of the BCS in LCS axes; pose (K, 3, 3), LCS → BCS."""
+    return np.asarray(np.einsum("kba,kb->ka", pose, vectors))
 
 
 def loads(result: SelfCalibration) -> list[dict[str, Any]]:

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from simulation.rigs import exact_rig, still
 
+from planning.limits import limits
 from tdfscal.errors import UsageError
 from tdfscal.planning.candidates import draw
 from tdfscal.planning.limits import check_limits, displacement, travel_limits
 from tdfscal.planning.loads import carrying, internal_modes
 from tdfscal.records import Declared
 from tdfscal.simulation import make_rig, reference_rig, simulate_dwells
-from tests.planning.limits import limits
-from tests.simulation.rigs import exact_rig, still
 
 RNG = np.random.default_rng
 

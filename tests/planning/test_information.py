@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from planning.limits import limits
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import draw, hanging
 from tdfscal.planning.information import Sight, forecast, wrench_rows
@@ -14,7 +15,6 @@ from tdfscal.planning.loads import internal_modes
 from tdfscal.records import Declared, FloatArray, Known, Rig
 from tdfscal.simulation import make_rig, reference_rig
 from tdfscal.statics import layout
-from tests.planning.limits import limits
 
 RNG = np.random.default_rng
 

@@ -84,7 +84,7 @@ def surveyed() -> tuple[Calibration, Calibration]:
         base.rig.rig, Options(postures=12, squeeze=200.0), np.random.default_rng(1), 1
     ).truth
     survey = simulate_survey(
-        base.rig.rig, truth.rotation[0], SurveyOptions(), np.random.default_rng(3)
+        base.rig.rig, truth.trial(0), SurveyOptions(), np.random.default_rng(3)
     )
     tracker = calibrate_tracker(base.rig.rig, survey.session, trials=1000)
     origin = provenance(base.rig)

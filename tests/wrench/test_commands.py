@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from tdfscal.cli import main
-from tdfscal.files.calibration import load_calibration
+from tdfscal.files.calibration import load_calibration, save_calibration
 from tdfscal.files.campaign_writer import write_campaign
 from tdfscal.files.inuse import calibrated
 from tdfscal.records import Log, Rig, Series
@@ -29,6 +29,7 @@ from tdfscal.simulation import (
     make_rig,
     simulate_campaign,
 )
+from tdfscal.workflow import calibrate
 
 USED, HELD = 16, 4
 FORCE = (60.0, -40.0, 80.0)
@@ -37,9 +38,8 @@ OFF = USED + 1
 
 @dataclass(frozen=True)
 class Places:
-    """Folders: used to calibrate, held out, held out with a contact; the calibration file."""
+    """Folders: held out, and with a contact; the calibration file; what is in the latter."""
 
-    home: Path
     held: Path
     touched: Path
     calibration: Path
@@ -96,17 +96,10 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
     for name, content in parts.items():
         write_campaign(content, home / name, format="mcap")
     found = home / "calibration.yaml"
-    sys.argv, old = (
-        ["tdfscal", "calibrate", str(home / "used"), "-o", str(found), "--trials", "0", "-q"],
-        sys.argv,
-    )
-    try:
-        main()
-    except SystemExit as end:
-        assert not end.code
-    finally:
-        sys.argv = old
-    return Places(home, home / "held", home / "touched", found, touched)
+    outcome = calibrate([home / "used"], trials=0)
+    assert outcome.calibration.status == "accepted"
+    save_calibration(outcome.calibration, found)
+    return Places(home / "held", home / "touched", found, parts["touched"])
 
 
 def test_contact_force_appears_where_it_acts(
@@ -120,8 +113,10 @@ def test_contact_force_appears_where_it_acts(
     assert table.schema.metadata[b"frame"] == b"LCS"
     column = {name: table[name].to_numpy() for name in table.column_names}
     c, settled = places.campaign, 0.6
+    # The MCAP writer counts from a date of its own.
+    time = column["time"] - column["time"][0] + c.log.force[0].time[0]
     for k in range(USED, USED + HELD):
-        dwell = (column["time"] > c.start[k] + settled) & (column["time"] < c.end[k] - 0.1)
+        dwell = (time > c.start[k] + settled) & (time < c.end[k] - 0.1)
         found = np.array([column[f"f{a}"][dwell].mean() for a in "xyz"])
         std = np.array([column[f"u_f{a}"][dwell].mean() for a in "xyz"])
         raw = np.array([column[f"raw_f{a}"][dwell].mean() for a in "xyz"])

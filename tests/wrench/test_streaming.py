@@ -21,7 +21,7 @@ NAMES = RIG.supports
 def line(time: FloatArray, support: int, kind: int) -> Series:
     """A straight line in time: linear interpolation meets it exactly."""
     base = RIG.hinge[support] if kind == 0 else np.array([10.0, -20.0, 1600.0 + support])
-    slope = (1e-3 if kind == 0 else 5.0) * np.array([1.0, -2.0, 0.5]) * (support + 1)
+    slope = (1e-3 if kind == 0 else 5.0 * (support + 1)) * np.array([1.0, -2.0, 0.5])
     return Series(time, base + time[:, None] * slope)
 
 

@@ -1,0 +1,91 @@
+"""`tdfscal apply` against reading the same log: time, and peak memory.
+
+Run: python benchmarks/apply.py > benchmarks/apply.md
+"""
+
+from __future__ import annotations
+
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tdfscal.files.calibration import save_calibration
+from tdfscal.files.campaign_writer import LogFormat, simulate_to_folder
+from tdfscal.files.inuse import InUse, take
+from tdfscal.files.logs import iter_log
+from tdfscal.files.wrench_writer import write_wrenches
+from tdfscal.simulation import Recorder
+from tdfscal.timebase import Tally, aligned
+from tdfscal.workflow import calibrate
+from tdfscal.wrenchlog import at_rest
+
+FORMATS: tuple[LogFormat, ...] = ("csv", "mcap", "parquet")
+RECORDER = Recorder(dwell=(8.0, 10.0), move=(4.0, 6.0), force_rate=1000.0, position_rate=1000.0)
+POSTURES = 24
+HOUR = 3.6e6
+
+
+def read(use: InUse) -> int:
+    """Samples in the log, only read."""
+    loaded = use.campaign.rig
+    pieces = iter_log(use.campaign.logs, loaded.log, loaded.rig.supports)
+    return sum(piece.force[0].time.size for piece in pieces)
+
+
+def apply(use: InUse, target: Path | None) -> int:
+    """The contact wrench of every sample, written or not."""
+    loaded = use.campaign.rig
+    pieces = iter_log(use.campaign.logs, loaded.log, loaded.rig.supports)
+    found = at_rest(use.given, aligned(pieces, Tally()))
+    if target is None:
+        return sum(piece.time.size for piece in found)
+    return write_wrenches(target, found, {})
+
+
+def timed(work: Callable[[], int]) -> tuple[float, int]:
+    """Shortest of three runs in s, and the samples."""
+    best, count = float("inf"), 0
+    for _ in range(3):
+        start = time.perf_counter()
+        count = work()
+        best = min(best, time.perf_counter() - start)
+    return best, count
+
+
+def main() -> None:
+    """Print the table."""
+    print(
+        "# Applying a calibration\n\n"
+        "Made by `python benchmarks/apply.py`. Three supports, force and position at 1 kHz, half of "
+        "the time in\nmotion. Read: the log alone. Wrench, written: what contact wrenches with "
+        "their standard uncertainties,\nand writing them to Parquet, cost on top of reading. Best "
+        "of three; the hour is scaled from the rows.\n"
+    )
+    print("| log | rows | read s | wrench s | written s | wrench / read | hour read + applied s |")
+    print("|---|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as name:
+        home = Path(name)
+        for form in FORMATS:
+            folder, calibration = home / form, home / f"{form}.yaml"
+            simulate_to_folder(folder, format=form, postures=POSTURES, recorder=RECORDER, seed=1)
+            if form == FORMATS[0]:
+                save_calibration(calibrate([folder], trials=0).calibration, home / "c.yaml")
+            calibration = home / "c.yaml"
+            use = take(calibration, [folder])
+            t_read, rows = timed(lambda use=use: read(use))
+            t_apply, _ = timed(lambda use=use: apply(use, None))
+            t_write, _ = timed(lambda use=use: apply(use, home / "w.parquet"))
+            print(
+                f"| {form} | {rows:,} | {t_read:.2f} | {t_apply - t_read:.2f} | "
+                f"{t_write - t_read:.2f} | {(t_apply - t_read) / t_read:.2f} | "
+                f"{t_write * HOUR / rows:.0f} |",
+                flush=True,
+            )
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"\nPeak memory of the whole run, the simulation of the logs included: {peak:.0f} MB.")
+
+
+if __name__ == "__main__":
+    main()

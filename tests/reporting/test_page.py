@@ -1,0 +1,158 @@
+"""The HTML page: one file, nothing from outside, verdict first, nothing unescaped."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from reporting.samples import NASTY, changed, run, sample, saved, surveyed
+from tdfscal.cli.reporting import write_report
+from tdfscal.files.calibration import Calibration, load_calibration
+from tdfscal.reporting.html import render_page
+from tdfscal.workflow import Outcome
+
+VOID = {"meta", "br", "link", "img"}
+REASON = "the residuals are 13 times what the stated uncertainties explain"
+
+
+class Reader(HTMLParser):
+    """Collects words, tags and attributes, and checks that tags close."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str]] = []
+        self.words: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def read(page: str) -> Reader:
+    reader = Reader()
+    reader.feed(page)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def rejected(c: Calibration) -> Calibration:
+    fit = c.model_dump()["fit"] | {"birge": 13.0}
+    return changed(c, status="rejected", quality={"reasons": (REASON,)}, fit=fit)
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return render_page(sample(touched=True).calibration)
+
+
+def test_verdict_comes_first(page: str) -> None:
+    said = " ".join(read(page).words)
+    verdict, advice = said.index("✓ ACCEPTED"), said.index("tdfscal validate")
+    assert verdict < advice < said.index("Installation angles in the BCS")
+
+
+def test_rejection_says_why_and_what_to_do() -> None:
+    said = " ".join(read(render_page(rejected(sample().calibration))).words)
+    assert "✗ REJECTED" in said
+    assert said.index("REJECTED") < said.index(REASON) < said.index("Do not load this result")
+    assert "force_sensitivity" in said
+    assert "ACCEPTED" not in said
+
+
+def test_nothing_comes_from_outside(page: str) -> None:
+    reader = read(page)
+    assert not {"script", "link", "iframe", "object", "img"} & set(reader.tags)
+    for name, value in reader.attributes:
+        if name in ("href", "xlink:href"):
+            assert value.startswith(("#", "data:image/png"))
+        assert name != "src"
+        assert not name.startswith("on")
+    assert "@import" not in page
+    assert not re.search(r"url\((?!#)", page)
+
+
+def test_words_of_the_user_stay_words() -> None:
+    c = sample(n=6, name=NASTY).calibration
+    content = c.model_dump()
+    content["warnings"] = ("<img src=x onerror=alert(1)> & more",)
+    page = render_page(Calibration.model_validate(content))
+    reader = read(page)
+    assert "script" not in reader.tags
+    assert "img" not in reader.tags
+    said = " ".join(reader.words)
+    assert NASTY in said
+    assert "<img src=x onerror=alert(1)> & more" in said
+    assert "campaign/log <1>.csv" in said
+
+
+def test_every_claim_has_figure_reading_and_label(page: str) -> None:
+    reader = read(page)
+    assert reader.tags.count("svg") == 7
+    labels = [value for name, value in reader.attributes if name == "aria-label"]
+    assert len(labels) == 7
+    assert all(len(label) > 30 for label in labels)
+
+
+def test_provenance(page: str) -> None:
+    said = " ".join(read(page).words)
+    c = sample(touched=True).calibration
+    for text in ("ab" * 32, c.rig.sha256, "tdfscal calibrate campaign", "1,234", c.convention):
+        assert text in said
+    assert re.search(r"Seed\s+7\b", said)
+
+
+def test_size_and_paper(page: str) -> None:
+    assert len(page.encode()) < 3_000_000
+    assert "size: A4" in page
+    assert len(render_page(sample(n=6, name=NASTY).calibration).encode()) < 3_000_000
+
+
+def test_page_of_a_file_is_that_of_the_calibration(tmp_path: Path) -> None:
+    c = sample(touched=True).calibration
+    write_report(Outcome(c), tmp_path / "now.html")
+    again = load_calibration(saved(c, tmp_path, "c.yaml"))
+    assert render_page(again) == (tmp_path / "now.html").read_text(encoding="utf-8")
+
+
+def test_a_page_says_what_it_cannot_show() -> None:
+    content = sample().calibration.model_dump()
+    content["postures"] = content["monte_carlo"] = None
+    said = " ".join(read(render_page(Calibration.model_validate(content))).words)
+    assert "What this page does not show" in said
+    assert "holds no single postures" in said
+    assert "No Monte Carlo histogram" in said
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_tracker_and_joint(which: int) -> None:
+    said = " ".join(read(render_page(surveyed()[which])).words)
+    assert "Residuals of the tracker's points" in said
+    assert ("Two methods against each other" in said) == (which == 1)
+
+
+def test_html_to_standard_output_is_only_the_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = run(capsys, "report", saved(sample().calibration, tmp_path, "c.json"), "--html", "-")
+    assert done.status == 0
+    assert done.out.startswith("<!DOCTYPE html>")
+    assert done.out.rstrip().endswith("</html>")
+    read(done.out)
