@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -68,10 +69,12 @@ def self_calibrate(
     estimator: Estimator = "ml",
     max_trials: int | None = None,
     inputs: tuple[InputFile, ...] = (),
+    progress: Callable[[str], None] = lambda stage: None,
 ) -> SelfCalibration:
     """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
 
     max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without.
+    progress : told the name of each long stage.
 
     Raises
     ------
@@ -122,6 +125,7 @@ def self_calibrate(
         doubts = suspicions(result, parts, uncertainty, held, stats.birge)
     trials = None
     if estimator == "ml" and max_trials != 0:
+        progress("confirming the uncertainties by Monte Carlo")
         trials = simulate(result, parts, uncertainty, stats.birge, rng, max_trials or MAX_TRIALS)
     rejected = dict(screened.reasons) | {int(index[r.index]): r.reason for r in found}
     return SelfCalibration(

@@ -97,6 +97,7 @@ def calibrate(
             estimator=estimator,
             max_trials=trials,
             inputs=tuple(passing.inputs),
+            progress=progress,
         )
     if chosen in ("tracker", "joint"):
         progress("calibrating from the tracker's survey")

@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "tdfscal"
 
 HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "yaml", "matplotlib"}
 ESTIMATOR = {"statics", "selfcal", "observability", "uncertainty", "montecarlo", "wrench"}
-OUTER = {"files", "reporting", "cli", "workflow"}
+OUTER = {"files", "reporting", "export", "cli", "workflow", "api"}
 
 
 def imported(path: Path) -> set[str]:

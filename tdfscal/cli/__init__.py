@@ -9,6 +9,9 @@ from tdfscal.cli import commands  # noqa: F401 - registers the commands
 from tdfscal.cli.app import app
 from tdfscal.errors import TdfscalError
 
+#: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
+INTERNAL_ERROR = 70
+
 
 def main() -> None:
     """Run the command line and leave with the contract's exit status."""
@@ -17,9 +20,21 @@ def main() -> None:
     except TdfscalError as error:
         print(f"tdfscal: {error}", file=sys.stderr)
         sys.exit(error.exit_status)
+    except KeyboardInterrupt:
+        print("tdfscal: interrupted; nothing was written", file=sys.stderr)
+        sys.exit(130)
     except BrokenPipeError:  # the reader of our standard output has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except Exception as error:
+        if os.environ.get("TDFSCAL_TRACEBACK"):
+            raise
+        print(
+            f"tdfscal: internal error, {type(error).__name__}: {error}. This is a fault of "
+            "tdfscal, not of your data; run again with TDFSCAL_TRACEBACK=1 and report the output.",
+            file=sys.stderr,
+        )
+        sys.exit(INTERNAL_ERROR)
 
 
 __all__ = ["app", "main"]

@@ -1,0 +1,41 @@
+"""The Python interface, as its documentation shows it."""
+
+from __future__ import annotations
+
+import doctest
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tdfscal
+
+SAMPLES = Path(__file__).parents[1] / "sample_data"
+
+
+def test_the_example_in_the_documentation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(SAMPLES.parent)
+    assert doctest.testmod(tdfscal).failed == 0
+
+
+def test_step_by_step(tmp_path: Path) -> None:
+    rig = tdfscal.load_rig(SAMPLES / "mcap" / "rig.yaml")
+    dwells = tdfscal.find_dwells(tdfscal.read_log(SAMPLES / "mcap" / "log.mcap", rig))
+    frame = tdfscal.dwells_frame(dwells)
+    assert len(frame) == 3 * len(dwells) == 3 * 16
+    result = tdfscal.calibrate(SAMPLES / "mcap", trials=0)
+    tdfscal.save_calibration(result, tmp_path / "c.json")
+    again = tdfscal.load_calibration(tmp_path / "c.json")
+    assert np.array_equal(again.rpy, result.rpy)
+    assert np.allclose(tdfscal.angles_frame(again)["value"], result.rpy.ravel(), rtol=0, atol=0)
+
+
+def test_errors_are_the_projects_own() -> None:
+    with pytest.raises(tdfscal.TdfscalError, match="no-such-folder"):
+        tdfscal.calibrate("no-such-folder")
+
+
+def test_every_public_name_is_there_and_documented() -> None:
+    for name in set(tdfscal.__all__) - {"__version__"}:
+        assert getattr(tdfscal, name).__doc__, name
+    assert set(tdfscal.__all__) == set(dir(tdfscal))
