@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tdfscal.conformity import Conformity
 from tdfscal.diagnosis import Suspicion
 from tdfscal.observability import ANGLES
 from tdfscal.records import FloatArray, InputFile, Rig
@@ -23,11 +24,13 @@ def judge(
     rejected: int = 0,
     inputs: Sequence[InputFile] = (),
     doubts: Sequence[Suspicion] = (),
+    conformity: Conformity | None = None,
 ) -> tuple[str, ...]:
     """Reasons to reject a result with standard uncertainties std (n, 3) in rad; none: accepted.
 
     used, rejected : numbers of postures. inputs : a salvaged one is never accepted.
-    doubts : a harmful suspicion is a reason.
+    doubts : a harmful suspicion is a reason. conformity : of the contact wrench, where the rig
+    file states a limit.
     """
     limits, reasons = rig.acceptance, []
     for i, j in np.argwhere(~(std <= limits.angle_std)):
@@ -51,4 +54,6 @@ def judge(
         if entry.integrity == "salvaged"
     ]
     reasons += [doubt.text for doubt in doubts if doubt.harmful]
+    if conformity is not None:
+        reasons += conformity.reasons
     return tuple(reasons)

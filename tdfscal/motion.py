@@ -16,8 +16,9 @@ from tdfscal.statics import register
 
 #: Samples that share one exact registration; the others follow it by Gauss–Newton.
 _BLOCK = 64
-#: A last Gauss–Newton step, rad; what remains is this times the relative misfit of the hinges.
-_CLOSE = 1.0e-6
+#: Largest last Gauss–Newton step, rad; its square, and its product with the hinges' relative
+#: misfit, is what remains.
+_CLOSE = 5.0e-6
 _STEPS = 12
 #: Degree of the local polynomial; an odd one costs the second derivative nothing.
 _DEGREE = 3
@@ -83,9 +84,12 @@ def _follow(arm: FloatArray, spoke: FloatArray) -> FloatArray:
     gain = np.linalg.solve(inertia[:, None], lever)  # δφ = Σ gain_i ε_i
     gain = np.swapaxes(gain, 2, 3).reshape(len(arm), -1, 3)
     flat = arm.reshape(len(arm), 1, -1)
-    turned = _small_turn((spoke.reshape(*spoke.shape[:2], -1) - flat) @ gain)
-    far = np.arange(len(arm))
+    step = (spoke.reshape(*spoke.shape[:2], -1) - flat) @ gain
+    turned = _small_turn(step)
+    far = np.flatnonzero(np.abs(step).max(axis=(1, 2)) > _CLOSE)
     for _ in range(_STEPS):
+        if not far.size:
+            break
         # Seen from the turned frame, the same fixed arms and gains serve again.
         there = np.moveaxis(spoke[far], (2, 3), (0, 1))
         seen = np.einsum("nc...,cd...->nd...", there, turned[:, :, far])
@@ -93,8 +97,6 @@ def _follow(arm: FloatArray, spoke: FloatArray) -> FloatArray:
         step = away @ gain[far]
         turned[:, :, far] = np.einsum("ac...,cd...->ad...", turned[:, :, far], _small_turn(step))
         far = far[np.abs(step).max(axis=(1, 2)) > _CLOSE]
-        if not far.size:
-            break
     return turned
 
 

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 
 from tdfscal import observability, sanity, screening, stability
+from tdfscal.calibrated import from_fit
+from tdfscal.conformity import Conformity, assess
 from tdfscal.crossvalidation import CrossValidation, cross_validate
 from tdfscal.diagnosis import Suspicion, suspicions
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
@@ -54,6 +56,7 @@ class SelfCalibration:
     observability: Observability
     suspicions: tuple[Suspicion, ...]
     stability: Stability
+    conformity: Conformity | None
     validation: CrossValidation
     monte_carlo: MonteCarlo | None
     rejected: dict[int, str]
@@ -123,6 +126,10 @@ def self_calibrate(
     doubts: tuple[Suspicion, ...] = ()
     if estimator == "ml" and not measured_noise:
         doubts = suspicions(result, parts, uncertainty, held, stats.birge)
+    limited = rig.acceptance.contact_force, rig.acceptance.contact_torque
+    conformity = None
+    if any(limit is not None for limit in limited):
+        conformity = assess(from_fit(result, uncertainty.covariance))
     trials = None
     if estimator == "ml" and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
@@ -138,6 +145,7 @@ def self_calibrate(
         observability=seen,
         suspicions=doubts,
         stability=steady,
+        conformity=conformity,
         validation=cross_validate(result, parts),
         monte_carlo=trials,
         rejected=rejected,
@@ -149,6 +157,7 @@ def self_calibrate(
             rejected=len(rejected),
             inputs=inputs,
             doubts=doubts,
+            conformity=conformity,
         ),
         warnings=_warnings(dwells, stats, trials, doubts, steady, measured_noise=measured_noise),
     )

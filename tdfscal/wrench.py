@@ -33,7 +33,7 @@ from tdfscal.statics import (
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 #: Samples that share one standard uncertainty at most, and the time they span at most, s.
-_BLOCK = 64
+_BLOCK = 128
 _SPAN = 0.1
 #: Share of a variance below which an open parameter does not matter.
 _ROUNDING = 1.0e-9

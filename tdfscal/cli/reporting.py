@@ -20,6 +20,8 @@ Named = tuple[str, Calibration]
 
 def run(files: list[Path], *, html: Path | None, figures: Path | None, json: bool) -> None:
     """Print one calibration, or several side by side; write page and figures where asked."""
+    if html is not None and str(html) != "-":
+        check_place(html)
     loaded = load(files)
     if str(html) == "-" and json:
         raise UsageError("--html - and --json both want standard output", hint="name a file")
@@ -68,6 +70,16 @@ def write_report(outcome: Outcome, path: Path) -> None:
     cannot be written.
     """
     _write_html([("", outcome.calibration)], path)
+
+
+def check_place(path: Path) -> None:
+    """Refuse before the work what could not be written after it. Raises UsageError."""
+    if path.is_dir() or not path.absolute().parent.is_dir():
+        raise UsageError(
+            "cannot be written: it is a folder, or its folder is not there",
+            where=str(path),
+            hint="name a file in a folder that exists",
+        )
 
 
 def load(files: Sequence[Path]) -> list[Named]:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins, reduce_to_bins
+from tdfscal.dwells.offset import motion_offset
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.postures import postures_as_dwells
 from tdfscal.dwells.search import Field, prepare, search, within
@@ -73,7 +74,11 @@ def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
             found = _long_run(bins, moments)
             long_run = np.where(found > 0, found, field.long_run)
         extents, left_out = search(field, rate, long_run, some=some)
-    return _with_statistics(field, extents, left_out)
+    found = _with_statistics(field, extents, left_out)
+    offset = motion_offset(bins, found)
+    if offset is not None and offset.large:
+        return replace(found, warnings=(*found.warnings, f"clocks: {offset}"))
+    return found
 
 
 def _noting(pieces: Iterable[Log], warnings: list[str]) -> Iterator[Log]:

@@ -16,6 +16,7 @@ from tdfscal.files.calibrationmodel import (
     CONVENTION_WITH_SENSITIVITY,
     COVARIANCE_DEFINITION,
     Budget,
+    ConformityResult,
     Convention,
     Covariance,
     FitResult,
@@ -74,6 +75,7 @@ class Calibration(Strict):
     monte_carlo: MonteCarloResult | None = None
     validation: ValidationResult | None = None
     stability: StabilityResult | None = None
+    conformity: ConformityResult | None = None
     tracker: TrackerStatistics | None = None
     postures: PostureTable | None = None
     methods: tuple[MethodAngles, ...] | None = None

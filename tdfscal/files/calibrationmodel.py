@@ -269,6 +269,26 @@ class StabilityResult(Strict):
     hysteresis: ChangeResult | None = None
 
 
+class LimitedResult(Strict):
+    """A contact force or torque, N or N·m: expanded uncertainty (k = 2), limit, and their verdict.
+
+    Decision rule: guard band, |deviation| + U ≤ limit (JCGM 106).
+    """
+
+    expanded_uncertainty: NotNegative
+    limit: NotNegative | None = None
+    probability_exceeding: Probability
+    conforms: Flag
+
+
+class ConformityResult(Strict):
+    """The contact wrench's uncertainty at a posture against the rig file's limits."""
+
+    rpy: Vector
+    force: LimitedResult
+    torque: LimitedResult
+
+
 class QualityResult(Strict):
     """Why the gate rejects the result; no reason where it accepts."""
 

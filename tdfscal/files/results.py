@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal import __version__
+from tdfscal.conformity import Conformity
 from tdfscal.files import evidence
 from tdfscal.files.calibration import Calibration, parameter_names
 from tdfscal.files.calibrationmodel import (
@@ -197,6 +198,7 @@ def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
         "monte_carlo": _trials(result, origin.seed),
         "validation": _validation(result),
         "stability": asdict(result.stability),
+        "conformity": _conformity(result.conformity),
     }
 
 
@@ -352,6 +354,21 @@ def _validation(result: SelfCalibration) -> dict[str, Any]:
         "force": parts[0],
         "moment": parts[1],
     }
+
+
+def _conformity(judged: Conformity | None) -> dict[str, Any] | None:
+    if judged is None:
+        return None
+    parts = {
+        part.quantity: {
+            "expanded_uncertainty": part.expanded,
+            "limit": part.limit if np.isfinite(part.limit) else None,
+            "probability_exceeding": part.exceeding,
+            "conforms": part.conforms,
+        }
+        for part in (judged.force, judged.torque)
+    }
+    return {"rpy": judged.rpy, **parts}
 
 
 def _tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:

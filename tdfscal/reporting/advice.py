@@ -20,7 +20,7 @@ _LESSEN = {
     "datum": "Measuring the servo datums would lower the uncertainty: they dominate.",
     "gravity": "Levelling the BCS would lower the uncertainty: the direction of gravity dominates.",
     "sensitivity": "Calibrated gains would lower the uncertainty: the sensitivity dominates.",
-    "instrument angle": "A tracker nearer to the rig would lower the uncertainty: its angles "
+    "instrument angles": "A tracker nearer to the rig would lower the uncertainty: its angles "
     "dominate.",
 }
 

@@ -18,7 +18,8 @@ def render(r: PointRegistration) -> str:
     lines = [
         f"{len(r.names)} points fit within {1e3 * r.rms:.3g} mm (rms)",
         "",
-        f"{CONVENTION}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
+        CONVENTION,
+        "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
     ]
     rows = [
         (name, f"{1e3 * value:.6f}", f"{1e3 * std:.6f}", "mrad")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from tdfscal.files.calibration import Calibration
 from tdfscal.reporting.summary import Summary, summarise
 
 WIDTH = 80
+_NARROWEST = 8
 
 
 def render(calibration: Calibration) -> str:
@@ -17,17 +18,38 @@ def render(calibration: Calibration) -> str:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
-    """Align columns: the first `left` to the left, the others to the right."""
+    """Align columns: the first `left` to the left, the others to the right.
+
+    Where they do not fit the width, the widest column of words gives way.
+    """
     cells = [list(header), *(list(row) for row in rows)]
+    words = [c for c in range(len(header)) if c < left or not _numeric(row[c] for row in rows)]
     widths = [max(len(row[c]) for row in cells) for c in range(len(header))]
+    while words and 2 * len(widths) + sum(widths) > WIDTH:
+        widest = max(words, key=lambda c: widths[c])
+        if widths[widest] <= _NARROWEST:
+            break
+        widths[widest] -= 1
     return [
         "  "
         + "  ".join(
-            cell.ljust(width) if c < left else cell.rjust(width)
+            _fit(cell, width).ljust(width) if c < left else _fit(cell, width).rjust(width)
             for c, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in cells
     ]
+
+
+def _numeric(column: Iterable[str]) -> bool:
+    return all(not cell or not cell[0].isalpha() for cell in column)
+
+
+def _fit(cell: str, width: int) -> str:
+    """Cut from the middle, where names differ least."""
+    if len(cell) <= width:
+        return cell
+    tail = (width - 1) // 2
+    return f"{cell[: width - 1 - tail]}…{cell[len(cell) - tail :]}"
 
 
 def wrapped(text: str, indent: str = "  ", hanging: str = "  ") -> list[str]:

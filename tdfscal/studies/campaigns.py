@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 
@@ -25,6 +27,8 @@ from tdfscal.uncertainty import evaluate, information_root
 BLOCK = 25
 #: Campaigns per block whose stated uncertainty is worked out; it hardly varies between them.
 _STATED = 2
+
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 METHODS = ("ml", "linear", "tracker")
 
@@ -70,11 +74,27 @@ def run_blocks(
             done += task.size
             progress(done)
         return
-    with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=get_context("spawn")) as pool:
+    processes = min(workers, len(tasks))
+    with _one_thread_each(), ProcessPoolExecutor(processes, get_context("spawn")) as pool:
         for task, result in zip(tasks, pool.map(run_block, tasks), strict=True):
             yield result
             done += task.size
             progress(done)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes that start now use one thread for linear algebra: together they use all cores.
+
+    The libraries read these variables when they are loaded, so only new processes heed them.
+    """
+    added = [name for name in _THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(added, "1"))
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)
 
 
 def run_block(task: Task) -> dict[str, Errors]:

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation.rigs import exact_rig, still
 
-from planning.limits import limits
 from tdfscal.errors import UsageError
 from tdfscal.planning.candidates import draw
 from tdfscal.planning.limits import check_limits, displacement, travel_limits
 from tdfscal.planning.loads import carrying, internal_modes
 from tdfscal.records import Declared
-from tdfscal.simulation import make_rig, reference_rig, simulate_dwells
+from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
+
+from .limits import limits
 
 RNG = np.random.default_rng
 
@@ -41,11 +41,12 @@ def test_carrying_forces_balance_the_weight_and_are_the_smallest() -> None:
 
 
 def test_forces_are_those_of_the_simulated_machine() -> None:
-    rig = exact_rig()
+    exact = make_rig(mass_std=0.0, barycentre_std=0.0, zero_std=0.0, declared=Declared())
+    rig = replace(exact, rpy_std=np.zeros((3, 3)))
     stiffness = 2e9  # so stiff that the terminal does not sink
     pool = draw(rig, limits(rig, stiffness=stiffness), 20, RNG(2))
     command = pool.place + pool.squeeze / stiffness
-    options = still(command=command, stiffness=stiffness)
+    options = Options(command=command, stiffness=stiffness)
     force = simulate_dwells(rig, options, RNG(3), 1).true_force[0]
     # What the terminal sinks by, 1 µm of 0.6 m, turns no force by more.
     assert np.abs(force - pool.force).max() < 2e-6 * np.abs(force).max()

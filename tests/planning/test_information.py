@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from planning.limits import limits
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import draw, hanging
 from tdfscal.planning.information import Sight, forecast, wrench_rows
@@ -15,6 +14,8 @@ from tdfscal.planning.loads import internal_modes
 from tdfscal.records import Declared, FloatArray, Known, Rig
 from tdfscal.simulation import make_rig, reference_rig
 from tdfscal.statics import layout
+
+from .limits import limits
 
 RNG = np.random.default_rng
 

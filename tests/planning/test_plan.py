@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planning.limits import limits
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.numerics import so3
 from tdfscal.planning import Forecast, Plan, Request, make_plan, plan_for_target
@@ -17,6 +16,8 @@ from tdfscal.records import Rig
 from tdfscal.robust import fit_robust
 from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
 from tdfscal.statics import postures
+
+from .limits import limits
 
 RNG = np.random.default_rng
 STIFFNESS = 2.0e7

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planning.limits import limits
 from tdfscal.cli import main
 from tdfscal.files.campaign_writer import simulate_to_folder
 from tdfscal.files.plan_writer import plan_csv
 from tdfscal.planning import Request, make_plan
 from tdfscal.simulation import Recorder, reference_rig
+
+from .limits import limits
 
 FEW = ["--candidates", "150"]
 

@@ -138,5 +138,5 @@ def test_evidence_that_does_not_fit_is_refused(
 
 
 def test_changed_checks_again(made: Sample) -> None:
-    with pytest.raises(ValueError, match="status"):
+    with pytest.raises(ValueError, match="against"):
         changed(made.calibration, status="rejected")

@@ -14,6 +14,11 @@ MAX_DROPPED = 1e-3
 GAP = 5.0
 """An interval of more than this many median periods is a gap."""
 
+MAX_SKEW = 0.1
+"""A header time that departs by more than this from its usual offset to log time is counted, s."""
+MAX_CLOCK_OFFSET = 1.0
+"""A usual offset of header time to log time beyond this is reported, s."""
+
 # Intervals are counted in bins of a relative width of 1 %, so that the memory is bounded.
 _BINS_PER_DECADE = 231
 _LOWEST, _HIGHEST = -10, 6
@@ -140,3 +145,41 @@ class Clock:
             f"{self.where}: {count} gap{'s' if count > 1 else ''} of more than {GAP:g} periods of "
             f"{period:.2g} s in {self.name}, the longest of {longest:.3g} s at {at:.9g} s"
         ]
+
+
+class Skew:
+    """Header times against the recorder's, counted over one topic.
+
+    A header that is never filled in (all zero) is no time and is not compared.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._usual = np.nan
+        self._far = 0
+        self._worst = 0.0
+
+    def note(self, header: FloatArray, log: FloatArray) -> None:
+        """Take in times of the same messages, (N,), s."""
+        if not header.size or not header.any():
+            return
+        skew = header - log
+        if not self._count:
+            self._usual = float(np.median(skew))
+        self._count += skew.size
+        away = np.abs(skew - self._usual)
+        self._far += int(np.count_nonzero(away > MAX_SKEW))
+        self._worst = max(self._worst, float(away.max()))
+
+    def warnings(self, topic: str) -> list[str]:
+        """Say where the two clocks part."""
+        found = []
+        if abs(self._usual) > MAX_CLOCK_OFFSET:
+            found.append(f"the header times of {topic} are {self._usual:+.3g} s off the recorder's")
+        if self._far:
+            found.append(
+                f"of {self._count} messages of {topic}, {self._far} have a header time that departs "
+                f"by more than {MAX_SKEW:g} s from its usual offset to the recorder's, "
+                f"by {self._worst:.3g} s at most"
+            )
+        return found

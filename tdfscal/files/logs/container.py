@@ -64,6 +64,8 @@ class Container:
     lost: list[str] = field(default_factory=list)
     checked: bool = True
     _chunks: list[tuple[int, int]] = field(default_factory=list)
+    reached: int = 0
+    """Bytes of the file that are read."""
     _loose: bool = False
 
     def messages(self) -> Iterator[Messages]:
@@ -91,6 +93,7 @@ class Container:
         offsets: list[bytes] = []
         while True:
             start, crc_before = stream.position, stream.crc
+            self.reached = start
             try:
                 opcode, content = stream.record(_IN_DATA)
             except TruncatedError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.logs.request import Reader
@@ -21,6 +22,27 @@ def is_log(path: Path) -> bool:
     return _suffix(path) in (*_TEXT, ".parquet", ".mcap")
 
 
+def kind_of(path: Path) -> Literal["text", "parquet", "mcap"]:
+    """Return the kind of a log file, by its suffix.
+
+    Raises
+    ------
+    UsageError : the file is of no kind that is read here.
+    """
+    suffix = _suffix(path)
+    if suffix == ".parquet":
+        return "parquet"
+    if suffix == ".mcap":
+        return "mcap"
+    if suffix in (*_TEXT, ".txt", ".dat"):
+        return "text"
+    raise UsageError(
+        f"no kind of log ends in {suffix or 'nothing'!r}",
+        where=str(path),
+        hint="logs are .csv, .tsv (also .gz, .zst), .parquet, .mcap or a rosbag2 folder",
+    )
+
+
 def reader_of(path: Path, mapping: LogMapping | None) -> Reader:
     """Return the reader for a file, by its suffix.
 
@@ -29,31 +51,24 @@ def reader_of(path: Path, mapping: LogMapping | None) -> Reader:
     UsageError : the file is of no kind that is read here.
     DataError : an MCAP file without a mapping: its topics cannot be guessed.
     """
-    suffix = _suffix(path)
-    if suffix == ".parquet":
+    kind = kind_of(path)
+    if kind == "parquet":
         from tdfscal.files.logs.parquet import read_parquet
 
         return read_parquet
-    if suffix == ".mcap":
-        if mapping is None:
-            raise DataError(
-                "a recording in MCAP needs to be told which topics to read",
-                where=str(path),
-                hint="add a `log:` block to rig.yaml with position and force per support, such "
-                "as `position: /ncp1/position.point`; `tdfscal info` lists the topics",
-            )
-        from tdfscal.files.logs.mcap import read_mcap
-
-        return read_mcap
-    if suffix in (*_TEXT, ".txt", ".dat"):
+    if kind == "text":
         from tdfscal.files.logs.text import read_text
 
         return read_text
-    raise UsageError(
-        f"no kind of log ends in {suffix or 'nothing'!r}",
-        where=str(path),
-        hint="logs are .csv, .tsv (also .gz, .zst), .parquet, .mcap or a rosbag2 folder",
-    )
+    if mapping is None:
+        raise DataError(
+            "a recording in MCAP needs to be told which topics to read",
+            where=str(path),
+            hint="paste the `log:` block that `tdfscal info` proposes into rig.yaml",
+        )
+    from tdfscal.files.logs.mcap import read_mcap
+
+    return read_mcap
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:

@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from mcap.exceptions import McapError
+from mcap.records import Channel
 
 from tdfscal.errors import DataError
 from tdfscal.files.logs.cdr import Gatherer
 from tdfscal.files.logs.chunk import Messages
+from tdfscal.files.logs.clock import Skew
 from tdfscal.files.logs.container import Container
 from tdfscal.files.logs.faults import damage
 from tdfscal.files.logs.json_messages import read_numbers
 from tdfscal.files.logs.message_path import Path as MessagePath
 from tdfscal.files.logs.message_path import parse_steps, topic_of
-from tdfscal.files.logs.request import Block, Outcome, Piece, Request, join, missing_fields, split
+from tdfscal.files.logs.request import (
+    Block,
+    Outcome,
+    Piece,
+    Reached,
+    Request,
+    join,
+    missing_fields,
+    split,
+)
 from tdfscal.files.logs.ros_types import check_path, definitions, expand_vector
+from tdfscal.files.logs.summary import announced_topics
 from tdfscal.records import FloatArray, IntArray
 
 _MAX_SAMPLES: Final = 1 << 16
@@ -33,7 +45,9 @@ Decoder = Callable[[Messages], tuple[FloatArray, FloatArray]]
 """Messages of one channel → time (N,) in s, values (N, 3 · signals) as recorded."""
 
 
-def read_mcap(path: Path, request: Request, *, salvage: bool) -> Generator[Piece, None, Outcome]:
+def read_mcap(
+    path: Path, request: Request, *, salvage: bool, reached: Reached
+) -> Generator[Piece, None, Outcome]:
     """Read an MCAP log in pieces; see `request.Reader`.
 
     Raises
@@ -42,6 +56,8 @@ def read_mcap(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
     """
     container = Container(path, salvage)
     topics = _Topics(container, request)
+    if not salvage and (announced := announced_topics(path)) is not None:
+        topics.check_present(announced)
     waiting: list[Piece] = []
     size = 0
     with damage(path, McapError):
@@ -54,13 +70,16 @@ def read_mcap(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
             if size >= _ENOUGH:
                 yield from split(join(waiting), _MAX_SAMPLES)
                 waiting, size = [], 0
+                reached(container.reached)
         if waiting:
             yield from split(join(waiting), _MAX_SAMPLES)
     topics.check_complete()
     lost = (*container.lost, *topics.lost)
+    skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
+    warnings = tuple(f"{path}: {what}" for what in (*lost, *skewed))
     if lost:
-        return Outcome("salvaged", tuple(f"{path}: {what}" for what in lost))
-    return Outcome("verified" if container.checked else "unverified")
+        return Outcome("salvaged", warnings)
+    return Outcome("verified" if container.checked else "unverified", warnings)
 
 
 @dataclass(slots=True)
@@ -70,6 +89,7 @@ class _Topics:
     container: Container
     request: Request
     lost: list[str] = field(default_factory=list)
+    skews: dict[str, Skew] = field(default_factory=dict)
     _signals: dict[str, list[int]] = field(default_factory=dict)
     _decoders: dict[int, Decoder] = field(default_factory=dict)
     _known: int = 0
@@ -106,6 +126,18 @@ class _Topics:
         if missing:
             topics = sorted({c.topic for c in self.container.channels.values()})
             raise missing_fields(missing, topics, where=str(self.container.path), kind="topic for")
+
+    def check_present(self, announced: frozenset[str]) -> None:
+        """Refuse a file whose summary lacks a topic, before it is read."""
+        missing = [
+            signal.fields[0]
+            for signal in self.request.signals
+            if all(topic_of(name, announced) is None for name in signal.fields)
+        ]
+        if missing:
+            raise missing_fields(
+                missing, sorted(announced), where=str(self.container.path), kind="topic for"
+            )
 
     def _channels(self, topic: str) -> list[int]:
         return [i for i, c in self.container.channels.items() if c.topic == topic]
@@ -190,12 +222,13 @@ class _Topics:
         where = f"{self.container.path}, topic {channel.topic}"
         if encoding == "cdr":
             return self._cdr_decoder(channel_id, where)
-        if encoding == "json":
+        if encoding in ("json", "protobuf"):
             paths = self._paths(channel.topic, None, where)
             stamped = self.request.time_source == "header"
+            read = read_numbers if encoding == "json" else self._protobuf_reader(channel, where)
 
             def decode(messages: Messages) -> tuple[FloatArray, FloatArray]:
-                numbers = read_numbers(messages, paths, stamped=stamped)
+                numbers = read(messages, paths, stamped=stamped)
                 if stamped:
                     return numbers[:, 0], numbers[:, 1:]
                 return self._recorded_time(messages), numbers
@@ -204,8 +237,26 @@ class _Topics:
         raise DataError(
             f"messages are encoded as {encoding!r}",
             where=where,
-            hint="record ROS 2 (cdr) or json messages",
+            hint="record ROS 2 (cdr), protobuf or json messages",
         )
+
+    def _protobuf_reader(self, channel: Channel, where: str) -> Callable[..., FloatArray]:
+        from tdfscal.files.logs import protobuf_messages as protobuf
+
+        schema = self.container.schemas.get(channel.schema_id)
+        if schema is None or schema.encoding != "protobuf":
+            raise DataError("the channel has no schema for its protobuf messages", where=where)
+        try:
+            kind = protobuf.message_class(schema.name, schema.data)
+        except ValueError as error:
+            raise DataError(str(error), where=where) from error
+        except DataError as error:
+            raise DataError(error.what, where=where, hint=error.hint) from error
+
+        def read(messages: Messages, paths: Sequence[MessagePath], *, stamped: bool) -> FloatArray:
+            return protobuf.read_numbers(messages, kind, paths, stamped=stamped)
+
+        return read
 
     def _cdr_decoder(self, channel_id: int, where: str) -> Decoder:
         channel = self.container.channels[channel_id]
@@ -218,26 +269,31 @@ class _Topics:
         except ValueError as error:
             raise DataError(str(error), where=where) from error
         paths = self._paths(channel.topic, (types, schema.name), where)
-        stamped = self.request.time_source == "header"
-        if stamped:
-            try:
-                for stamp in _STAMP:
-                    check_path(types, schema.name, stamp, where)
-            except DataError as error:
+        wanted = self.request.time_source == "header"
+        stamped = True
+        try:
+            for stamp in _STAMP:
+                check_path(types, schema.name, stamp, where)
+        except DataError as error:
+            stamped = False
+            if wanted:
                 raise DataError(
                     f"{schema.name} has no header with a time",
                     where=where,
                     hint="state `time: {source: log}` in the log block of rig.yaml",
                 ) from error
         gatherer = Gatherer(types, schema.name, [*_STAMP, *paths] if stamped else paths)
+        skew = self.skews.setdefault(channel.topic, Skew())
 
         def decode(messages: Messages) -> tuple[FloatArray, FloatArray]:
             numbers = gatherer(messages)
             if not stamped:
                 return self._recorded_time(messages), numbers
-            if (numbers[:, 1] >= 1e9).any():
+            if wanted and (numbers[:, 1] >= 1e9).any():
                 raise ValueError("its time has more than 1e9 ns to the second")
-            return numbers[:, 0] + numbers[:, 1] / 1e9, numbers[:, 2:]
+            header = numbers[:, 0] + numbers[:, 1] / 1e9
+            skew.note(header, messages.log_time() / 1e9)
+            return header if wanted else self._recorded_time(messages), numbers[:, 2:]
 
         return decode
 

@@ -19,6 +19,7 @@ from tdfscal.files.logs.request import (
     Block,
     Outcome,
     Piece,
+    Reached,
     Request,
     check_fields_differ,
     missing_fields,
@@ -44,7 +45,9 @@ class _Columns:
         return ([self.time] if self.time is not None else []) + three
 
 
-def read_parquet(path: Path, request: Request, *, salvage: bool) -> Generator[Piece, None, Outcome]:
+def read_parquet(
+    path: Path, request: Request, *, salvage: bool, reached: Reached
+) -> Generator[Piece, None, Outcome]:
     """Read a Parquet log in pieces; see `request.Reader`.
 
     Page checksums are verified where the file has them, else its integrity is unverified.
@@ -57,14 +60,7 @@ def read_parquet(path: Path, request: Request, *, salvage: bool) -> Generator[Pi
     warnings: list[str] = []
     with (
         damage(path, pa.ArrowException),
-        pq.ParquetFile(
-            path,
-            page_checksum_verification=True,
-            pre_buffer=False,
-            buffer_size=1 << 20,
-            thrift_string_size_limit=_MAX_THRIFT,
-            thrift_container_size_limit=_MAX_THRIFT,
-        ) as file,
+        open_parquet(path) as file,
     ):
         columns = _resolve(file, request, where)
         leaves = _leaves(file, columns)
@@ -72,6 +68,7 @@ def read_parquet(path: Path, request: Request, *, salvage: bool) -> Generator[Pi
         verified = True
         first_row = 0
         read = 0
+        share = path.stat().st_size / max(file.metadata.num_rows, 1)
         for group in range(file.num_row_groups):
             expected = file.metadata.row_group(group).num_rows
             in_group = 0
@@ -82,6 +79,7 @@ def read_parquet(path: Path, request: Request, *, salvage: bool) -> Generator[Pi
                         verified &= has_checksums(path, file.metadata.row_group(group), leaves)
                     piece = _piece(batch, columns, request, first_row + in_group, where)
                     in_group += batch.num_rows
+                    reached(int((first_row + in_group) * share))
                     yield piece
                 if in_group != expected:
                     raise DataError(
@@ -102,6 +100,18 @@ def read_parquet(path: Path, request: Request, *, salvage: bool) -> Generator[Pi
     if warnings:
         return Outcome("salvaged", tuple(warnings))
     return Outcome("verified" if verified else "unverified")
+
+
+def open_parquet(path: Path) -> pq.ParquetFile:
+    """Open a file such that checksums are verified and no absurd length is believed."""
+    return pq.ParquetFile(
+        path,
+        page_checksum_verification=True,
+        pre_buffer=False,
+        buffer_size=1 << 20,
+        thrift_string_size_limit=_MAX_THRIFT,
+        thrift_container_size_limit=_MAX_THRIFT,
+    )
 
 
 def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from tdfscal.files.logs.formats import expand, reader_of
 from tdfscal.files.logs.request import Block, Outcome, Piece, Request, make_request
 from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
 
+Progress = Callable[[float], None]
 _NO_TIME, _NO_VALUE = np.empty(0), np.empty((0, 3))
 
 
@@ -52,14 +53,19 @@ def iter_log(
     supports: Sequence[str],
     *,
     salvage: bool = False,
+    progress: Progress | None = None,
 ) -> Iterator[Log]:
     """Read recorded logs as a stream of pieces, in bounded memory.
 
     Each piece holds the new samples of every stream, about 64 k samples or less. A file's entry
     in `inputs` and its warnings come with its last piece. Parameters and errors as `read_log`.
+
+    progress : told the share of all bytes that is read, from 0 to 1, not descending.
     """
     request = make_request(mapping, supports)
-    yield from _campaign(expand(paths), request, mapping, salvage=salvage)
+    files = expand(paths)
+    meter = _Meter(sum(path.stat().st_size for path in files), progress)
+    yield from _campaign(files, request, mapping, meter, salvage=salvage)
 
 
 def concatenate(pieces: Iterable[Log]) -> Log:
@@ -84,8 +90,27 @@ def concatenate(pieces: Iterable[Log]) -> Log:
     )
 
 
+@dataclass(slots=True)
+class _Meter:
+    """Bytes read of all files together; before: those of the files that are done."""
+
+    total: int
+    progress: Progress | None
+    before: int = 0
+
+    def reached(self, position: int) -> None:
+        """Tell how far the file at hand is read."""
+        if self.progress is not None:
+            self.progress(min((self.before + position) / max(self.total, 1), 1.0))
+
+
 def _campaign(
-    paths: Sequence[Path], request: Request, mapping: LogMapping | None, *, salvage: bool
+    paths: Sequence[Path],
+    request: Request,
+    mapping: LogMapping | None,
+    meter: _Meter,
+    *,
+    salvage: bool,
 ) -> Iterator[Log]:
     if not paths:
         raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
@@ -97,7 +122,8 @@ def _campaign(
         count = np.zeros(len(request.signals), dtype=np.int64)
         clocks: dict[str, Clock] = {}
         with Fingerprint(path) as fingerprint:
-            stream = reader_of(path, mapping)(path, request, salvage=salvage)
+            reader = reader_of(path, mapping)
+            stream = reader(path, request, salvage=salvage, reached=meter.reached)
             outcome: Outcome
             while True:
                 try:
@@ -121,6 +147,8 @@ def _campaign(
             _check_counts(count, request, path)
             entry = fingerprint.result(outcome.integrity)
         row += float(count[0])
+        meter.before += entry.bytes
+        meter.reached(0)
         yield _closed(pending, request, entry, (*outcome.warnings, *warnings))
 
 
@@ -133,7 +161,8 @@ def _in_sequence(
     starts: list[tuple[float, int]] = []
     untimed = 0
     for k, path in enumerate(paths):
-        stream = reader_of(path, mapping)(path, request, salvage=salvage)
+        reader = reader_of(path, mapping)
+        stream = reader(path, request, salvage=salvage, reached=lambda position: None)
         start = np.inf
         for piece in stream:
             times = [float(block.time[0]) for block in piece if block.time.size]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
@@ -69,6 +69,8 @@ class Block:
 
 
 Piece = tuple[Block, ...]
+Reached = Callable[[int], None]
+"""Told how many bytes of a file are read, now and then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,7 @@ class Reader(Protocol):
     """
 
     def __call__(
-        self, path: Path, request: Request, *, salvage: bool
+        self, path: Path, request: Request, *, salvage: bool, reached: Reached
     ) -> Generator[Piece, None, Outcome]:
         """Read one file."""
         ...

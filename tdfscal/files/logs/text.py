@@ -12,18 +12,20 @@ import zstandard
 
 from tdfscal.errors import DataError
 from tdfscal.files.logs.faults import damage, one_line
-from tdfscal.files.logs.request import Block, Outcome, Piece, Request, split
+from tdfscal.files.logs.request import Block, Outcome, Piece, Reached, Request, split
 from tdfscal.files.logs.text_header import Header, find_header
 from tdfscal.files.logs.text_rows import RowParser, Rows
 from tdfscal.records import FloatArray, Integrity
 
 _BLOCK: Final = 8 << 20
-_HEAD: Final = 1 << 18
+HEAD: Final = 1 << 18
 _MAX_SAMPLES: Final = 1 << 16
 _GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 
 
-def read_text(path: Path, request: Request, *, salvage: bool) -> Generator[Piece, None, Outcome]:
+def read_text(
+    path: Path, request: Request, *, salvage: bool, reached: Reached
+) -> Generator[Piece, None, Outcome]:
     """Read a text log in pieces; see `request.Reader`.
 
     Raises
@@ -32,19 +34,19 @@ def read_text(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
     """
     where = str(path)
     with damage(path, pa.ArrowException):
-        stream, integrity = _open(path)
-        with stream:
+        raw, stream, integrity = open_text(path)
+        with raw, stream:
             lost: list[str] = []
-            source = _Source(stream, lost if salvage else None)
-            head = source.read(_HEAD)
+            source = Source(stream, lost if salvage else None)
+            head = source.read(HEAD)
             newline = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
-            text = _decode(head, where)
+            text = decode(head, where)
             header = find_header(text, request, where=where)
             parser = RowParser(header, newline, request.decimal, where)
             line = header.lines + 1
             rows_before, faults = 0, 0
             warnings: list[str] = []
-            for block, whole in _blocks(source, head, newline, header.lines, where):
+            for block, whole in blocks(source, head, newline, header.lines, where):
                 if not whole and request.rows == "timeseries":
                     warnings.append(
                         f"{where}: the last line has no end and may be cut short; it is left out"
@@ -56,6 +58,7 @@ def read_text(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
                 faults += rows.faults
                 line += rows.lines
                 del block, rows
+                reached(raw.tell())
                 yield from split(piece, _MAX_SAMPLES)
     if rows_before == 0:
         raise DataError(
@@ -67,23 +70,31 @@ def read_text(path: Path, request: Request, *, salvage: bool) -> Generator[Piece
     return Outcome("salvaged" if salvage and (faults or warnings) else integrity, tuple(warnings))
 
 
-def _open(path: Path) -> tuple[BinaryIO, Integrity]:
-    """Open a plain or compressed file by its first bytes, not by its name."""
+def open_text(path: Path) -> tuple[BinaryIO, BinaryIO, Integrity]:
+    """Open a plain or compressed file by its first bytes, not by its name.
+
+    Returns
+    -------
+    The file as it is stored, its text, and how far its compression checks the content.
+    """
     with path.open("rb") as probe:
         magic = probe.read(64)
     if magic.startswith(_GZIP):
-        return cast(BinaryIO, pa.input_stream(str(path), compression="gzip")), "verified"
+        raw = path.open("rb")
+        return raw, cast(BinaryIO, pa.input_stream(raw, compression="gzip")), "verified"
     if magic.startswith(_ZSTD):
         try:
             checked = zstandard.get_frame_parameters(magic).has_checksum
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from error
-        stream = cast(BinaryIO, pa.input_stream(str(path), compression="zstd"))
-        return stream, "verified" if checked else "unverified"
-    return path.open("rb"), "unverified"
+        raw = path.open("rb")
+        stream = cast(BinaryIO, pa.input_stream(raw, compression="zstd"))
+        return raw, stream, "verified" if checked else "unverified"
+    raw = path.open("rb")
+    return raw, raw, "unverified"
 
 
-def _decode(head: bytes, where: str) -> str:
+def decode(head: bytes, where: str) -> str:
     """Decode the first lines; in the rows only ASCII matters."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise DataError("the text is UTF-16", where=where, hint="export it as UTF-8")
@@ -95,7 +106,7 @@ def _decode(head: bytes, where: str) -> str:
         return whole.decode("cp1252", errors="replace")
 
 
-class _Source:
+class Source:
     """A stream that may break off where `lost` takes the reason (salvage)."""
 
     def __init__(self, stream: BinaryIO, lost: list[str] | None) -> None:
@@ -112,8 +123,8 @@ class _Source:
             return b""
 
 
-def _blocks(
-    source: _Source, head: bytes, newline: bytes, skipped: int, where: str
+def blocks(
+    source: Source, head: bytes, newline: bytes, skipped: int, where: str
 ) -> Iterator[tuple[bytes, bool]]:
     """Yield blocks of whole lines after the header; False with a last line without an end."""
     start = 0

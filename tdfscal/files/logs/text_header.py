@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from tdfscal.errors import DataError
@@ -79,7 +79,7 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
             hint="put the columns' names in the first line",
         )
     here = f"{where}, line {best.line + 1}"
-    labels = [_label(cell, wanted) for cell in best.cells]
+    labels = [split_label(cell, wanted) for cell in best.cells]
     by_name: dict[str, list[int]] = {}
     for column, (name, _) in enumerate(labels):
         by_name.setdefault(name, []).append(column)
@@ -137,7 +137,7 @@ def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> _Candida
             if separator == decimal:
                 continue
             cells = split_cells(line, separator)
-            found = len(wanted & {_label(cell, wanted)[0] for cell in cells})
+            found = len(wanted & {split_label(cell, wanted)[0] for cell in cells})
             candidate = _Candidate(number, separator, tuple(cells), found)
             if (
                 best is None
@@ -159,7 +159,7 @@ def split_cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def _label(cell: str, wanted: set[str]) -> tuple[str, str | None]:
+def split_label(cell: str, wanted: Collection[str] = ()) -> tuple[str, str | None]:
     """Split `Fx1 [N]` into name and unit; a name may itself be given with its brackets."""
     match = _BRACKETS.fullmatch(cell)
     if match is None:

@@ -91,7 +91,7 @@ def legend_above(ax: Axes, columns: int) -> None:
 
 def to_svg(drawing: Drawing) -> str:
     """SVG element for a page: no XML prologue, identifiers of its own, text as outlines."""
-    with _look():
+    with look():
         stream = io.StringIO()
         drawing.paint().savefig(stream, format="svg", dpi=_DPI, metadata={"Date": None})
     text = stream.getvalue()
@@ -106,14 +106,15 @@ def save(drawing: Drawing, folder: Path) -> tuple[Path, Path]:
     """Write a figure as PNG and SVG; return the paths. Raises UsageError where that fails."""
     make_folder(folder)
     png, svg = folder / f"{drawing.name}.png", folder / f"{drawing.name}.svg"
-    with replacing(png) as beside, _look():
+    with replacing(png) as beside, look():
         drawing.paint().savefig(beside, format="png", dpi=_DPI)
     write_text(svg, '<?xml version="1.0" encoding="utf-8"?>\n' + to_svg(drawing) + "\n")
     return png, svg
 
 
 @contextmanager
-def _look() -> Iterator[None]:
+def look() -> Iterator[None]:
+    """Draw in the look of the reports, whatever the user's own settings of matplotlib are."""
     with mpl.rc_context():
         mpl.rcdefaults()
         for name, value in _SETTINGS.items():

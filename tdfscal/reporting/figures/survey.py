@@ -18,12 +18,15 @@ from tdfscal.reporting.figures.style import (
     GREY,
     INK,
     ORANGE,
+    WIDTH,
     Drawing,
     figure,
     legend_above,
     raster,
 )
 
+_CHARACTER = 0.075
+"""Inches that a letter of a tick label takes, at most."""
 _MARKS = (("o", BLUE, "x"), ("s", ORANGE, "y"), ("^", GREEN, "z"))
 
 
@@ -87,15 +90,16 @@ def _paint(names: list[str], residual: FloatArray, normalised: FloatArray) -> Fi
 
 def _groups(bottom: Axes, top: Axes, names: list[str]) -> None:
     """Name the supports once each along the axis, with a line between them."""
-    start, ticks, labels = 0, [], []
+    start, ticks, labels, upright = 0, [], [], True
     for group, members in groupby(name.split("/")[0] for name in names):
         size = len(list(members))
         ticks.append(start + (size - 1) / 2)
-        labels.append(f"{group}\n({size})")
+        labels.append(f"{group} ({size})")
+        upright &= _CHARACTER * len(labels[-1]) < 0.88 * WIDTH * size / len(names)
         start += size
         for ax in (bottom, top):
             ax.axvline(start - 0.5, color=GREY, linewidth=0.5, linestyle=":")
-    bottom.set_xticks(ticks, labels)
+    bottom.set_xticks(ticks, labels, rotation=0 if upright else 90)
     bottom.set_xlabel("points: moves of each NCP first, then targets on each sensor")
     for ax in (bottom, top):
         ax.grid(axis="x", visible=False)

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from tdfscal.files.calibration import Calibration
 from tdfscal.files.calibrationmodel import MonteCarloResult
@@ -54,6 +55,7 @@ def _paint(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
                 off = 1e3 * (end - c.rpy[i, j])
                 ax.axvline(off, color=INK, linewidth=1.0, linestyle=":")
             ax.set_title(f"{c.supports[i].name}  {ANGLES[j]}", fontsize=8, pad=2)
+            ax.xaxis.set_major_locator(MaxNLocator(5))
             ax.grid(visible=False)
             ax.tick_params(labelsize=7)
             if i == n - 1:

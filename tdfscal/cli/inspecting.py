@@ -1,0 +1,38 @@
+"""`tdfscal info`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from tdfscal.cli.app import emit
+from tdfscal.cli.progress import reading_bar
+from tdfscal.files.campaign import RIG_NAME, find_logs
+from tdfscal.files.loginfo import inspect_logs
+from tdfscal.files.loginfo.document import as_document
+from tdfscal.files.loginfo.text import as_text
+from tdfscal.files.logs import expand, is_log
+from tdfscal.files.rig import LoadedRig, load_rig
+
+
+def run(paths: list[Path], *, rig: Path | None, json: bool, quiet: bool) -> None:
+    """Look through the logs and print what is there."""
+    loaded = _rig(paths, rig)
+    apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
+    logs = find_logs(paths, apart=apart)
+    with reading_bar(expand(logs), quiet=quiet) as progress:
+        info = inspect_logs(logs, loaded, progress=progress)
+    if json:
+        emit(as_document(info))
+    else:
+        sys.stdout.write(as_text(info))
+
+
+def _rig(paths: list[Path], given: Path | None) -> LoadedRig | None:
+    """The rig that is named, or the rig.yaml of a campaign folder; none is fine."""
+    if given is not None:
+        return load_rig(given)
+    for path in paths:
+        if path.is_dir() and not is_log(path) and (path / RIG_NAME).is_file():
+            return load_rig(path / RIG_NAME)
+    return None

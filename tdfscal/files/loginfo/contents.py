@@ -1,0 +1,155 @@
+"""What a file says of itself, whatever its format: fields with samples of their values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from tdfscal.records import FloatArray
+
+SAMPLES: Final = 512
+"""Rows or messages sampled of each block that is read."""
+
+Format = Literal["csv", "parquet", "mcap"]
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a stream.
+
+    kind : its type in the format's own words. unit : as the file names it; None where it does not.
+    low, high : of the values sampled; None where it holds no numbers.
+    """
+
+    name: str
+    kind: str
+    unit: str | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """Fields that come together: a table, or a topic.
+
+    kind : message type, empty for a table. count : rows or messages.
+    start, end : s, by the file's own clock; None where it has none (a table's is a column).
+    """
+
+    name: str
+    kind: str
+    count: int
+    fields: tuple[Field, ...]
+    start: float | None = None
+    end: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Vector:
+    """Three numbers that may be a position or a force.
+
+    fields : their names, or the one field that has x, y, z. label : name without the axis letter.
+    kind : type of message or member, for what it says of the meaning. unit : as the file names it.
+    time : (N,), s, or rows where the file has no clock of its own. value : (N, 3), as recorded.
+    """
+
+    fields: tuple[str, ...]
+    label: str
+    kind: str
+    unit: str | None
+    time: FloatArray
+    value: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of numbers that may be the time: value (N,) sampled; step, the median interval."""
+
+    name: str
+    unit: str | None
+    value: FloatArray
+    step: float
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """One file.
+
+    columns : those that could be the time. stamped : of MCAP, topics whose messages have a header
+    with a time. decimal : of CSV.
+    """
+
+    path: Path
+    format: Format
+    bytes: int
+    streams: tuple[Stream, ...]
+    vectors: tuple[Vector, ...]
+    columns: tuple[Column, ...] = ()
+    stamped: frozenset[str] = frozenset()
+    decimal: Literal[".", ","] = "."
+    problems: tuple[str, ...] = ()
+
+
+def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find names that differ only in x, y, z: (name with * for the axis, the three names).
+
+    Each name goes to one vector; of several letters that would do, the last one is the axis.
+    """
+    groups: dict[tuple[str, str], dict[str, str]] = {}
+    for name in names:
+        for place in reversed(range(len(name))):
+            letter = name[place]
+            if letter.lower() not in "xyz" or letter.lower() not in {"x", "y", "z"}:
+                continue
+            key = (f"{name[:place]}*{name[place + 1 :]}", "upper" if letter.isupper() else "lower")
+            groups.setdefault(key, {})[letter.lower()] = name
+    taken: set[str] = set()
+    found = []
+    for (label, _), members in groups.items():
+        if len(members) == 3 and not taken & set(members.values()):
+            taken |= set(members.values())
+            found.append((label, (members["x"], members["y"], members["z"])))
+    return found
+
+
+def extremes(value: FloatArray) -> tuple[float | None, float | None]:
+    """Smallest and largest finite value; None where there is none."""
+    finite = value[np.isfinite(value)]
+    if not finite.size:
+        return None, None
+    return float(finite.min()), float(finite.max())
+
+
+def table_contents(
+    names: Sequence[str],
+    kinds: Sequence[str],
+    stated: Sequence[str | None],
+    sample: dict[str, FloatArray],
+    first: dict[str, FloatArray],
+) -> tuple[tuple[Field, ...], tuple[Vector, ...], tuple[Column, ...]]:
+    """Fields, vectors and possible times of a table.
+
+    sample : values of the numeric columns at the same rows. first : the first rows, all of them.
+    """
+    unit = dict(zip(names, stated, strict=True))
+    fields = tuple(
+        Field(name, kind, unit[name], *(extremes(sample[name]) if name in sample else (None, None)))
+        for name, kind in zip(names, kinds, strict=True)
+    )
+    columns = []
+    for name, value in sample.items():
+        step = np.diff(first[name])
+        if value.size > 1 and step.size and (np.diff(value) >= 0).all() and np.median(step) > 0:
+            columns.append(Column(name, unit[name], value, float(np.median(step))))
+    vectors = tuple(
+        Vector(
+            three, label, "", unit[three[0]], np.arange(len(sample[three[0]]), dtype=np.float64),
+            np.column_stack([sample[name] for name in three]),
+        )
+        for label, three in axes_of(list(sample))
+    )  # fmt: skip
+    return fields, vectors, tuple(columns)

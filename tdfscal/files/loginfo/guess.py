@@ -1,0 +1,273 @@
+"""Which fields are the positions and forces of which support, by names and plausibility."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from tdfscal.files.loginfo.contents import Column, Contents, Vector
+from tdfscal.files.logs import units
+from tdfscal.records import FloatArray, LogMapping, Rig
+
+Role = Literal["position", "force", "other"]
+
+_FORCE: Final = frozenset({"f", "force", "forces", "tdfs", "load", "loadcell", "wrench", "sensor"})
+_POSITION: Final = frozenset({"p", "pos", "position", "positions", "ncp", "actpos", "point", "xyz"})
+_POSITION_PART: Final = ("pos", "point")
+_OTHER: Final = frozenset(
+    {"m", "t", "torque", "torques", "moment", "moments", "v", "vel", "velocity", "a", "acc"}
+    | {"accel", "acceleration", "angular", "orientation", "rot", "rotation", "rpy", "angle", "w"}
+    | {"cmd", "command", "commanded", "set", "setpoint", "target", "ref", "reference", "demand"}
+    | {"err", "error", "temp", "temperature", "current", "gyro", "mag", "euler"}
+)
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\*")
+_LONGEST: Final = 20.0  # m; hinges further apart are in mm
+_LIGHT: Final = 100.0  # of a terminal's weight in the log's unit; less is kN
+_RIGID: Final = 0.02  # largest relative spread of distances that a rigid terminal leaves
+_STEPS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """mapping : None where no pairs of positions and forces are found. notes : why, and doubts."""
+
+    mapping: LogMapping | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    support: str
+    position: Vector
+    force: Vector
+
+
+def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
+    """Guess the `log:` block of a file never seen before.
+
+    rig : gives the supports their names, and decides what names leave open.
+    """
+    positions = [v for v in contents.vectors if _role(v) == "position"]
+    forces = [v for v in contents.vectors if _role(v) == "force"]
+    notes: list[str] = []
+    pairs = _paired(positions, forces)
+    if len(pairs) < 3:
+        found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
+        return Guess(None, (f"no mapping is guessed: {found}; three of each are needed",))
+    pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
+    pairs, by_rig = _named(pairs, rig)
+    notes += by_rig
+    length, why_length = _length_unit(pairs)
+    force, why_force = _force_unit(pairs, rig)
+    on, why_on = _force_on(pairs, rig)
+    notes += [*why_length, *why_force, *why_on, *_rigidity(pairs)]
+    mapping = LogMapping(
+        supports=tuple(p.support for p in pairs),
+        position=tuple(p.position.fields for p in pairs),
+        force=tuple(p.force.fields for p in pairs),
+        length_unit=length,
+        force_unit=force,
+        force_on=on,
+        decimal=contents.decimal,
+    )
+    if contents.format == "mcap":
+        topics = {s.name for s in contents.streams}
+        named = {t for p in pairs for v in (p.position, p.force) for t in topics
+                 if v.fields[0].startswith(t) and v.fields[0][len(t):][:1] in (".", "")}  # fmt: skip
+        source: Literal["header", "log"] = "header" if named <= contents.stamped else "log"
+        return Guess(replace(mapping, time_source=source), tuple(notes))
+    used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
+    timed, why_time = _time([c for c in contents.columns if c.name not in used])
+    if timed is None:
+        return Guess(replace(mapping, rows="postures"), (*notes, *why_time))
+    name, unit = timed
+    return Guess(replace(mapping, time_field=name, time_unit=unit), (*notes, *why_time))
+
+
+def words(label: str) -> list[str]:
+    """Words of a name, small: TDFS_F*1 → tdfs, f, *, 1."""
+    return [w.lower() for w in _WORD.findall(label)]
+
+
+def _role(vector: Vector) -> Role:
+    """What a vector's name says; the words nearest to its end say it best."""
+    if vector.unit is not None:
+        for role in ("position", "force"):
+            if units.factor(role, vector.unit) is not None:
+                return "position" if role == "position" else "force"
+        return "other"
+    found = words(vector.label)
+    if set(found) & _OTHER and not found[-1:] == ["force"]:
+        return "other"
+    for word in reversed(found):
+        if word in _FORCE:
+            return "force"
+        if word in _POSITION or word.startswith(_POSITION_PART) or word.endswith(_POSITION_PART):
+            return "position"
+    if "Wrench" in vector.kind or "Force" in vector.kind:
+        return "force"
+    # A bare axis letter, `ncp1.x`, `X1`: a position.
+    return "position" if [w for w in found if not w.isdigit()][-1:] == ["*"] else "other"
+
+
+def _key(vector: Vector) -> list[str]:
+    """What a name says of the support: its numbers, else its words that name no quantity."""
+    found = words(vector.label)
+    numbers = [w for w in found if w.isdigit()]
+    general = {"*", "geometry", "msgs", "msg", *_FORCE, *_POSITION}
+    return numbers or [w for w in found if w not in general and not w.endswith(_POSITION_PART)]
+
+
+def _paired(positions: Sequence[Vector], forces: Sequence[Vector]) -> list[_Pair]:
+    """Pair by equal keys where these are unique, else by their order."""
+    keys_p = [tuple(_key(v)) for v in positions]
+    keys_f = [tuple(_key(v)) for v in forces]
+    common = [k for k in keys_p if keys_p.count(k) == 1 and keys_f.count(k) == 1 and k]
+    if len(common) >= 3:
+        return [
+            _Pair(f"ncp{k[0]}" if len(k) == 1 and k[0].isdigit() else "_".join(k),
+                  positions[keys_p.index(k)], forces[keys_f.index(k)])
+            for k in common
+        ]  # fmt: skip
+    if len(positions) == len(forces):
+        return [
+            _Pair(f"ncp{i + 1}", p, f)
+            for i, (p, f) in enumerate(zip(positions, forces, strict=True))
+        ]
+    return []
+
+
+def _named(pairs: list[_Pair], rig: Rig | None) -> tuple[list[_Pair], list[str]]:
+    """Give the pairs the rig's names: those in the fields' names, else in order."""
+    if rig is None:
+        return pairs, []
+    by_name = {}
+    for name in rig.supports:
+        hits = [p for p in pairs if name.lower() in p.position.label.lower() or p.support == name]
+        if len(hits) == 1:
+            by_name[name] = hits[0]
+    if len(by_name) == rig.n:
+        return [replace(p, support=name) for name, p in by_name.items()], []
+    if len(pairs) == rig.n:
+        named = [replace(p, support=n) for n, p in zip(rig.supports, pairs, strict=True)]
+        return named, ["the supports are matched with the rig's in order; check them"]
+    return pairs, [
+        f"the log has {len(pairs)} supports, the rig {rig.n}; the names are not the rig's"
+    ]
+
+
+def _resampled(vectors: Sequence[Vector]) -> FloatArray:
+    """(n, N, 3) at common times."""
+    start = max(float(v.time[0]) for v in vectors)
+    end = min(float(v.time[-1]) for v in vectors)
+    t = np.linspace(start, end, 400)
+    return np.stack(
+        [np.column_stack([np.interp(t, v.time, v.value[:, j]) for j in range(3)]) for v in vectors]
+    )
+
+
+def _distances(pairs: Sequence[_Pair]) -> FloatArray:
+    """(N, pairs of supports), in the log's unit."""
+    p = _resampled([q.position for q in pairs])
+    i, j = np.triu_indices(len(p), 1)
+    return np.asarray(np.linalg.norm(p[i] - p[j], axis=2).T)
+
+
+def _length_unit(pairs: Sequence[_Pair]) -> tuple[str, list[str]]:
+    stated = pairs[0].position.unit
+    if stated is not None:
+        return units.canonical(stated), []
+    far = float(np.median(_distances(pairs)))
+    unit = "mm" if far > _LONGEST else "m"
+    return unit, [f"length_unit: {unit}, as the NCPs are {far:.4g} {unit} apart"]
+
+
+def _force_unit(pairs: Sequence[_Pair], rig: Rig | None) -> tuple[str, list[str]]:
+    stated = pairs[0].force.unit
+    if stated is not None:
+        return units.canonical(stated), []
+    sum_ = float(
+        np.median(np.linalg.norm(_resampled([q.force for q in pairs]).sum(axis=0), axis=1))
+    )
+    if rig is not None and np.isfinite(rig.mass.std):
+        weight = float(rig.mass.value) * rig.gravity
+        near = abs(np.log(max(sum_, 1e-9) * 1e3 / weight)) < abs(np.log(max(sum_, 1e-9) / weight))
+        unit = "kN" if near else "N"
+        return unit, [f"force_unit: {unit}, as the forces add up to {sum_:.4g} {unit} "
+                      f"and the terminal weighs {weight:.4g} N"]  # fmt: skip
+    unit = "kN" if sum_ < _LIGHT else "N"
+    return unit, [f"force_unit: {unit}, as the forces add up to {sum_:.4g} {unit}; "
+                  "check it against the weight"]  # fmt: skip
+
+
+def _force_on(
+    pairs: Sequence[_Pair], rig: Rig | None
+) -> tuple[Literal["terminal", "sensor"], list[str]]:
+    """The NCPs push the terminal up: a sum that points down is that of the reactions."""
+    forces = _resampled([q.force for q in pairs])
+    if rig is not None and [p.support for p in pairs] == list(rig.supports):
+        from tdfscal.numerics import so3
+
+        forces = np.einsum("nij,nkj->nki", so3.from_rpy(rig.nominal_rpy), forces)
+    total = forces.sum(axis=0).mean(axis=0)
+    on: Literal["terminal", "sensor"] = "terminal" if total[2] > 0 else "sensor"
+    which = "up" if on == "terminal" else "down"
+    note = f"force_on: {on}, as the forces' sum points {which} along the sensors' z"
+    if abs(total[2]) < 0.5 * float(np.linalg.norm(total)):
+        note += "; it is far from vertical, so check this"
+    return on, [note]
+
+
+def _rigidity(pairs: Sequence[_Pair]) -> list[str]:
+    distance = _distances(pairs)
+    spread = float(np.max(np.std(distance, axis=0) / np.mean(distance, axis=0)))
+    if spread < _RIGID:
+        return []
+    return [
+        f"the distances between the positions vary by {100 * spread:.1f} %: they may be something "
+        "else than hinges of one rigid terminal"
+    ]
+
+
+def _time(
+    columns: Sequence[Column],
+) -> tuple[tuple[str, Literal["s", "ms", "us", "ns"]] | None, list[str]]:
+    if not columns:
+        return None, ["no column ascends as a time does, so each row is taken for a posture"]
+
+    def rank(column: Column) -> tuple[bool, bool]:
+        found = words(column.name)
+        return ("time" in found or "timestamp" in found, bool({"t", "stamp", "clock"} & set(found)))
+
+    best = max(columns, key=rank)
+    stated = best.unit if best.unit is not None else words(best.name)[-1]
+    for unit in _STEPS:
+        if units.canonical(stated) == unit:
+            return (best.name, _as_unit(unit)), []
+    # Logs have between 1 Hz and 50 kHz; seconds before all.
+    for unit, factor in _STEPS.items():
+        if 2e-5 <= best.step * factor <= 1.0:
+            return (best.name, _as_unit(unit)), [
+                f"time unit: {unit}, as the step of {best.name} is {best.step:.4g} {unit}"
+            ]
+    return (best.name, "s"), [f"the unit of {best.name} is unclear; s is taken"]
+
+
+def _as_unit(unit: str) -> Literal["s", "ms", "us", "ns"]:
+    match unit:
+        case "ms":
+            return "ms"
+        case "us":
+            return "us"
+        case "ns":
+            return "ns"
+    return "s"
+
+
+def _natural(label: str) -> list[tuple[int, int, str]]:
+    parts = re.split(r"(\d+)", label)
+    return [(1, int(p), "") if p.isdecimal() else (0, 0, p) for p in parts]

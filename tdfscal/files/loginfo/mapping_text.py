@@ -1,0 +1,57 @@
+"""A `log:` block as a user would write it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from tdfscal.records import LogMapping
+
+
+def mapping_document(mapping: LogMapping, *, mcap: bool) -> dict[str, Any]:
+    """The block as plain values, without what says no more than the default."""
+    block: dict[str, Any] = {}
+    if mapping.rows != "timeseries":
+        block["rows"] = mapping.rows
+    block["time"] = (
+        {"source": mapping.time_source}
+        if mcap
+        else {"field": mapping.time_field, "unit": mapping.time_unit}
+    )
+    block["length_unit"] = mapping.length_unit
+    block["force_unit"] = mapping.force_unit
+    block["force_on"] = mapping.force_on
+    if mapping.decimal != ".":
+        block["decimal"] = mapping.decimal
+    block["supports"] = {
+        name: {
+            "position": _fields(mapping.position[i]),
+            "force": _fields(mapping.force[i]),
+        }
+        for i, name in enumerate(mapping.supports)
+    }
+    return {"log": block}
+
+
+def mapping_block(mapping: LogMapping, *, mcap: bool) -> str:
+    """The block as YAML, ready to paste into rig.yaml."""
+    lines = ["log:"]
+    for key, value in mapping_document(mapping, mcap=mcap)["log"].items():
+        if key != "supports":
+            lines.append(f"  {key}: {_flow(value)}")
+            continue
+        lines.append("  supports:")
+        for name, fields in value.items():
+            lines.append(f"    {_flow(name)}:")
+            lines += [f"      {what}: {_flow(which)}" for what, which in fields.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _fields(names: tuple[str, ...]) -> str | list[str]:
+    return names[0] if len(names) == 1 else list(names)
+
+
+def _flow(value: Any) -> str:
+    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=1_000_000)
+    return text.removesuffix("...\n").strip()

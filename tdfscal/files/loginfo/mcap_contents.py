@@ -1,0 +1,219 @@
+"""Contents of an MCAP log: topics, their message types, and what in them has x, y, z."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Channel, Schema
+from rosbags.interfaces import Nodetype
+
+from tdfscal.errors import TdfscalError
+from tdfscal.files.loginfo.contents import SAMPLES, Contents, Field, Stream, Vector, extremes
+from tdfscal.files.logs.cdr import Gatherer
+from tdfscal.files.logs.chunk import Messages
+from tdfscal.files.logs.container import Container
+from tdfscal.files.logs.faults import damage, one_line
+from tdfscal.files.logs.json_messages import read_numbers
+from tdfscal.files.logs.message_path import Path as MessagePath
+from tdfscal.files.logs.message_path import shown
+from tdfscal.files.logs.ros_types import Definitions, definitions, full_name
+from tdfscal.records import FloatArray, IntArray
+
+_MAX_DEPTH: Final = 8
+_MAX_LEAVES: Final = 64
+_STAMP: Final = ("header", "stamp", "sec")
+
+Read = Callable[[Messages], FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class _Leaf:
+    """A number or a list in a message; vector: its kind where it is a struct with x, y, z."""
+
+    path: MessagePath
+    kind: str
+    vector: bool = False
+
+
+@dataclass(slots=True)
+class _Topic:
+    """One channel as it is looked through."""
+
+    channel: Channel
+    kind: str
+    leaves: list[_Leaf] = field(default_factory=list)
+    read: Read | None = None
+    time: list[IntArray] = field(default_factory=list)
+    value: list[FloatArray] = field(default_factory=list)
+    first: int | None = None
+    last: int | None = None
+    problem: str | None = None
+
+
+def mcap_contents(path: Path) -> Contents:
+    """Look through an MCAP file: every topic, with samples of what has x, y, z.
+
+    Raises
+    ------
+    UsageError, DataError : it cannot be read, or is damaged.
+    """
+    container = Container(path, salvage=False)
+    topics: dict[int, _Topic] = {}
+    with damage(path, McapError):
+        for messages in container.messages():
+            for number in messages.counts():
+                of = messages.of(number)
+                if number not in topics:
+                    topics[number] = _topic(container, number, of)
+                _look(topics[number], of)
+    streams, vectors, problems, stamped = [], [], [], set()
+    for number, topic in topics.items():
+        name = topic.channel.topic
+        streams.append(_stream(topic, container.counts[number]))
+        vectors += _vectors(topic)
+        if topic.problem:
+            problems.append(f"{name}: {topic.problem}")
+        if any(leaf.path == _STAMP for leaf in topic.leaves):
+            stamped.add(name)
+    empty = {c.topic for c in container.channels.values()} - {s.name for s in streams}
+    streams += [Stream(name, "", 0, ()) for name in sorted(empty)]
+    return Contents(
+        path, "mcap", path.stat().st_size, tuple(sorted(streams, key=lambda s: s.name)),
+        tuple(sorted(vectors, key=lambda v: v.fields)), stamped=frozenset(stamped),
+        problems=tuple(problems),
+    )  # fmt: skip
+
+
+def _topic(container: Container, number: int, messages: Messages) -> _Topic:
+    """Find out what the messages of a channel hold, and how to read it."""
+    channel = container.channels[number]
+    schema = container.schemas.get(channel.schema_id)
+    kind = schema.name if schema is not None else channel.message_encoding
+    topic = _Topic(channel, kind)
+    try:
+        if channel.message_encoding == "cdr" and schema is not None:
+            _open_cdr(topic, schema)
+        elif channel.message_encoding == "json":
+            _open_json(topic, messages)
+        elif channel.message_encoding == "protobuf" and schema is not None:
+            _open_protobuf(topic, schema)
+        else:
+            topic.problem = f"messages encoded as {channel.message_encoding!r} are not read"
+    except (ValueError, TdfscalError) as error:
+        topic.problem = one_line(error)
+    return topic
+
+
+def _open_cdr(topic: _Topic, schema: Schema) -> None:
+    types = definitions(schema.name, schema.encoding, schema.data.decode("utf-8"))
+    topic.leaves = list(_leaves_of_type(types, full_name(schema.name), (), 0))[:_MAX_LEAVES]
+    if paths := _paths(topic.leaves):
+        topic.read = Gatherer(types, schema.name, paths)
+
+
+def _open_json(topic: _Topic, messages: Messages) -> None:
+    topic.leaves = list(_leaves_of_value(json.loads(messages.bytes_of(0)), (), 0))[:_MAX_LEAVES]
+    if paths := _paths(topic.leaves):
+        topic.read = lambda m: read_numbers(m, paths, stamped=False)
+
+
+def _open_protobuf(topic: _Topic, schema: Schema) -> None:
+    from tdfscal.files.logs import protobuf_messages as protobuf
+
+    kind = protobuf.message_class(schema.name, schema.data)
+    topic.leaves = [_Leaf(path, name, vector) for path, name, vector in protobuf.leaves(kind)][
+        :_MAX_LEAVES
+    ]
+    if paths := _paths(topic.leaves):
+        topic.read = lambda m: protobuf.read_numbers(m, kind, paths, stamped=False)
+
+
+def _paths(leaves: Sequence[_Leaf]) -> list[MessagePath]:
+    return [(*leaf.path, axis) for leaf in leaves if leaf.vector for axis in "xyz"]
+
+
+def _leaves_of_type(
+    types: Definitions, name: str, path: MessagePath, depth: int
+) -> Iterator[_Leaf]:
+    members: Mapping[str, Any] = dict(types.get(name, ()))
+    if {"x", "y", "z"} <= members.keys() and "w" not in members:
+        yield _Leaf(path, name, vector=True)
+        return
+    for member, (kind, detail) in members.items():
+        here = (*path, member)
+        if kind == Nodetype.NAME and depth < _MAX_DEPTH:
+            yield from _leaves_of_type(types, detail, here, depth + 1)
+        elif kind == Nodetype.BASE:
+            yield _Leaf(here, detail[0])
+        elif kind != Nodetype.NAME:
+            (inner, what), _ = detail
+            yield _Leaf(here, f"{what[0] if inner == Nodetype.BASE else what}[]")
+
+
+def _leaves_of_value(value: Any, path: MessagePath, depth: int) -> Iterator[_Leaf]:
+    if isinstance(value, dict) and depth < _MAX_DEPTH:
+        if {"x", "y", "z"} <= value.keys() and "w" not in value:
+            yield _Leaf(path, "object", vector=True)
+            return
+        for key, inner in value.items():
+            yield from _leaves_of_value(inner, (*path, str(key)), depth + 1)
+    else:
+        yield _Leaf(path, type(value).__name__)
+
+
+def _look(topic: _Topic, messages: Messages) -> None:
+    """Note the times of messages, and sample their vectors."""
+    ticks = messages.log_time()
+    low, high = int(ticks.min()), int(ticks.max())
+    topic.first = low if topic.first is None else min(topic.first, low)
+    topic.last = high if topic.last is None else max(topic.last, high)
+    if topic.read is None:
+        return
+    step = -(-ticks.size // SAMPLES)
+    some = Messages(
+        messages.data, messages.offset[::step], messages.length[::step], messages.channel[::step]
+    )
+    try:
+        topic.value.append(topic.read(some))
+        topic.time.append(ticks[::step])
+    except (ValueError, OverflowError, struct.error) as error:
+        topic.problem = f"a message cannot be read: {one_line(error)}"
+        topic.read = None
+
+
+def _stream(topic: _Topic, count: int) -> Stream:
+    fields: list[Field] = []
+    column = 0
+    value = np.concatenate(topic.value) if topic.value else None
+    for leaf in topic.leaves:
+        name = shown(leaf.path).removeprefix(".")
+        if not leaf.vector:
+            fields.append(Field(name, leaf.kind))
+            continue
+        low, high = (None, None)
+        if value is not None:
+            low, high = extremes(value[:, column : column + 3])
+        fields.append(Field(name, leaf.kind, None, low, high))
+        column += 3
+    start = None if topic.first is None else topic.first / 1e9
+    end = None if topic.last is None else topic.last / 1e9
+    return Stream(topic.channel.topic, topic.kind, count, tuple(fields), start, end)
+
+
+def _vectors(topic: _Topic) -> Iterator[Vector]:
+    if not topic.value:
+        return
+    value = np.concatenate(topic.value)
+    time = np.concatenate(topic.time) / 1e9
+    order = np.argsort(time, kind="stable")
+    for k, leaf in enumerate(leaf for leaf in topic.leaves if leaf.vector):
+        name = topic.channel.topic + shown(leaf.path)
+        three = value[order, 3 * k : 3 * k + 3]
+        yield Vector((name,), name, f"{topic.kind} {leaf.kind}", None, time[order], three)

@@ -1,0 +1,89 @@
+"""The planned motion x_d: straight from pose to pose, or on along the assembly direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray, Rig
+from tdfscal.simulation import rotations
+from tdfscal.simulation.equilibrium import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Poses between `start` (L,) and `goal` (L,), the same share of the way in every lane.
+
+    share, rate, acceleration : (N,), 1, 1/s, 1/s², at the steps of the loop. The centre of
+    compliance goes straight, the terminal turns about a fixed axis.
+    """
+
+    start: Pose
+    goal: Pose
+    share: FloatArray
+    rate: FloatArray
+    acceleration: FloatArray
+
+
+def move(start: Pose, goal: Pose, duration: float, rest: float, step: float) -> Reference:
+    """A move of minimum jerk in `duration` (s), then rest (s)."""
+    time = np.arange(1, round((duration + rest) / step) + 1) * step
+    u = np.clip(time / duration, 0.0, 1.0)
+    return Reference(
+        start,
+        goal,
+        share=u**3 * (10.0 + u * (6.0 * u - 15.0)),
+        rate=30.0 * (u * (1.0 - u)) ** 2 / duration,
+        acceleration=60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / duration**2,
+    )
+
+
+def advance(
+    start: Pose, goal: Pose, *, way: float, speed: float, ramp: float, step: float
+) -> Reference:
+    """From rest at even acceleration during `ramp` (s) to `speed` (m/s), and on over `way` (m).
+
+    goal : at the end of `way`.
+    """
+    total = way / speed + 0.5 * ramp
+    time = np.arange(1, round(total / step) + 1) * step
+    ramped = np.minimum(time, ramp)
+    gone = speed * (0.5 * ramped**2 / ramp + np.maximum(time - ramp, 0.0))
+    return Reference(
+        start,
+        goal,
+        share=gone / way,
+        rate=speed * ramped / ramp / way,
+        acceleration=np.where(time < ramp, speed / ramp / way, 0.0),
+    )
+
+
+def require_within(
+    rig: Rig, pose: Pose, home: tuple[float, ...], travel: tuple[float, ...], what: str
+) -> None:
+    """Refuse poses (...,) at which an NCP leaves its travel: ± travel (m) about its place at home.
+
+    Raises UsageError.
+    """
+    place = pose.place(np.broadcast_to(rig.hinge, (*pose.translation.shape[:-1], rig.n, 3)))
+    off = np.abs(place - rig.hinge - np.asarray(home)).reshape(-1, rig.n, 3)
+    beyond = off - np.asarray(travel)
+    if np.any(beyond > 1e-9):
+        case, i, axis = np.unravel_index(int(beyond.argmax()), beyond.shape)
+        raise UsageError(
+            f"the NCP of {rig.supports[i]} would have to move {1e3 * off[case, i, axis]:.4g} mm "
+            f"along {'xyz'[axis]}, and its travel is ±{1e3 * travel[axis]:.4g} mm",
+            where=f"{what} {case + 1}",
+            hint="choose postures nearer to home",
+        )
+
+
+def follow(reference: Reference, centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Place of the centre at the start (L, 3), its way (L, 3), m, BCS; turn (L, 3), rad, LCS."""
+    a, b = reference.start, reference.goal
+    first = a.rotation @ centre + a.translation
+    last = b.rotation @ centre + b.translation
+    turn = rotations.log(np.swapaxes(a.rotation, -1, -2) @ b.rotation)
+    return first, last - first, turn

@@ -1,0 +1,116 @@
+"""TDFS in the loop: what they read, and what the controller makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray, Rig
+from tdfscal.simulation.truth import Truth
+
+
+@dataclass(frozen=True, slots=True)
+class Sensing:
+    """Sampling of the force sensors.
+
+    rate : Hz. noise : N, standard deviation of one sample per axis. gain : of a Kalman filter for
+    a random walk in its steady state, per sample; 1 for no filter. watch : s, time constant with
+    which the wrench is smoothed for thresholds and records, outside the loop.
+    """
+
+    rate: float = 250.0
+    noise: float = 1.75
+    gain: float = 1.0
+    watch: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate < np.inf or not 0.0 <= self.noise < np.inf:
+            raise UsageError(
+                f"sensors with {self.noise:g} N of noise at {self.rate:g} Hz cannot be simulated"
+            )
+        if not 0.0 < self.gain <= 1.0:
+            raise UsageError(f"the filter's gain is {self.gain:g}", hint="give 0 < gain ≤ 1")
+
+
+@dataclass(frozen=True, slots=True)
+class Assumed:
+    """What the controller takes for true; leading axis L of lanes.
+
+    rotation : (L, n, 3, 3), sensor → BCS. zero : (L, n, 3), N. sensitivity : (L, n, 3, 3), I + S.
+    mass : (L,), kg. barycentre : (L, 3), m, LCS. hinge : (L, n, 3), m, LCS.
+    gravity : (L, 3), m/s², BCS.
+    """
+
+    rotation: FloatArray
+    zero: FloatArray
+    sensitivity: FloatArray
+    mass: FloatArray
+    barycentre: FloatArray
+    hinge: FloatArray
+    gravity: FloatArray
+
+
+def uncalibrated(rig: Rig, rotation: FloatArray, lanes: int) -> Assumed:
+    """A controller that knows the rig file, and rotations (n, 3, 3) or (lanes, n, 3, 3)."""
+    n = rig.n
+
+    def each(value: FloatArray, *shape: int) -> FloatArray:
+        return np.array(np.broadcast_to(value, (lanes, *shape)), dtype=np.float64)
+
+    return Assumed(
+        rotation=each(rotation, n, 3, 3),
+        zero=each(rig.zero.value, n, 3),
+        sensitivity=each(np.eye(3), n, 3, 3),
+        mass=each(rig.mass.value),
+        barycentre=each(rig.barycentre.value, 3),
+        hinge=each(rig.hinge, n, 3),
+        gravity=each(np.array([0.0, 0.0, -rig.gravity]), 3),
+    )
+
+
+def perfect(truth: Truth) -> Assumed:
+    """A controller that knows the truth."""
+    return Assumed(
+        rotation=truth.rotation,
+        zero=truth.zero,
+        sensitivity=np.eye(3) + truth.sensitivity,
+        mass=truth.mass,
+        barycentre=truth.barycentre,
+        hinge=truth.hinge,
+        gravity=truth.gravity,
+    )
+
+
+class Sensors:
+    """The real sensors: f = (I + S) XᵀF + z, noise apart."""
+
+    def __init__(self, truth: Truth) -> None:
+        self._gain = (np.eye(3) + truth.sensitivity) @ np.swapaxes(truth.rotation, -1, -2)
+        self._zero = truth.zero
+
+    def read(self, force: FloatArray) -> FloatArray:
+        """Readings (L, n, 3), N, sensor frames, of forces on the terminal (L, n, 3), N, BCS."""
+        return np.asarray((self._gain @ force[..., None])[..., 0] + self._zero)
+
+
+class WrenchObserver:
+    """The controller's contact wrench: F = X (I + S)⁻¹ (f − z), weight taken off (Eq. 9)."""
+
+    def __init__(self, assumed: Assumed, centre: FloatArray) -> None:
+        """centre : (3,), m, LCS; moments are about it."""
+        self._map = assumed.rotation @ np.linalg.inv(assumed.sensitivity)
+        self._zero = assumed.zero
+        self._weight = (assumed.mass[:, None] * assumed.gravity)[:, None, :]
+        lever = np.concatenate([assumed.hinge, assumed.barycentre[:, None, :]], axis=1) - centre
+        self._lever = np.ascontiguousarray(np.moveaxis(lever, 2, 0))
+
+    def wrench(self, reading: FloatArray, R: FloatArray) -> FloatArray:
+        """Contact wrench (L, 6): N and N·m about the centre, LCS; R (L, 3, 3) as commanded."""
+        force = (self._map @ (reading - self._zero)[..., None])[..., 0]
+        seen = np.concatenate([force, self._weight], axis=1) @ R  # rows: Rᵀ F
+        f = np.moveaxis(seen, 2, 0)
+        x, y, z = self._lever
+        moment = np.stack([y * f[2] - z * f[1], z * f[0] - x * f[2], x * f[1] - y * f[0]])
+        return np.asarray(-np.concatenate([f, moment]).sum(axis=2).T)

@@ -1,0 +1,189 @@
+"""Exports read back by readers that share no code with them."""
+
+from __future__ import annotations
+
+import csv
+import ctypes
+import io
+import shlex
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from reporting.samples import NASTY, changed, run, sample, saved
+from scipy.spatial.transform import Rotation
+
+from tdfscal.errors import UsageError
+from tdfscal.export import FORMATS, c_header, csv_table, ros_transforms, urdf
+from tdfscal.files.calibration import CONVENTION_WITH_SENSITIVITY, Calibration
+
+PLAIN = sample().calibration
+CONVENTION = "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
+READING = np.array([12.0, -34.0, 1600.0])
+
+
+def scaled() -> Calibration:
+    """With sensitivities, and a rig whose name tries to break out of every comment."""
+    content = sample(n=6, name=NASTY + " --> */ ??/").calibration.model_dump()
+    rng = np.random.default_rng(2)
+    for support in content["supports"]:
+        S = 0.01 * rng.normal(size=(3, 3))
+        support["sensitivity"] = (np.eye(3) + (S + S.T) / 2).tolist()
+    content["convention"] = CONVENTION_WITH_SENSITIVITY
+    return Calibration.model_validate(content)
+
+
+SCALED = scaled()
+BOTH = pytest.mark.parametrize("c", [PLAIN, SCALED], ids=["plain", "scaled"])
+
+
+def force(c: Calibration, i: int, reading: np.ndarray) -> np.ndarray:
+    """F_bcs = rotation · (I + S)⁻¹ · (F_sensor − zero), from the file's numbers."""
+    support = c.supports[i]
+    load = reading - np.array(support.zero)
+    if support.sensitivity is not None:
+        load = np.linalg.solve(np.array(support.sensitivity), load)
+    return np.asarray(np.array(support.rotation) @ load)
+
+
+@BOTH
+def test_urdf(c: Calibration) -> None:
+    robot = ET.fromstring(urdf(c, "base"))
+    assert robot.tag == "robot"
+    joints = robot.findall("joint")
+    assert len(joints) == len(c.supports)
+    links = {link.get("name") for link in robot.findall("link")}
+    for joint, support in zip(joints, c.supports, strict=True):
+        parent, child, origin = (joint.find(tag) for tag in ("parent", "child", "origin"))
+        assert parent is not None
+        assert child is not None
+        assert origin is not None
+        assert joint.get("type") == "fixed"
+        assert parent.get("link") == "base"
+        assert {parent.get("link"), child.get("link")} <= links
+        rpy = [float(v) for v in str(origin.get("rpy")).split()]
+        # URDF: fixed axes, x then y then z
+        R = Rotation.from_euler("xyz", rpy).as_matrix()
+        np.testing.assert_allclose(R, support.rotation, rtol=0, atol=1e-14)
+    assert CONVENTION in urdf(c)
+
+
+@BOTH
+def test_ros(c: Calibration) -> None:
+    text = ros_transforms(c, "base")
+    document = yaml.safe_load(text)
+    assert CONVENTION in document["convention"]
+    commands = [
+        shlex.split(line.removeprefix("# "))
+        for line in text.splitlines()
+        if line.startswith("# ros2 ")
+    ]
+    assert len(commands) == len(document["static_transforms"]) == len(c.supports)
+    for command, transform, support in zip(
+        commands, document["static_transforms"], c.supports, strict=True
+    ):
+        assert command[:4] == ["ros2", "run", "tf2_ros", "static_transform_publisher"]
+        options = dict(zip(command[4::2], command[5::2], strict=True))
+        assert options["--frame-id"] == transform["header"]["frame_id"] == "base"
+        assert options["--child-frame-id"] == transform["child_frame_id"]
+        given = transform["transform"]["rotation"]
+        for q in ([given[a] for a in "xyzw"], [float(options[f"--q{a}"]) for a in "xyzw"]):
+            R = Rotation.from_quat(q).as_matrix()
+            np.testing.assert_allclose(R, support.rotation, rtol=0, atol=1e-14)
+        assert document["zero"][support.name] == list(support.zero)
+    assert ("sensitivity" in document) == (c is SCALED)
+
+
+@BOTH
+def test_csv(c: Calibration) -> None:
+    rows = list(csv.DictReader(io.StringIO(csv_table(c))))
+    assert [row["sensor"] for row in rows] == list(c.support_names)
+    for i, (row, support) in enumerate(zip(rows, c.supports, strict=True)):
+        R = np.array([[float(row[f"r_{a}{b}"]) for b in "xyz"] for a in "xyz"])
+        assert R.tolist() == [list(line) for line in support.rotation]
+        load = READING - [float(row[f"zero_{a}"]) for a in "xyz"]
+        if c is SCALED:
+            load = np.array([[float(row[f"u_{a}{b}"]) for b in "xyz"] for a in "xyz"]) @ load
+        np.testing.assert_allclose(R @ load, force(c, i, READING), rtol=1e-12)
+        assert row["convention"] == c.convention
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
+@BOTH
+def test_c_header_compiles_and_turns_a_reading(c: Calibration, tmp_path: Path) -> None:
+    header = c_header(c)
+    assert CONVENTION in header
+    (tmp_path / "calibration.h").write_text(header, encoding="utf-8")
+    source = (
+        '#include "calibration.h"\n'
+        "int sensors(void) { return TDFSCAL_SENSORS; }\n"
+        "const char *name(int i) { return tdfscal_sensor[i]; }\n"
+        "void turn(int i, const double *f, double *F) { tdfscal_force_bcs(i, f, F); }\n"
+        "double rotation(int i, int a, int b) { return tdfscal_rotation[i][a][b]; }\n"
+    )
+    (tmp_path / "use.c").write_text(source, encoding="utf-8")
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function"]
+    subprocess.run(
+        ["gcc", *flags, "-shared", "-fPIC", "-o", "use.so", "use.c"], cwd=tmp_path, check=True
+    )
+    library: Any = ctypes.CDLL(str(tmp_path / "use.so"))
+    library.name.restype, library.rotation.restype = ctypes.c_char_p, ctypes.c_double
+    vector = ctypes.c_double * 3
+    assert library.sensors() == len(c.supports)
+    for i, support in enumerate(c.supports):
+        assert library.name(i).decode() == support.name
+        values = [[library.rotation(i, a, b) for b in range(3)] for a in range(3)]
+        assert values == [list(row) for row in support.rotation]
+        in_place = vector(*READING)
+        library.turn(i, in_place, in_place)
+        np.testing.assert_allclose(list(in_place), force(c, i, READING), rtol=1e-12)
+
+
+@pytest.mark.parametrize("to", sorted(FORMATS))
+def test_command(to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = saved(PLAIN, tmp_path, "c.yaml")
+    shown = run(capsys, "export", path, "--to", to)
+    assert (shown.status, shown.err) == (0, "")
+    written = run(capsys, "export", path, "--to", to, "-o", tmp_path / "out")
+    assert (written.status, written.out) == (0, "")
+    assert (tmp_path / "out").read_text(encoding="utf-8") == shown.out
+
+
+@pytest.mark.parametrize("to", sorted(FORMATS))
+def test_a_rejected_calibration_stays_at_home(
+    to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    c = changed(PLAIN, status="rejected", quality={"reasons": ("too few postures",)})
+    path, out = saved(c, tmp_path, "c.yaml"), tmp_path / "out"
+    out.write_text("as it was", encoding="utf-8")
+    done = run(capsys, "export", path, "--to", to, "-o", out)
+    assert done.status == 1
+    assert "--allow-rejected" in done.err
+    assert out.read_text(encoding="utf-8") == "as it was"
+    done = run(capsys, "export", path, "--to", to, "-o", out, "--allow-rejected")
+    assert done.status == 0
+    assert "rejected" in out.read_text(encoding="utf-8").lower()
+
+
+@pytest.mark.parametrize("name", ["", "1st", "a b", "base\n- x", "ä", '"/><x'])
+def test_names_of_frames_are_checked(name: str) -> None:
+    for write in (urdf, ros_transforms):
+        with pytest.raises(UsageError, match="no name of a frame"):
+            write(PLAIN, name)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [(["--to", "gazebo"], 2), ([], 2), (["--to", "csv", "--schema", "c.yaml"], 2)],
+)
+def test_refusals(
+    arguments: list[str], status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = run(capsys, "export", saved(PLAIN, tmp_path, "c.yaml"), *arguments)
+    assert done.status == status
+    assert done.out == ""

@@ -1,0 +1,201 @@
+"""Several calibrations: order, drift, E_n by hand, and the commands that show them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from reporting.samples import changed, run, sample, saved
+from tdfscal.errors import DataError
+from tdfscal.files.calibration import Calibration
+from tdfscal.reporting.html import render_several
+from tdfscal.reporting.several import letter, put_side_by_side
+from tdfscal.reporting.several_text import render_several as as_text
+
+STD = 2e-4
+
+
+def flat(yaw: float, created: str, status: str = "accepted") -> Calibration:
+    """Sensors at roll = pitch = 0, where rpy_std is the covariance's; yaw of the second is given.
+
+    Turns about Z, so that differences of yaw are exact.
+    """
+    c = sample().calibration
+    content = c.model_dump()
+    content["covariance"]["matrix"] = (STD**2 * np.eye(9)).tolist()
+    for i, support in enumerate(content["supports"]):
+        turn = yaw if i == 1 else 0.0
+        rotation = Rotation.from_euler("z", turn)
+        support |= {
+            "rotation": rotation.as_matrix().tolist(),
+            "rpy": (0.0, 0.0, turn),
+            "rpy_std": (STD, STD, STD),
+            "rpy_interval": {
+                "coverage": 0.95,
+                "low": (-2 * STD, -2 * STD, turn - 2 * STD),
+                "high": (2 * STD, 2 * STD, turn + 2 * STD),
+            },
+            "quaternion_xyzw": rotation.as_quat().tolist(),
+        }
+    reasons = ("too few postures",) if status == "rejected" else ()
+    content |= {"created": created, "status": status, "quality": {"reasons": reasons}}
+    content["inputs"] = [
+        {"path": "log.csv", "sha256": hashlib.sha256(created.encode()).hexdigest(), "bytes": 1}
+        | {"integrity": "verified"}
+    ]
+    return Calibration.model_validate(content)
+
+
+JANUARY = flat(0.0, "2026-01-05T08:00:00Z")
+FEBRUARY = flat(5e-4, "2026-02-05T08:00:00Z")
+MARCH = flat(1.5e-3, "2026-03-05T08:00:00Z")
+
+
+def test_oldest_first_and_e_n_by_hand() -> None:
+    view = put_side_by_side([("m", MARCH), ("j", JANUARY), ("f", FEBRUARY)])
+    assert view.names == ("j", "f", "m")
+    assert view.days == (0.0, 31.0, 59.0)
+    root = 2 * np.sqrt(2) * STD
+    for comparison, change in zip(view.history.against_first, (5e-4, 1.5e-3), strict=True):
+        assert comparison.en[1, 2] == pytest.approx(change / root, rel=1e-9)
+        assert comparison.chi2 == pytest.approx(change**2 / (2 * STD**2), rel=1e-9)
+    assert not view.agrees
+    rows = {(row[0], row[1]): row[2:] for row in view.en.rows}
+    assert view.en.header[2:] == ("B − A", "C − A", "C − B")
+    assert rows["support_2", "yaw"] == ("0.88", "! 2.65", "! 1.77")
+    assert rows["support_1", "yaw"] == ("0.00", "0.00", "0.00")
+
+
+def test_text_has_eighty_columns_and_the_verdict_first() -> None:
+    text = as_text(put_side_by_side([("j" * 60, JANUARY), ("f", FEBRUARY), ("m", MARCH)]))
+    assert text.startswith("Test rig: NO AGREEMENT\n")
+    assert max(map(len, text.splitlines())) <= 80
+    assert "! 2.65" in text
+    assert as_text(put_side_by_side([("j", JANUARY), ("f", FEBRUARY)])).startswith(
+        "Test rig: AGREEMENT"
+    )
+
+
+def test_many_calibrations_still_fit() -> None:
+    many = [
+        (f"{day}.yaml", changed(JANUARY, created=f"2026-01-{day:02}T00:00:00Z"))
+        for day in range(1, 29)
+    ]
+    text = as_text(put_side_by_side(many))
+    assert max(map(len, text.splitlines())) <= 80
+    assert [letter(i) for i in (0, 25, 26, 51, 52)] == ["A", "Z", "A2", "Z2", "A3"]
+
+
+def test_warnings() -> None:
+    bad = flat(0.0, "2026-04-05T08:00:00Z", status="rejected")
+    again = changed(JANUARY, created="2026-05-05T08:00:00Z")
+    said = " ".join(put_side_by_side([("a", JANUARY), ("b", bad), ("c", again)]).warnings)
+    assert "B was rejected" in said
+    assert "share input files" in said
+    assert put_side_by_side([("a", JANUARY), ("b", FEBRUARY)]).warnings == ()
+
+
+def test_other_rigs_are_refused() -> None:
+    with pytest.raises(DataError, match="different supports"):
+        put_side_by_side([("a", JANUARY), ("b", sample(n=6).calibration)])
+
+
+def test_page() -> None:
+    page = render_several([("<j>", JANUARY), ("f", FEBRUARY), ("m", MARCH)])
+    assert page.index("NO AGREEMENT") < page.index("<svg")
+    assert "&lt;j&gt;" in page
+    assert "C: +1.5 mrad, E_n = 2.65; beyond its uncertainty" in page
+    assert "<script" not in page
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> list[Path]:
+    named = {"a.yaml": JANUARY, "b.json": FEBRUARY, "c.yaml": MARCH}
+    return [saved(c, tmp_path, name) for name, c in named.items()]
+
+
+def test_report_of_several(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    done = run(capsys, "report", *files)
+    assert (done.status, done.err) == (0, "")
+    assert done.out.startswith("Test rig: NO AGREEMENT")
+    page = files[0].with_name("page.html")
+    done = run(capsys, "report", *files, "--json", "--html", page)
+    document = json.loads(done.out)
+    assert [c["created"][:7] for c in document["calibrations"]] == ["2026-01", "2026-02", "2026-03"]
+    found = document["comparison"]
+    assert found["verified"] is False
+    assert found["drift"][2][1][2] == pytest.approx(1.5e-3, rel=1e-12)
+    assert found["against_first"][1]["en"][1][2] == pytest.approx(2.6517, abs=1e-4)
+    assert found["against_first"][1]["of"] == str(files[2])
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_report_of_one(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    done = run(capsys, "report", files[1])
+    assert done.status == 0
+    assert done.out.startswith("Test rig: ACCEPTED")
+    document = json.loads(run(capsys, "report", files[1], "--json").out)
+    assert document["supports"][1]["rpy"] == [0.0, 0.0, 5e-4]
+
+
+def test_figures_are_written(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    folder = files[0].with_name("figures")
+    assert run(capsys, "report", *files, "--figures", folder).status == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["drift.png", "drift.svg"]
+
+
+def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    done = run(capsys, "compare", files[1], files[0])
+    assert (done.status, done.err) == (0, "")
+    assert done.out.startswith("Verified: ")
+    document = json.loads(run(capsys, "compare", files[2], files[0], "--json").out)
+    assert document["verified"] is False
+    assert document["of"] == str(files[2])
+    assert document["difference_rpy"][1][2] == pytest.approx(1.5e-3, rel=1e-12)
+    assert document["dof"] == 9
+    three = json.loads(run(capsys, "compare", *files, "--json").out)
+    assert [c["verified"] for c in three["comparisons"]] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["compare", "a.yaml"], 2, "cannot be compared"),
+        (["compare", "a.yaml", "a.yaml"], 2, "named twice"),
+        (["report", "nowhere.yaml"], 2, "nowhere.yaml"),
+        (["report", "a.yaml", "--html", "-", "--json"], 2, "standard output"),
+        (["report", "a.yaml", "--html", "no/such/folder.html"], 2, "cannot be written"),
+        (["report", "rubbish.yaml"], 3, "rubbish.yaml"),
+        (["report", "-", "-"], 2, "once only"),
+    ],
+)
+def test_refusals(
+    files: list[Path],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    status: int,
+    message: str,
+) -> None:
+    monkeypatch.chdir(files[0].parent)
+    Path("rubbish.yaml").write_text("a: [1, 2", encoding="utf-8")
+    done = run(capsys, *arguments)
+    assert done.status == status
+    assert done.out == ""
+    assert message in done.err
+    assert "Traceback" not in done.err
+
+
+def test_standard_input(
+    files: list[Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with files[0].open(encoding="utf-8") as stream:
+        monkeypatch.setattr("sys.stdin", stream)
+        done = run(capsys, "report", "-")
+    assert done.status == 0
+    assert done.out.startswith("Test rig: ACCEPTED")

@@ -1,0 +1,126 @@
+"""The report in a terminal and in a pipe."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from reporting.samples import NASTY, changed, sample, surveyed
+from tdfscal.files.calibration import Calibration
+from tdfscal.reporting.advice import advise
+from tdfscal.reporting.clock import clock
+from tdfscal.reporting.terminal import show, show_on
+from tdfscal.reporting.text import render
+
+EPOCH = 1_750_000_000.25
+
+
+def shifted(c: Calibration, by: float) -> Calibration:
+    """The same calibration from a log whose time starts later."""
+    content = c.model_dump()
+    for key in ("start", "end"):
+        content["postures"][key] = [t + by for t in content["postures"][key]]
+        for rejected in content["fit"]["rejected"]:
+            rejected[key] += by
+    return Calibration.model_validate(content)
+
+
+def with_(c: Calibration, status: str = "rejected", **parts: Any) -> Calibration:
+    return changed(c, status=status, quality={"reasons": ("a reason",)}, **parts)
+
+
+@pytest.mark.parametrize("c", [sample(touched=True).calibration, *surveyed()])
+def test_eighty_columns_and_verdict_first(c: Calibration) -> None:
+    lines = render(c).splitlines()
+    assert lines[0] == "Test rig: ACCEPTED"
+    assert max(map(len, lines)) <= 80
+    assert not any(line != line.rstrip() for line in lines)
+
+
+def test_every_angle_in_mrad() -> None:
+    c = sample().calibration
+    text = render(c)
+    for support in c.supports:
+        for value, std in zip(support.rpy, support.rpy_std, strict=True):
+            assert re.search(rf" {1e3 * value:.3f} +{1e3 * std:.3f} ", text)
+
+
+def test_dates_in_the_log_are_counted_from_its_start() -> None:
+    """Simulated logs start at 0, so that the words do not change when epoch seconds are added."""
+    c = sample(touched=True).calibration
+    assert c.postures is not None
+    first = c.postures.start[0]
+    assert 0 <= first < 1
+    later = shifted(c, EPOCH - 0.25)
+    assert clock(later).origin == EPOCH - 0.25
+    assert [line for line in render(later).splitlines() if "posture 5" in line] == [
+        line for line in render(c).splitlines() if "posture 5" in line
+    ]
+
+
+def test_small_times_stay_as_the_log_has_them() -> None:
+    c = shifted(sample(touched=True).calibration, 3600.0)
+    assert clock(c).origin == 0.0
+    assert "posture 5 (36" in render(c)
+
+
+def test_advice_follows_the_cause() -> None:
+    c = sample().calibration
+    fit = c.model_dump()["fit"]
+    assert "tdfscal validate" in advise(c)[0]
+    assert advise(with_(c))[0] == "Do not load this result into a controller."
+    assert "force_sensitivity" in " ".join(advise(with_(c, fit=fit | {"birge": 9.0})))
+    gone = [{"index": k, "reason": "contact"} for k in range(3)]
+    assert "touched the terminal" in " ".join(advise(with_(c, fit=fit | {"rejected": gone})))
+    rig = c.rig.model_dump(mode="json", exclude_none=True)
+    rig["acceptance"]["angle_std"] = 1e-6
+    assert "weakest angle" in " ".join(advise(with_(c, rig=rig)))
+    damaged = [{"path": "a.mcap", "sha256": "0" * 64, "bytes": 1, "integrity": "salvaged"}]
+    assert "Copy the log" in " ".join(advise(with_(c, inputs=damaged)))
+    joint = surveyed()[1]
+    assert joint.tracker is not None
+    far = joint.tracker | {"consistency_p_value": 1e-4}
+    assert "each method alone" in " ".join(advise(with_(joint, tracker=far)))
+
+
+def on_terminal(c: Calibration, monkeypatch: pytest.MonkeyPatch, **settings: str) -> str:
+    for name in ("NO_COLOR", "TERM", "FORCE_COLOR", "COLORTERM", "COLUMNS"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    stream = io.StringIO()
+    show_on(Console(file=stream, force_terminal=True, width=80, highlight=False), c)
+    return stream.getvalue()
+
+
+def test_terminal_shows_the_same_as_plain_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    c = sample(touched=True).calibration
+    coloured = on_terminal(c, monkeypatch)
+    assert "\x1b[" in coloured
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", coloured)
+    assert max(map(len, plain.splitlines())) <= 80
+    for token in render(c).replace("largest before", "").split():
+        if re.fullmatch(r"-?\d+\.\d{2,}", token):
+            assert token in plain
+
+
+def test_no_color(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = on_terminal(sample().calibration, monkeypatch, NO_COLOR="1")
+    assert not re.search(r"\x1b\[[0-9;]*3[0-9]", said)
+    assert "✓ ACCEPTED" in said
+
+
+def test_markup_in_names_is_only_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    c = changed(sample(n=6, name=NASTY).calibration, warnings=("[red]not markup[/red]",))
+    assert "[red]not markup[/red]" in on_terminal(c, monkeypatch)
+
+
+def test_a_pipe_gets_plain_text(capsys: pytest.CaptureFixture[str]) -> None:
+    c = sample().calibration
+    show(c)
+    assert capsys.readouterr().out == render(c)
