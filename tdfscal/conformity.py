@@ -79,6 +79,14 @@ class Conformity:
         )
 
 
+def assess_stated(given: Calibrated) -> Conformity | None:
+    """Judge by the rig file's own limits of the contact wrench; None where it states none."""
+    stated = given.rig.acceptance
+    if stated.contact_force is None and stated.contact_torque is None:
+        return None
+    return assess(given)
+
+
 def assess(
     given: Calibrated,
     *,

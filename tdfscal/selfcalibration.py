@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal import observability, sanity, screening, stability
 from tdfscal.calibrated import from_fit
-from tdfscal.conformity import Conformity, assess
+from tdfscal.conformity import Conformity, assess_stated
 from tdfscal.crossvalidation import CrossValidation, cross_validate
 from tdfscal.diagnosis import Suspicion, suspicions
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
@@ -126,10 +126,7 @@ def self_calibrate(
     doubts: tuple[Suspicion, ...] = ()
     if estimator == "ml" and not measured_noise:
         doubts = suspicions(result, parts, uncertainty, held, stats.birge)
-    limited = rig.acceptance.contact_force, rig.acceptance.contact_torque
-    conformity = None
-    if any(limit is not None for limit in limited):
-        conformity = assess(from_fit(result, uncertainty.covariance))
+    conformity = assess_stated(from_fit(result, uncertainty.covariance))
     trials = None
     if estimator == "ml" and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")

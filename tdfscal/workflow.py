@@ -9,6 +9,8 @@ from typing import Literal
 
 import numpy as np
 
+from tdfscal.calibrated import from_fit, independent
+from tdfscal.conformity import assess_stated
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import Calibration
@@ -19,7 +21,7 @@ from tdfscal.files.points import read_tracker_session
 from tdfscal.files.results import Provenance, from_joint, from_self, from_tracker
 from tdfscal.gate import judge
 from tdfscal.joint import Joint, combine
-from tdfscal.records import Dwells, InputFile, Log, Rotations
+from tdfscal.records import Dwells, InputFile, Log, Rig, Rotations
 from tdfscal.selfcalibration import Estimator, SelfCalibration, self_calibrate
 from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
 
@@ -107,20 +109,36 @@ def calibrate(
 
     origin = Provenance(campaign.rig, tuple(passing.inputs), command, seed)
     if own is not None and tracker is not None:
-        mine = Rotations(
-            campaign.rig.rig.supports, own.fit.state.rotation, own.uncertainty.covariance
-        )
-        both = combine(mine, tracker.rotations)
-        reasons = judge(campaign.rig.rig, tracker.rpy_std, tracker.birge)
-        if not both.consistent:
-            reasons = (*reasons, both.test.verdict)
-        result = from_joint(both, own, tracker, origin, reasons, passing.warnings)
-        return Outcome(result, own, tracker, both)
+        return _both(campaign.rig.rig, own, tracker, origin, passing.warnings)
     if tracker is not None:
-        reasons = judge(campaign.rig.rig, tracker.rpy_std, tracker.birge)
+        given = independent(
+            campaign.rig.rig, tracker.rotations.rotation, tracker.rotations.covariance
+        )
+        reasons = judge(
+            campaign.rig.rig, tracker.rpy_std, tracker.birge, conformity=assess_stated(given)
+        )
         return Outcome(from_tracker(tracker, origin, reasons, passing.warnings), tracker=tracker)
     assert own is not None
     return Outcome(from_self(own, origin, passing.warnings), own=own)
+
+
+def _both(
+    rig: Rig,
+    own: SelfCalibration,
+    tracker: TrackerCalibration,
+    origin: Provenance,
+    notes: Sequence[str],
+) -> Outcome:
+    """Combine two calibrations; the contact wrench is judged with both, not with either."""
+    mine = Rotations(rig.supports, own.fit.state.rotation, own.uncertainty.covariance)
+    both = combine(mine, tracker.rotations)
+    given = from_fit(own.fit, both.rotations.covariance, both.rotations.rotation)
+    alone = own.conformity.reasons if own.conformity else ()
+    reasons = [reason for reason in own.reasons if reason not in alone]
+    reasons += judge(rig, tracker.rpy_std, tracker.birge, conformity=assess_stated(given))
+    if not both.consistent:
+        reasons.append(both.test.verdict)
+    return Outcome(from_joint(both, own, tracker, origin, reasons, notes), own, tracker, both)
 
 
 def _dwells(campaign: Campaign, passing: _Passing, *, salvage: bool) -> Dwells:

@@ -74,11 +74,11 @@ def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
             found = _long_run(bins, moments)
             long_run = np.where(found > 0, found, field.long_run)
         extents, left_out = search(field, rate, long_run, some=some)
-    found = _with_statistics(field, extents, left_out)
-    offset = motion_offset(bins, found)
+    dwells = _with_statistics(field, extents, left_out)
+    offset = motion_offset(bins, dwells)
     if offset is not None and offset.large:
-        return replace(found, warnings=(*found.warnings, f"clocks: {offset}"))
-    return found
+        return replace(dwells, warnings=(*dwells.warnings, f"clocks: {offset}"))
+    return dwells
 
 
 def _noting(pieces: Iterable[Log], warnings: list[str]) -> Iterator[Log]:

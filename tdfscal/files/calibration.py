@@ -34,6 +34,7 @@ from tdfscal.files.calibrationmodel import (
 from tdfscal.files.evidencemodel import MethodAngles, PostureTable
 from tdfscal.files.faults import checked, require_format
 from tdfscal.files.fields import Count, FreeText, Strict, Text, fault
+from tdfscal.files.parametersmodel import Parameters, check_parameters
 from tdfscal.files.rig import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import to_json, to_yaml, write_text
 from tdfscal.files.yamlio import Document, Format, parse_document, read_document
@@ -68,6 +69,7 @@ class Calibration(Strict):
     convention: Convention
     supports: tuple[SupportResult, ...] = Field(min_length=3)
     covariance: Covariance
+    parameters: Parameters | None = None
     terminal: TerminalResult
     fit: FitResult | None = None
     observability: ObservabilityResult | None = None
@@ -87,6 +89,8 @@ class Calibration(Strict):
         self._check_status()
         self._check_names()
         check_covariance(self.rotation_covariance)
+        if self.parameters is not None:
+            check_parameters(self.parameters, self.support_names, self.rotation_covariance)
         for index, support in enumerate(self.supports):
             block = slice(3 * index, 3 * index + 3)
             check_rotation(support, self.rotation_covariance[block, block], index)

@@ -13,6 +13,7 @@ from tdfscal.calibrated import Calibrated, independent
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import Calibration, load_calibration
 from tdfscal.files.campaign import Campaign, resolve
+from tdfscal.files.parametersmodel import calibrated_from
 from tdfscal.records import FloatArray, Known
 
 
@@ -33,6 +34,8 @@ class InUse:
 def calibrated(calibration: Calibration, source: Path | str = "calibration") -> Calibrated:
     """Return the parameters of a calibration file with their covariance; source is for messages."""
     rig = calibration.loaded_rig(source).rig
+    if calibration.parameters is not None:
+        return calibrated_from(calibration.parameters, rig, calibration.rotation)
     mass, barycentre = calibration.terminal.mass, calibration.terminal.barycenter
     error = calibration.sensitivity - np.eye(3)
     return independent(

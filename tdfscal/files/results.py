@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal import __version__
+from tdfscal.calibrated import from_fit
 from tdfscal.conformity import Conformity
 from tdfscal.files import evidence
 from tdfscal.files.calibration import Calibration, parameter_names
@@ -19,6 +20,7 @@ from tdfscal.files.calibrationmodel import (
     CONVENTION_WITH_SENSITIVITY,
     COVARIANCE_DEFINITION,
 )
+from tdfscal.files.parametersmodel import parameters_document
 from tdfscal.files.rig import LoadedRig
 from tdfscal.joint import Joint
 from tdfscal.numerics import so3
@@ -26,7 +28,7 @@ from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.observability import ANGLES, Observability
 from tdfscal.records import FloatArray, InputFile
 from tdfscal.selfcalibration import SelfCalibration
-from tdfscal.statics import layout, symmetric
+from tdfscal.statics import State, layout, symmetric
 from tdfscal.trackercal import TrackerCalibration
 from tdfscal.uncertainty import COVERAGE
 
@@ -63,8 +65,9 @@ def from_self(
         reasons=result.reasons,
         warnings=(*notes, *result.warnings),
         angles=_self_angles(result),
+        parameters=parameters_document(from_fit(result.fit, result.uncertainty.covariance)),
         budget=result.uncertainty.contributions,
-        **_self_parts(result, origin),
+        **_self_parts(result, origin, result.fit.state, result.uncertainty.parameter_std),
     )
 
 
@@ -96,7 +99,12 @@ def from_joint(
     reasons: Sequence[str],
     notes: Sequence[str],
 ) -> Calibration:
-    """Return the calibration file of both methods together; zeros are the self-calibration's."""
+    """Return the calibration file of both methods together.
+
+    Zeros, mass and barycentre are those of the self-calibration, moved by their correlation with
+    the rotations that the tracker has moved.
+    """
+    given = from_fit(own.fit, both.rotations.covariance, both.rotations.rotation)
     half = float(normal_quantile(0.5 + COVERAGE / 2)) * both.rpy_std
     angles = _Angles(
         both.rotations.rotation,
@@ -105,14 +113,18 @@ def from_joint(
         both.rpy - half,
         both.rpy + half,
     )
-    parts = _self_parts(own, origin) | {"monte_carlo": None}
+    std = np.where(given.open, np.inf, np.sqrt(np.diagonal(given.covariance)))
+    # An open parameter of the self-calibration stays open: rotations alone do not fix it.
+    std = np.where(np.isinf(own.uncertainty.parameter_std), np.inf, std)
+    parts = _self_parts(own, origin, given.state, std) | {"monte_carlo": None}
     return _calibration(
         origin,
         method="joint",
         estimator=own.estimator,
-        reasons=(*own.reasons, *reasons),
+        reasons=reasons,
         warnings=(*notes, *own.warnings, *tracker.warnings),
         angles=angles,
+        parameters=parameters_document(given),
         budget=_joint_budget(both, own, tracker),
         tracker=_tracker_statistics(tracker)
         | {
@@ -180,9 +192,10 @@ def _calibration(
     return Calibration.model_validate(document | parts)
 
 
-def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
-    """Everything but the angles and their budget."""
-    state, std = result.fit.state, result.uncertainty.parameter_std
+def _self_parts(
+    result: SelfCalibration, origin: Provenance, state: State, std: FloatArray
+) -> dict[str, Any]:
+    """Everything but the angles and their budget; std (P,) of the state's parameters."""
     n, place = state.n, layout(state.n)
     declared = result.rig.declared.force_sensitivity > 0
     return {

@@ -194,6 +194,7 @@ def test_known_exactly_has_no_uncertainty() -> None:
     """An angle without uncertainty gets none, rather than a division by zero."""
     document = C.model_dump()
     document["covariance"]["matrix"] = np.zeros((9, 9)).tolist()
+    document["parameters"] = None
     for support in document["supports"]:
         support["rpy_std"] = (0.0, 0.0, 0.0)
     root = ET.fromstring(certificate(Calibration.model_validate(document)))

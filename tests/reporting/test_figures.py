@@ -62,7 +62,7 @@ def words(kind: str) -> dict[str, tuple[Bbox, list[tuple[str, Bbox]], list[str]]
             if kind != "self" and drawing.name not in APART[kind]:
                 continue
             fig = drawing.paint()
-            FigureCanvasAgg(fig).draw()
+            FigureCanvasAgg(fig).draw()  # type: ignore[no-untyped-call]
             labels = [ax.get_xlabel() for ax in fig.axes] + [ax.get_ylabel() for ax in fig.axes]
             found[drawing.name] = (Bbox(fig.bbox.get_points()), list(shown), labels)
             shown.clear()
@@ -158,7 +158,7 @@ def test_weakest_direction_is_that_of_the_covariance() -> None:
     C = 1e-8 * np.eye(9)
     C[3:6, 3:6] += (4e-3**2) * np.outer(axis, axis)
     content = c.model_dump()
-    content["covariance"]["matrix"] = C.tolist()
+    content |= {"covariance": content["covariance"] | {"matrix": C.tolist()}, "parameters": None}
     for i, support in enumerate(content["supports"]):
         J = _rpy_jacobian(c.rotation[i])
         std = np.sqrt(np.diag(J @ C[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] @ J.T))

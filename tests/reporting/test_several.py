@@ -28,6 +28,7 @@ def flat(yaw: float, created: str, status: str = "accepted") -> Calibration:
     c = sample().calibration
     content = c.model_dump()
     content["covariance"]["matrix"] = (STD**2 * np.eye(9)).tolist()
+    content["parameters"] = None
     for i, support in enumerate(content["supports"]):
         turn = yaw if i == 1 else 0.0
         rotation = Rotation.from_euler("z", turn)

@@ -73,7 +73,10 @@ def mcap_contents(path: Path) -> Contents:
                 if number not in topics:
                     topics[number] = _topic(container, number, of)
                 _look(topics[number], of)
-    streams, vectors, problems, stamped = [], [], [], set()
+    streams: list[Stream] = []
+    vectors: list[Vector] = []
+    problems: list[str] = []
+    stamped: set[str] = set()
     for number, topic in topics.items():
         name = topic.channel.topic
         streams.append(_stream(topic, container.counts[number]))

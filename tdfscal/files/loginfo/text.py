@@ -77,7 +77,8 @@ def _topic(stream: Stream) -> Iterator[str]:
 def _signals(info: LogInfo) -> Iterator[str]:
     which = "the rig file's mapping" if info.source == "rig" else "the mapping guessed below"
     yield f"Signals, as read with {which}"
-    yield f"  {'support':<14} {'quantity':<9} {'samples':>9} {'Hz':>7} {'span s':>10} gaps longest s"
+    heads = f"{'samples':>9} {'Hz':>7} {'span s':>10} gaps longest s"
+    yield f"  {'support':<14} {'quantity':<9} {heads}"
     for s in info.signals:
         rate = "–" if s.rate is None else f"{s.rate:.5g}"
         span = s.end - s.start if s.count else 0.0

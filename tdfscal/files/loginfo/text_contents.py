@@ -93,7 +93,7 @@ def _contents(
 
 
 def _header(lines: list[str], where: str) -> tuple[str, int, list[str]]:
-    """Separator, line number and cells of the first line of names that the most lines agree with."""
+    """Separator, line number and cells of the first line of names above most lines."""
     best: tuple[int, int, str, list[str]] | None = None
     for separator in SEPARATORS:
         split = [split_cells(line, separator) for line in lines]

@@ -178,8 +178,8 @@ class Skew:
             found.append(f"the header times of {topic} are {self._usual:+.3g} s off the recorder's")
         if self._far:
             found.append(
-                f"of {self._count} messages of {topic}, {self._far} have a header time that departs "
-                f"by more than {MAX_SKEW:g} s from its usual offset to the recorder's, "
+                f"of {self._count} messages of {topic}, {self._far} have a header time that "
+                f"departs by more than {MAX_SKEW:g} s from its usual offset to the recorder's, "
                 f"by {self._worst:.3g} s at most"
             )
         return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from typing import Any, Final
 
 import numpy as np
@@ -26,7 +27,10 @@ def message_class(name: str, schema: bytes) -> Any:
     ValueError : the schema does not describe the message.
     """
     try:
-        from google.protobuf import descriptor_pb2, descriptor_pool, message, message_factory
+        descriptor_pb2, descriptor_pool, message, message_factory = (
+            import_module(f"google.protobuf.{name}")
+            for name in ("descriptor_pb2", "descriptor_pool", "message", "message_factory")
+        )
     except ImportError as error:
         raise DataError(
             "messages are encoded as 'protobuf', which needs a library that is not installed",
@@ -76,13 +80,12 @@ def read_numbers(
     ------
     ValueError : a message cannot be decoded, or has no number at a path.
     """
-    from google.protobuf.message import DecodeError
-
+    broken = import_module("google.protobuf.message").DecodeError
     rows: list[list[float]] = []
     for k in range(messages.offset.size):
         try:
             message = kind.FromString(messages.bytes_of(k))
-        except DecodeError as error:
+        except broken as error:
             raise ValueError("it is no message of its type") from error
         row = [_stamp(message)] if stamped else []
         row += [_number(message, path) for path in paths]

@@ -83,7 +83,7 @@ def _paint(c: Calibration) -> Figure:
             getattr(ax, f"set_{axis}lim")(-reach, reach)
             getattr(ax, f"{axis}axis").set_major_locator(MaxNLocator(3, symmetric=True))
             getattr(ax, f"set_{axis}label")(
-                f"{name}, mrad", fontsize=7, labelpad=-6 if name != "Z" else -2
+                f"{name}, mrad", fontsize=7, labelpad=-4 if name != "Z" else -2
             )
         ax.tick_params(labelsize=6.5, pad=-3)
         ax.tick_params(axis="z", pad=1)

@@ -90,9 +90,8 @@ def _paint(c: Calibration, turn: FloatArray, factor: int) -> Figure:
     ax.plot(*bary[:, None], "D", color=INK, markersize=7, markerfacecolor="white")
     ax.text(*(bary + length * np.array([0.12, 0, 0.28])), "barycentre", fontsize=8)
     for i, support in enumerate(c.supports):
-        outward = (hinge[i] - middle) / (np.linalg.norm(hinge[i] - middle) or 1.0)
         ax.text(
-            *(hinge[i] + 0.3 * length * outward - [0, 0, 0.5 * length]),
+            *(hinge[i] + np.array([0.0, 0.0, 1.45 * length])),
             support.name,
             fontsize=9,
             fontweight="bold",

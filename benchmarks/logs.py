@@ -1,0 +1,244 @@
+"""Time and memory from a log file to dwells, beside the plain readers of each format.
+
+    python benchmarks/logs.py [--seconds 3600] [--keep DIR] [--ten-fold]
+
+Writes its own logs: three supports, 1 kHz, 19 columns (CSV, Parquet), and as MCAP (CDR, zstd)
+positions and forces at half that rate each in six topics. Rewrites `benchmarks/logs.md`.
+Each measurement runs in a process of its own, for its peak memory; the faster of two runs counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+from mcap.writer import CompressionType, Writer
+
+from tdfscal.records import FloatArray, LogMapping
+
+RATE, STOP, MOVE, BLOCK = 1000, 4.0, 2.0, 60.0
+NAMES = ("ncp1", "ncp2", "ncp3")
+COLUMNS = ["time", *(f"{n}.{c}" for c in ("x", "y", "z", "fx", "fy", "fz") for n in NAMES)]
+TOPICS = LogMapping(
+    NAMES,
+    tuple((f"/{n}/position.point",) for n in NAMES),
+    tuple((f"/{n}/wrench.wrench.force",) for n in NAMES),
+    time_source="header",
+)
+POINT = """std_msgs/Header header
+geometry_msgs/Point point
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+"""
+WRENCH = POINT.replace("geometry_msgs/Point point", "geometry_msgs/Wrench wrench").replace(
+    "MSG: geometry_msgs/Point\n", "MSG: geometry_msgs/Vector3\n"
+) + (
+    "=" * 80 + "\nMSG: geometry_msgs/Wrench\n"
+    "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n"
+)
+
+
+def blocks(seconds: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Times (N,) and values (N, 18): stops and moves in turn, a minute at a time."""
+    rng = np.random.default_rng(0)
+    level = rng.normal(size=(int(seconds / (STOP + MOVE)) + 2, 18))
+    for begin in np.arange(0.0, seconds, BLOCK):
+        t = begin + np.arange(int(min(BLOCK, seconds - begin) * RATE)) / RATE
+        k, phase = np.divmod(t, STOP + MOVE)
+        u = np.clip((phase - STOP) / MOVE, 0.0, 1.0)
+        u = (u**3 * (10 - 15 * u + 6 * u**2))[:, None]
+        value = level[k.astype(int)] * (1 - u) + level[k.astype(int) + 1] * u
+        value[:, :9] = 0.5 + 0.05 * value[:, :9] + 3e-7 * rng.standard_normal((len(t), 9))
+        value[:, 9:] = 800 + 200 * value[:, 9:] + rng.standard_normal((len(t), 9))
+        value[:, :9] = np.round(value[:, :9], 7)  # recorders write to 0.1 µm and 0.01 N
+        value[:, 9:] = np.round(value[:, 9:], 2)
+        yield t, value
+
+
+def write_tables(folder: Path, seconds: float) -> None:
+    """The same log as CSV and as Parquet with page checksums."""
+    schema = pa.schema([(name, pa.float64()) for name in COLUMNS])
+    with (
+        pa_csv.CSVWriter(folder / "log.csv", schema) as text,
+        pq.ParquetWriter(folder / "log.parquet", schema, write_page_checksum=True) as columns,
+    ):
+        for t, value in blocks(seconds):
+            table = pa.table([t, *value.T], schema=schema)
+            text.write(table)
+            columns.write(table)
+
+
+def write_mcap(path: Path, seconds: float) -> None:
+    """Six topics, half of the samples each: as many messages as 3/6 of the table's cells."""
+    point, wrench = struct.Struct("<4xiII5s3x4x3d"), struct.Struct("<4xiII5s3x4x6d")
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library="tdfscal benchmark")
+        kinds = [
+            writer.register_schema("geometry_msgs/msg/PointStamped", "ros2msg", POINT.encode()),
+            writer.register_schema("geometry_msgs/msg/WrenchStamped", "ros2msg", WRENCH.encode()),
+        ]
+        channels = [
+            writer.register_channel(f"/{name}/{topic}", "cdr", kind)
+            for topic, kind in zip(("position", "wrench"), kinds, strict=True)
+            for name in NAMES
+        ]
+        for t, value in blocks(seconds):
+            for when, row in zip(t[::12].tolist(), value[::12].tolist(), strict=True):
+                ns = round(when * 1e9)
+                sec, sub = divmod(ns, 10**9)
+                for i in range(3):
+                    data = point.pack(sec, sub, 5, b"base\0", *row[i:9:3])
+                    writer.add_message(channels[i], ns, b"\0\1" + data[2:], ns)
+                    data = wrench.pack(sec, sub, 5, b"tdfs\0", *row[9 + i : 18 : 3], 0, 0, 0)
+                    writer.add_message(channels[3 + i], ns, b"\0\1" + data[2:], ns)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def work(name: str, folder: Path) -> int:
+    """One measurement; what it counted: rows, dwells or messages."""
+    if name == "pyarrow.csv.read_csv":
+        return len(pa_csv.read_csv(folder / "log.csv"))
+    if name == "pyarrow.parquet.read_table":
+        return len(pq.read_table(folder / "log.parquet"))
+    if name == "mcap-ros2-support":
+        from mcap.reader import make_reader
+        from mcap_ros2.decoder import DecoderFactory
+
+        with (folder / "log.mcap").open("rb") as file:
+            reader = make_reader(file, decoder_factories=[DecoderFactory()])
+            return sum(1 for _ in reader.iter_decoded_messages())
+    from tdfscal.dwells import find_dwells
+    from tdfscal.files.logs import iter_log
+
+    suffix = name.removeprefix("tdfscal ")
+    mapping = TOPICS if suffix == "mcap" else None
+    return len(find_dwells(iter_log([folder / f"log.{suffix}"], mapping, NAMES)))
+
+
+MEASURE = """
+import json, resource, sys, time
+from pathlib import Path
+sys.path.insert(0, sys.argv[3])
+from benchmarks.logs import work
+import pyarrow.csv, pyarrow.parquet, tdfscal.dwells, tdfscal.files.logs.text
+import tdfscal.files.logs.parquet, tdfscal.files.logs.mcap
+start = time.perf_counter()
+count = work(sys.argv[1], Path(sys.argv[2]))
+took = time.perf_counter() - start
+print(json.dumps([took, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, count]))
+"""
+
+
+def measured(name: str, folder: Path, runs: int = 2) -> tuple[float, float, int]:
+    """Seconds (the fastest run), peak memory in MB, and the count."""
+    root = str(Path(__file__).parents[1])
+    results = []
+    for _ in range(runs):
+        command = [sys.executable, "-c", MEASURE, name, str(folder), root]
+        out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        results.append(json.loads(out))
+    took, peak, count = min(results)
+    return float(took), float(peak), int(count)
+
+
+def made(folder: Path, seconds: float) -> Path:
+    """The logs, written where they are not there yet."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("log.csv", "log.mcap"):
+        if not (folder / name).exists():
+            start = time.perf_counter()
+            if name == "log.csv":
+                write_tables(folder, seconds)
+            else:
+                write_mcap(folder / name, seconds)
+            print(f"wrote {folder / name} in {time.perf_counter() - start:.0f} s", file=sys.stderr)
+    return folder
+
+
+def table(folder: Path) -> tuple[list[str], dict[str, float]]:
+    """Rows of the table, and the peak memory per format."""
+    rows, peaks = [], {}
+    for suffix, plain in (
+        ("csv", "pyarrow.csv.read_csv"),
+        ("parquet", "pyarrow.parquet.read_table"),
+        ("mcap", "mcap-ros2-support"),
+    ):
+        slow = suffix == "mcap"
+        reference = measured(plain, folder, 1 if slow else 2)
+        ours = measured(f"tdfscal {suffix}", folder)
+        peaks[suffix] = ours[1]
+        ratio = reference[0] / ours[0] if slow else ours[0] / reference[0]
+        limit = "at least 15×" if slow else ("at most 1.5×" if suffix == "csv" else "at most 2×")
+        size = (folder / f"log.{suffix}").stat().st_size / 1e6
+        rows.append(
+            f"| {suffix} | {size:.0f} | {plain} | {reference[0]:.2f} | {ours[0]:.2f} | {ratio:.2f}× "
+            f"| {limit} | {reference[1]:.0f} | {ours[1]:.0f} | {ours[2]} |"
+        )
+    return rows, peaks
+
+
+def main() -> None:
+    """Measure and write the table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seconds", type=float, default=3600.0)
+    parser.add_argument("--keep", type=Path, help="folder for the logs, kept and used again")
+    parser.add_argument("--ten-fold", action="store_true", help="also a log of a tenth, for memory")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        base = arguments.keep or Path(temporary)
+        rows, peaks = table(made(base / f"{arguments.seconds:g}", arguments.seconds))
+        notes = ""
+        if arguments.ten_fold:
+            short = arguments.seconds / 10
+            folder = made(base / f"{short:g}", short)
+            ratios = {s: peaks[s] / measured(f"tdfscal {s}", folder, 1)[1] for s in peaks}
+            shown = ", ".join(f"{s} {r:.2f}×" for s, r in ratios.items())
+            notes = f"Peak memory against that of a log of a tenth ({short:g} s): {shown}.\n"
+    flags = f"--seconds {arguments.seconds:g}" + (" --ten-fold" if arguments.ten_fold else "")
+    text = "\n".join(
+        [
+            "# From a log file to dwells",
+            "",
+            f"Made by `python benchmarks/logs.py {flags}` with Python {platform.python_version()}.",
+            "Three supports at 1 kHz, 19 columns; MCAP in six topics of 83 Hz.",
+            "The plain reader reads all columns (its message loop: all messages) and does nothing",
+            "else; tdfscal's time goes from the file to the dwells, checks and SHA-256 included.",
+            "",
+            "| format | MB | plain reader | its s | tdfscal s | ratio | goal | its peak MB "
+            "| peak MB | dwells |",
+            "|---|---|---|---|---|---|---|---|---|---|",
+            *rows,
+            "",
+            notes,
+        ]
+    )
+    Path(__file__).with_suffix(".md").write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""How well a laser tracker tells where the outer gear is: survey of gear and machine (Sect. 5.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.records import FloatArray, Rig
+from tdfscal.simulation import rotations
+from tdfscal.simulation.options import SurveyOptions
+from tdfscal.simulation.survey import measure
+
+
+@dataclass(frozen=True, slots=True)
+class GearSurvey:
+    """points : measuring points on a circle of `radius` (m) about the bore's mouth; every second
+    one lies `step` (m) deeper.
+    """
+
+    points: int = 6
+    radius: float = 0.15
+    step: float = 0.05
+
+
+def survey_error(
+    rig: Rig,
+    options: SurveyOptions,
+    gear: GearSurvey,
+    mouth: FloatArray,
+    home: FloatArray,
+    runs: int,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Error of the surveyed bore in the BCS, one per run: rotation (runs, 3, 3), left, and
+    translation (runs, 3), m, of the mouth.
+
+    mouth, home : (3,), m, BCS. The tracker measures points of the gear, and one point of each NCP
+    at `options.moves` places, which give R_b^m and the BCS' origin; rigid fits without weights.
+    """
+    angle = 2.0 * np.pi * np.arange(gear.points) / gear.points
+    circle = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    body = gear.radius * circle
+    body[::2, 2] = gear.step
+    R_all, t_all = np.empty((runs, 3, 3)), np.empty((runs, 3))
+    for run in range(runs):
+        azimuth = rng.uniform(-np.pi, np.pi)
+        station = home + options.distance * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        heading = rotations.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+
+        def seen(
+            point: FloatArray, station: FloatArray = station, heading: FloatArray = heading
+        ) -> FloatArray:
+            return measure((point - station) @ heading.T, options.instrument, rng)
+
+        places = (rig.hinge + home)[:, None, :] + options.travel * rng.uniform(
+            -1.0, 1.0, (rig.n, options.moves, 3)
+        )
+        places = places.reshape(-1, 3)
+        really = places + rig.declared.positioner * rng.standard_normal(places.shape)
+        A, a = _fit(seen(really), places)
+        B, b = _fit(body, seen(body + mouth) @ A.T + a)
+        R_all[run], t_all[run] = B, b - mouth
+    return R_all, t_all
+
+
+def _fit(body: FloatArray, world: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rigid transform that takes body (N, 3) to world (N, 3)."""
+    middle, centre = body.mean(axis=0), world.mean(axis=0)
+    R = rotations.fit_rotation(body - middle, world - centre)
+    return R, centre - R @ middle
