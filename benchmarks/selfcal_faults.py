@@ -179,7 +179,8 @@ def main() -> None:
     print("| fault | noticed | harmed | noticed where harmed | declared: d²/3n | in 95 % |")
     print("|---|---|---|---|---|---|")
     for seed, case in enumerate(cases()):
-        print(row(case, trials, seed), flush=True)
+        # Ten times as many without a fault: what is noticed there is a false alarm.
+        print(row(case, trials if case.name != "none" else 10 * trials, seed), flush=True)
 
 
 if __name__ == "__main__":

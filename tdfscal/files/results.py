@@ -23,12 +23,14 @@ from tdfscal.files.calibrationmodel import (
 from tdfscal.files.parametersmodel import parameters_document
 from tdfscal.files.rig import LoadedRig
 from tdfscal.joint import Joint
+from tdfscal.montecarlo import MonteCarlo
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.observability import ANGLES, Observability
 from tdfscal.records import FloatArray, InputFile
 from tdfscal.selfcalibration import SelfCalibration
 from tdfscal.statics import State, layout, symmetric
+from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
 from tdfscal.trackercal import TrackerCalibration
 from tdfscal.uncertainty import COVERAGE
 
@@ -75,7 +77,7 @@ def from_tracker(
     result: TrackerCalibration, origin: Provenance, reasons: Sequence[str], notes: Sequence[str]
 ) -> Calibration:
     """Return the calibration file of a laser-tracker calibration."""
-    rig = origin.rig.rig
+    rig, trials = origin.rig.rig, result.monte_carlo
     return _calibration(
         origin,
         method="tracker",
@@ -86,7 +88,9 @@ def from_tracker(
         zero=rig.zero.value,
         zero_std=rig.zero.std,
         terminal=_terminal(rig.mass.value, rig.mass.std, rig.barycentre.value, rig.barycentre.std),
-        monte_carlo=_tracker_trials(result, origin.seed),
+        monte_carlo=_trials(
+            trials, origin.seed, validated=trials is not None and trials.linear_interval_validated
+        ),
         tracker=_tracker_statistics(result),
     )
 
@@ -196,7 +200,7 @@ def _self_parts(
     result: SelfCalibration, origin: Provenance, state: State, std: FloatArray
 ) -> dict[str, Any]:
     """Everything but the angles and their budget; std (P,) of the state's parameters."""
-    n, place = state.n, layout(state.n)
+    n, place, trials = state.n, layout(state.n), result.monte_carlo
     declared = result.rig.declared.force_sensitivity > 0
     return {
         "zero": state.zero,
@@ -208,7 +212,9 @@ def _self_parts(
         "fit": _fit(result),
         "postures": evidence.postures(result),
         "observability": _observability(result.observability) | {"loads": evidence.loads(result)},
-        "monte_carlo": _trials(result, origin.seed),
+        "monte_carlo": _trials(
+            trials, origin.seed, validated=trials is not None and trials.validated
+        ),
         "validation": _validation(result),
         "stability": asdict(result.stability),
         "conformity": _conformity(result.conformity),
@@ -322,8 +328,10 @@ def _joint_budget(
     return shares
 
 
-def _trials(result: SelfCalibration, seed: int) -> dict[str, Any] | None:
-    trials = result.monte_carlo
+def _trials(
+    trials: MonteCarlo | TrackerMonteCarlo | None, seed: int, *, validated: bool
+) -> dict[str, Any] | None:
+    """Monte Carlo of either method."""
     if trials is None:
         return None
     return {
@@ -333,23 +341,7 @@ def _trials(result: SelfCalibration, seed: int) -> dict[str, Any] | None:
         "low": trials.low,
         "high": trials.high,
         "tolerance": float(trials.tolerance.min()),
-        "linear_interval_validated": trials.validated,
-        "histogram": evidence.histogram(result),
-    }
-
-
-def _tracker_trials(result: TrackerCalibration, seed: int) -> dict[str, Any] | None:
-    trials = result.monte_carlo
-    if trials is None:
-        return None
-    return {
-        "trials": trials.trials,
-        "seed": seed,
-        "rpy_std": trials.std,
-        "low": trials.low,
-        "high": trials.high,
-        "tolerance": float(trials.tolerance.min()),
-        "linear_interval_validated": trials.linear_interval_validated,
+        "linear_interval_validated": validated,
     }
 
 
