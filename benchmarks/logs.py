@@ -195,7 +195,8 @@ def table(folder: Path) -> tuple[list[str], dict[str, float]]:
         limit = "at least 15×" if slow else ("at most 1.5×" if suffix == "csv" else "at most 2×")
         size = (folder / f"log.{suffix}").stat().st_size / 1e6
         rows.append(
-            f"| {suffix} | {size:.0f} | {plain} | {reference[0]:.2f} | {ours[0]:.2f} | {ratio:.2f}× "
+            f"| {suffix} | {size:.0f} | {plain} | {reference[0]:.2f} | {ours[0]:.2f} "
+            f"| {ratio:.2f}× "
             f"| {limit} | {reference[1]:.0f} | {ours[1]:.0f} | {ours[2]} |"
         )
     return rows, peaks

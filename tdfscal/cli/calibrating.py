@@ -7,8 +7,10 @@ import time
 from pathlib import Path
 
 from tdfscal.cli.app import command_line
+from tdfscal.cli.reporting import check_place, write_report
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import dump_calibration, save_calibration
+from tdfscal.reporting.terminal import show
 from tdfscal.reporting.text import render
 from tdfscal.selfcalibration import Estimator
 from tdfscal.workflow import Method, calibrate
@@ -29,12 +31,16 @@ def run(
     json: bool,
     allow_rejected: bool,
     salvage: bool,
+    html: Path | None,
     quiet: bool,
+    verbose: bool,
 ) -> int:
     """Calibrate, print, write; return the exit status."""
     target = output or DEFAULT_OUTPUT
     to_stdout = str(target) == "-"
     _check_target(target, to_stdout=to_stdout)
+    if html is not None:
+        check_place(html)
     started = time.monotonic()
 
     def progress(stage: str) -> None:
@@ -60,7 +66,15 @@ def run(
     elif to_stdout:
         sys.stdout.write(dump_calibration(result, "yaml") if write else render(result))
     else:
-        sys.stdout.write(render(result))
+        show(result)
+    if verbose and outcome.own is not None:
+        for stretch in outcome.own.dwells.left_out:
+            span = f"{stretch.start:.2f} to {stretch.end:.2f} s"
+            print(f"left out: {span}: {stretch.reason}", file=sys.stderr)
+    if html is not None:
+        # A rejected result gets its page too: it says why, and what to do.
+        progress("drawing the report")
+        write_report(outcome, html)
     if write and not to_stdout:
         save_calibration(result, target)
         if not json:

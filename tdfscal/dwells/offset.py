@@ -11,13 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
+from tdfscal.dwells.statistics import evenly
 from tdfscal.records import Dwells, FloatArray
 
 _LEVELS = np.array([0.25, 0.5, 0.75])
 _CLEAR = 40.0  # change / noise of a bin's mean, from which a move shows its time
 _LONGEST = 60.0  # s; a longer way from dwell to dwell is no single move
 _MARGIN = 0.5  # s looked at beyond the dwells' edges
-_FEWEST = 5  # moves
+_FEWEST, _MOST = 5, 100  # moves
 _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
 
 LARGE = 0.02
@@ -61,7 +62,7 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
     """
     n = len(bins.supports)
     found = []
-    for k in range(len(dwells) - 1):
+    for k in evenly(max(len(dwells) - 1, 0), _MOST):
         if dwells.start[k + 1] - dwells.end[k] > _LONGEST:
             continue
         position = _passing(

@@ -53,7 +53,13 @@ def calibrate(
     salvage: Annotated[
         bool, typer.Option("--salvage", help="Read what is sound of a damaged log; never accepted.")
     ] = False,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Also write a report page.")
+    ] = None,
     quiet: Quiet = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Say which stretches of rest were left out.")
+    ] = False,
 ) -> None:
     """Calibrate the sensors of a rig from a recorded campaign."""
     from tdfscal.cli.calibrating import run
@@ -69,6 +75,8 @@ def calibrate(
         json=json,
         allow_rejected=allow_rejected,
         salvage=salvage,
+        html=html,
         quiet=quiet,
+        verbose=verbose,
     )
     raise typer.Exit(status)

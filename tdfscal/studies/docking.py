@@ -1,0 +1,147 @@
+"""What a calibration does to an assembly: docking of the gears (Sect. 5.2, Figs. 17 and 18)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray, Rig
+from tdfscal.simulation import SurveyOptions
+from tdfscal.simulation.control.contact import Bore, GearPair
+from tdfscal.simulation.control.loop import Controller, Docking, Machines, Result, simulate
+from tdfscal.simulation.control.misalignment import GearSurvey, survey_error
+from tdfscal.simulation.control.reference import advance, require_within
+from tdfscal.simulation.control.servo import draw_errors
+from tdfscal.simulation.equilibrium import Pose
+from tdfscal.studies.controllers import Arms, tiled
+from tdfscal.studies.ratios import Ratio, ratio
+
+#: Path beyond the planned seat, m: the seat is felt, not known.
+_ON = 0.01
+#: Depth that the controller may lack when it takes a threshold for the seat, m.
+_SHORT = 0.002
+#: The paper's averages of the maxima, N and N·m: none, tracker, self.
+PAPER = {"none": (8.41, 5.22), "tracker": (6.58, 3.89), "self": (4.19, 3.03)}
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """A docking: gap, m, before contact; speed, m/s; ramp, s; home, LCS origin at the start, BCS;
+    travel : m, of each NCP about home; survey and gear : how the outer gear was measured.
+    """
+
+    rig: Rig
+    controller: Controller = field(default_factory=Controller)
+    gears: GearPair = field(default_factory=GearPair)
+    gap: float = 0.05
+    speed: float = 1.5e-3
+    ramp: float = 5.0
+    home: tuple[float, float, float] = (0.05, -0.03, 1.2)
+    travel: tuple[float, float, float] = (0.25, 0.25, 0.5)
+    survey: SurveyOptions = field(default_factory=SurveyOptions)
+    gear: GearSurvey = field(default_factory=GearSurvey)
+
+
+@dataclass(frozen=True, slots=True)
+class DockingStudy:
+    """C calibrations, N runs each.
+
+    misalignment : (N, 6), of the plan against the bore: m at the tip, rad. peak : (C, N, 6),
+    largest |contact wrench| from first contact to the seat, N, and N·m about the LCS origin, LCS.
+    length : (C, N, 2), the same of the vectors' lengths. seated, jammed : (C, N).
+    """
+
+    setup: Setup
+    arms: Arms
+    seed: int
+    misalignment: FloatArray
+    peak: FloatArray
+    length: FloatArray
+    result: Result
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the calibrations."""
+        return tuple(arm.name for arm in self.arms.arms)
+
+    @property
+    def average(self) -> FloatArray:
+        """(C, N, 2): mean of the maxima along x, y and z, of force (N) and torque (N·m)."""
+        return np.asarray(self.peak.reshape(*self.peak.shape[:2], 2, 3).mean(axis=-1))
+
+    def ratio(self, quantity: int, of: str, to: str) -> Ratio:
+        """Ratio of average maxima, 0 force, 1 torque, with its standard error over the runs."""
+        a, b = (self.average[self.names.index(name), :, quantity] for name in (of, to))
+        return ratio(a, b)
+
+    def grid(self, values: FloatArray) -> FloatArray:
+        """Values of the lanes (L, …) as (C, N, …)."""
+        return values.reshape(len(self.names), self.arms.runs, *values.shape[1:])
+
+
+def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int) -> DockingStudy:
+    """Dock once per calibration and run; a run's draws (rig, survey, positioning errors, noise) are
+    the same for all calibrations. number : the seed as the user gave it.
+
+    Raises
+    ------
+    UsageError : the way leaves the NCPs' travel, or the loop is unstable.
+    """
+    rig, gears, runs = setup.rig, setup.gears, arms.runs
+    if not (0.0 < setup.gap < np.inf and 0.0 < setup.speed < np.inf and setup.ramp > 0.0):
+        raise UsageError("gap, speed and ramp must be above zero")
+    survey_seed, error_seed, noise_seed = seed.spawn(3)
+    home, tip = np.asarray(setup.home), np.asarray(gears.tip)
+    mouth = home + tip + np.array([0.0, 0.0, setup.gap])
+    turn, shift = survey_error(
+        rig, setup.survey, setup.gear, mouth, home, runs, np.random.default_rng(survey_seed)
+    )
+    way = setup.gap + gears.length + _ON
+    start_tip, goal_tip = (
+        mouth + shift + turn @ np.array([0.0, 0.0, s]) for s in (-setup.gap, way - setup.gap)
+    )
+    start, goal = (Pose(turn, p - turn @ tip) for p in (start_tip, goal_tip))
+    for pose, what in ((start, "start posture of run"), (goal, "end posture of run")):
+        require_within(rig, pose, setup.home, setup.travel, what)
+    errors = draw_errors(
+        setup.controller.servo,
+        rig.declared.positioner,
+        runs,
+        rig.n,
+        np.random.default_rng(error_seed),
+    )
+    copies = len(arms.arms)
+    truth, assumed = arms.lanes()
+    lanes = copies * runs
+    reference = advance(
+        Pose(np.tile(start.rotation, (copies, 1, 1)), np.tile(start.translation, (copies, 1))),
+        Pose(np.tile(goal.rotation, (copies, 1, 1)), np.tile(goal.translation, (copies, 1))),
+        way=way,
+        speed=setup.speed,
+        ramp=setup.ramp,
+        step=setup.controller.step,
+    )
+    bore = Bore(
+        np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0)
+    )
+    machines = Machines(rig, truth, tiled(errors, copies), assumed, runs, noise_seed)
+    result = simulate(
+        machines,
+        setup.controller,
+        reference,
+        Docking(gears, bore, setup.gap + gears.length - _SHORT),
+    )
+    before = slice(1, 3)
+    return DockingStudy(
+        setup=setup,
+        arms=arms,
+        seed=number,
+        misalignment=Bore(bore.rotation[:runs], bore.place[:runs]).coordinates(
+            start_tip + turn @ np.array([0.0, 0.0, setup.gap]), turn
+        ),
+        peak=result.peak[before].max(axis=0).reshape(copies, runs, 6),
+        length=result.peak_length[before].max(axis=0).reshape(copies, runs, 2),
+        result=result,
+    )

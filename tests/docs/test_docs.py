@@ -1,0 +1,114 @@
+"""The documentation is true: its commands run, its example computes, its tables are complete."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from pages import DOCS, PAGES, anchors, blocks, commands, links, table, text
+from scipy.spatial.transform import Rotation
+
+from tdfscal.cli import main
+from tdfscal.files.rig import parse_rig
+
+RUNNABLE = ("tutorial", "howto")
+
+
+def in_process(command: str, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Exit status of a `tdfscal` command line; `> FILE` is left to the capture."""
+    program, *arguments = shlex.split(command.split(" > ")[0])
+    assert program == "tdfscal", command
+    monkeypatch.setattr(sys, "argv", ["tdfscal", *arguments])
+    try:
+        main()
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
+@pytest.mark.parametrize("page", RUNNABLE)
+def test_commands_run(
+    page: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """All blocks of a page in its order, from an empty folder, with the stated exit statuses."""
+    monkeypatch.chdir(tmp_path)
+    for block in blocks(page):
+        if block.language == "sh":
+            for command, expected in commands(block):
+                capsys.readouterr()
+                status = in_process(command, monkeypatch)
+                assert status == expected, f"{command}\n{capsys.readouterr().err}"
+        elif block.language == "python":
+            exec(compile(block.content, f"{page}.md", "exec"), {})
+        elif block.language == "bash" and shutil.which("jq"):
+            done = subprocess.run(["bash", "-ec", block.content], capture_output=True, text=True)
+            assert done.returncode == 0, done.stderr
+            assert len(done.stdout.splitlines()) == 3
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_blocks_are_of_kinds_that_are_checked(page: str) -> None:
+    allowed = {"sh", "bash", "python", "yaml"} if page in RUNNABLE else {"yaml"}
+    assert {block.language for block in blocks(page)} <= allowed
+
+
+def test_yaml_blocks_are_rig_files() -> None:
+    """A whole file as it stands; a single block within the tutorial's file."""
+    whole = [b.content for b in blocks("tutorial") if b.language == "yaml"]
+    assert len(whole) == 1
+    parse_rig(whole[0].encode(), "tutorial.md")
+    parts = [yaml.safe_load(b.content) for b in blocks("howto") if b.language == "yaml"]
+    assert len(parts) == 3
+    for part in parts:
+        merged = yaml.safe_load(whole[0]) | part
+        parse_rig(yaml.safe_dump(merged).encode(), "howto.md")
+
+
+def test_pages_link_to_what_exists() -> None:
+    assert {path.stem for path in DOCS.glob("*.md")} == set(PAGES)
+    for page in PAGES:
+        for link in links(page):
+            path, _, anchor = link.partition("#")
+            target = (DOCS / path) if path else DOCS / f"{page}.md"
+            assert target.is_file(), f"{page}.md: {link}"
+            if anchor:
+                assert anchor in anchors(target.read_text(encoding="utf-8")), f"{page}.md: {link}"
+    assert {f"{page}.md" for page in PAGES} - {"index.md"} <= set(links("index"))
+
+
+def numbers(cells: list[str]) -> np.ndarray:
+    return np.array([float(cell.replace("−", "-")) for cell in cells])
+
+
+def rows(marker: str) -> dict[str, np.ndarray]:
+    return {row[0]: numbers(row[1:4]) for row in table("conventions", marker)}
+
+
+def test_worked_example_computes() -> None:
+    """Recomputed from the numbers printed, by scipy's rotations; each to its last printed digit."""
+    given, printed, results = rows("example: given"), rows("example: rotation"), rows(
+        "example: results"
+    )
+    # Capital letters: turns about the moving axes, z first; the same as fixed x, y, z.
+    turn = Rotation.from_euler("ZYX", given["rpy"][::-1])
+    R = np.array([printed[axis] for axis in "XYZ"])
+    np.testing.assert_allclose(R, turn.as_matrix(), rtol=0, atol=0.5e-6)
+    force = turn.apply(given["F_sensor"] - given["zero"])
+    np.testing.assert_allclose(results["F_bcs"], force, rtol=0, atol=0.5e-3)
+    np.testing.assert_allclose(
+        results["d × F_bcs"], np.cross(given["d"], force), rtol=0, atol=0.5e-3
+    )
+    # J⁻¹ d by differences: roll, pitch, yaw of a rotation turned by a millionth of d.
+    h = 1e-6
+    moved = (Rotation.from_rotvec(h * given["d"]) * turn).as_euler("ZYX")[::-1]
+    np.testing.assert_allclose(results["J⁻¹ d"], (moved - given["rpy"]) / h, rtol=0, atol=0.6e-6)
+    assert f"{np.linalg.norm(force):.3f} N long" in text("conventions")
