@@ -14,6 +14,8 @@ app = typer.Typer(
     name="tdfscal",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    # Plain help: drawing it with rich would cost half of its time.
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Calibrate how three-axis force sensors are mounted on a parallel assembly mechanism.",
 )
@@ -35,7 +37,7 @@ def _common(
 
 
 Paths = Annotated[
-    list[Path], typer.Argument(metavar="PATH…", help="Campaign folder, or log files.")
+    list[Path], typer.Argument(metavar="PATH", help="Campaign folder, or log files.")
 ]
 RigFile = Annotated[
     Path | None, typer.Option("--rig", metavar="FILE", help="rig.yaml, where no folder holds one.")

@@ -12,7 +12,7 @@ from types import TracebackType
 from tdfscal.errors import DataError, UsageError
 from tdfscal.records import InputFile, Integrity
 
-_BLOCK = 1 << 20
+_BLOCK = 1 << 22
 
 
 def input_file(path: Path, integrity: Integrity) -> InputFile:
@@ -28,7 +28,12 @@ def input_file(path: Path, integrity: Integrity) -> InputFile:
     UsageError : the file is not there or cannot be opened.
     """
     digest, size = _sha256(path, lambda: False)
-    return InputFile(str(path), digest, size, integrity)
+    return InputFile(printable(str(path)), digest, size, integrity)
+
+
+def printable(text: str) -> str:
+    """A file's name need not be UTF-8, what is written of it must: other bytes become \\xNN."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 class Fingerprint:
@@ -46,7 +51,7 @@ class Fingerprint:
     def result(self, integrity: Integrity) -> InputFile:
         """Wait for the digest and return the record."""
         digest, size = self._digest.result()
-        return InputFile(str(self._path), digest, size, integrity)
+        return InputFile(printable(str(self._path)), digest, size, integrity)
 
     def __enter__(self) -> Fingerprint:
         return self

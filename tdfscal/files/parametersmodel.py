@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator
 
-from tdfscal.calibrated import Calibrated
 from tdfscal.files.fields import Matrix, Number, Strict, Text, fault, from_numpy
 from tdfscal.records import FloatArray, Rig
 from tdfscal.statics import deviation, layout, nominal, retract
+
+if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
+    from tdfscal.calibrated import Calibrated
 
 ParametersDefinition = Literal[
     "value: estimate − stated value of the embedded rig, rotations 0; matrix: covariance, "
@@ -69,6 +71,8 @@ def parameters_document(given: Calibrated) -> dict[str, Any]:
 def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibrated:
     """Read the block back; rotation (n, 3, 3) as the file gives it."""
     place = _places(block, rig.supports)
+    from tdfscal.calibrated import Calibrated
+
     size = layout(rig.n)["tilt"].stop
     step, covariance = np.zeros(size), np.zeros((size, size))
     step[place] = block.value

@@ -13,7 +13,7 @@ from tdfscal.cli.app import Json, app
 @app.command()
 def report(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE…", help="Calibration files; - for stdin.")
+        list[Path], typer.Argument(metavar="FILE", help="Calibration files; - for stdin.")
     ],
     html: Annotated[
         Path | None,

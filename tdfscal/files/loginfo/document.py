@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.files.hashing import printable
 from tdfscal.files.loginfo.contents import Contents
 from tdfscal.files.loginfo.inspect import LogInfo, Signal
 from tdfscal.files.loginfo.mapping_text import mapping_block, mapping_document
@@ -42,7 +43,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
 
 def _file(contents: Contents) -> dict[str, Any]:
     return {
-        "path": str(contents.path),
+        "path": printable(str(contents.path)),
         "format": contents.format,
         "bytes": contents.bytes,
         "streams": [

@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal.files.loginfo.contents import Column, Contents, Vector
 from tdfscal.files.logs import units
+from tdfscal.files.logs.message_path import topic_of
 from tdfscal.records import FloatArray, LogMapping, Rig
 
 Role = Literal["position", "force", "other"]
@@ -76,8 +77,8 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     )
     if contents.format == "mcap":
         topics = {s.name for s in contents.streams}
-        named = {t for p in pairs for v in (p.position, p.force) for t in topics
-                 if v.fields[0].startswith(t) and v.fields[0][len(t):][:1] in (".", "")}  # fmt: skip
+        fields = [v.fields[0] for p in pairs for v in (p.position, p.force)]
+        named = {topic_of(name, topics) for name in fields}
         source: Literal["header", "log"] = "header" if named <= contents.stamped else "log"
         return Guess(replace(mapping, time_source=source), tuple(notes))
     used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
@@ -101,7 +102,7 @@ def _role(vector: Vector) -> Role:
                 return "position" if role == "position" else "force"
         return "other"
     found = words(vector.label)
-    if set(found) & _OTHER and not found[-1:] == ["force"]:
+    if set(found) & _OTHER and found[-1:] != ["force"]:
         return "other"
     for word in reversed(found):
         if word in _FORCE:

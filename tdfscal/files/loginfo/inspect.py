@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal.dwells import Offset, dwells_of_bins, find_dwells, motion_offset, reduce_to_bins
 from tdfscal.errors import DataError, TdfscalError
+from tdfscal.files.hashing import printable
 from tdfscal.files.loginfo.contents import Contents
 from tdfscal.files.loginfo.guess import Guess, guess_mapping
 from tdfscal.files.logs import expand, iter_log
@@ -84,7 +85,7 @@ def inspect_logs(
     if not contents:
         raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
     guess = guess_mapping(contents[0], rig.rig if rig else None)
-    problems = [f"{c.path}: {what}" for c in contents for what in c.problems]
+    problems = [printable(f"{c.path}: {what}") for c in contents for what in c.problems]
     mapping, source = guess.mapping, "guessed"
     supports = guess.mapping.supports if guess.mapping else ()
     if rig is not None and (rig.log is not None or guess.mapping is None):
@@ -104,7 +105,7 @@ def inspect_logs(
             offset = motion_offset(bins, dwells)
     except TdfscalError as error:
         return LogInfo(contents, guess, mapping, known, watch.signals(),
-                       problems=(*problems, *watch.warnings, str(error)))  # fmt: skip
+                       problems=(*problems, *watch.warnings, printable(str(error))))  # fmt: skip
     problems += [*watch.warnings, *dwells.warnings]
     if not len(dwells):
         problems.append("no dwell is found: the NCPs never rest, or the forces never settle")

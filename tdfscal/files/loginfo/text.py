@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from tdfscal.files.hashing import printable
 from tdfscal.files.loginfo.contents import Contents, Stream
 from tdfscal.files.loginfo.inspect import LogInfo, Signal
 from tdfscal.files.loginfo.mapping_text import mapping_block
@@ -45,7 +46,7 @@ def as_text(info: LogInfo) -> str:
 
 
 def _file(contents: Contents) -> Iterator[str]:
-    yield from _wrapped(str(contents.path), "")
+    yield from _wrapped(printable(str(contents.path)), "")
     kind = {"csv": "text table", "parquet": "Parquet", "mcap": "MCAP"}[contents.format]
     total = sum(stream.count for stream in contents.streams)
     what = "messages" if contents.format == "mcap" else "rows"

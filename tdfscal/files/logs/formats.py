@@ -64,7 +64,7 @@ def reader_of(path: Path, mapping: LogMapping | None) -> Reader:
         raise DataError(
             "a recording in MCAP needs to be told which topics to read",
             where=str(path),
-            hint="paste the `log:` block that `tdfscal info` proposes into rig.yaml",
+            hint="add a `log:` block to rig.yaml; `tdfscal info` proposes one",
         )
     from tdfscal.files.logs.mcap import read_mcap
 

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from tdfscal.errors import DataError
 from tdfscal.files.logs import units
 from tdfscal.files.logs.faults import damage, one_line
-from tdfscal.files.logs.parquet_pages import has_checksums
+from tdfscal.files.logs.parquet_pages import check_pages
 from tdfscal.files.logs.request import (
     Block,
     Outcome,
@@ -73,10 +73,12 @@ def read_parquet(
             expected = file.metadata.row_group(group).num_rows
             in_group = 0
             try:
+                opened = False
                 for batch in _batches(file, group, columns):
-                    if in_group == 0:
+                    if not opened:
                         _check_group(file, group, leaves, where)
-                        verified &= has_checksums(path, file.metadata.row_group(group), leaves)
+                        verified &= check_pages(path, file.metadata.row_group(group), leaves)
+                        opened = True
                     piece = _piece(batch, columns, request, first_row + in_group, where)
                     in_group += batch.num_rows
                     reached(int((first_row + in_group) * share))
@@ -105,13 +107,22 @@ def read_parquet(
 def open_parquet(path: Path) -> pq.ParquetFile:
     """Open a file such that checksums are verified and no absurd length is believed."""
     return pq.ParquetFile(
-        path,
+        path if _is_utf8(path) else path.open("rb"),
         page_checksum_verification=True,
         pre_buffer=False,
         buffer_size=1 << 20,
         thrift_string_size_limit=_MAX_THRIFT,
         thrift_container_size_limit=_MAX_THRIFT,
     )
+
+
+def _is_utf8(path: Path) -> bool:
+    """Pyarrow takes no other names; Python opens any."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:

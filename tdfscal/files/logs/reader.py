@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.hashing import Fingerprint
+from tdfscal.files.hashing import Fingerprint, printable
 from tdfscal.files.logs.clock import Clock
 from tdfscal.files.logs.formats import expand, reader_of
 from tdfscal.files.logs.request import Block, Outcome, Piece, Request, make_request
@@ -234,4 +234,4 @@ def _log(piece: Piece | list[Block], request: Request) -> Log:
 def _closed(log: Log | None, request: Request, entry: InputFile, warnings: Iterable[str]) -> Log:
     """Add to a file's last piece what is known at its end."""
     piece = log if log is not None else _log((), request)
-    return replace(piece, inputs=(entry,), warnings=tuple(warnings))
+    return replace(piece, inputs=(entry,), warnings=tuple(map(printable, warnings)))

@@ -14,7 +14,7 @@ from tdfscal.simulation.control.impedance import Impedance, require_stable, tran
 from tdfscal.simulation.control.reference import Reference, follow
 from tdfscal.simulation.control.sensors import Assumed, Sensing, Sensors, WrenchObserver
 from tdfscal.simulation.control.servo import PositionErrors, Servo
-from tdfscal.simulation.control.terminal import Terminal, cross
+from tdfscal.simulation.control.terminal import Terminal, moment
 from tdfscal.simulation.truth import Truth
 
 _CHUNK = 512
@@ -168,6 +168,7 @@ class _Loop:
         self.servo = self.target.copy()
         self.terminal = Terminal(machines.truth, self._stand(), reference.start)
         self.contact = np.zeros((L, 6))  # BCS, about the LCS origin
+        self.touching = False
         self.q = np.full((L, 6), np.nan)
         self.last_q: FloatArray | None = None
         self.filtered: FloatArray | None = None
@@ -202,8 +203,8 @@ class _Loop:
             self.chunk_at = 0
         noise = self.chunk[self.chunk_at]
         self.chunk_at += 1
-        copies = self.lanes // self.runs
-        self.reading = self.sensors.read(self.terminal.force) + np.tile(noise, (copies, 1, 1))
+        clean = self.sensors.read(self.terminal.force)
+        self.reading = (clean.reshape(-1, *noise.shape) + noise).reshape(clean.shape)
         if self.filtered is None:
             self.filtered = self.reading
         else:
@@ -227,7 +228,7 @@ class _Loop:
     def physics(self) -> None:
         """Servos go on, the terminal comes to rest, contact changes."""
         self.servo = self.servo + self.share * (self.target - self.servo)
-        self.terminal.move(self._stand(), self.contact[:, :3], self.contact[:, 3:])
+        self.terminal.move(self._stand(), self.contact)
         if self.docking is None:
             return
         bore, R = self.docking.bore, self.terminal.rotation
@@ -235,9 +236,12 @@ class _Loop:
         self.q = bore.coordinates(lever + self.terminal.translation, R)
         rate = None if self.last_q is None else (self.q - self.last_q) / self.c.step
         self.last_q = self.q
-        local = self.docking.gears.wrench(self.q, rate).reshape(-1, 2, 3)
-        both = local @ np.swapaxes(bore.rotation, -1, -2)
-        self.contact = np.concatenate([both[:, 0], both[:, 1] + cross(lever, both[:, 0])], axis=1)
+        local = self.docking.gears.wrench(self.q, rate)
+        self.touching = bool(local.any())
+        both = local.reshape(-1, 2, 3) @ np.swapaxes(bore.rotation, -1, -2)
+        self.contact = both.reshape(-1, 6)
+        if self.touching:
+            self.contact[:, 3:] += moment(lever[:, None, :], both[:, :1])
 
     def run(self) -> Result:
         c, L = self.c, self.lanes
@@ -279,7 +283,8 @@ class _Loop:
     def about_origin(self, wrench: FloatArray) -> FloatArray:
         """Moments about the LCS origin instead of the centre; both LCS."""
         out = wrench.copy()
-        out[:, 3:] += cross(np.broadcast_to(self.centre, (self.lanes, 3)), wrench[:, :3])
+        lever = np.broadcast_to(self.centre, (self.lanes, 1, 3))
+        out[:, 3:] += moment(lever, wrench[:, None, :3])
         return out
 
     def true_contact(self) -> FloatArray:
@@ -304,13 +309,15 @@ class _Book:
         self.seated = np.zeros(L, dtype=np.bool_)
         self.jammed = np.zeros(L, dtype=np.bool_)
         self.lane = np.arange(L)
-        self.rows: list[tuple[float, FloatArray, ...]] = []  # type: ignore[valid-type]
+        self.rows: list[tuple[float | FloatArray, ...]] = []
         self.limits = np.array(loop.c.thresholds)
 
     def note(self, k: int, active: BoolArray) -> None:
         """Phase and peaks of the lanes that are under way."""
         loop = self.loop
-        if loop.docking is not None and loop.contact.any():
+        if loop.docking is None or not loop.touching and not self.phase.any():
+            return
+        if loop.touching:
             gears, depth = loop.docking.gears, loop.q[:, 2]
             touching = np.any(loop.contact, axis=1)
             phase = np.where(touching, 1, 0)
@@ -322,12 +329,13 @@ class _Book:
                 new = (phase >= p) & (self.phase < p)
                 self.phase_start[p, new] = (k + 1) * loop.c.step
             self.phase = phase
-        self.contact = loop.true_contact()
-        size = np.where(active[:, None], np.abs(self.contact), 0.0)
+        size = np.where(active[:, None], np.abs(loop.true_contact()), 0.0)
         length = np.sqrt(np.sum((size * size).reshape(-1, 2, 3), axis=2))
         here = (self.phase, self.lane)
         self.peak[here] = np.maximum(self.peak[here], size)
         self.peak_length[here] = np.maximum(self.peak_length[here], length)
+        if k % loop.held:
+            return
         seen = np.where(active[:, None], np.abs(loop.about_origin(loop.smooth)), 0.0)
         self.peak_measured[here] = np.maximum(self.peak_measured[here], seen)
 
@@ -353,7 +361,7 @@ class _Book:
         self.rows.append(
             (
                 (k + 1) * loop.c.step,
-                self.contact,
+                loop.true_contact(),
                 loop.about_origin(loop.smooth),
                 loop.deviation[..., 0],
                 depth,

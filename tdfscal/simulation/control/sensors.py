@@ -8,6 +8,7 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
+from tdfscal.simulation.control.terminal import moment
 from tdfscal.simulation.truth import Truth
 
 
@@ -103,14 +104,15 @@ class WrenchObserver:
         self._map = assumed.rotation @ np.linalg.inv(assumed.sensitivity)
         self._zero = assumed.zero
         self._weight = (assumed.mass[:, None] * assumed.gravity)[:, None, :]
-        lever = np.concatenate([assumed.hinge, assumed.barycentre[:, None, :]], axis=1) - centre
-        self._lever = np.ascontiguousarray(np.moveaxis(lever, 2, 0))
+        self._lever = (
+            np.concatenate([assumed.hinge, assumed.barycentre[:, None, :]], axis=1) - centre
+        )
 
     def wrench(self, reading: FloatArray, R: FloatArray) -> FloatArray:
         """Contact wrench (L, 6): N and N·m about the centre, LCS; R (L, 3, 3) as commanded."""
         force = (self._map @ (reading - self._zero)[..., None])[..., 0]
         seen = np.concatenate([force, self._weight], axis=1) @ R  # rows: Rᵀ F
-        f = np.moveaxis(seen, 2, 0)
-        x, y, z = self._lever
-        moment = np.stack([y * f[2] - z * f[1], z * f[0] - x * f[2], x * f[1] - y * f[0]])
-        return np.asarray(-np.concatenate([f, moment]).sum(axis=2).T)
+        out = np.empty((len(R), 6))
+        out[:, :3] = -seen.sum(axis=1)
+        out[:, 3:] = -moment(self._lever, seen)
+        return out

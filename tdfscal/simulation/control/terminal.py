@@ -19,12 +19,13 @@ from tdfscal.simulation.truth import Truth
 _REFRESH = 25
 
 
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a × b, (..., 3), without the overhead of numpy's."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+def moment(arm: FloatArray, force: FloatArray) -> FloatArray:
+    """Σ a_i × F_i, (L, 3), of (L, m, 3): the skew part of Σ a_i F_iᵀ."""
+    both = np.swapaxes(arm, -1, -2) @ force
+    out = np.empty((len(both), 3))
+    out[:, 0] = both[:, 1, 2] - both[:, 2, 1]
+    out[:, 1] = both[:, 2, 0] - both[:, 0, 2]
+    out[:, 2] = both[:, 0, 1] - both[:, 1, 0]
     return out
 
 
@@ -44,34 +45,35 @@ class Terminal:
         self.rotation = rest.pose.rotation[:, 0]
         self.translation = rest.pose.translation[:, 0]
         self.force = rest.force[:, 0]
-        self._hinge, self._barycentre = truth.hinge, truth.barycentre[:, :, None]
+        self._levers = np.concatenate([truth.hinge, truth.barycentre[:, None, :]], axis=1)
+        self._acting = np.empty_like(self._levers)
         self._stiffness = truth.stiffness
-        self._weight = truth.mass[:, None] * truth.gravity
+        self._acting[:, -1] = truth.mass[:, None] * truth.gravity
         self._age = _REFRESH
         self._stand = stand
 
-    def move(self, stand: FloatArray, force: FloatArray, moment: FloatArray) -> None:
-        """Let the carriages stand at `stand` under a contact force (L, 3), N, and moment (L, 3),
-        N·m about the LCS origin, BCS.
+    def move(self, stand: FloatArray, contact: FloatArray) -> None:
+        """Let the carriages stand at `stand` under a contact wrench (L, 6), N, and N·m about the
+        LCS origin, BCS.
         """
         # The mean of the carriages' move is exact for a translation; Newton does the rest.
         self.translation = self.translation + (stand - self._stand).mean(axis=1)
         self._stand = stand
-        arm = self._hinge @ np.swapaxes(self.rotation, -1, -2)
+        levers = self._levers @ np.swapaxes(self.rotation, -1, -2)
+        arm = levers[:, :-1]
         if self._age >= _REFRESH:
             self._yield, self._age = self._flexibility(arm), 0
         self._age += 1
-        pull = self._pull(arm, stand)
-        bary = (self.rotation @ self._barycentre)[..., 0]
-        net = np.empty((len(stand), 6, 1))
-        net[:, :3, 0] = pull.sum(axis=1) + self._weight + force
-        net[:, 3:, 0] = cross(arm, pull).sum(axis=1) + cross(bary, self._weight) + moment
-        step = (self._yield @ net)[..., 0]
+        self._acting[:, :-1] = self._pull(arm, stand)
+        net = contact.copy()
+        net[:, :3] += self._acting.sum(axis=1)
+        net[:, 3:] += moment(levers, self._acting)
+        step = (self._yield @ net[..., None])[..., 0]
         self.translation = self.translation + step[:, :3]
         turn = rotations.hat(step[:, 3:])
         # To the third order in a turn of microradians.
         self.rotation = self.rotation + turn @ (self.rotation + 0.5 * (turn @ self.rotation))
-        self.force = self._pull(self._hinge @ np.swapaxes(self.rotation, -1, -2), stand)
+        self.force = self._pull(self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2), stand)
 
     def _pull(self, arm: FloatArray, stand: FloatArray) -> FloatArray:
         stretch = arm + self.translation[:, None, :] - stand

@@ -1,0 +1,102 @@
+"""The reference names every key, command and option that there is, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import typer.main
+from pages import DOCS, key_paths, section, table, text
+
+from tdfscal.cli import app
+from tdfscal.errors import (
+    DataError,
+    NotConvergedError,
+    NotIdentifiableError,
+    RigError,
+    UsageError,
+)
+
+#: The calibration file embeds a whole rig file, which has a table of its own.
+EMBEDDED = {"rig": frozenset[str](), "calibration": frozenset({"rig"}), "points": frozenset[str]()}
+OF_THE_PROGRAM = {"--version", "--install-completion", "--show-completion", "--help"}
+
+
+def schema(name: str) -> dict[str, Any]:
+    path = DOCS.parent / "schemas" / f"{name}.schema.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert isinstance(content, dict)
+    return content
+
+
+def stated(name: str) -> dict[str, list[str]]:
+    rows = table("reference", f"keys: {name}")
+    keys = [row[0].strip("`") for row in rows]
+    assert len(set(keys)) == len(keys)
+    return dict(zip(keys, (row[1:] for row in rows), strict=True))
+
+
+@pytest.mark.parametrize("name", sorted(EMBEDDED))
+def test_keys_are_those_of_the_schema(name: str) -> None:
+    published = key_paths(schema(name), EMBEDDED[name])
+    assert {key: row[0] == "●" for key, row in stated(name).items()} == published
+
+
+def defaults(node: dict[str, Any], root: dict[str, Any], path: str) -> Iterator[tuple[str, Any]]:
+    """Every scalar default of a schema, by its key's path."""
+    for member in [node, *node.get("anyOf", ())]:
+        here = root["$defs"][member["$ref"].rsplit("/", 1)[1]] if "$ref" in member else member
+        for key, value in here.get("properties", {}).items():
+            full = f"{path}.{key}".removeprefix(".")
+            if isinstance(value.get("default"), (str, int, float)):
+                yield full, value["default"]
+            yield from defaults(value, root, full)
+
+
+def test_defaults_are_those_of_the_schema() -> None:
+    rig = schema("rig")
+    published = dict(defaults(rig, rig, ""))
+    assert len(published) >= 15
+    for key, value in published.items():
+        cell = stated("rig")[key][1]
+        assert (cell if isinstance(value, str) else float(cell)) == value, key
+
+
+def leaves(command: Any, name: str) -> Iterator[tuple[str, Any]]:
+    children = getattr(command, "commands", None)
+    if not children:
+        yield name, command
+        return
+    for child, inner in children.items():
+        yield from leaves(inner, f"{name} {child}")
+
+
+COMMANDS = dict(leaves(typer.main.get_command(app), "tdfscal"))
+
+
+def test_commands_are_those_of_the_program() -> None:
+    headings = re.findall(r"^### (tdfscal .+)$", text("reference"), re.MULTILINE)
+    assert sorted(headings) == sorted(COMMANDS)
+    for option in OF_THE_PROGRAM:
+        assert f"`{option}`" in section("reference", "## Commands")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_are_those_of_the_command(name: str) -> None:
+    own = {o for p in COMMANDS[name].params if p.param_type_name == "option" for o in p.opts}
+    cells = re.findall(r"^\| (`-.*?) \|", section("reference", f"### {name}"), re.MULTILINE)
+    assert {o for cell in cells for o in re.findall(r"`(-[^`]+)`", cell)} == own - {"--help", "-h"}
+
+
+def test_exit_statuses_are_those_of_the_errors() -> None:
+    rows = re.findall(r"^\| (\d+) \| (.+?) \|", section("reference", "## Exit statuses"), re.M)
+    meaning = {int(status): words for status, words in rows}
+    assert {UsageError.exit_status, RigError.exit_status} == {2}
+    assert "usage" in meaning[2]
+    assert "rig file" in meaning[2]
+    assert "data" in meaning[DataError.exit_status]
+    assert NotIdentifiableError.exit_status == NotConvergedError.exit_status
+    assert "determine" in meaning[NotIdentifiableError.exit_status]
