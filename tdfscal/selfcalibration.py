@@ -43,8 +43,10 @@ _LEVELS = 6
 class SelfCalibration:
     """The judged result of a self-calibration.
 
-    dwells : all that were found. used : indices (of dwells) of the postures in the fit.
-    rejected : dwell index → reason. reasons : why the gate rejects; empty where it accepts.
+    dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
+    index → reason. suspicions : what the residuals say was not declared. conformity : of the
+    contact wrench, where the rig file limits it. reasons : why the gate rejects; empty where it
+    accepts.
     """
 
     rig: Rig
@@ -97,6 +99,12 @@ def self_calibrate(
     sanity.check_geometry(rig, dwells.position)
     screened = screening.screen(rig, dwells)
     index = np.flatnonzero(screened.keep)
+    if len(index) == 0:
+        raise DataError(
+            f"no posture can be used: {screened.reasons[0]}",
+            where="log forces",
+            hint="check the sensors, and supports.capacity in rig.yaml",
+        )
     observed = postures(rig, dwells).subset(index)
     sanity.check_weight(rig, observed)
     observed, measured_noise = _with_noise(rig, observed)
@@ -156,7 +164,9 @@ def self_calibrate(
             doubts=doubts,
             conformity=conformity,
         ),
-        warnings=_warnings(dwells, stats, trials, doubts, steady, measured_noise=measured_noise),
+        warnings=_warnings(
+            rig, dwells, stats, trials, doubts, steady, measured_noise=measured_noise
+        ),
     )
 
 
@@ -212,6 +222,7 @@ def _unseen(seen: Observability) -> str:
 
 
 def _warnings(
+    rig: Rig,
     dwells: Dwells,
     stats: Quality,
     trials: MonteCarlo | None,
@@ -222,6 +233,11 @@ def _warnings(
 ) -> tuple[str, ...]:
     """Collect what the user must know although the result may be good."""
     found = list(dwells.warnings)
+    if rig.declared.force_sensitivity > 0:
+        found.append(
+            "gain and crosstalk of the sensors were decoupled in situ, from a prior of "
+            f"{rig.declared.force_sensitivity:.2%}: a reading needs rotation · sensitivity⁻¹"
+        )
     if measured_noise:
         found.append(
             "neither the log nor rig.yaml states a force noise; it was taken from the residuals, "

@@ -32,7 +32,7 @@ def input_file(path: Path, integrity: Integrity) -> InputFile:
 
 
 def printable(text: str) -> str:
-    """A file's name need not be UTF-8, what is written of it must: other bytes become \\xNN."""
+    r"""A file's name need not be UTF-8, what is written of it must: other bytes become \\xNN."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 

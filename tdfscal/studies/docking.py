@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeVar, cast
 
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.simulation import SurveyOptions
 from tdfscal.simulation.control.contact import Bore, GearPair
 from tdfscal.simulation.control.loop import Controller, Docking, Machines, Result, simulate
@@ -18,6 +19,7 @@ from tdfscal.simulation.equilibrium import Pose
 from tdfscal.studies.controllers import Arms, tiled
 from tdfscal.studies.ratios import Ratio, ratio
 
+_A = TypeVar("_A", FloatArray, BoolArray)
 #: Path beyond the planned seat, m: the seat is felt, not known.
 _ON = 0.01
 #: Depth that the controller may lack when it takes a threshold for the seat, m.
@@ -50,7 +52,7 @@ class DockingStudy:
 
     misalignment : (N, 6), of the plan against the bore: m at the tip, rad. peak : (C, N, 6),
     largest |contact wrench| from first contact to the seat, N, and N·m about the LCS origin, LCS.
-    length : (C, N, 2), the same of the vectors' lengths. seated, jammed : (C, N).
+    length : (C, N, 2), the same of the vectors' lengths.
     """
 
     setup: Setup
@@ -72,13 +74,39 @@ class DockingStudy:
         return np.asarray(self.peak.reshape(*self.peak.shape[:2], 2, 3).mean(axis=-1))
 
     def ratio(self, quantity: int, of: str, to: str) -> Ratio:
-        """Ratio of average maxima, 0 force, 1 torque, with its standard error over the runs."""
-        a, b = (self.average[self.names.index(name), :, quantity] for name in (of, to))
-        return ratio(a, b)
+        """Ratio of average maxima, 0 force, 1 torque, with its standard error over the runs
+        in which both made contact."""
+        i, j = self.names.index(of), self.names.index(to)
+        both = self.touched[i] & self.touched[j]
+        return ratio(self.average[i, both, quantity], self.average[j, both, quantity])
 
-    def grid(self, values: FloatArray) -> FloatArray:
+    @property
+    def touched(self) -> BoolArray:
+        """(C, N): contact was made; without it the controller stopped at a false force."""
+        return self.grid(np.isfinite(self.result.phase_start[1]))
+
+    @property
+    def seated(self) -> BoolArray:
+        """(C, N): stopped at depth."""
+        return self.grid(self.result.seated)
+
+    @property
+    def jammed(self) -> BoolArray:
+        """(C, N): stopped before."""
+        return self.grid(self.result.jammed)
+
+    def outcome(self, c: int, run: int) -> str:
+        """How a run ended, in words."""
+        if self.seated[c, run]:
+            return "seated"
+        if self.jammed[c, run]:
+            return "jammed" if self.touched[c, run] else "false contact"
+        return "not finished"
+
+    def grid(self, values: _A) -> _A:
         """Values of the lanes (L, …) as (C, N, …)."""
-        return values.reshape(len(self.names), self.arms.runs, *values.shape[1:])
+        shape = (len(self.names), self.arms.runs, *values.shape[1:])
+        return cast("_A", values.reshape(shape))
 
 
 def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int) -> DockingStudy:

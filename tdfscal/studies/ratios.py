@@ -11,7 +11,7 @@ from tdfscal.records import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """A ratio of means with its standard error; std is NaN for a single run."""
+    """A ratio of means with its standard error; std NaN for a single run, both without any."""
 
     value: float
     std: float
@@ -22,7 +22,9 @@ def ratio(a: FloatArray, b: FloatArray) -> Ratio:
 
     Cochran, Sampling Techniques, Eq. 2.39.
     """
-    value = float(a.mean() / b.mean())
     n = len(a)
+    if n == 0 or b.mean() == 0.0:
+        return Ratio(np.nan, np.nan)
+    value = float(a.mean() / b.mean())
     spread = float(np.std(a - value * b, ddof=1)) if n > 1 else np.nan
-    return Ratio(value, spread / (abs(float(b.mean())) * np.sqrt(n)))
+    return Ratio(value, spread / (abs(float(b.mean())) * float(np.sqrt(n))))

@@ -95,8 +95,10 @@ def rows(marker: str) -> dict[str, np.ndarray]:
 
 def test_worked_example_computes() -> None:
     """Recomputed from the numbers printed, by scipy's rotations; each to its last printed digit."""
-    given, printed, results = rows("example: given"), rows("example: rotation"), rows(
-        "example: results"
+    given, printed, results = (
+        rows("example: given"),
+        rows("example: rotation"),
+        rows("example: results"),
     )
     # Capital letters: turns about the moving axes, z first; the same as fixed x, y, z.
     turn = Rotation.from_euler("ZYX", given["rpy"][::-1])

@@ -58,7 +58,7 @@ def check_pages(path: Path, group: Any, columns: Sequence[int]) -> bool:
 
 
 def _pages(file: BinaryIO, position: int, end: int) -> Iterator[_Page]:
-    """Go from page to page; a header is read again with more bytes where statistics make it long."""
+    """Go from page to page; a header that statistics make long is read again with more bytes."""
     while position < end:
         glance = _GLANCE
         while True:

@@ -1,0 +1,321 @@
+"""Free space and docking in words, tables and plain rows, beside the paper's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from tdfscal.records import FloatArray
+from tdfscal.reporting.text import table, wrapped
+from tdfscal.studies import docking, freespace
+from tdfscal.studies.docking import DockingStudy
+from tdfscal.studies.freespace import FreeSpaceStudy
+from tdfscal.studies.ratios import Ratio
+from tdfscal.wrench import COMPONENTS
+
+Row = tuple[str | float | int, ...]
+Study = DockingStudy | FreeSpaceStudy
+
+#: Parameters that the paper does not give, and why they have these values; docs/studies.md says more.
+_DEVIATION = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def pairs(names: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Every calibration against the one before it, and the last against the first."""
+    found = [(b, a) for a, b in zip(names, names[1:], strict=False)]
+    if len(names) > 2:
+        found.append((names[-1], names[0]))
+    return found
+
+
+def _said(ratio: Ratio) -> str:
+    std = "" if np.isnan(ratio.std) else f" ± {ratio.std:.2g}"
+    return f"{ratio.value:.3g}{std}"
+
+
+def _spread(values: FloatArray) -> str:
+    return f"{np.std(values, ddof=1):.3g}" if values.size > 1 else ""
+
+
+def _paper_ratio(paper: dict[str, tuple[float, float]], of: str, to: str, quantity: int) -> str:
+    if of not in paper or to not in paper:
+        return ""
+    return f"{paper[of][quantity] / paper[to][quantity]:.3g}"
+
+
+def free_space_text(study: FreeSpaceStudy) -> str:
+    """Table of the deviations, ratios, and what lies behind them."""
+    moves, length = len(study.setup.moves), study.length
+    lines = wrapped(
+        f"{study.setup.rig.name}: {moves} moves in free space, {study.arms.runs} runs; "
+        f"{_tare(study.setup.controller.tare)}; {study.arms.origin}",
+        "",
+        "",
+    )
+    lines += ["", "Deviation of the final pose, mean and standard deviation; the paper's means"]
+    rows = []
+    for c, arm in enumerate(study.arms.arms):
+        paper = freespace.PAPER.get(arm.name)
+        mm, mrad = 1e3 * length[c, ..., 0], 1e3 * length[c, ..., 1]
+        rows.append(
+            [
+                arm.name,
+                f"{1e3 * arm.angle_error:.3g}",
+                f"{mm.mean():.3f}",
+                _spread(mm),
+                f"{paper[0]:.3f}" if paper else "",
+                f"{mrad.mean():.3f}",
+                _spread(mrad),
+                f"{paper[1]:.3f}" if paper else "",
+            ]
+        )
+    header = ["", "angles off, mrad", "mm", "std", "paper", "mrad", "std", "paper"]
+    lines += [*table(header, rows), "", "Ratios of the means ± standard error"]
+    lines += table(
+        ["", "position", "paper", "posture", "paper"],
+        _ratio_rows(study, freespace.PAPER),
+    )
+    lines += ["", *wrapped(FREE_SPACE_NOTE, "", "")]
+    return "\n".join(lines) + "\n"
+
+
+def _ratio_rows(study: Study, paper: dict[str, tuple[float, float]]) -> list[list[str]]:
+    rows = []
+    for of, to in pairs(study.names):
+        row = [f"{of} / {to}"]
+        for quantity in (0, 1):
+            row += [_said(study.ratio(quantity, of, to)), _paper_ratio(paper, of, to, quantity)]
+        rows.append(row)
+    return rows
+
+
+def _tare(seconds: float) -> str:
+    return f"tared over {seconds:g} s at the start" if seconds > 0.0 else "not tared"
+
+
+FREE_SPACE_NOTE = (
+    "Without taring, everything that the controller has wrong shows: angles, zeros, mass, "
+    "barycentre. The laser tracker gives angles alone, self-calibration all of them; the paper "
+    "does not say how its zeros and barycentre were known, nor its impedance, so its millimetres "
+    "compare by ratio at best."
+)
+DOCKING_NOTE = (
+    "Forces are those that the gears really exert, from first touch until the shoulder seats. "
+    "What they would be with perfect angles is set by the survey of the outer gear, the sensors' "
+    "noise and friction, and differs from the paper's rig; both calibrations here leave false "
+    "forces below that floor, where the paper's still tell them apart."
+)
+
+
+def docking_text(study: DockingStudy) -> str:
+    """Table of the maxima, outcomes, ratios, and what lies behind them."""
+    setup = study.setup
+    lines = wrapped(
+        f"{setup.rig.name}: docking at {1e3 * setup.speed:g} mm/s over {1e3 * setup.gap:g} mm of "
+        f"free space and {1e3 * setup.gears.length:.3g} mm of engagement, {study.arms.runs} runs; "
+        f"{_tare(setup.controller.tare)}; {study.arms.origin}",
+        "",
+        "",
+    )
+    lines += ["", "Maxima from first contact to the seat, mean of x, y and z: mean, standard"]
+    lines += ["deviation over the runs that made contact; the paper's means"]
+    rows, outcome = [], []
+    for c, arm in enumerate(study.arms.arms):
+        paper = docking.PAPER.get(arm.name)
+        row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
+        for quantity in (0, 1):
+            values = study.average[c, study.touched[c], quantity]
+            row += [
+                f"{values.mean():.2f}" if values.size else "none",
+                _spread(values),
+                f"{paper[quantity]:.2f}" if paper else "",
+            ]
+        rows.append(row)
+        outcome.append(
+            [
+                arm.name,
+                str(int(study.seated[c].sum())),
+                str(int((study.jammed[c] & study.touched[c]).sum())),
+                str(int((study.jammed[c] & ~study.touched[c]).sum())),
+                str(int((~study.seated[c] & ~study.jammed[c]).sum())),
+            ]
+        )
+    header = ["", "angles off, mrad", "force, N", "std", "paper", "torque, N·m", "std", "paper"]
+    lines += [*table(header, rows), "", "Outcome, runs"]
+    lines += table(["", "seated", "jammed", "false contact", "not finished"], outcome)
+    lines += ["", "Ratios of the means ± standard error, over runs in which both made contact"]
+    lines += table(
+        ["", "force", "paper", "torque", "paper"],
+        _ratio_rows(study, docking.PAPER),
+    )
+    lines += ["", *wrapped(DOCKING_NOTE, "", "")]
+    return "\n".join(lines) + "\n"
+
+
+def free_space_rows(study: FreeSpaceStudy) -> Iterator[Row]:
+    """Header and rows of deviations.csv."""
+    units = ("m",) * 3 + ("rad",) * 3
+    yield (
+        "calibration",
+        "move",
+        "run",
+        *(f"{name}_{unit}" for name, unit in zip(_DEVIATION, units, strict=True)),
+        "position_m",
+        "posture_rad",
+    )
+    for c, name in enumerate(study.names):
+        for m in range(study.length.shape[1]):
+            for run in range(study.arms.runs):
+                place = (c, m, run)
+                yield (
+                    name,
+                    m + 1,
+                    run + 1,
+                    *study.deviation[place].tolist(),
+                    *study.length[place].tolist(),
+                )
+
+
+def docking_rows(study: DockingStudy) -> Iterator[Row]:
+    """Header and rows of maxima.csv."""
+    yield (
+        "calibration",
+        "run",
+        "outcome",
+        *(f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in COMPONENTS),
+        "force_N",
+        "torque_Nm",
+        "first_contact_s",
+        "insertion_s",
+        "seat_s",
+        "stopped_s",
+    )
+    starts = study.grid(np.moveaxis(study.result.phase_start, 0, -1))
+    stopped = study.grid(study.result.stopped)
+    for c, name in enumerate(study.names):
+        for run in range(study.arms.runs):
+            times = [*starts[c, run, 1:].tolist(), float(stopped[c, run])]
+            yield (
+                name,
+                run + 1,
+                study.outcome(c, run),
+                *study.peak[c, run].tolist(),
+                *study.length[c, run].tolist(),
+                *("" if np.isnan(t) else t for t in times),
+            )
+
+
+def trace_rows(study: Study, each: int = 1) -> Iterator[Row]:
+    """Header and rows of traces.csv: every `each`-th record of every lane."""
+    traces = study.result.traces
+    lanes = traces.contact.shape[1]
+    per = lanes // len(study.names)
+    yield (
+        "calibration",
+        "run",
+        "time_s",
+        *(f"true_{name}" for name in COMPONENTS),
+        *(f"seen_{name}" for name in COMPONENTS),
+        *(f"deviation_{name}" for name in _DEVIATION),
+        "depth_m",
+    )
+    table = np.concatenate(
+        [traces.contact, traces.measured, traces.deviation, traces.depth[..., None]], axis=2
+    )[::each]
+    for lane in range(lanes):
+        name, run = study.names[lane // per], lane % per + 1
+        for t, row in zip(traces.time[::each].tolist(), table[:, lane].tolist(), strict=True):
+            yield (name, run, t, *("" if np.isnan(v) else v for v in row))
+
+
+def _ratios(study: Study, paper: dict[str, tuple[float, float]], of: tuple[str, str]) -> list[Any]:
+    out = []
+    for a, b in pairs(study.names):
+        for quantity, name in enumerate(of):
+            found = study.ratio(quantity, a, b)
+            known = a in paper and b in paper
+            out.append(
+                {
+                    "quantity": name,
+                    "of": a,
+                    "to": b,
+                    "ratio": _number(found.value),
+                    "std": _number(found.std),
+                    "paper": paper[a][quantity] / paper[b][quantity] if known else None,
+                }
+            )
+    return out
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _std(values: FloatArray) -> float | None:
+    return float(np.std(values, ddof=1)) if values.size > 1 else None
+
+
+def free_space_document(study: FreeSpaceStudy, files: list[str]) -> dict[str, Any]:
+    """The study as plain JSON values, SI units."""
+    length = study.length
+    return {
+        "format": "tdfscal-study-free-space/1",
+        "rig": study.setup.rig.name,
+        "seed": study.seed,
+        "runs": study.arms.runs,
+        "moves": len(study.setup.moves),
+        "tare": study.setup.controller.tare,
+        "origin": study.arms.origin,
+        "calibrations": [
+            {
+                "name": arm.name,
+                "angle_error": arm.angle_error,
+                "position": {"mean": float(length[c, ..., 0].mean()), "std": _std(length[c, ..., 0])},
+                "posture": {"mean": float(length[c, ..., 1].mean()), "std": _std(length[c, ..., 1])},
+                "paper": _paper(freespace.PAPER.get(arm.name), 1e-3),
+            }
+            for c, arm in enumerate(study.arms.arms)
+        ],
+        "ratios": _ratios(study, freespace.PAPER, ("position", "posture")),
+        "note": FREE_SPACE_NOTE,
+        "files": files,
+    }
+
+
+def _paper(values: tuple[float, float] | None, unit: float = 1.0) -> list[float] | None:
+    return None if values is None else [v * unit for v in values]
+
+
+def docking_document(study: DockingStudy, files: list[str]) -> dict[str, Any]:
+    """The study as plain JSON values, SI units."""
+    calibrations = []
+    for c, arm in enumerate(study.arms.arms):
+        entry: dict[str, Any] = {
+            "name": arm.name,
+            "angle_error": arm.angle_error,
+            "seated": int(study.seated[c].sum()),
+            "jammed": int((study.jammed[c] & study.touched[c]).sum()),
+            "false_contact": int((study.jammed[c] & ~study.touched[c]).sum()),
+            "paper": _paper(docking.PAPER.get(arm.name)),
+        }
+        for quantity, name in enumerate(("force", "torque")):
+            values = study.average[c, study.touched[c], quantity]
+            entry[name] = {
+                "mean": float(values.mean()) if values.size else None,
+                "std": _std(values),
+            }
+        calibrations.append(entry)
+    return {
+        "format": "tdfscal-study-docking/1",
+        "rig": study.setup.rig.name,
+        "seed": study.seed,
+        "runs": study.arms.runs,
+        "tare": study.setup.controller.tare,
+        "origin": study.arms.origin,
+        "calibrations": calibrations,
+        "ratios": _ratios(study, docking.PAPER, ("force", "torque")),
+        "note": DOCKING_NOTE,
+        "files": files,
+    }

@@ -1,0 +1,143 @@
+"""`tdfscal info`: on files never seen before, and its mapping pasted into a rig file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from running import SAMPLES, run
+
+from tdfscal.files.logs import read_log
+from tdfscal.files.rig import load_rig
+
+LOGS = [SAMPLES / "csv/log.csv", SAMPLES / "parquet/log.parquet", SAMPLES / "mcap/log.mcap"]
+
+
+@pytest.mark.parametrize("log", LOGS, ids=lambda p: p.suffix)
+def test_the_guess_reads_the_same_numbers_as_the_rig_file(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, log: Path
+) -> None:
+    result = run(capsys, "info", log, "--json")
+    assert result.status == 0
+    found = json.loads(result.out)
+    assert found["problems"] == []
+    own = log.parent / "rig.yaml"
+    document = yaml.safe_load(own.read_text())
+    document.pop("log", None)
+    document.pop("tracker", None)
+    pasted = tmp_path / "rig.yaml"
+    pasted.write_text(yaml.safe_dump(document) + found["mapping_yaml"])
+    stated, guessed = load_rig(own), load_rig(pasted)
+    a = read_log([log], stated.log, stated.rig.supports)
+    b = read_log([log], guessed.log, guessed.rig.supports)
+    for one, other in zip((*a.position, *a.force), (*b.position, *b.force), strict=True):
+        np.testing.assert_array_equal(one.time, other.time)
+        np.testing.assert_array_equal(one.value, other.value)
+    assert yaml.safe_load(found["mapping_yaml"]) == found["mapping"]
+
+
+@pytest.mark.parametrize("log", LOGS, ids=lambda p: p.suffix)
+def test_dwells_and_rates(capsys: pytest.CaptureFixture[str], log: Path) -> None:
+    found = json.loads(run(capsys, "info", log, "--json").out)
+    truth = yaml.safe_load((log.parent / "truth.yaml").read_text())
+    assert found["dwells"]["count"] == len(truth["postures"])
+    assert {round(s["rate"]) for s in found["signals"]} == {50}
+    assert {s["gaps"] for s in found["signals"]} == {0}
+    offset = found["time_offset"]
+    assert abs(offset["seconds"]) < 3 * offset["std"]
+
+
+def test_text_is_80_columns_wide(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(SAMPLES)
+    out = run(capsys, "info", "mcap").out
+    above, mapping = out.split("Mapping guessed")
+    assert max(map(len, above.splitlines())) <= 80
+    assert "/tdfs1/wrench" in above
+    assert "Signals, as read with the rig file's mapping" in above
+    assert "force: /tdfs3/wrench.wrench.force" in mapping
+
+
+def odd(tmp_path: Path, header: str, separator: str, factor: float, comma: bool) -> Path:
+    """The sample log with other names, units and numbers; 40 s of it."""
+    rows = np.loadtxt(SAMPLES / "csv/log.csv", delimiter=",", skiprows=1)[:2000]
+    order = [0, *(6 * i + k for i in range(3) for k in (1, 2, 3, 4, 5, 6))]
+    rows = rows[:, order]
+    rows[:, 0] *= 1e3
+    for i in range(3):
+        rows[:, 6 * i + 4 : 6 * i + 7] *= factor
+    path = tmp_path / "odd.csv"
+    lines = [header, *(separator.join(f"{x:.9g}" for x in row) for row in rows)]
+    text = "\n".join(lines) + "\n"
+    path.write_text(text.replace(".", ",") if comma else text)
+    return path
+
+
+def test_sensor_side_kilonewtons_milliseconds_and_decimal_commas(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    names = [f"{a}{c}" for s in "123" for a, c in
+             [*((f"Pos{s}_", x) for x in "XYZ"), *((f"F{s}_", x) for x in "XYZ")]]  # fmt: skip
+    path = odd(tmp_path, ";".join(["Zeit_t_ms", *names]), ";", -1e-3, True)
+    found = json.loads(run(capsys, "info", path, "--json").out)
+    assert found["mapping"]["log"] == {
+        "time": {"field": "Zeit_t_ms", "unit": "ms"},
+        "length_unit": "mm",
+        "force_unit": "kN",
+        "force_on": "sensor",
+        "decimal": ",",
+        "supports": {
+            f"ncp{s}": {
+                "position": [f"Pos{s}_{x}" for x in "XYZ"],
+                "force": [f"F{s}_{x}" for x in "XYZ"],
+            }
+            for s in "123"
+        },
+    }
+    assert found["dwells"]["count"] >= 4
+
+
+def test_units_in_the_header_win(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    names = [f"{a}{c}" for s in "123" for a, c in
+             [*((f"A{s}.{x}", " [mm]") for x in "xyz"), *((f"B{s}.{x}", " [N]") for x in "xyz")]]  # fmt: skip
+    path = odd(tmp_path, ",".join(["clock [ms]", *names]), ",", 1.0, False)
+    mapping = json.loads(run(capsys, "info", path, "--json").out)["mapping"]["log"]
+    assert mapping["time"] == {"field": "clock", "unit": "ms"}
+    assert mapping["supports"]["ncp2"] == {
+        "position": ["A2.x", "A2.y", "A2.z"],
+        "force": ["B2.x", "B2.y", "B2.z"],
+    }
+
+
+def test_what_is_no_campaign_is_still_described(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "other.csv"
+    path.write_text("time,temperature,note\n0,20.5,on\n1,20.6,off\n")
+    result = run(capsys, "info", path)
+    assert result.status == 0
+    assert "temperature" in result.out
+    assert "no mapping is guessed" in result.out
+
+
+@pytest.mark.parametrize("content", [b"", b"1,2,3\n4,5,6\n", b"\x89MCAP0\r\nxx"])
+def test_refusals(capsys: pytest.CaptureFixture[str], tmp_path: Path, content: bytes) -> None:
+    for name in ("a.csv", "a.mcap", "a.parquet"):
+        path = tmp_path / name
+        path.write_bytes(content)
+        result = run(capsys, "info", path)
+        assert result.status == 3
+        assert name in result.err
+
+
+def test_a_name_that_is_not_utf8(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for log in LOGS:
+        path = tmp_path / f"l\udcffg{log.suffix}"
+        path.write_bytes(log.read_bytes())
+        result = run(capsys, "info", path, "--json")
+        assert result.status == 0
+        assert json.loads(result.out)["inputs"][0]["path"].endswith(f"l\\xffg{log.suffix}")

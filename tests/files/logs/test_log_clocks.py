@@ -1,0 +1,179 @@
+"""Header against log time, topics named early, progress, and protobuf messages."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+from log_making import (
+    LOG_TIME,
+    MAPPING,
+    SUPPORTS,
+    assert_holds,
+    definition,
+    make_truth,
+    mcap_bytes,
+    point_stamped,
+    table,
+    wrench_stamped,
+    write,
+)
+from mcap.writer import Writer
+
+from tdfscal.errors import DataError
+from tdfscal.files.logs import iter_log, read_log
+from tdfscal.files.logs.summary import announced_topics
+from tdfscal.records import LogMapping
+
+ONE = LogMapping(("a",), (("/p.point",),), (("/f.wrench.force",),))
+
+
+def skewed(shift: float, late: set[int]) -> bytes:
+    """One support, 60 messages; header times off by a shift, those of `late` by 0.5 s more."""
+    target = io.BytesIO()
+    writer = Writer(target)
+    writer.start()
+    kinds = ("geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped")
+    schemas = [writer.register_schema(kind, "ros2msg", definition(kind)) for kind in kinds]
+    channels = [
+        writer.register_channel(t, "cdr", s) for t, s in zip(("/p", "/f"), schemas, strict=True)
+    ]
+    for k in range(60):
+        when = 100.0 + 0.01 * k
+        header = when + shift + (0.5 if k in late else 0.0)
+        for channel, make in zip(channels, (point_stamped, wrench_stamped), strict=True):
+            writer.add_message(channel, round(when * 1e9), make(header, (1, 2, 3)), 0)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return target.getvalue()
+
+
+def test_header_times_are_compared_with_log_times(tmp_path: Path) -> None:
+    quiet = read_log([write(tmp_path / "a.mcap", skewed(-0.003, set()))], ONE, ("a",))
+    assert quiet.warnings == ()
+    off = read_log([write(tmp_path / "b.mcap", skewed(-37.0, {7, 8}))], ONE, ("a",))
+    assert len(off.warnings) == 4
+    assert "header times of /p are -37 s off the recorder's" in off.warnings[0]
+    assert "of 60 messages of /p, 2 have a header time that departs" in off.warnings[1]
+    assert "by 0.5 s at most" in off.warnings[1]
+
+
+def test_missing_topics_are_named_before_the_file_is_read(tmp_path: Path) -> None:
+    content = bytearray(mcap_bytes(make_truth(60)))
+    path = write(tmp_path / "log.mcap", bytes(content))
+    assert announced_topics(path) == {f"/{s}/{t}" for s in SUPPORTS for t in ("position", "wrench")}
+    content[len(content) // 3] ^= 255  # would be noticed if the file was read
+    write(path, bytes(content))
+    wrong = LogMapping(SUPPORTS, tuple((f"/{s}/pose.point",) for s in SUPPORTS), MAPPING.force)
+    with pytest.raises(DataError, match=r"no topic for /ncp1/pose.point.*/ncp1/position"):
+        read_log([path], wrong, SUPPORTS)
+    bare = write(tmp_path / "bare.mcap", mcap_bytes(make_truth(3), summary=False))
+    assert announced_topics(bare) is None
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "mcap"])
+def test_progress_ascends_to_one(tmp_path: Path, suffix: str) -> None:
+    truth = make_truth(9000 if suffix == "mcap" else 150_000)
+    path = tmp_path / f"log.{suffix}"
+    if suffix == "mcap":
+        path.write_bytes(mcap_bytes(truth, chunk_size=1 << 18))
+    elif suffix == "csv":
+        table(truth).to_csv(path, index=False)
+    else:
+        table(truth).to_parquet(path)
+    told: list[float] = []
+    mapping = LOG_TIME if suffix == "mcap" else None
+    for _ in iter_log([path], mapping, SUPPORTS, progress=told.append):
+        pass
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert any(0.1 < share < 0.9 for share in told)
+
+
+def test_names_that_are_not_utf8(tmp_path: Path) -> None:
+    truth = make_truth(20)
+    path = tmp_path / "l\udcffg.csv"
+    table(truth).to_csv(path, index=False)
+    log = read_log([path], None, SUPPORTS)
+    assert log.inputs[0].path.encode().endswith(b"l\\xffg.csv")
+
+
+def protobuf_log(truth_seed: int = 1) -> tuple[bytes, object]:
+    """Positions and forces as protobuf messages with a timestamp."""
+    pytest.importorskip("google.protobuf")
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    file = descriptor_pb2.FileDescriptorProto(name="rig.proto", package="rig", syntax="proto3")
+    number = descriptor_pb2.FieldDescriptorProto
+    vector = file.message_type.add(name="Vector")
+    for k, axis in enumerate("xyz"):
+        vector.field.add(
+            name=axis, number=k + 1, type=number.TYPE_DOUBLE, label=number.LABEL_OPTIONAL
+        )
+    stamp = file.message_type.add(name="Stamp")
+    for k, (name, kind) in enumerate(
+        (("seconds", number.TYPE_INT64), ("nanos", number.TYPE_INT32))
+    ):
+        stamp.field.add(name=name, number=k + 1, type=kind, label=number.LABEL_OPTIONAL)
+    sample = file.message_type.add(name="Sample")
+    for k, (name, kind) in enumerate((("timestamp", ".rig.Stamp"), ("value", ".rig.Vector"))):
+        sample.field.add(
+            name=name, number=k + 1, type=number.TYPE_MESSAGE, type_name=kind,
+            label=number.LABEL_OPTIONAL,
+        )  # fmt: skip
+    files = descriptor_pb2.FileDescriptorSet(file=[file])
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    make = message_factory.GetMessageClass(pool.FindMessageTypeByName("rig.Sample"))
+    truth = make_truth(30, truth_seed)
+    target = io.BytesIO()
+    writer = Writer(target)
+    writer.start()
+    schema = writer.register_schema("rig.Sample", "protobuf", files.SerializeToString())
+    for i, name in enumerate(SUPPORTS):
+        for topic, times, values in (
+            (f"/{name}/position", truth.time, truth.position[i]),
+            (f"/{name}/force", truth.force_time, truth.force[i]),
+        ):
+            channel = writer.register_channel(topic, "protobuf", schema)
+            for when, (x, y, z) in zip(times, values, strict=True):
+                ns = round(when * 1e6) * 1000
+                message = make(timestamp={"seconds": ns // 10**9, "nanos": ns % 10**9})
+                message.value.x, message.value.y, message.value.z = x, y, z
+                writer.add_message(channel, ns, message.SerializeToString(), ns)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return target.getvalue(), truth
+
+
+PROTOBUF = LogMapping(
+    SUPPORTS,
+    tuple((f"/{s}/position.value",) for s in SUPPORTS),
+    tuple((f"/{s}/force.value",) for s in SUPPORTS),
+)
+
+
+@pytest.mark.parametrize("source", ["log", "header"])
+def test_protobuf_messages(tmp_path: Path, source: str) -> None:
+    from dataclasses import replace
+
+    content, truth = protobuf_log()
+    mapping = replace(PROTOBUF, time_source="header" if source == "header" else "log")
+    log = read_log([write(tmp_path / "log.mcap", content)], mapping, SUPPORTS)
+    assert_holds(log, truth)  # type: ignore[arg-type]
+
+
+def test_protobuf_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    content, _ = protobuf_log()
+    monkeypatch.setitem(sys.modules, "google.protobuf.descriptor_pb2", None)
+    with pytest.raises(DataError, match=r"/ncp1/.*not installed.*tdfscal\[protobuf\]"):
+        read_log([write(tmp_path / "log.mcap", content)], PROTOBUF, SUPPORTS)
+
+
+def test_protobuf_paths_that_lead_nowhere(tmp_path: Path) -> None:
+    content, _ = protobuf_log()
+    wrong = LogMapping(
+        SUPPORTS, tuple((f"/{s}/position.velocity",) for s in SUPPORTS), PROTOBUF.force
+    )
+    with pytest.raises(DataError, match=r"it has no number at \.velocity\.x"):
+        read_log([write(tmp_path / "log.mcap", content)], wrong, SUPPORTS)
