@@ -172,10 +172,8 @@ def main() -> None:
     """Print the table."""
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     print("# Faults that nobody declared\n")
-    print(
-        f"`python -m benchmarks.selfcal_faults {trials}`: {trials} campaigns a row, reference rig, "
-    )
-    print("24 postures, squeeze 100 N.\n")
+    print(f"`python -m benchmarks.selfcal_faults {trials}`: {trials} campaigns a row, and")
+    print(f"{10 * trials} without a fault; reference rig, 24 postures, squeeze 100 N.\n")
     print("| fault | noticed | harmed | noticed where harmed | declared: d²/3n | in 95 % |")
     print("|---|---|---|---|---|---|")
     for seed, case in enumerate(cases()):

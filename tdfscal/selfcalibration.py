@@ -34,7 +34,7 @@ LINEAR_TRIALS = 1_000
 #: Residuals this many times the expected ones make exchanged sensors worth a try.
 _POOR = 10.0
 #: χ² this unlikely is said aloud.
-_UNLIKELY = 0.01
+_UNLIKELY = 0.001
 #: Rounds that bring an unknown noise level and the fit into agreement.
 _LEVELS = 6
 
