@@ -86,7 +86,8 @@ def test_commands_are_those_of_the_program() -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_options_are_those_of_the_command(name: str) -> None:
-    own = {o for p in COMMANDS[name].params if p.param_type_name == "option" for o in p.opts}
+    options = [p for p in COMMANDS[name].params if p.param_type_name == "option"]
+    own = {o for p in options for o in [*p.opts, *p.secondary_opts]}
     cells = re.findall(r"^\| (`-.*?) \|", section("reference", f"### {name}"), re.MULTILINE)
     assert {o for cell in cells for o in re.findall(r"`(-[^`]+)`", cell)} == own - {"--help", "-h"}
 

@@ -76,3 +76,86 @@ def accuracy(
         json=json,
         quiet=quiet,
     )
+
+
+Calibrations = Annotated[
+    list[Path] | None,
+    typer.Option("--calibration", metavar="FILE", help="Calibration file; may be repeated."),
+]
+Kalman = Annotated[
+    float | None,
+    typer.Option("--filter", metavar="N", help="Kalman filter: the force walks by N in 1 s."),
+]
+Logs = Annotated[
+    str | None,
+    typer.Option("--logs", metavar="FORMAT", help="Write each run's log: csv, parquet, mcap."),
+]
+Runs = Annotated[int, typer.Option(min=1, help="Runs per calibration.")]
+
+
+@study.command("free-space")
+def free_space(
+    rig: Rig,
+    output: Folder,
+    calibration: Calibrations = None,
+    runs: Runs = 10,
+    moves: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="CSV of moves instead of the six stated.")
+    ] = None,
+    tare: Annotated[bool, typer.Option(help="Tare the wrench at the start.")] = False,
+    filter_walk: Kalman = None,
+    logs: Logs = None,
+    seed: Seed = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Deviation of the terminal in free space under impedance control (Table 4, Fig. 16)."""
+    from tdfscal.cli.controlling import run_free_space
+
+    run_free_space(
+        rig,
+        output,
+        calibrations=calibration or [],
+        runs=runs,
+        seed=seed,
+        tare=tare,
+        moves=moves,
+        kalman=filter_walk,
+        logs=logs,
+        json=json,
+        quiet=quiet,
+    )
+
+
+@study.command()
+def docking(
+    rig: Rig,
+    output: Folder,
+    calibration: Calibrations = None,
+    runs: Runs = 10,
+    engagement: Annotated[
+        float | None, typer.Option(metavar="MM", help="Length of the engagement, default 333 mm.")
+    ] = None,
+    tare: Annotated[bool, typer.Option(help="Tare the wrench at the start.")] = True,
+    filter_walk: Kalman = None,
+    logs: Logs = None,
+    seed: Seed = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Contact force and torque while the gears are docked (Figs. 17 and 18)."""
+    from tdfscal.cli.controlling import run_docking
+
+    run_docking(
+        rig,
+        output,
+        calibrations=calibration or [],
+        runs=runs,
+        seed=seed,
+        tare=tare,
+        engagement=engagement,
+        kalman=filter_walk,
+        logs=logs,
+        json=json,
+        quiet=quiet,
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -104,16 +105,21 @@ def read_parquet(
     return Outcome("verified" if verified else "unverified")
 
 
-def open_parquet(path: Path) -> pq.ParquetFile:
+@contextmanager
+def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a file such that checksums are verified and no absurd length is believed."""
-    return pq.ParquetFile(
-        path if _is_utf8(path) else path.open("rb"),
-        page_checksum_verification=True,
-        pre_buffer=False,
-        buffer_size=1 << 20,
-        thrift_string_size_limit=_MAX_THRIFT,
-        thrift_container_size_limit=_MAX_THRIFT,
-    )
+    with (
+        path.open("rb") as stream,
+        pq.ParquetFile(
+            path if _is_utf8(path) else stream,
+            page_checksum_verification=True,
+            pre_buffer=False,
+            buffer_size=1 << 20,
+            thrift_string_size_limit=_MAX_THRIFT,
+            thrift_container_size_limit=_MAX_THRIFT,
+        ) as file,
+    ):
+        yield file
 
 
 def _is_utf8(path: Path) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +15,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from log_making import MAPPING, SUPPORTS, make_truth, mcap_bytes, same_numbers, table, write
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, Writer
 
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.logs import read_log
@@ -50,13 +52,17 @@ def record_starts(content: bytes) -> list[int]:
     return starts
 
 
+TRIES = [120, pytest.param(5000, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("tries", TRIES)
 @pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
-def test_bit_flips_in_mcap(tmp_path: Path, compression: CompressionType) -> None:
+def test_bit_flips_in_mcap(tmp_path: Path, compression: CompressionType, tries: int) -> None:
     content = mcap_bytes(TRUTH, compression=compression)
     path = write(tmp_path / "log.mcap", content)
     sound = read_log([path], MAPPING, SUPPORTS)
     refused = 0
-    for damaged in flips(content, 120, seed=7):
+    for damaged in flips(content, tries, seed=7):
         path.write_bytes(damaged)
         try:
             log = read_log([path], MAPPING, SUPPORTS)
@@ -64,15 +70,16 @@ def test_bit_flips_in_mcap(tmp_path: Path, compression: CompressionType) -> None
             refused += 1
         else:
             assert same_numbers(log, sound)
-    assert refused > 60
+    assert refused > tries // 2
 
 
-def test_bit_flips_in_parquet(tmp_path: Path) -> None:
+@pytest.mark.parametrize("tries", [250, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_bit_flips_in_parquet(tmp_path: Path, tries: int) -> None:
     path = tmp_path / "log.parquet"
     pq.write_table(pa.Table.from_pandas(table(TRUTH)), path, write_page_checksum=True)
     content = path.read_bytes()
     sound = read_log([path], None, SUPPORTS)
-    for damaged in flips(content, 250, seed=8):
+    for damaged in flips(content, tries, seed=8):
         path.write_bytes(damaged)
         try:
             log = read_log([path], None, SUPPORTS)
@@ -94,6 +101,16 @@ def test_truncation_at_every_record_of_mcap(tmp_path: Path, chunking: bool, summ
     for extra in (b"\0", content):
         path.write_bytes(content + extra)
         with pytest.raises(DataError, match="bytes follow the end"):
+            read_log([path], MAPPING, SUPPORTS)
+
+
+@pytest.mark.slow
+def test_truncation_at_every_byte_of_mcap(tmp_path: Path) -> None:
+    content = mcap_bytes(make_truth(3))
+    path = tmp_path / "log.mcap"
+    for end in range(len(content)):
+        path.write_bytes(content[:end])
+        with pytest.raises(DataError):
             read_log([path], MAPPING, SUPPORTS)
 
 
@@ -200,3 +217,59 @@ def test_any_cdr_message(tmp_path: Path, data: st.DataObject) -> None:
         except DataError:
             continue
         assert all(np.isfinite(s.value).all() for s in (*log.position, *log.force))
+
+
+@settings(FUZZ, max_examples=40)
+@given(st.data())
+def test_any_json_message(tmp_path: Path, data: st.DataObject) -> None:
+    numbers = st.one_of(st.floats(), st.integers(), st.booleans(), st.text(max_size=3), st.none())
+    tree = st.recursive(
+        numbers,
+        lambda inner: st.one_of(
+            st.lists(inner, max_size=3),
+            st.dictionaries(st.sampled_from(["x", "y", "z", "point", "force"]), inner, max_size=4),
+        ),
+        max_leaves=8,
+    )
+    target = io.BytesIO()
+    writer = Writer(target)
+    writer.start()
+    schema = writer.register_schema("any", "jsonschema", b"{}")
+    for topic in ("/a/p", "/a/f"):
+        channel = writer.register_channel(topic, "json", schema)
+        content = json.dumps(data.draw(tree)).encode()
+        writer.add_message(channel, 1, content, 1)
+    writer.finish()  # type: ignore[no-untyped-call]
+    path = write(tmp_path / "a.mcap", target.getvalue())
+    mapping = LogMapping(ONE, (("/a/p.point",),), (("/a/f.force",),))
+    try:
+        log = read_log([path], mapping, ONE)
+    except DataError:
+        return
+    assert all(np.isfinite(s.value).all() for s in (*log.position, *log.force))
+
+
+@settings(FUZZ, max_examples=40)
+@given(st.data())
+def test_any_parquet_footer(tmp_path: Path, data: st.DataObject) -> None:
+    buffer = io.BytesIO()
+    pq.write_table(pa.Table.from_pandas(table(make_truth(3))), buffer, write_page_checksum=True)
+    content = bytearray(buffer.getvalue())
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(4, len(content) - 9))
+        content[place] = data.draw(st.integers(0, 255))
+    try:
+        read_log([write(tmp_path / "a.parquet", bytes(content))], None, SUPPORTS)
+    except DataError:
+        return
+
+
+def test_a_page_that_states_too_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.Table.from_pandas(table(make_truth(3000))), path)
+    assert len(read_log([path], None, SUPPORTS).force[0].time) == 3000
+    monkeypatch.setattr("tdfscal.files.logs.parquet_pages.MAX_PAGE", 1 << 12)
+    with pytest.raises(DataError, match=r"a page of column .* states .* bytes"):
+        read_log([path], None, SUPPORTS)

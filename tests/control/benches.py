@@ -1,0 +1,72 @@
+"""Small machines under control."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tdfscal.records import FloatArray
+from tdfscal.simulation import Options, Pose, Truth, draw_truths
+from tdfscal.simulation.control.contact import Bore, GearPair
+from tdfscal.simulation.control.loop import Controller, Docking, Machines, Result, simulate
+from tdfscal.simulation.control.reference import advance
+from tdfscal.simulation.control.sensors import Assumed, Sensing, perfect
+from tdfscal.simulation.control.servo import Servo, draw_errors
+from tests.simulation.rigs import exact_rig, loose_rig
+
+HOME = np.array([0.05, -0.03, 1.2])
+SHORT = GearPair(length=0.004, chamfer=1.0e-3)
+GAP = 1.0e-3
+IDEAL = Controller(
+    servo=Servo(resolution=0.0), sensing=Sensing(noise=0.0), tare=0.1, trace_rate=250.0
+)
+
+
+def truths(lanes: int, *, loose: bool = True, seed: int = 0) -> Truth:
+    rig = loose_rig() if loose else exact_rig()
+    return draw_truths(rig, Options(), np.random.default_rng(seed), lanes)
+
+
+def poses(lanes: int, shift: FloatArray | None = None, turn: FloatArray | None = None) -> Pose:
+    R = np.eye(3) if turn is None else turn
+    T = HOME + (np.zeros(3) if shift is None else shift)
+    return Pose(
+        np.array(np.broadcast_to(R, (lanes, 3, 3))), np.array(np.broadcast_to(T, (lanes, 3)))
+    )
+
+
+def dock(
+    truth: Truth,
+    controller: Controller,
+    *,
+    gears: GearPair = SHORT,
+    shift: tuple[float, float] = (0.0, 0.0),
+    assumed: Assumed | None = None,
+    repeat: float = 0.0,
+    noise: int = 0,
+    beyond: float = 0.01,
+) -> Result:
+    """Dock all lanes, the plan `shift` (m) beside the bore."""
+    lanes = len(truth.mass)
+    way = GAP + gears.length + beyond
+    start = poses(lanes, np.array([*shift, 0.0]))
+    reference = advance(
+        start,
+        replace(start, translation=start.translation + np.array([0.0, 0.0, way])),
+        way=way,
+        speed=1.5e-3,
+        ramp=0.5,
+        step=controller.step,
+    )
+    mouth = HOME + np.array([0.0, 0.0, gears.tip[2] + GAP])
+    bore = Bore(
+        np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0)
+    )
+    rig = loose_rig()
+    errors = draw_errors(controller.servo, repeat, lanes, rig.n, np.random.default_rng(7))
+    machines = Machines(
+        rig, truth, errors, assumed or perfect(truth), lanes, np.random.SeedSequence(noise)
+    )
+    docking = Docking(gears, bore, GAP + gears.length - 5.0e-4)
+    return simulate(machines, controller, reference, docking)

@@ -1,0 +1,41 @@
+"""The offset between the clocks of positions and forces, put into simulated campaigns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.dwells import dwells_of_bins, motion_offset, reduce_to_bins
+from tdfscal.records import Log, Series
+from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    options = Options(postures=16, recorder=Recorder(force_rate=200.0))
+    return simulate_campaign(reference_rig(), options, np.random.default_rng(3)).log
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, -0.15])
+def test_a_delay_of_the_forces_is_found(log: Log, delay: float) -> None:
+    late = replace(log, force=tuple(Series(s.time + delay, s.value) for s in log.force))
+    bins = reduce_to_bins([late])
+    dwells = dwells_of_bins(bins)
+    offset = motion_offset(bins, dwells)
+    assert offset is not None
+    assert offset.std < 0.01
+    assert abs(offset.seconds - delay) < 4.0 * offset.std
+    assert offset.large == (delay != 0.0)
+    assert any("clocks: the forces follow" in w for w in dwells.warnings) == (delay != 0.0)
+
+
+def test_too_few_moves_say_nothing(log: Log) -> None:
+    def cut(series: Series) -> Series:
+        part = series.time < 20.0
+        return Series(series.time[part], series.value[part])
+
+    short = replace(log, position=tuple(map(cut, log.position)), force=tuple(map(cut, log.force)))
+    bins = reduce_to_bins([short])
+    assert motion_offset(bins, dwells_of_bins(bins)) is None
