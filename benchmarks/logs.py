@@ -230,7 +230,7 @@ def main() -> None:
             "Three supports at 1 kHz, 19 columns; MCAP in six topics of 83 Hz.",
             "The plain reader reads all columns (its message loop: all messages) and does nothing",
             "else; tdfscal's time goes from the file to the dwells, checks and SHA-256 included.",
-            f"{os.cpu_count()} cores, which others loaded with {load:.1f} when this began; the ratio",
+            f"{os.cpu_count()} cores, under a load of {load:.1f} when this began; the ratio",
             "of CPU seconds suffers less from it.",
             "",
             "| format | MB | plain reader | its s | tdfscal s | ratio | ratio of CPU | goal "

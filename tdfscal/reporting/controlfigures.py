@@ -24,7 +24,13 @@ from tdfscal.studies.docking import DockingStudy
 from tdfscal.studies.freespace import FreeSpaceStudy
 
 #: Colour, line and marker of each calibration: each tells them apart on its own.
-_MARKS = ((INK, ":", "x"), (ORANGE, "--", "s"), (BLUE, "-", "o"), (GREEN, "-.", "^"), (RED, "-", "v"))
+_MARKS = (
+    (INK, ":", "x"),
+    (ORANGE, "--", "s"),
+    (BLUE, "-", "o"),
+    (GREEN, "-.", "^"),
+    (RED, "-", "v"),
+)
 _FORCES = ("Fx, N", "Fy, N", "Fz, N", "Mx, N·m", "My, N·m", "Mz, N·m")
 _FEWEST_POINTS = 1200
 
@@ -51,7 +57,7 @@ def _paint_deviations(study: FreeSpaceStudy) -> Figure:
     grid = fig.subplots(2, 3, sharex=True)
     names = ("x", "y", "z", "about x", "about y", "about z")
     rms = 1e3 * np.sqrt(np.mean(study.deviation**2, axis=2))  # (C, M, 6)
-    move = np.arange(1, rms.shape[1] + 1)
+    move = np.arange(1.0, rms.shape[1] + 1.0)
     for axis, ax in enumerate(grid.flat):
         _marked(ax, move, rms[:, :, axis], study.names)
         ax.set_title(names[axis])
@@ -113,7 +119,10 @@ def _paint_docking(study: DockingStudy, c: int, run: int) -> Figure:
     fig = figure(5.2)
     grid = fig.subplots(2, 3, sharex=True)
     for axis, ax in enumerate(grid.flat):
-        seen, true = traces.measured[:last:every, lane, axis], traces.contact[:last:every, lane, axis]
+        seen, true = (
+            traces.measured[:last:every, lane, axis],
+            traces.contact[:last:every, lane, axis],
+        )
         ax.plot(time, seen, color=ORANGE, linewidth=0.7, label="as the controller sees it")
         ax.plot(time, true, color=INK, linewidth=1.0, label="true")
         for phase, start in zip(PHASES[1:], starts[1:], strict=True):
@@ -130,7 +139,7 @@ def _paint_docking(study: DockingStudy, c: int, run: int) -> Figure:
 def _paint_maxima(study: DockingStudy) -> Figure:
     fig = figure(4.8)
     grid = fig.subplots(2, 3, sharex=True)
-    run = np.arange(1, study.arms.runs + 1)
+    run = np.arange(1.0, study.arms.runs + 1.0)
     for axis, ax in enumerate(grid.flat):
         values = np.where(study.touched, study.peak[..., axis], np.nan)
         _marked(ax, run, values, study.names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,12 @@ from tdfscal.wrench import COMPONENTS
 Row = tuple[str | float | int, ...]
 Study = DockingStudy | FreeSpaceStudy
 
-#: Parameters that the paper does not give, and why they have these values; docs/studies.md says more.
 _DEVIATION = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def pairs(names: tuple[str, ...]) -> list[tuple[str, str]]:
     """Every calibration against the one before it, and the last against the first."""
-    found = [(b, a) for a, b in zip(names, names[1:], strict=False)]
+    found = [(b, a) for a, b in pairwise(names)]
     if len(names) > 2:
         found.append((names[-1], names[0]))
     return found
@@ -253,8 +253,11 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _std(values: FloatArray) -> float | None:
-    return float(np.std(values, ddof=1)) if values.size > 1 else None
+def _moments(values: FloatArray) -> dict[str, float | None]:
+    return {
+        "mean": float(values.mean()) if values.size else None,
+        "std": float(np.std(values, ddof=1)) if values.size > 1 else None,
+    }
 
 
 def free_space_document(study: FreeSpaceStudy, files: list[str]) -> dict[str, Any]:
@@ -272,8 +275,14 @@ def free_space_document(study: FreeSpaceStudy, files: list[str]) -> dict[str, An
             {
                 "name": arm.name,
                 "angle_error": arm.angle_error,
-                "position": {"mean": float(length[c, ..., 0].mean()), "std": _std(length[c, ..., 0])},
-                "posture": {"mean": float(length[c, ..., 1].mean()), "std": _std(length[c, ..., 1])},
+                "position": {
+                    "mean": float(length[c, ..., 0].mean()),
+                    "std": _std(length[c, ..., 0]),
+                },
+                "posture": {
+                    "mean": float(length[c, ..., 1].mean()),
+                    "std": _std(length[c, ..., 1]),
+                },
                 "paper": _paper(freespace.PAPER.get(arm.name), 1e-3),
             }
             for c, arm in enumerate(study.arms.arms)
@@ -302,10 +311,7 @@ def docking_document(study: DockingStudy, files: list[str]) -> dict[str, Any]:
         }
         for quantity, name in enumerate(("force", "torque")):
             values = study.average[c, study.touched[c], quantity]
-            entry[name] = {
-                "mean": float(values.mean()) if values.size else None,
-                "std": _std(values),
-            }
+            entry[name] = _moments(values)
         calibrations.append(entry)
     return {
         "format": "tdfscal-study-docking/1",

@@ -75,7 +75,8 @@ class DockingStudy:
 
     def ratio(self, quantity: int, of: str, to: str) -> Ratio:
         """Ratio of average maxima, 0 force, 1 torque, with its standard error over the runs
-        in which both made contact."""
+        in which both made contact.
+        """
         i, j = self.names.index(of), self.names.index(to)
         both = self.touched[i] & self.touched[j]
         return ratio(self.average[i, both, quantity], self.average[j, both, quantity])
@@ -151,9 +152,7 @@ def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int)
         ramp=setup.ramp,
         step=setup.controller.step,
     )
-    bore = Bore(
-        np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0)
-    )
+    bore = Bore(np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0))
     machines = Machines(rig, truth, tiled(errors, copies), assumed, runs, noise_seed)
     result = simulate(
         machines,

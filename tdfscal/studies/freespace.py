@@ -117,9 +117,7 @@ def free_space(
 
     goal = lanes(1)
     reference = move(lanes(0), goal, setup.duration, setup.rest, setup.controller.step)
-    machines = Machines(
-        rig, truth, tiled(errors, copies), assumed, count * runs, noise_seed
-    )
+    machines = Machines(rig, truth, tiled(errors, copies), assumed, count * runs, noise_seed)
     result = simulate(machines, setup.controller, reference)
     return FreeSpaceStudy(
         setup=setup,

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLES, run
 
 from tdfscal.numerics import so3
+from tests.cli.running import SAMPLES, run
 
 FORMATS = ("csv", "parquet", "mcap")
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from running import SAMPLES, run
 
 from tdfscal.files.logs import read_log
 from tdfscal.files.rig import load_rig
+from tests.cli.running import SAMPLES, run
 
 LOGS = [SAMPLES / "csv/log.csv", SAMPLES / "parquet/log.parquet", SAMPLES / "mcap/log.mcap"]
 
@@ -80,8 +80,7 @@ def odd(tmp_path: Path, header: str, separator: str, factor: float, comma: bool)
 def test_sensor_side_kilonewtons_milliseconds_and_decimal_commas(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    names = [f"{a}{c}" for s in "123" for a, c in
-             [*((f"Pos{s}_", x) for x in "XYZ"), *((f"F{s}_", x) for x in "XYZ")]]  # fmt: skip
+    names = [f"{kind}{s}_{x}" for s in "123" for kind in ("Pos", "F") for x in "XYZ"]
     path = odd(tmp_path, ";".join(["Zeit_t_ms", *names]), ";", -1e-3, True)
     found = json.loads(run(capsys, "info", path, "--json").out)
     assert found["mapping"]["log"] == {
@@ -102,8 +101,8 @@ def test_sensor_side_kilonewtons_milliseconds_and_decimal_commas(
 
 
 def test_units_in_the_header_win(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    names = [f"{a}{c}" for s in "123" for a, c in
-             [*((f"A{s}.{x}", " [mm]") for x in "xyz"), *((f"B{s}.{x}", " [N]") for x in "xyz")]]  # fmt: skip
+    kinds = (("A", "mm"), ("B", "N"))
+    names = [f"{kind}{s}.{x} [{unit}]" for s in "123" for kind, unit in kinds for x in "xyz"]
     path = odd(tmp_path, ",".join(["clock [ms]", *names]), ",", 1.0, False)
     mapping = json.loads(run(capsys, "info", path, "--json").out)["mapping"]["log"]
     assert mapping["time"] == {"field": "clock", "unit": "ms"}

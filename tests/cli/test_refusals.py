@@ -12,7 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from running import SAMPLES, run
+
+from tests.cli.running import SAMPLES, run
 
 Break = Callable[[Path], object]
 

@@ -16,8 +16,8 @@ from tdfscal.simulation.control.servo import Servo, draw_errors
 from tests.simulation.rigs import exact_rig, loose_rig
 
 HOME = np.array([0.05, -0.03, 1.2])
-SHORT = GearPair(length=0.004, chamfer=1.0e-3)
-GAP = 1.0e-3
+SHORT = GearPair(length=0.0025, chamfer=1.0e-3)
+GAP = 5.0e-4
 IDEAL = Controller(
     servo=Servo(resolution=0.0), sensing=Sensing(noise=0.0), tare=0.1, trace_rate=250.0
 )
@@ -60,9 +60,7 @@ def dock(
         step=controller.step,
     )
     mouth = HOME + np.array([0.0, 0.0, gears.tip[2] + GAP])
-    bore = Bore(
-        np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0)
-    )
+    bore = Bore(np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0))
     rig = loose_rig()
     errors = draw_errors(controller.servo, repeat, lanes, rig.n, np.random.default_rng(7))
     machines = Machines(

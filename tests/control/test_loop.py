@@ -9,9 +9,9 @@ import pytest
 
 from tdfscal.errors import UsageError
 from tdfscal.simulation import Load, Pose, rotations, settle
-from tdfscal.simulation.control.contact import GearPair
+from tdfscal.simulation.control.contact import Bore, GearPair
 from tdfscal.simulation.control.impedance import Impedance, contact_radius, transition
-from tdfscal.simulation.control.loop import Controller, Machines, simulate
+from tdfscal.simulation.control.loop import Controller, Docking, Machines, simulate
 from tdfscal.simulation.control.reference import Reference, require_within
 from tdfscal.simulation.control.sensors import Sensing, WrenchObserver, perfect, uncalibrated
 from tdfscal.simulation.control.servo import Servo, draw_errors
@@ -86,7 +86,7 @@ def test_forces_balance_in_motion() -> None:
 
 
 def test_docked_position_is_the_geometric_one() -> None:
-    """No friction, noise or angle errors: lateral play used up, shoulder pressed by the threshold."""
+    """No friction, noise or angle errors: play used up, shoulder pressed by the threshold."""
     gears = replace(SHORT, friction=0.0)
     off = 4e-4
     result = dock(truths(3), IDEAL, gears=gears, shift=(off, 0.0))
@@ -99,7 +99,7 @@ def test_docked_position_is_the_geometric_one() -> None:
     beyond = x - gears.clearance
     assert np.all(beyond > 0.0)
     assert np.all(beyond < IDEAL.impedance.stiffness[0] * off / gears.stiffness)
-    np.testing.assert_allclose(y, 0.0, atol=1e-6)
+    assert np.abs(y).max() <= gears.clearance
     assert np.abs(psi).max() <= gears.twist
     # Wall and mouth share the load: what tilt is left is the impedance's answer to a few N·mm.
     assert np.hypot(tilt_x, tilt_y).max() < gears.tilt
@@ -110,7 +110,7 @@ def test_halving_the_step_changes_maxima_little() -> None:
     wrong = uncalibrated(loose_rig(), truth.rotation @ rotations.exp(np.full(3, 2e-3)), 3)
     runs = [
         dock(truth, replace(IDEAL, step=step), shift=(3e-4, 2e-4), assumed=wrong, repeat=1e-5)
-        for step in (4e-3, 2e-3)
+        for step in (8e-3, 4e-3)
     ]
     coarse, fine = (r.peak_length[1:3].max(axis=0) for r in runs)
     assert fine.min() > 0.5
@@ -118,20 +118,39 @@ def test_halving_the_step_changes_maxima_little() -> None:
 
 
 def test_energy_does_not_grow_in_passive_contact() -> None:
-    """Pressed on the wall and let go: virtual mass and springs and the contact lose energy."""
-    gears = replace(SHORT, friction=0.0)
-    controller = replace(IDEAL, servo=Servo(bandwidth=np.inf, resolution=0.0), step=5e-4,
-                         sensing=Sensing(rate=2000.0, noise=0.0), trace_rate=2000.0,
-                         thresholds=(1e6, 1e6, 1e6))  # fmt: skip
+    """Released while pressed on the wall: virtual springs, virtual mass and contact lose energy."""
+    gears = GearPair(length=0.05, friction=0.0)
+    controller = Controller(
+        servo=Servo(bandwidth=np.inf, resolution=0.0),
+        sensing=Sensing(rate=2000.0, noise=0.0),
+        tare=0.0,
+        thresholds=(1e6, 1e6, 1e6),
+        step=5e-4,
+        trace_rate=2000.0,
+    )
     truth = truths(1, loose=False)
-    result = dock(truth, controller, gears=gears, shift=(6e-4, 0.0), beyond=0.002)
-    traces, M, K = result.traces, np.array(controller.impedance.mass), controller.impedance.stiffness
-    # The reference stands still at the end: look at a machine left alone from there on.
+    mouth = HOME + np.array([-2e-4, 0.0, gears.tip[2] - 0.03])
+    bore = Bore(np.eye(3)[None], mouth[None])
+    rig = exact_rig()
+    errors = draw_errors(controller.servo, 0.0, 1, 3, np.random.default_rng(0))
+    machines = Machines(rig, truth, errors, perfect(truth), 1, np.random.SeedSequence(0))
+    reference = still(0.25, 1, controller.step)
+    traces = simulate(machines, controller, reference, Docking(gears, bore, 1.0)).traces
     d = traces.deviation[:, 0]
     rate = np.gradient(d, traces.time, axis=0)
-    assert np.abs(rate[-400:, :3]).max() < 2e-3
-    virtual = 0.5 * (rate**2 @ M + d**2 @ np.array(K))
-    assert np.isfinite(virtual).all()
+    angle = 2 * np.pi * np.arange(8) / 8
+    x = d[:, 0] + 2e-4
+    back = 0.03 - gears.chamfer
+    stored = np.zeros(len(d))
+    for place in (x, x - back * d[:, 4]):  # tip and mouth
+        stored += np.sum(np.maximum(np.outer(place, np.cos(angle)) - 5e-5, 0.0) ** 2, axis=1)
+    energy = 0.5 * gears.stiffness * stored
+    impedance = controller.impedance
+    energy += 0.5 * (rate**2 @ np.array(impedance.mass) + d**2 @ np.array(impedance.stiffness))
+    energy = energy[2:-2]
+    assert energy[0] > 1e-3
+    assert energy[-1] < 0.7 * energy[0]
+    assert np.diff(energy).max() < 1e-4 * energy[0]
 
 
 def test_perfect_calibration_leaves_only_noise() -> None:
@@ -162,7 +181,10 @@ def test_perfect_calibration_leaves_only_noise() -> None:
     one = transition(controller.impedance, controller.step)
     P = np.zeros((6, 2, 2))
     for _ in range(2000):
-        P = one.state @ P @ np.swapaxes(one.state, -1, -2) + one.drive[:, :, None] * one.drive[:, None]
+        P = (
+            one.state @ P @ np.swapaxes(one.state, -1, -2)
+            + one.drive[:, :, None] * one.drive[:, None]
+        )
     standardised = d / np.sqrt(variance * P[:, 0, 0])
     chi2 = float(np.sum(standardised[:, :3] ** 2))  # forces along x, y, z are independent
     assert abs(chi2 - 3 * lanes) < 3.3 * np.sqrt(2 * 3 * lanes)
@@ -192,7 +214,9 @@ def test_false_force_displaces_by_its_stiffness() -> None:
 def test_same_seed_same_numbers_and_other_noise_other_numbers() -> None:
     truth = truths(2)
     controller = replace(IDEAL, sensing=Sensing(noise=1.75))
-    first, again, other = (dock(truth, controller, noise=seed, shift=(2e-4, 0.0)) for seed in (1, 1, 2))
+    first, again, other = (
+        dock(truth, controller, noise=seed, shift=(2e-4, 0.0)) for seed in (1, 1, 2)
+    )
     np.testing.assert_array_equal(first.peak, again.peak)
     assert not np.array_equal(first.peak, other.peak)
 
@@ -217,7 +241,7 @@ def test_unstable_impedance_is_refused() -> None:
 
 def test_step_must_divide_the_sample() -> None:
     with pytest.raises(UsageError, match="does not divide"):
-        dock(truths(1), replace(IDEAL, step=3e-3))
+        dock(truths(1), replace(IDEAL, step=6e-3))
 
 
 def test_posture_outside_the_travel_is_refused() -> None:

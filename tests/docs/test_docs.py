@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from pages import DOCS, PAGES, anchors, blocks, commands, links, table, text
 from scipy.spatial.transform import Rotation
 
 from tdfscal.cli import main
 from tdfscal.files.rig import parse_rig
+from tests.docs.pages import DOCS, PAGES, anchors, blocks, commands, links, table, text
 
 RUNNABLE = ("tutorial", "howto")
 

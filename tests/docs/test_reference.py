@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 import typer.main
-from pages import DOCS, key_paths, section, table, text
 
 from tdfscal.cli import app
 from tdfscal.errors import (
@@ -19,6 +18,7 @@ from tdfscal.errors import (
     RigError,
     UsageError,
 )
+from tests.docs.pages import DOCS, key_paths, section, table, text
 
 #: The calibration file embeds a whole rig file, which has a table of its own.
 EMBEDDED = {"rig": frozenset[str](), "calibration": frozenset({"rig"}), "points": frozenset[str]()}

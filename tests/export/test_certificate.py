@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reporting.samples import NASTY, changed, run, sample, saved
 
 from tdfscal.errors import UsageError
 from tdfscal.export.certificate import certificate
 from tdfscal.export.schemacheck import check, schema_version
 from tdfscal.files.calibration import Calibration
+from tests.reporting.samples import NASTY, changed, run, sample, saved
 
 NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 C = sample().calibration

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from reporting.samples import NASTY, changed, run, sample, saved
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import UsageError
 from tdfscal.export import FORMATS, c_header, csv_table, ros_transforms, urdf
 from tdfscal.files.calibration import CONVENTION_WITH_SENSITIVITY, Calibration
+from tests.reporting.samples import NASTY, changed, run, sample, saved
 
 PLAIN = sample().calibration
 CONVENTION = "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from sample_documents import NAMES, RIG, SCALED_CONVENTION, calibration
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import (
@@ -23,6 +22,7 @@ from tdfscal.files.calibration import (
 )
 from tdfscal.files.rig import parse_rig
 from tdfscal.files.saving import replacing, to_yaml, write_text
+from tests.files.sample_documents import NAMES, RIG, SCALED_CONVENTION, calibration
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from sample_documents import RIG
 
 from tdfscal.errors import RigError, UsageError
 from tdfscal.files.campaign import find_logs, resolve
 from tdfscal.files.rig import parse_rig
+from tests.files.sample_documents import RIG
 
 
 def make(folder: Path, *names: str, rig: str | None = RIG) -> Path:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sample_documents import RIG
 
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.rig import default_mapping, load_rig, parse_rig, rig_from_document
 from tdfscal.records import Declared, Instrument
+from tests.files.sample_documents import RIG
 
 FIELD = Path(__file__).parents[2] / ".." / "shared" / "field_logs"
 

@@ -9,11 +9,11 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
-from sample_documents import RIG, calibration
 
 from tdfscal.files.calibration import Calibration, dump_calibration
 from tdfscal.files.rig import parse_rig
 from tdfscal.files.schema import schemas, write_schemas
+from tests.files.sample_documents import RIG, calibration
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("rig", "calibration", "points")

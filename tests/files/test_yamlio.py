@@ -12,7 +12,6 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sample_documents import RIG
 
 from tdfscal.errors import DataError, RigError, TdfscalError
 from tdfscal.files.calibration import parse_calibration
@@ -20,6 +19,7 @@ from tdfscal.files.rig import parse_rig
 from tdfscal.files.saving import to_json, to_yaml
 from tdfscal.files.scalars import plain_scalar
 from tdfscal.files.yamlio import Format, parse_document, read_document
+from tests.files.sample_documents import RIG
 
 
 def read(text: str | bytes, form: Format = "yaml") -> Any:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reporting.samples import Sample, changed, sample, surveyed
 from tdfscal.files.calibration import Calibration, dump_calibration, parse_calibration
+from tests.reporting.samples import Sample, changed, sample, surveyed
 
 
 @pytest.fixture(scope="module")

@@ -15,11 +15,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from reporting.samples import NASTY, changed, sample, surveyed
 from tdfscal.files.calibration import Calibration
 from tdfscal.reporting.figures import drawings, style
 from tdfscal.reporting.figures.rig import clear_view, magnification
 from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg
+from tests.reporting.samples import NASTY, changed, sample, surveyed
 
 SPATIAL = {"observability", "rig"}
 SELF = {"angles", "residuals", "budget", "timeline", "observability", "rig", "trials"}

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from reporting.samples import NASTY, changed, run, sample, saved, surveyed
 from tdfscal.cli.reporting import write_report
 from tdfscal.files.calibration import Calibration, load_calibration
 from tdfscal.reporting.html import render_page
 from tdfscal.workflow import Outcome
+from tests.reporting.samples import NASTY, changed, run, sample, saved, surveyed
 
 VOID = {"meta", "br", "link", "img"}
 REASON = "the residuals are 13 times what the stated uncertainties explain"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reporting.samples import run
+from tests.reporting.samples import run
 
 RPY = (0.1, -0.2, 0.3)
 SHIFT = np.array([1.0, -2.0, 0.5])

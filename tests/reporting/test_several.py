@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reporting.samples import changed, run, sample, saved
 from tdfscal.errors import DataError
 from tdfscal.files.calibration import Calibration
 from tdfscal.reporting.html import render_several
 from tdfscal.reporting.several import letter, put_side_by_side
 from tdfscal.reporting.several_text import render_several as as_text
+from tests.reporting.samples import changed, run, sample, saved
 
 STD = 2e-4
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from reporting.samples import NASTY, changed, sample, surveyed
 from tdfscal.files.calibration import Calibration
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.clock import clock
 from tdfscal.reporting.terminal import show, show_on
 from tdfscal.reporting.text import render
+from tests.reporting.samples import NASTY, changed, sample, surveyed
 
 EPOCH = 1_750_000_000.25
 

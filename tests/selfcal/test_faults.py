@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import SQUEEZED, calibrated, study
 
 from tdfscal import simulation
 from tdfscal.errors import DataError
 from tdfscal.records import Known, Rig
 from tdfscal.simulation import Contact, Crosstalk, DeadAxis, Drift, Faults, Gain, Jolt, Options
+from tests.selfcal.campaigns import SQUEEZED, calibrated, study
 
 RIG = simulation.reference_rig()
 SMALL = (0.004, 0.004, 0.004)

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaigns import SQUEEZED
 
 from tdfscal import simulation
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, IntArray, Known, Rig
 from tdfscal.selfcalibration import self_calibrate
+from tests.selfcal.campaigns import SQUEEZED
 
 RIG = replace(
     simulation.reference_rig(),

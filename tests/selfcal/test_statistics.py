@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import SQUEEZED, calibrated, study, turns
 from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.simulation import Faults, Gain, Options
 from tdfscal.starts import linear_data, linear_rotations
 from tdfscal.statics import postures
+from tests.selfcal.campaigns import SQUEEZED, calibrated, study, turns
 
 #: A test fails by chance once in this many times the number of its checks.
 RARE = 1e-4

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import SQUEEZED, calibrated
 from scipy import stats
 
 from tdfscal import simulation
@@ -17,6 +16,7 @@ from tdfscal.records import Declared, Known
 from tdfscal.selfcal import fit
 from tdfscal.simulation import Options, Recorder
 from tdfscal.uncertainty import evaluate, information_root
+from tests.selfcal.campaigns import SQUEEZED, calibrated
 
 RIG = replace(
     simulation.reference_rig(),

@@ -213,7 +213,7 @@ class Bore:
     place: FloatArray
 
     def coordinates(self, tip: FloatArray, R: FloatArray) -> FloatArray:
-        """q (L, 6) of a shaft with its tip at (L, 3), m, BCS, and rotation R (L, 3, 3)."""
+        """Q (L, 6) of a shaft with its tip at (L, 3), m, BCS, and rotation R (L, 3, 3)."""
         back = np.swapaxes(self.rotation, -1, -2)
         turn = back @ R
         q = np.empty((len(tip), 6))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,12 +30,12 @@ class Controller:
     trace_rate : Hz, at most, of records.
     """
 
-    impedance: Impedance = Impedance()
-    servo: Servo = Servo()
-    sensing: Sensing = Sensing()
+    impedance: Impedance = field(default_factory=Impedance)
+    servo: Servo = field(default_factory=Servo)
+    sensing: Sensing = field(default_factory=Sensing)
     tare: float = 2.0
     thresholds: tuple[float, float, float] = (20.0, 20.0, 40.0)
-    step: float = 4.0e-3
+    step: float = 8.0e-3
     trace_rate: float = 25.0
 
     @property
@@ -239,9 +239,11 @@ class _Loop:
         local = self.docking.gears.wrench(self.q, rate)
         self.touching = bool(local.any())
         both = local.reshape(-1, 2, 3) @ np.swapaxes(bore.rotation, -1, -2)
-        self.contact = both.reshape(-1, 6)
+        contact = both.reshape(-1, 6)
         if self.touching:
-            self.contact[:, 3:] += moment(lever[:, None, :], both[:, :1])
+            contact[:, 3:] += moment(lever[:, None, :], both[:, :1])
+            self.terminal.yield_to(contact - self.contact)
+        self.contact = contact
 
     def run(self) -> Result:
         c, L = self.c, self.lanes
@@ -315,7 +317,7 @@ class _Book:
     def note(self, k: int, active: BoolArray) -> None:
         """Phase and peaks of the lanes that are under way."""
         loop = self.loop
-        if loop.docking is None or not loop.touching and not self.phase.any():
+        if loop.docking is None or (not loop.touching and not self.phase.any()):
             return
         if loop.touching:
             gears, depth = loop.docking.gears, loop.q[:, 2]
@@ -352,7 +354,7 @@ class _Book:
         self.stopped[reached] = (k + 1) * loop.c.step
         self.seated |= reached & deep
         self.jammed |= reached & ~deep
-        return active & ~reached
+        return np.asarray(active & ~reached)
 
     def record(self, k: int) -> None:
         """One row of the traces."""

@@ -1,4 +1,4 @@
-"""How well a laser tracker tells where the outer gear is: survey of gear and machine (Sect. 5.2)."""
+"""How well a laser tracker tells where the outer gear is (Sect. 5.2)."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class Sensing:
     which the wrench is smoothed for thresholds and records, outside the loop.
     """
 
-    rate: float = 250.0
+    rate: float = 125.0
     noise: float = 1.75
     gain: float = 1.0
     watch: float = 0.1
@@ -100,7 +100,7 @@ class WrenchObserver:
     """The controller's contact wrench: F = X (I + S)⁻¹ (f − z), weight taken off (Eq. 9)."""
 
     def __init__(self, assumed: Assumed, centre: FloatArray) -> None:
-        """centre : (3,), m, LCS; moments are about it."""
+        """Centre : (3,), m, LCS; moments are about it."""
         self._map = assumed.rotation @ np.linalg.inv(assumed.sensitivity)
         self._zero = assumed.zero
         self._weight = (assumed.mass[:, None] * assumed.gravity)[:, None, :]

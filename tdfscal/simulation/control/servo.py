@@ -80,6 +80,6 @@ def draw_errors(
     return PositionErrors(
         wave=np.swapaxes(way * wave[..., None], -1, -2),
         phase=rng.uniform(-np.pi, np.pi, shape)[:, :, None, :],
-        # Normal amplitudes of variance 2/W: each axis has variance sd², and the axes are independent.
+        # Normal amplitudes of variance 2/W: variance sd² per axis, independent axes.
         amplitude=sd * np.sqrt(2.0 / _WAVES) * rng.standard_normal((*shape, 3)),
     )

@@ -37,7 +37,7 @@ class Terminal:
     """
 
     def __init__(self, truth: Truth, stand: FloatArray, start: Pose) -> None:
-        """stand : (L, n, 3), m, BCS, carriages. Raises NotConvergedError where nothing stands."""
+        """Stand : (L, n, 3), m, BCS, carriages. Raises NotConvergedError where nothing stands."""
         lanes = len(stand)
         load = Load(np.zeros((lanes, 1, 2, 3)), np.zeros((lanes, 1, 3)))
         first = Pose(start.rotation[:, None], start.translation[:, None])
@@ -75,6 +75,15 @@ class Terminal:
         self.rotation = self.rotation + turn @ (self.rotation + 0.5 * (turn @ self.rotation))
         self.force = self._pull(self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2), stand)
 
+    def yield_to(self, wrench: FloatArray) -> None:
+        """Give way to a small change of the contact wrench (L, 6), so that no step is lost."""
+        step = (self._yield @ wrench[..., None])[..., 0]
+        self.translation = self.translation + step[:, :3]
+        turn = rotations.hat(step[:, 3:])
+        self.rotation = self.rotation + turn @ self.rotation
+        arm = self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2)
+        self.force = self._pull(arm, self._stand)
+
     def _pull(self, arm: FloatArray, stand: FloatArray) -> FloatArray:
         stretch = arm + self.translation[:, None, :] - stand
         return np.asarray(-(self._stiffness @ stretch[..., None])[..., 0])
@@ -88,4 +97,4 @@ class Terminal:
         slope[:, :3, 3:] = -coupling
         slope[:, 3:, :3] = -np.swapaxes(coupling, -1, -2)
         slope[:, 3:, 3:] = -(lever @ self._stiffness @ lever).sum(axis=1)
-        return np.linalg.inv(slope)
+        return np.asarray(np.linalg.inv(slope), dtype=np.float64)

@@ -7,7 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from log_making import (
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.hashing import input_file
+from tdfscal.files.logs import is_log, iter_log, mcap, read_log
+from tdfscal.records import Log, LogMapping
+from tests.files.logs.log_making import (
     LOG_TIME,
     MAPPING,
     SUPPORTS,
@@ -16,11 +21,6 @@ from log_making import (
     mcap_bytes,
     write,
 )
-
-from tdfscal.errors import DataError, UsageError
-from tdfscal.files.hashing import input_file
-from tdfscal.files.logs import is_log, iter_log, mcap, read_log
-from tdfscal.records import Log, LogMapping
 
 ONE = ("a",)
 DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))

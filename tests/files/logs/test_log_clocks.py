@@ -8,7 +8,13 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from log_making import (
+from mcap.writer import Writer
+
+from tdfscal.errors import DataError
+from tdfscal.files.logs import iter_log, read_log
+from tdfscal.files.logs.summary import announced_topics
+from tdfscal.records import LogMapping
+from tests.files.logs.log_making import (
     LOG_TIME,
     MAPPING,
     SUPPORTS,
@@ -21,12 +27,6 @@ from log_making import (
     wrench_stamped,
     write,
 )
-from mcap.writer import Writer
-
-from tdfscal.errors import DataError
-from tdfscal.files.logs import iter_log, read_log
-from tdfscal.files.logs.summary import announced_topics
-from tdfscal.records import LogMapping
 
 ONE = LogMapping(("a",), (("/p.point",),), (("/f.wrench.force",),))
 

@@ -14,12 +14,20 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from log_making import MAPPING, SUPPORTS, make_truth, mcap_bytes, same_numbers, table, write
 from mcap.writer import CompressionType, Writer
 
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.logs import read_log
 from tdfscal.records import LogMapping
+from tests.files.logs.log_making import (
+    MAPPING,
+    SUPPORTS,
+    make_truth,
+    mcap_bytes,
+    same_numbers,
+    table,
+    write,
+)
 
 TRUTH = make_truth(12)
 ONE = ("a",)

@@ -10,21 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from log_making import (
-    JSON_MAPPING,
-    LOG_TIME,
-    MAPPING,
-    STORE,
-    SUPPORTS,
-    assert_holds,
-    definition,
-    make_truth,
-    mcap_bytes,
-    point_stamped,
-    same_numbers,
-    wrench_stamped,
-    write,
-)
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 from mcap_ros2.decoder import DecoderFactory
@@ -39,6 +24,21 @@ from tdfscal.files.logs.chunk import messages_of
 from tdfscal.files.logs.message_path import Path as MessagePath
 from tdfscal.files.logs.ros_types import definitions
 from tdfscal.records import LogMapping
+from tests.files.logs.log_making import (
+    JSON_MAPPING,
+    LOG_TIME,
+    MAPPING,
+    STORE,
+    SUPPORTS,
+    assert_holds,
+    definition,
+    make_truth,
+    mcap_bytes,
+    point_stamped,
+    same_numbers,
+    wrench_stamped,
+    write,
+)
 
 TRUTH = make_truth()
 

@@ -11,11 +11,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from log_making import SUPPORTS, make_truth, same_numbers, table
 
 from tdfscal.errors import DataError
 from tdfscal.files.logs import iter_log, read_log
 from tdfscal.records import Log, LogMapping
+from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table
 
 ONE = ("a",)
 STRUCT = LogMapping(ONE, (("p",),), (("f",),))

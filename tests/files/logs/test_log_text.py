@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
-from log_making import SUPPORTS, make_truth, same_numbers, table, write
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.logs import iter_log, read_log
 from tdfscal.records import Log, LogMapping
+from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table, write
 
 ONE = ("a",)
 MAPPING = LogMapping(ONE, (("X", "Y", "Z"),), (("FX", "FY", "FZ"),), time_field="t")
