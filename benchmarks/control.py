@@ -19,9 +19,9 @@ def main() -> None:
     """Print the table."""
     print(
         "# Control studies\n\n"
-        "Made by `python benchmarks/control.py`. Reference rig, three calibrations, step 8 ms;\n"
-        "the engagement is cut to 20 mm. Processor seconds of one core; lane seconds are simulated\n"
-        "seconds times runs times calibrations (and moves).\n"
+        "Made by `python benchmarks/control.py`. Reference rig, three calibrations, step 4 ms;\n"
+        "the engagement is cut to 20 mm. Processor seconds of one core; lane seconds are\n"
+        "simulated seconds times runs times calibrations (and moves).\n"
     )
     print("| study | runs | lanes | simulated s | processor s | simulated s / s | lane s / s |")
     print("|---|---|---|---|---|---|---|")
@@ -35,11 +35,11 @@ def main() -> None:
         seed = np.random.SeedSequence(1)
         start = time.process_time()
         free = freespace.free_space(freespace.Setup(rig), arms, seed, 1)
-        _row("free space", runs, 18 * runs, free.result.steps * 8e-3, time.process_time() - start)
+        _row("free space", runs, 18 * runs, free.result.steps * 4e-3, time.process_time() - start)
         start = time.process_time()
         setup = docking.Setup(rig, gears=GearPair(length=0.02))
         dock = docking.docking(setup, arms, seed, 1)
-        _row("docking", runs, 3 * runs, dock.result.steps * 8e-3, time.process_time() - start)
+        _row("docking", runs, 3 * runs, dock.result.steps * 4e-3, time.process_time() - start)
 
 
 def _row(name: str, runs: int, lanes: int, simulated_s: float, passed: float) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.distributions import chi2_sf, p_text
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.observability import ANGLES
 from tdfscal.records import FloatArray
@@ -69,7 +69,7 @@ class Suspicion:
     def text(self) -> str:
         """One sentence."""
         return (
-            f"the residuals say that {self.what} (p = {self.p_value:.1g}), which would move "
+            f"the residuals say that {self.what} ({p_text(self.p_value)}), which would move "
             f"{self.angle} by {self.shift:.1f} of its standard uncertainties: {self.advice}"
         )
 

@@ -17,6 +17,7 @@ from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.gate import judge
 from tdfscal.linearcal import evaluate_linear, fit_linear
 from tdfscal.montecarlo import MonteCarlo, simulate
+from tdfscal.numerics.distributions import p_text
 from tdfscal.observability import Observability
 from tdfscal.records import Dwells, InputFile, Rig
 from tdfscal.robust import Rejection, fit_robust
@@ -35,6 +36,8 @@ LINEAR_TRIALS = 1_000
 _POOR = 10.0
 #: χ² this unlikely is said aloud.
 _UNLIKELY = 0.001
+#: Residuals this improbably small say that the stated uncertainties are too large.
+_OVERSTATED = 1e-4
 #: Rounds that bring an unknown noise level and the fit into agreement.
 _LEVELS = 6
 
@@ -217,6 +220,8 @@ def _with_noise(rig: Rig, observed: Postures) -> tuple[Postures, bool]:
 def _unseen(seen: Observability) -> str:
     """Name the angles without a number; the first cause stands for all."""
     names = ", ".join(weakness.angle.name for weakness in seen.weak)
+    if len(seen.weak) == len(seen.angles):
+        names = "any angle of any sensor"
     first = seen.weak[0]
     return f"the data do not determine {names}; for {first.angle.name}, {first.cause}"
 
@@ -246,10 +251,16 @@ def _warnings(
     elif stats.p_value < _UNLIKELY:
         found.append(
             f"the residuals are {stats.birge:.2g} times what the stated uncertainties explain "
-            f"(p = {stats.p_value:.1g}); all noise was scaled up by that factor"
+            f"({p_text(stats.p_value)}); all noise was scaled up by that factor"
+        )
+    elif stats.p_value > 1 - _OVERSTATED:
+        found.append(
+            f"the residuals are only {stats.birge:.2g} times what the stated uncertainties "
+            "explain: those may be overstated (uncertainty.force_noise, positioner), and so the "
+            "angles' own"
         )
     found += [doubt.text for doubt in doubts if not doubt.harmful]
-    if not measured_noise:
+    if not measured_noise and not doubts:  # a named cause says more than the trend it makes
         found += steady.warnings
     if trials is not None and not trials.validated:
         found.append(

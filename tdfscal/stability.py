@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.distributions import chi2_sf, p_text
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.selfcal import ROWS, Fit
 
@@ -36,7 +36,7 @@ class Change:
     @property
     def text(self) -> str:
         """In words."""
-        return f"{self.force:.2g} N and {self.moment:.2g} N·m (p = {self.p_value:.1g})"
+        return f"{self.force:.2g} N and {self.moment:.2g} N·m ({p_text(self.p_value)})"
 
 
 @dataclass(frozen=True, slots=True)

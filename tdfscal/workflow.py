@@ -64,6 +64,7 @@ def calibrate(
     salvage: bool = False,
     command: str = "tdfscal.calibrate",
     progress: Progress = lambda stage: None,
+    reading: Callable[[float], None] | None = None,
 ) -> Outcome:
     """Calibrate from a campaign folder, or from logs and a rig file.
 
@@ -74,7 +75,7 @@ def calibrate(
     estimator : of the self-calibration; ml, or the paper's linear method.
     trials : Monte Carlo trials at most; None for the default, 0 for none.
     salvage : read what is sound of damaged logs; the result is then never accepted.
-    progress : told the name of each stage.
+    progress : told the name of each stage. reading : told the share of the logs that is read.
 
     Raises
     ------
@@ -92,7 +93,7 @@ def calibrate(
     own = tracker = None
     if chosen in ("self", "joint"):
         progress("reading the log and finding the dwells")
-        dwells = _dwells(campaign, passing, salvage=salvage)
+        dwells = _dwells(campaign, passing, reading, salvage=salvage)
         progress(f"calibrating from {len(dwells)} dwells")
         own = self_calibrate(
             campaign.rig.rig,
@@ -143,7 +144,13 @@ def _both(
     return Outcome(from_joint(both, own, tracker, origin, reasons, notes), own, tracker, both)
 
 
-def _dwells(campaign: Campaign, passing: _Passing, *, salvage: bool) -> Dwells:
+def _dwells(
+    campaign: Campaign,
+    passing: _Passing,
+    reading: Callable[[float], None] | None,
+    *,
+    salvage: bool,
+) -> Dwells:
     if not campaign.logs:
         raise UsageError(
             "there is no log for a self-calibration",
@@ -151,7 +158,7 @@ def _dwells(campaign: Campaign, passing: _Passing, *, salvage: bool) -> Dwells:
             hint="name a log, or use --method tracker",
         )
     supports = campaign.rig.rig.supports
-    pieces = iter_log(campaign.logs, campaign.rig.log, supports, salvage=salvage)
+    pieces = iter_log(campaign.logs, campaign.rig.log, supports, salvage=salvage, progress=reading)
     return find_dwells(passing.watch(pieces))
 
 

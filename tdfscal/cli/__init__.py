@@ -26,6 +26,13 @@ def main() -> None:
     except BrokenPipeError:  # the reader of our standard output has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except OSError as error:
+        print(
+            f"tdfscal: {error.filename or 'the output'} cannot be read or written: "
+            f"{error.strerror or error}. Make room, or choose another place.",
+            file=sys.stderr,
+        )
+        sys.exit(2)
     except Exception as error:
         if os.environ.get("TDFSCAL_TRACEBACK"):
             raise

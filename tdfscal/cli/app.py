@@ -36,9 +36,7 @@ def _common(
     del version
 
 
-Paths = Annotated[
-    list[Path], typer.Argument(metavar="PATH", help="Campaign folder, or log files.")
-]
+Paths = Annotated[list[Path], typer.Argument(metavar="PATH", help="Campaign folder, or log files.")]
 RigFile = Annotated[
     Path | None, typer.Option("--rig", metavar="FILE", help="rig.yaml, where no folder holds one.")
 ]
@@ -49,7 +47,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stand
 
 def command_line() -> str:
     """Return the command as the user gave it."""
-    return " ".join(["tdfscal", *sys.argv[1:]])
+    return " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
 
 
 def emit(document: Any) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from pathlib import Path
 
 from tdfscal.cli.app import command_line
+from tdfscal.cli.progress import reading_bar
 from tdfscal.cli.reporting import check_place, write_report
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import dump_calibration, save_calibration
+from tdfscal.files.campaign import find_logs
 from tdfscal.reporting.terminal import show
 from tdfscal.reporting.text import render
 from tdfscal.selfcalibration import Estimator
@@ -47,17 +50,19 @@ def run(
         if not quiet:
             print(f"[{time.monotonic() - started:5.1f} s] {stage} …", file=sys.stderr, flush=True)
 
-    outcome = calibrate(
-        paths,
-        rig=rig,
-        method=method,
-        estimator=estimator,
-        trials=trials,
-        seed=seed,
-        salvage=salvage,
-        command=command_line(),
-        progress=progress,
-    )
+    with reading_bar(find_logs(paths), quiet=quiet) as reading:
+        outcome = calibrate(
+            paths,
+            rig=rig,
+            method=method,
+            estimator=estimator,
+            trials=trials,
+            seed=seed,
+            salvage=salvage,
+            command=command_line(),
+            progress=progress,
+            reading=reading,
+        )
     result = outcome.calibration
     accepted = result.status == "accepted"
     write = accepted or allow_rejected
@@ -89,6 +94,8 @@ def _check_target(target: Path, *, to_stdout: bool) -> None:
     """Refuse before the work what could not be written after it."""
     if to_stdout:
         return
+    if target.is_dir():
+        raise UsageError("is a folder", where=str(target), hint="name a file in it")
     if target.suffix.lower() not in SUFFIXES:
         raise UsageError(
             "a calibration file's name ends in .json, .yaml or .yml",
@@ -98,4 +105,10 @@ def _check_target(target: Path, *, to_stdout: bool) -> None:
     if not target.absolute().parent.is_dir():
         raise UsageError(
             "the folder for the result does not exist", where=str(target), hint="create it first"
+        )
+    if not os.access(target.absolute().parent, os.W_OK):
+        raise UsageError(
+            "the folder for the result cannot be written",
+            where=str(target),
+            hint="choose another with -o",
         )

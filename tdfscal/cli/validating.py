@@ -24,8 +24,15 @@ def run(calibration: Path, paths: list[Path], *, rig: Path | None, json: bool) -
     loaded = use.campaign.rig
     notes: list[str] = []
 
+    used = {entry.sha256 for entry in use.calibration.inputs}
+
     def heard(piece: Log) -> Log:
         notes.extend(piece.warnings)
+        for entry in piece.inputs:
+            if entry.sha256 in used:
+                again = f"{entry.path} went into this calibration: what it shows is no proof"
+                notes.append(again)
+                print(f"tdfscal: WARNING: {again}", file=sys.stderr)
         return piece
 
     pieces = map(heard, iter_log(use.campaign.logs, loaded.log, loaded.rig.supports))

@@ -213,7 +213,10 @@ def _self_parts(
         "postures": evidence.postures(result),
         "observability": _observability(result.observability) | {"loads": evidence.loads(result)},
         "monte_carlo": _trials(
-            trials, origin.seed, validated=trials is not None and trials.validated
+            trials,
+            origin.seed,
+            validated=trials is not None and trials.validated,
+            histogram=evidence.histogram(result),
         ),
         "validation": _validation(result),
         "stability": asdict(result.stability),
@@ -329,7 +332,11 @@ def _joint_budget(
 
 
 def _trials(
-    trials: MonteCarlo | TrackerMonteCarlo | None, seed: int, *, validated: bool
+    trials: MonteCarlo | TrackerMonteCarlo | None,
+    seed: int,
+    *,
+    validated: bool,
+    histogram: dict[str, Any] | None = None,
 ) -> dict[str, Any] | None:
     """Monte Carlo of either method."""
     if trials is None:
@@ -342,6 +349,7 @@ def _trials(
         "high": trials.high,
         "tolerance": float(trials.tolerance.min()),
         "linear_interval_validated": validated,
+        "histogram": histogram,
     }
 
 

@@ -14,6 +14,11 @@ def chi2_sf(x: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
     return np.asarray(special.chdtrc(dof, x), dtype=np.float64)
 
 
+def p_text(p: float) -> str:
+    """Write a p-value: below 1e-6 its size says nothing any more."""
+    return f"p = {p:.1g}" if p >= 1e-6 else "p < 1e-6"
+
+
 def chi2_quantile(p: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
     """Value that χ² with dof degrees of freedom stays below with probability p."""
     return np.asarray(special.chdtri(dof, 1.0 - np.asarray(p)), dtype=np.float64)

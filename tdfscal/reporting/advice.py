@@ -58,7 +58,8 @@ def _mend(c: Calibration) -> tuple[str, ...]:
             if c.method != "tracker"
             else "Measure more targets, farther apart, or from nearer: the angles are too weak."
         )
-    if fit is not None and fit.birge > limits.birge_max:
+    named = any("the residuals say that" in reason for reason in c.quality.reasons)
+    if fit is not None and fit.birge > limits.birge_max and not named:
         found.append(
             "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
             "grows with time is drift (tare again); misfit everywhere is crosstalk or gain "
@@ -66,10 +67,17 @@ def _mend(c: Calibration) -> tuple[str, ...]:
             "rig.yaml."
         )
     if fit is not None and len(fit.rejected) > REJECTED_MAX * (fit.postures + len(fit.rejected)):
-        found.append(
-            "Find what touched the terminal at the postures rejected (cables, a hand, a stop) and "
-            "free it."
-        )
+        sensors = [r for r in fit.rejected if "capacity" in r.reason or "frozen" in r.reason]
+        if sensors:
+            found.append(
+                "Squeeze less, or carry less: sensors reached their capacity or froze at the "
+                "postures rejected (or correct supports.capacity in rig.yaml)."
+            )
+        if len(sensors) < len(fit.rejected):
+            found.append(
+                "Find what touched the terminal at the postures rejected (cables, a hand, a stop) "
+                "and free it."
+            )
     if any(entry.integrity == "salvaged" for entry in c.inputs):
         found.append("Copy the log from the recorder again; the file is damaged.")
     consistency = c.tracker.get("consistency_p_value") if c.tracker else None

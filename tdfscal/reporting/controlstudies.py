@@ -103,9 +103,9 @@ FREE_SPACE_NOTE = (
 )
 DOCKING_NOTE = (
     "Forces are those that the gears really exert, from first touch until the shoulder seats. "
-    "What they would be with perfect angles is set by the survey of the outer gear, the sensors' "
-    "noise and friction, and differs from the paper's rig; both calibrations here leave false "
-    "forces below that floor, where the paper's still tell them apart."
+    "Where two calibrations differ less than the paper's, the survey of the outer gear, the "
+    "sensors' noise and friction presumably set a floor below which false forces no longer show; "
+    "the study does not isolate that cause."
 )
 
 
@@ -275,14 +275,8 @@ def free_space_document(study: FreeSpaceStudy, files: list[str]) -> dict[str, An
             {
                 "name": arm.name,
                 "angle_error": arm.angle_error,
-                "position": {
-                    "mean": float(length[c, ..., 0].mean()),
-                    "std": _std(length[c, ..., 0]),
-                },
-                "posture": {
-                    "mean": float(length[c, ..., 1].mean()),
-                    "std": _std(length[c, ..., 1]),
-                },
+                "position": _moments(length[c, ..., 0]),
+                "posture": _moments(length[c, ..., 1]),
                 "paper": _paper(freespace.PAPER.get(arm.name), 1e-3),
             }
             for c, arm in enumerate(study.arms.arms)

@@ -173,7 +173,8 @@ def render(v: Validation, warnings: Sequence[str]) -> str:
         rows.append([name, *(f"{r[key]:.3g} {unit}" for key in names)])
     header = ["", "rms before", "rms after", "largest before", "largest after"]
     lines += table(header, rows)
-    lines += ["", "Postures, calibrated, ± standard uncertainty", *_postures(v)]
+    which = f"The {_LISTED} worst postures" if len(v.calibrated) > _LISTED else "Postures"
+    lines += ["", f"{which}, calibrated; u is the standard uncertainty", *_postures(v)]
     for heading, items in (
         ("Left out", [f"posture {k + 1}: {reason}" for k, reason in sorted(v.left_out.items())]),
         ("Warnings", list(warnings)),
@@ -191,10 +192,10 @@ def _postures(v: Validation) -> list[str]:
         [
             str(v.used[k] + 1),
             f"{v.dwells.start[v.used[k]]:.1f}",
-            *(f"{v.calibrated[k, c]:.2f}±{v.std[k, c]:.2f}" for c in range(6)),
+            *(f"{v.calibrated[k, c]:.2f}" for c in range(6)),
+            f"{np.max(np.abs(v.calibrated[k]) / v.std[k]):.1f}",
         ]
         for k in order
     ]
-    return table(
-        ["", "from s", *(f"{c} {'N' if c[0] == 'f' else 'N·m'}" for c in COMPONENTS)], rows
-    )
+    units = [f"{c} {'N' if c[0] == 'f' else 'N·m'}" for c in COMPONENTS]
+    return table(["", "s", *units, "largest / u"], rows)

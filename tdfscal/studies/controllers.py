@@ -13,7 +13,7 @@ from tdfscal.agreement import contradictions
 from tdfscal.calibrated import Calibrated
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.numerics import so3
-from tdfscal.records import Rig
+from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcalibration import self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, Truth, draw_truths, simulate_dwells
 from tdfscal.simulation.control.sensors import Assumed, uncalibrated
@@ -162,8 +162,12 @@ def _arm(name: str, truth: Truth, assumed: Assumed) -> Arm:
 
 def tiled(record: _T, copies: int) -> _T:
     """Repeat the lanes of a record."""
-    values = [np.asarray(getattr(record, f.name)) for f in fields(record)]
-    return type(record)(*(np.tile(v, (copies, *(1,) * (v.ndim - 1))) for v in values))
+
+    def many(value: FloatArray) -> FloatArray:
+        return np.tile(value, (copies, *(1,) * (value.ndim - 1)))
+
+    values = (many(np.asarray(getattr(record, f.name))) for f in fields(record))
+    return type(record)(*values)
 
 
 def _joined(parts: Sequence[Assumed]) -> Assumed:

@@ -135,7 +135,8 @@ def test_docking_command(rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     loaded = load_rig(out / "logs" / "rig.yaml")
     log = read_log([out / "logs" / "self-01.parquet"], loaded.log, loaded.rig.supports)
     weight = sum(float(series.value[:20, 2].mean()) for series in log.force)
-    assert weight == pytest.approx(500 * 9.80665, rel=2e-3)
+    # Sensors that lean by 20 mrad see a hundredth of the internal forces, too.
+    assert weight == pytest.approx(500 * 9.80665, rel=1e-2)
 
 
 def _short(original: Any) -> Any:

@@ -42,7 +42,11 @@ def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
             "the file declares lengths that do not fit in memory; it is damaged", where=str(path)
         ) from error
     except caught as error:
-        raise DataError(f"the file is damaged ({one_line(error)})", where=str(path)) from error
+        raise DataError(
+            f"the file is damaged ({one_line(error).rstrip('.')})",
+            where=str(path),
+            hint="copy it from the recorder again",
+        ) from error
 
 
 def one_line(error: BaseException, limit: int = 160) -> str:

@@ -16,6 +16,8 @@ from tdfscal.files.logs.request import Block, Outcome, Piece, Request, make_requ
 from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
 
 Progress = Callable[[float], None]
+#: Largest magnitudes that are read, by quantity.
+_LARGEST = {"position": (1e9, "m"), "force": (1e9, "N")}
 _NO_TIME, _NO_VALUE = np.empty(0), np.empty((0, 3))
 
 
@@ -136,6 +138,7 @@ def _campaign(
                     for block in piece
                 ]
                 for block in ascending:
+                    _check_size(block, request, path)
                     for number in block.value:
                         count[number] += block.time.size
                         if block.time.size:
@@ -206,6 +209,22 @@ def _ascending(
     if keep is None:
         return block
     return Block(block.clock, block.time[keep], {s: v[keep] for s, v in block.value.items()})
+
+
+def _check_size(block: Block, request: Request, path: Path) -> None:
+    """Refuse what no NCP reaches and no sensor bears; sums of it would overflow."""
+    for number, value in block.value.items():
+        signal = request.signals[number]
+        limit, unit = _LARGEST[signal.quantity]
+        over = np.flatnonzero(np.abs(value).max(axis=1, initial=0.0) > limit)
+        if over.size:
+            raise DataError(
+                f"the {signal.quantity} of {signal.support} is "
+                f"{np.abs(value[over[0]]).max():.3g} {unit} at {block.time[over[0]]:.6g} s",
+                where=str(path),
+                hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
+                "the largest value read",
+            )
 
 
 def _check_counts(count: np.typing.NDArray[np.int64], request: Request, path: Path) -> None:

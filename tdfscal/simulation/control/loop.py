@@ -35,7 +35,7 @@ class Controller:
     sensing: Sensing = field(default_factory=Sensing)
     tare: float = 2.0
     thresholds: tuple[float, float, float] = (20.0, 20.0, 40.0)
-    step: float = 8.0e-3
+    step: float = 4.0e-3
     trace_rate: float = 25.0
 
     @property

@@ -21,7 +21,7 @@ class Sensing:
     which the wrench is smoothed for thresholds and records, outside the loop.
     """
 
-    rate: float = 125.0
+    rate: float = 250.0
     noise: float = 1.75
     gain: float = 1.0
     watch: float = 0.1
