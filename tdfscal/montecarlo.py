@@ -15,10 +15,11 @@ from tdfscal.selfcal import Fit
 from tdfscal.uncertainty import COVERAGE, Uncertainty
 
 #: Trials solved together: what fits into a cache.
-CHUNK = 250
+CHUNK = 100
 _STEPS = 25
-#: A trial is solved when its last step is below this many standard uncertainties.
-_SOLVED = 1e-5
+#: A trial is solved when its last step is below this many standard uncertainties; each step is a
+#: hundredth of the one before.
+_SOLVED = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
