@@ -23,7 +23,7 @@ from tdfscal.statics import features_jacobian, layout, prior_std
 from tdfscal.uncertainty import Uncertainty
 
 #: Chance that a sound campaign raises any suspicion at all.
-FALSE_ALARM = 0.003
+FALSE_ALARM = 0.005
 #: A suspect that moves an angle by this many of its standard uncertainties spoils the result.
 HARMFUL = 2.0
 _NOISE_ONLY = 1e-9
