@@ -24,6 +24,9 @@ from tdfscal.uncertainty import Uncertainty
 
 #: Chance that a sound campaign raises any suspicion at all.
 FALSE_ALARM = 0.005
+#: Share of that chance for the direction of gravity: it turns every sensor alike, and only internal
+#: forces betray it, so that it does harm before it is plain. The other suspects share the rest.
+_OF_GRAVITY = 0.4
 #: A suspect that moves an angle by this many of its standard uncertainties spoils the result.
 HARMFUL = 2.0
 _NOISE_ONLY = 1e-9
@@ -93,7 +96,8 @@ def suspicions(
         along = vectors[:, seen].T @ score
         statistic = float(np.sum(along**2 / values[seen])) / max(1.0, birge) ** 2
         p_value = float(chi2_sf(statistic, int(seen.sum())))
-        if p_value > FALSE_ALARM / len(suspects):
+        share = _OF_GRAVITY if group == "tilt" else (1 - _OF_GRAVITY) / max(1, len(suspects) - 1)
+        if p_value > FALSE_ALARM * share:
             continue
         amount = -vectors[:, seen] @ (along / values[seen])
         # The other parameters, angles among them, give way to the suspect's amount.
