@@ -47,16 +47,13 @@ _FARTHEST = 100.0
 """m; no terminal reaches farther, and 600 is a millimetre figure."""
 
 
-class Quantity(Strict):
-    """A scalar with its standard uncertainty; a bare number is known exactly."""
-
-    value: Number
-    std: Std
+class _Known(Strict):
+    """A value with its standard uncertainty; a bare value is known exactly."""
 
     @model_validator(mode="before")
     @classmethod
     def _bare(cls, given: Any) -> Any:
-        return given if isinstance(given, (dict, Quantity)) else {"value": given, "std": 0.0}
+        return given if isinstance(given, (dict, _Known)) else {"value": given, "std": 0.0}
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -64,6 +61,13 @@ class Quantity(Strict):
     ) -> JsonSchemaValue:
         full = handler.resolve_ref_schema(handler(core))
         return {"anyOf": [full["properties"]["value"], full]}
+
+
+class Quantity(_Known):
+    """A scalar with its standard uncertainty; a bare number is known exactly."""
+
+    value: Number
+    std: Std
 
 
 class Mass(Quantity):
@@ -84,23 +88,11 @@ def _near(given: tuple[float, float, float]) -> tuple[float, float, float]:
 PlaceOnTerminal = Annotated[Vector, AfterValidator(_near)]
 
 
-class VectorQuantity(Strict):
+class VectorQuantity(_Known):
     """A vector with its standard uncertainties; a bare list is known exactly."""
 
     value: Vector
     std: Stds
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare(cls, given: Any) -> Any:
-        return given if isinstance(given, (dict, VectorQuantity)) else {"value": given, "std": 0.0}
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        full = handler.resolve_ref_schema(handler(core))
-        return {"anyOf": [full["properties"]["value"], full]}
 
 
 class Barycenter(VectorQuantity):

@@ -22,7 +22,7 @@ class Run:
     err: str
 
 
-def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path | int) -> Run:
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> Run:
     """Run `tdfscal` with these arguments."""
     capsys.readouterr()
     old, sys.argv = sys.argv, ["tdfscal", *map(str, arguments)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from tdfscal.cli import main
 from tdfscal.files.calibration import load_calibration, save_calibration
 from tdfscal.files.campaign_writer import write_campaign
 from tdfscal.files.inuse import calibrated
@@ -30,6 +28,7 @@ from tdfscal.simulation import (
     simulate_campaign,
 )
 from tdfscal.workflow import calibrate
+from tests.cli.running import run
 
 USED, HELD = 16, 4
 FORCE = (60.0, -40.0, 80.0)
@@ -44,27 +43,6 @@ class Places:
     touched: Path
     calibration: Path
     campaign: Campaign
-
-
-@dataclass(frozen=True)
-class Run:
-    status: int
-    out: str
-    err: str
-
-
-def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> Run:
-    capsys.readouterr()
-    old, sys.argv = sys.argv, ["tdfscal", *map(str, arguments)]
-    try:
-        main()
-        status = 0
-    except SystemExit as end:
-        status = int(end.code or 0)
-    finally:
-        sys.argv = old
-    captured = capsys.readouterr()
-    return Run(status, captured.out, captured.err)
 
 
 def between(log: Log, start: float, end: float) -> Log:
