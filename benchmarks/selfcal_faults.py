@@ -48,6 +48,7 @@ class Case:
     stated: Rig = RIG
     faults: Faults = NONE
     declared: Rig | None = None
+    often: int = 1  # times as many campaigns: a false alarm and a narrow harm are rare
 
 
 def declared(**changes: float) -> Rig:
@@ -60,7 +61,7 @@ def wide_zero(std: float) -> Rig:
 
 def cases() -> list[Case]:
     """Return every fault of the list, at sizes that matter and at sizes that hardly do."""
-    found = [Case("none")]
+    found = [Case("none", often=10)]
     for size in (1.0, 3.0):
         shift = ZeroShift(0, 12, (size, -size, size))
         found.append(
@@ -101,10 +102,12 @@ def cases() -> list[Case]:
     )
     for tilt in (5e-4, 2e-3):
         tilted = replace(RIG, gravity_tilt_std=tilt)
-        found.append(Case(f"BCS tilted, {1e3 * tilt:g} mrad (std)", real=tilted, declared=tilted))
-    for friction in (0.1, 0.5):
-        rough = declared(hinge_moment=friction)
-        found.append(Case(f"hinge friction {friction:g} N·m", real=rough, declared=rough))
+        name, often = f"BCS tilted, {1e3 * tilt:g} mrad (std)", 10 if tilt < 1e-3 else 1
+        found.append(Case(name, real=tilted, declared=tilted, often=often))
+    for friction in (0.1, 0.2, 0.5):
+        rough, often = declared(hinge_moment=friction), 10 if friction < 0.2 else 1
+        name = f"hinge friction {friction:g} N·m"
+        found.append(Case(name, real=rough, declared=rough, often=often))
     for size in (1.0, 5.0):
         creep = Drift(0, (size, size, size))
         found.append(Case(f"zero drifts by {size:g} N", faults=Faults(drifts=(creep,))))
@@ -163,22 +166,24 @@ def row(case: Case, trials: int, seed: int) -> str:
                 d, C = turn(batch.truth.rotation[i], again), again.uncertainty.covariance
                 distance.append(d @ np.linalg.solve(C, d) / len(d))
                 covered.append(np.mean(np.abs(d) < 1.96 * np.sqrt(np.diagonal(C))))
-    rate = f"{caught / harmed:.1%}" if harmed else "–"
+    rate = f"{caught / harmed:.1%} of {harmed}" if harmed else "–"
     cover = f"{np.mean(distance):.2f} | {np.mean(covered):.3f}" if distance else "– | –"
-    return f"| {case.name} | {found / trials:.1%} | {harmed / trials:.1%} | {rate} | {cover} |"
+    shares = f"{found / trials:.1%} | {harmed / trials:.1%}"
+    return f"| {case.name} | {trials} | {shares} | {rate} | {cover} |"
 
 
 def main() -> None:
     """Print the table."""
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    print("# Faults that nobody declared\n")
-    print(f"`python -m benchmarks.selfcal_faults {trials}`: {trials} campaigns a row, and")
-    print(f"{10 * trials} without a fault; reference rig, 24 postures, squeeze 100 N.\n")
-    print("| fault | noticed | harmed | noticed where harmed | declared: d²/3n | in 95 % |")
-    print("|---|---|---|---|---|---|")
+    print(
+        "# Faults that nobody declared\n\n"
+        f"`python -m benchmarks.selfcal_faults {trials}`; reference "
+        "rig, 24 postures, squeeze 100 N.\nWhat is noticed without a fault is a false alarm.\n\n"
+        "| fault | campaigns | noticed | harmed | noticed where harmed | declared: d²/3n "
+        "| in 95 % |\n|---|---|---|---|---|---|---|"
+    )
     for seed, case in enumerate(cases()):
-        # Ten times as many without a fault: what is noticed there is a false alarm.
-        print(row(case, trials if case.name != "none" else 10 * trials, seed), flush=True)
+        print(row(case, trials * case.often, seed), flush=True)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@
 asked for by itself: if it were a free parameter, how far would the residuals go to meet it, and by
 how much would the angles move? Nothing is fitted anew; the columns are those of the measurement
 model (for what is declared as exact), a shift of the prior's value (for what is declared with an
-uncertainty), or a zero that drifts over the campaign.
+uncertainty), or a zero that drifts over the campaign. Friction of the hinges is no shift but a
+scatter, of the moments alone; it is asked for by the variance of the residuals along them.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from tdfscal.observability import ANGLES
 from tdfscal.records import FloatArray
 from tdfscal.selfcal import Fit
 from tdfscal.statics import features_jacobian, layout, prior_std
-from tdfscal.uncertainty import Uncertainty
+from tdfscal.uncertainty import Quality, Uncertainty
 
 #: Chance that a sound campaign raises any suspicion at all.
-FALSE_ALARM = 0.005
-#: Share of that chance for the direction of gravity: it turns every sensor alike, and only internal
-#: forces betray it, so that it does harm before it is plain. The other suspects share the rest.
-_OF_GRAVITY = 0.4
+FALSE_ALARM = 0.006
+#: Shares of that chance. The direction of gravity has most: it turns every sensor alike, and only
+#: internal forces betray it, so that it does harm before it is plain. Friction speaks softly too.
+#: The other suspects share the rest.
+_OF_GRAVITY, _OF_FRICTION = 0.6, 0.2
 #: A suspect that moves an angle by this many of its standard uncertainties spoils the result.
 HARMFUL = 2.0
 _NOISE_ONLY = 1e-9
@@ -45,6 +47,10 @@ _WORDS = {
     "hinge": ("the hinge of {0} is not where it is stated", "widen uncertainty.hinge"),
     "datum": ("the servo coordinates of {0} are offset", "declare uncertainty.datum"),
     "tilt": ("gravity is not along -Z of the BCS", "level the BCS, or declare gravity.tilt_std"),
+    "friction": (
+        "the moments scatter as friction of {0:.2g} N·m in the hinges would make them",
+        "declare uncertainty.hinge_moment, or see whether the NCPs repeat as stated",
+    ),
     "drift": ("the zero of {0} drifts over the campaign", "warm up, tare again, record faster"),
 }
 
@@ -78,50 +84,80 @@ class Suspicion:
 
 
 def suspicions(
-    fit: Fit, parts: Spectrum, uncertainty: Uncertainty, time: FloatArray, birge: float
+    fit: Fit, parts: Spectrum, uncertainty: Uncertainty, time: FloatArray, stats: Quality
 ) -> tuple[Suspicion, ...]:
     """Ask for every suspect; time (K,) in s is when each posture was held. The surest first."""
     root = np.sqrt(fit.weight)[:, None, None] * fit.whitener  # rows of postures left out are 0
     residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
     suspects = list(_suspects(fit, root, time))
+    others = (1 - _OF_GRAVITY - _OF_FRICTION) / max(1, len(suspects) - 1)
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
+    std = np.sqrt(np.diagonal(uncertainty.covariance))
     found = []
     for group, index, columns in suspects:
-        apart = columns - parts.left @ (parts.left.T @ columns)
+        known = parts.left.T @ columns
+        apart = columns - parts.left @ known
         score, information = apart.T @ residual, apart.T @ apart
         values, vectors = np.linalg.eigh(information)
         seen = values > _NOISE_ONLY * max(float(np.sum(columns**2)), np.finfo(float).tiny)
         if not seen.any():
             continue
         along = vectors[:, seen].T @ score
-        statistic = float(np.sum(along**2 / values[seen])) / max(1.0, birge) ** 2
-        p_value = float(chi2_sf(statistic, int(seen.sum())))
-        share = _OF_GRAVITY if group == "tilt" else (1 - _OF_GRAVITY) / max(1, len(suspects) - 1)
+        statistic, size = float(np.sum(along**2 / values[seen])), int(seen.sum())
+        # Held against the scatter that remains without the suspect, or it would excuse itself.
+        rest = (stats.chi2 - statistic) / max(stats.dof - size, 1)
+        p_value = float(chi2_sf(statistic / max(1.0, rest), size))
+        share = _OF_GRAVITY if group == "tilt" else others
         if p_value > FALSE_ALARM * share:
             continue
         amount = -vectors[:, seen] @ (along / values[seen])
         # The other parameters, angles among them, give way to the suspect's amount.
-        move = -parts.root @ (parts.root.T @ (_normal(fit, parts, columns) @ amount))
-        turn = np.abs(move[angles]) / np.sqrt(np.diagonal(uncertainty.covariance))
-        worst = int(np.argmax(turn))
+        move = -parts.root @ (known @ amount)
         what, advice = _WORDS[group]
-        name = fit.rig.supports[index]
         found.append(
-            Suspicion(
-                what.format(name),
-                advice,
-                p_value,
-                float(turn[worst]),
-                f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}",
+            _suspicion(
+                fit, what.format(fit.rig.supports[index]), advice, p_value, move[angles] / std
             )
         )
+    friction, p_value, effect = _friction(fit, parts, root, residual)
+    if p_value <= FALSE_ALARM * _OF_FRICTION:
+        what, advice = _WORDS["friction"]
+        found.append(_suspicion(fit, what.format(friction), advice, p_value, effect[angles] / std))
     return tuple(sorted(found, key=lambda suspicion: suspicion.p_value))
 
 
-def _normal(fit: Fit, parts: Spectrum, columns: FloatArray) -> FloatArray:
-    """Aᵀ G (p, g) with A the whitened Jacobian of the fit: A = U diag(s) V · scale."""
-    A = (parts.left * parts.values) @ parts.right * parts.scale
-    return np.asarray(A.T @ columns)
+def _suspicion(fit: Fit, what: str, advice: str, p_value: float, shift: FloatArray) -> Suspicion:
+    """Name the angle that moves most; shift (3n,), in its standard uncertainties."""
+    worst = int(np.argmax(np.abs(shift)))
+    angle = f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}"
+    return Suspicion(what, advice, p_value, float(np.abs(shift[worst])), angle)
+
+
+def _friction(
+    fit: Fit, parts: Spectrum, root: FloatArray, residual: FloatArray
+) -> tuple[float, float, FloatArray]:
+    """Moment per axis and posture (N·m) by the residuals' variance, its p, and what it does (p,).
+
+    The score r' H H' r of a variance component, whitened columns H, is a sum of χ²; it is held
+    against the gamma distribution of its mean and variance (Satterthwaite, Biometrics 2, 1946).
+    """
+    half = root[:, :, 3:]  # H's blocks, one per posture
+    rows = 6 * len(root)
+    seen = np.einsum("kap,kab->pkb", parts.left[:rows].reshape(*root.shape[:2], -1), half)
+    own = np.swapaxes(half, 1, 2) @ half
+    known = np.einsum("pkb,qkb->pq", seen, seen)
+    # M = H'H − (U'H)'(U'H): its trace, and that of its square.
+    mean = float(np.sum(half**2) - np.trace(known))
+    overlap = np.einsum("kab,kab->", own, np.einsum("pka,pkb->kab", seen, seen))
+    square = float(np.sum(own**2) - 2 * overlap + np.sum(known**2))
+    if square <= _NOISE_ONLY * np.sum(own**2):
+        return 0.0, 1.0, np.zeros(len(parts.root))
+    score = float(np.sum(np.einsum("kab,ka->kb", half, residual[:rows].reshape(-1, 6)) ** 2))
+    p_value = float(chi2_sf(score * mean / square, mean**2 / square))
+    friction = float(np.sqrt(max(score - mean, 0.0) / square))
+    # Standard deviation that independent moments of this size give to each parameter.
+    moved = parts.root @ seen.reshape(len(seen), -1)
+    return friction, p_value, friction * np.linalg.norm(moved, axis=1)
 
 
 def _suspects(

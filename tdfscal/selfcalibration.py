@@ -136,7 +136,7 @@ def self_calibrate(
     steady = stability.examine(result, held)
     doubts: tuple[Suspicion, ...] = ()
     if estimator == "ml" and not measured_noise:
-        doubts = suspicions(result, parts, uncertainty, held, stats.birge)
+        doubts = suspicions(result, parts, uncertainty, held, stats)
     conformity = assess_stated(from_fit(result, uncertainty.covariance))
     trials = None
     if estimator == "ml" and max_trials != 0:
