@@ -7,15 +7,17 @@ cubic fitted to a window that lies symmetrically about the sample: a filter of z
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from tdfscal.numerics import so3
+from tdfscal.numerics.columns import dot
 from tdfscal.records import FloatArray
 from tdfscal.statics import register
 
 #: Samples that share one exact registration; the others follow it by Gauss–Newton.
-_BLOCK = 64
+_BLOCK = 128
 #: Largest last Gauss–Newton step, rad; its square, and its product with the hinges' relative
 #: misfit, is what remains.
 _CLOSE = 5.0e-6
@@ -57,26 +59,36 @@ def poses(hinge: FloatArray, position: FloatArray) -> Poses:
     """Poses from servo positions (N, n, 3) in m, BCS; hinge (n, 3) in m, LCS.
 
     The least-squares registration of `statics.register` to 1e-10 rad, many times faster: one
-    singular value decomposition per block of samples, Gauss–Newton from there.
+    singular value decomposition per block of samples, Gauss–Newton from there. The rotations lie
+    in memory with their components first.
     """
     N, n = position.shape[:2]
     r0 = hinge.mean(axis=0)
-    p0 = position.sum(axis=1) / n
+    flat = position.reshape(N, 3 * n)
+    p0 = flat @ np.tile(np.eye(3) / n, (n, 1))
     blocks = -(-N // _BLOCK)
-    spoke = np.empty((blocks * _BLOCK, n, 3))
-    np.subtract(position, p0[:, None], out=spoke[:N])
-    spoke[N:] = spoke[N - 1]
-    spoke = spoke.reshape(blocks, _BLOCK, n, 3)
-    start, _ = register(hinge, spoke.mean(axis=1))
-    turned = _follow((hinge - r0) @ np.swapaxes(start, 1, 2), spoke)
-    rows = np.moveaxis(turned, (0, 1), (2, 3)).reshape(blocks, _BLOCK * 3, 3)
-    R = (rows @ start).reshape(-1, 3, 3)[:N]
-    return Poses(R, p0 - R @ r0)
+    rest = blocks * _BLOCK - N
+    whole = np.concatenate([flat, np.repeat(flat[-1:], rest, axis=0)]) if rest else flat
+    whole = whole.reshape(blocks, _BLOCK, 3 * n)
+    start, _ = register(hinge, whole.mean(axis=1).reshape(blocks, n, 3))
+    turned = _follow((hinge - r0) @ np.swapaxes(start, 1, 2), whole)
+    R = _product(turned, np.moveaxis(start, 0, 2)[..., None])
+    rotation = np.moveaxis(R.reshape(3, 3, -1)[..., :N], 2, 0)
+    return Poses(rotation, p0 - rotation @ r0)
 
 
-def _follow(arm: FloatArray, spoke: FloatArray) -> FloatArray:
-    """Rotations (3, 3, b, B) that turn arm (b, n, 3) on spoke (b, B, n, 3), all near the identity.
+def _product(A: FloatArray, B: FloatArray) -> FloatArray:
+    """Matrix products (3, 3, ...) of matrices (3, 3, ...)."""
+    out, part = np.empty(A.shape), np.empty(A.shape[2:])
+    for a, c in product(range(3), range(3)):
+        dot(A[a], B[:, c], out[a, c], part)
+    return out
 
+
+def _follow(arm: FloatArray, position: FloatArray) -> FloatArray:
+    """Rotations (3, 3, b, B) that turn arm (b, n, 3) on position (b, B, 3n), all near the identity.
+
+    arm : about the hinges' middle, which makes the gains blind to where the terminal stands.
     Components come first: numpy is fast along long last axes only.
     """
     lever = so3.hat(arm)
@@ -84,18 +96,21 @@ def _follow(arm: FloatArray, spoke: FloatArray) -> FloatArray:
     gain = np.linalg.solve(inertia[:, None], lever)  # δφ = Σ gain_i ε_i
     gain = np.swapaxes(gain, 2, 3).reshape(len(arm), -1, 3)
     flat = arm.reshape(len(arm), 1, -1)
-    step = (spoke.reshape(*spoke.shape[:2], -1) - flat) @ gain
+    step = position @ gain - flat @ gain
     turned = _small_turn(step)
     far = np.flatnonzero(np.abs(step).max(axis=(1, 2)) > _CLOSE)
     for _ in range(_STEPS):
         if not far.size:
             break
         # Seen from the turned frame, the same fixed arms and gains serve again.
-        there = np.moveaxis(spoke[far], (2, 3), (0, 1))
-        seen = np.einsum("nc...,cd...->nd...", there, turned[:, :, far])
+        here = turned[:, :, far]
+        there = np.moveaxis(position[far].reshape(*position[far].shape[:2], -1, 3), (2, 3), (0, 1))
+        seen, part = np.empty(there.shape), np.empty(there.shape[2:])
+        for i, d in product(range(len(there)), range(3)):
+            dot(there[i], here[:, d], seen[i, d], part)
         away = np.moveaxis(seen.reshape(-1, *seen.shape[2:]), 0, 2) - flat[far]
         step = away @ gain[far]
-        turned[:, :, far] = np.einsum("ac...,cd...->ad...", turned[:, :, far], _small_turn(step))
+        turned[:, :, far] = _product(here, _small_turn(step))
         far = far[np.abs(step).max(axis=(1, 2)) > _CLOSE]
     return turned
 

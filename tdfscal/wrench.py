@@ -18,6 +18,7 @@ import numpy as np
 from tdfscal.calibrated import Calibrated
 from tdfscal.motion import Motion, Poses, poses
 from tdfscal.numerics import so3
+from tdfscal.numerics.columns import dot
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.statics import (
     Balance,
@@ -33,8 +34,8 @@ from tdfscal.statics import (
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 #: Samples that share one standard uncertainty at most, and the time they span at most, s.
-_BLOCK = 128
-_SPAN = 0.1
+_BLOCK = 512
+_SPAN = 0.25
 #: Share of a variance below which an open parameter does not matter.
 _ROUNDING = 1.0e-9
 
@@ -70,16 +71,18 @@ def contact_wrench(
     lever_m = np.concatenate([[1.0], state.barycentre])
     mix = np.einsum("na,nbc->ncab", lever, M).reshape(3 * n, 12)
     constant = np.outer(lever_m, weight).ravel() - state.zero.ravel() @ mix
-    stacked = np.ascontiguousarray((force.reshape(N, 3 * n) @ mix + constant).T).reshape(4, 3, N)
-    turned = np.einsum(
-        "abx,bcx->acx", stacked, np.ascontiguousarray(np.moveaxis(at.rotation, 0, 2))
-    )
-    out = np.empty((N, 6))
-    out[:, :3] = -turned[0].T
-    out[:, 3] = turned[3, 1] - turned[2, 2]
-    out[:, 4] = turned[1, 2] - turned[3, 0]
-    out[:, 5] = turned[2, 0] - turned[1, 1]
-    return out if moving is None else out + moving
+    stacked = mix.T @ force.reshape(N, 3 * n).T
+    stacked += constant[:, None]
+    S, *Y = stacked.reshape(4, 3, N)
+    R = np.moveaxis(at.rotation, 0, 2)
+    out, part, other = np.empty((6, N)), np.empty(N), np.empty(N)
+    for c, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
+        dot(S, R[:, c], out[c], part)
+        np.negative(out[c], out=out[c])
+        dot(Y[b], R[:, a], out[3 + c], part)
+        dot(Y[a], R[:, b], other, part)
+        out[3 + c] -= other
+    return out.T if moving is None else out.T + moving
 
 
 def inertial(state: State, inertia: FloatArray, moving: Motion) -> FloatArray:
