@@ -1,6 +1,6 @@
 """Simulated seconds per second of the control studies.
 
-Run: python benchmarks/control.py > benchmarks/control.md
+Run: python -m benchmarks.control > benchmarks/control.md
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import time
 import numpy as np
 
 from tdfscal.simulation import reference_rig
-from tdfscal.simulation.control.contact import GearPair
 from tdfscal.studies import docking, freespace
 from tdfscal.studies.controllers import simulated
 
@@ -19,9 +18,9 @@ def main() -> None:
     """Print the table."""
     print(
         "# Control studies\n\n"
-        "Made by `python benchmarks/control.py`. Reference rig, three calibrations, step 4 ms;\n"
-        "the engagement is cut to 20 mm. Processor seconds of one core; lane seconds are\n"
-        "simulated seconds times runs times calibrations (and moves).\n"
+        "Made by `python -m benchmarks.control`. Reference rig, three calibrations, step 4 ms,\n"
+        "as `tdfscal study` runs them, without tables and figures. Processor seconds of one core;\n"
+        "lane seconds are simulated seconds times runs times calibrations (and moves).\n"
     )
     print("| study | runs | lanes | simulated s | processor s | simulated s / s | lane s / s |")
     print("|---|---|---|---|---|---|---|")
@@ -37,8 +36,7 @@ def main() -> None:
         free = freespace.free_space(freespace.Setup(rig), arms, seed, 1)
         _row("free space", runs, 18 * runs, free.result.steps * 4e-3, time.process_time() - start)
         start = time.process_time()
-        setup = docking.Setup(rig, gears=GearPair(length=0.02))
-        dock = docking.docking(setup, arms, seed, 1)
+        dock = docking.docking(docking.Setup(rig), arms, seed, 1)
         _row("docking", runs, 3 * runs, dock.result.steps * 4e-3, time.process_time() - start)
 
 

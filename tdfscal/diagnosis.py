@@ -24,11 +24,11 @@ from tdfscal.statics import features_jacobian, layout, prior_std
 from tdfscal.uncertainty import Quality, Uncertainty
 
 #: Chance that a sound campaign raises any suspicion at all.
-FALSE_ALARM = 0.006
+FALSE_ALARM = 0.008
 #: Shares of that chance. The direction of gravity has most: it turns every sensor alike, and only
 #: internal forces betray it, so that it does harm before it is plain. Friction speaks softly too.
 #: The other suspects share the rest.
-_OF_GRAVITY, _OF_FRICTION = 0.6, 0.2
+_OF_GRAVITY, _OF_FRICTION = 0.7, 0.15
 #: A suspect that moves an angle by this many of its standard uncertainties spoils the result.
 HARMFUL = 2.0
 _NOISE_ONLY = 1e-9

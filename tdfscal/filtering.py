@@ -1,61 +1,104 @@
 """Kalman filter of the sensors' signals: the force walks at random, its measurement is noisy.
 
-Per channel x_k = x_{k−1} + w_k with variance q per sample, y_k = x_k + v_k with variance r
-(Kalman, J. Basic Eng. 82, 1960). The causal filter serves a controller and costs delay; the
-Rauch–Tung–Striebel smoother serves recorded logs and costs none.
+x_k = x_{k−1} + w_k with variance q per sample, y_k = x_k + v_k with variance r (Kalman, J. Basic
+Eng. 82, 1960), in its steady state. The causal filter serves a controller and costs delay; the
+Rauch–Tung–Striebel smoother serves recorded logs and costs none. All channels share one gain:
+forces that balance each other stay balanced, since all are late by the same time.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain, pairwise
+from typing import Literal
 
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.records import FloatArray
+from tdfscal.timebase import Samples
+
+#: N by which a force walks in a second: a contact builds up by K v = 10 kN/m · 1.5 mm/s (Sect. 5).
+WALK = 15.0
+
+Kind = Literal["none", "kalman", "smooth"]
 
 _FEWEST = 16
+#: Samples from which the noise is measured.
+_MEASURED = 20_000
+#: Weight from which on the smoother takes no notice of later samples.
+_FORGOTTEN = 1.0e-9
+#: Sampling intervals without a sample that end a stretch.
+_GAP = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """Variances of a random walk per sample, q, and of its measurement, r; (C,), one per channel,
-    in the square of the signal's unit.
-    """
+    """Variances of a random walk per sample, q, and of its measurement, r, N²; interval : s."""
 
-    q: FloatArray
-    r: FloatArray
+    q: float
+    r: float
+    interval: float
 
     def __post_init__(self) -> None:
-        if not (np.all(self.q > 0.0) and np.all(self.r >= 0.0) and np.all(np.isfinite(self.r))):
+        if not (0.0 < self.q < np.inf and 0.0 <= self.r < np.inf and 0.0 < self.interval < np.inf):
             raise UsageError(
                 "a Kalman filter needs a walk above zero and a finite noise",
                 hint="state the noise as a standard deviation, and a walk above zero",
             )
 
+    @classmethod
+    def of(cls, walk: float, noise: float, interval: float) -> Walk:
+        """Walk : N in a second. noise : N, standard deviation of a sample. Raises UsageError."""
+        return cls(walk**2 * interval, noise**2, interval)
+
     @property
-    def gain(self) -> FloatArray:
-        """Steady-state gain (C,): 0 < g ≤ 1."""
+    def gain(self) -> float:
+        """Steady-state gain, 0 < g ≤ 1."""
         p = 0.5 * (self.q + np.sqrt(self.q * (self.q + 4.0 * self.r)))  # predicted variance
-        return np.asarray(p / (p + self.r))
+        return float(p / (p + self.r))
 
     @property
-    def delay(self) -> FloatArray:
-        """Delay (C,) in samples with which the causal filter follows a slow signal: (1 − g) / g."""
-        return np.asarray((1.0 - self.gain) / self.gain)
+    def delay(self) -> float:
+        """Time by which the causal filter is late on a slow signal, s: (1 − g) / g samples."""
+        return (1.0 - self.gain) / self.gain * self.interval
 
     @property
-    def reduction(self) -> FloatArray:
-        """White noise's standard deviation after the causal filter over that before, (C,)."""
-        return np.asarray(np.sqrt(self.gain / (2.0 - self.gain)))
+    def left(self) -> float:
+        """White noise's standard deviation after the causal filter over that before."""
+        return float(np.sqrt(self.gain / (2.0 - self.gain)))
+
+    @property
+    def left_smooth(self) -> float:
+        """The same of the smoother, whose weights are g / (2 − g) · (1 − g)^|k|."""
+        g, a = self.gain, (1.0 - self.gain) ** 2
+        return float(g / (2.0 - g) * np.sqrt((1.0 + a) / (1.0 - a)))
 
 
-def estimate_walk(signal: FloatArray) -> Walk:
-    """Measured variances of a signal (N, C) of even sampling.
+def checked_walk(kind: str, walk: float | None) -> float | None:
+    """N in a second for a filter of this kind as the options give them, None for no filter.
 
-    Of its differences d_k = w_k + v_k − v_{k−1}: cov(d_k, d_{k−1}) = −r and var d = q + 2 r, by
-    their medians' robust counterparts, so that moves and jolts do not count as noise. A channel
-    that walks less than 1e-6 of its noise is given that much.
+    Raises UsageError for a walk that is none, or that nothing filters.
+    """
+    if kind == "none":
+        if walk is not None:
+            raise UsageError(
+                "a walk without a filter does nothing", where="--walk", hint="choose a --filter"
+            )
+        return None
+    if walk is None:
+        return WALK
+    if not 0.0 < walk < np.inf:
+        raise UsageError(f"a force cannot walk by {walk:g} N", where="--walk", hint="above zero")
+    return walk
+
+
+def measured_noise(signal: FloatArray) -> float:
+    """Standard deviation of a sample's noise, rms over the channels of a signal (N, C).
+
+    With d1 and d2 the differences over one and two samples, r = var d1 − var d2 / 2; their
+    variances by medians, so that moves and jolts do not count as noise.
 
     Raises DataError for fewer than 16 samples or numbers that are none.
     """
@@ -64,12 +107,8 @@ def estimate_walk(signal: FloatArray) -> Walk:
             f"the noise cannot be measured from {len(signal)} samples",
             hint=f"give {_FEWEST} finite samples or more",
         )
-    d1 = _variance(np.diff(signal, axis=0))  # q + 2 r
-    d2 = _variance(signal[2:] - signal[:-2])  # 2 q + 2 r
-    q = np.maximum(d2 - d1, 0.0)
-    r = np.maximum(d1 - 0.5 * d2, 0.0)
-    least = np.maximum(1.0e-6 * r, np.finfo(float).tiny * 1e20)
-    return Walk(np.maximum(q, least), r)
+    r = _variance(np.diff(signal, axis=0)) - 0.5 * _variance(signal[2:] - signal[:-2])
+    return float(np.sqrt(np.mean(np.maximum(r, 0.0))))
 
 
 def _variance(difference: FloatArray) -> FloatArray:
@@ -78,43 +117,127 @@ def _variance(difference: FloatArray) -> FloatArray:
 
 
 class Causal:
-    """The causal filter in its steady state, over pieces of a signal in their order."""
+    """The causal filter over pieces of a signal in their order."""
 
     def __init__(self, walk: Walk) -> None:
         self._gain = walk.gain
         self._last: FloatArray | None = None
 
     def __call__(self, piece: FloatArray) -> FloatArray:
-        """Filtered piece (N, C); the first sample of all starts the filter."""
+        """Filtered piece (N, ...); the first sample of all starts the filter."""
         if not len(piece):
             return piece
-        from scipy.signal import lfilter  # slow to import
-
-        first = piece[0] if self._last is None else self._last
-        out = np.empty_like(piece)
-        for c, g in enumerate(self._gain):
-            out[:, c], _ = lfilter([g], [1.0, g - 1.0], piece[:, c], zi=[(1.0 - g) * first[c]])
+        out = _follow(self._gain, piece, piece[0] if self._last is None else self._last)
         self._last = out[-1]
         return out
 
+    def rest(self) -> FloatArray:
+        """Nothing is held back."""
+        return np.empty((0,))
 
-def smooth(walk: Walk, signal: FloatArray) -> FloatArray:
-    """RTS-smoothed signal (N, C): exact, with a diffuse start; no delay.
 
-    Raises UsageError where the channels are not the walk's.
+def _follow(g: float, signal: FloatArray, start: FloatArray) -> FloatArray:
+    """x_k = x_{k−1} + g (y_k − x_{k−1}) along the first axis, from x_{−1} = start."""
+    from scipy.signal import lfilter  # slow to import
+
+    out, _ = lfilter([g], [1.0, g - 1.0], signal, axis=0, zi=(1.0 - g) * start[None])
+    return np.asarray(out)
+
+
+class Smoother:
+    """The RTS smoother over pieces of a signal in their order, as far as the future is known.
+
+    In the steady state its backward pass is the causal filter run backwards over the filtered
+    signal; what lies so far ahead that it no longer counts is not waited for.
     """
-    if signal.ndim != 2 or signal.shape[1] != len(walk.q):
-        raise UsageError(f"{len(walk.q)} channels were stated, the signal is {signal.shape}")
-    if len(signal) < 2:
-        return signal.copy()
-    x, p = np.empty_like(signal), np.empty_like(signal)
-    x[0], p[0] = signal[0], walk.r
-    for k in range(1, len(signal)):
-        ahead = p[k - 1] + walk.q
-        g = ahead / (ahead + walk.r)
-        x[k] = x[k - 1] + g * (signal[k] - x[k - 1])
-        p[k] = (1.0 - g) * ahead
-    for k in range(len(signal) - 2, -1, -1):
-        back = p[k] / (p[k] + walk.q)
-        x[k] += back * (x[k + 1] - x[k])
-    return x
+
+    def __init__(self, walk: Walk) -> None:
+        self._gain = walk.gain
+        self._causal = Causal(walk)
+        remembered = max(1.0 - self._gain, 1e-300)
+        self.ahead = int(np.ceil(np.log(_FORGOTTEN) / np.log(remembered)))
+        self._held: FloatArray | None = None
+
+    def __call__(self, piece: FloatArray) -> FloatArray:
+        """Smoothed samples (N', ...) that are ready: all but the newest `ahead`."""
+        new = self._causal(piece)
+        held = new if self._held is None else np.concatenate([self._held, new])
+        ready = max(len(held) - self.ahead, 0)
+        self._held = held[ready:]
+        return self._back(held)[:ready] if ready else held[:0]
+
+    def rest(self) -> FloatArray:
+        """Smoothed samples that were not ready."""
+        return np.empty((0,)) if self._held is None else self._back(self._held)
+
+    def _back(self, held: FloatArray) -> FloatArray:
+        return _follow(self._gain, held[::-1], held[-1])[::-1]
+
+
+def filtered(
+    samples: Iterable[Samples],
+    kind: Kind,
+    walk: float,
+    tell: Callable[[Walk], None] = lambda walk: None,
+) -> Iterator[Samples]:
+    """Filter the forces of a log that comes in pieces, in bounded memory.
+
+    walk : N in a second. The noise is measured from the first 20 000 samples; tell : is told the
+    filter once it is known. A filter starts anew after a gap.
+
+    Raises UsageError and DataError where no filter can be made.
+    """
+    source = iter(samples)
+    first: list[Samples] = []
+    while sum(piece.time.size for piece in first) < _MEASURED:
+        if (piece := next(source, None)) is None:
+            break
+        first.append(piece)
+    if not first:
+        return
+    start = _joined(first)
+    noise = measured_noise(start.force.reshape(len(start.time), -1)[:_MEASURED])
+    model = Walk.of(walk, noise, float(np.median(np.diff(start.time))))
+    tell(model)
+    stage = _Stage(kind, model)
+    for piece in chain([start], source):
+        cuts = np.flatnonzero(np.diff(piece.time) > _GAP * model.interval) + 1
+        for a, b in pairwise([0, *cuts.tolist(), piece.time.size]):
+            yield from stage.push(piece.rows(slice(a, b)))
+    yield from stage.flush()
+
+
+def _joined(parts: list[Samples]) -> Samples:
+    columns = ("time", "position", "force")
+    return Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+
+
+class _Stage:
+    """A filter over samples; what the smoother holds back, it holds back of every stream."""
+
+    def __init__(self, kind: Kind, model: Walk) -> None:
+        self._new: type[Causal | Smoother] = Causal if kind == "kalman" else Smoother
+        self._model = model
+        self._held: Samples | None = None
+        self._end = -np.inf
+        self._filter = self._new(model)
+
+    def push(self, part: Samples) -> Iterator[Samples]:
+        """Samples that are ready; after a gap all that is held comes first."""
+        held = self._held
+        if held is not None and part.time[0] - self._end > _GAP * self._model.interval:
+            yield from self.flush()
+            held = None
+        self._end = float(part.time[-1])
+        force = self._filter(part.force)
+        whole = part if held is None else _joined([held, part])
+        self._held = whole.rows(slice(len(force), None))
+        if len(force):
+            yield replace(whole.rows(slice(0, len(force))), force=force)
+
+    def flush(self) -> Iterator[Samples]:
+        """The rest; the filter starts anew."""
+        force = self._filter.rest()
+        if len(force) and self._held is not None:
+            yield replace(self._held, force=force)
+        self._held, self._filter = None, self._new(self._model)

@@ -6,6 +6,7 @@ These checks come before any estimate: a mislabelled log must not become a plaus
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
@@ -117,6 +118,43 @@ def orders(n: int) -> Iterator[list[int]]:
             order = list(range(n))
             order[i], order[j] = j, i
             yield order
+
+
+def rewired(rig: Rig, seen: Postures) -> Iterator[tuple[str, Postures]]:
+    """Postures as they would be with the forces' fields named otherwise, each with its words.
+
+    Sensors exchanged; two axes of a sensor, or of all, exchanged, or one of opposite sign. What
+    only turns a sensor's axes is not among them: that is a mounting.
+    """
+    for order in orders(rig.n):
+        yield (
+            f"the sensors of {renamed(rig, order)}",
+            replace(seen, force=seen.force[:, order], force_cov=seen.force_cov[:, order]),
+        )
+    everyone = "every sensor"
+    for name in (*rig.supports, everyone):
+        here = np.array([name in (support, everyone) for support in rig.supports])
+        for words, mirror in _mirrors():
+            M = np.where(here[:, None, None], mirror, np.eye(3))
+            yield (
+                words.format(name),
+                replace(
+                    seen,
+                    force=(M @ seen.force[..., None])[..., 0],
+                    force_cov=M @ seen.force_cov @ np.swapaxes(M, 1, 2),
+                ),
+            )
+
+
+def _mirrors() -> Iterator[tuple[str, FloatArray]]:
+    """Axes exchanged or of opposite sign, as words with a place for whose, and matrices (3, 3)."""
+    eye = np.eye(3)
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        order = list(range(3))
+        order[a], order[b] = b, a
+        yield f"F{'xyz'[a]} and F{'xyz'[b]} of {{}} exchanged", eye[order]
+    for a in range(3):
+        yield f"the opposite sign of F{'xyz'[a]} of {{}}", eye * np.where(np.arange(3) == a, -1.0, 1.0)
 
 
 def renamed(rig: Rig, order: list[int]) -> str:

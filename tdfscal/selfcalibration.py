@@ -17,13 +17,14 @@ from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.gate import judge
 from tdfscal.linearcal import evaluate_linear, fit_linear
 from tdfscal.montecarlo import MonteCarlo, simulate
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
 from tdfscal.observability import Observability
 from tdfscal.records import Dwells, InputFile, Rig
 from tdfscal.robust import Rejection, fit_robust
 from tdfscal.selfcal import Fit, best_start, spread
 from tdfscal.stability import Stability
-from tdfscal.statics import Postures, postures
+from tdfscal.statics import Postures, nominal, postures
 from tdfscal.uncertainty import Quality, Uncertainty, evaluate, information_root, quality
 
 Estimator = Literal["ml", "linear"]
@@ -32,7 +33,7 @@ Estimator = Literal["ml", "linear"]
 MAX_TRIALS = 40_000
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
-#: Residuals this many times the expected ones make exchanged sensors worth a try.
+#: Residuals this many times the expected ones make another wiring worth a try.
 _POOR = 10.0
 #: χ² this unlikely is said aloud.
 _UNLIKELY = 0.001
@@ -174,26 +175,30 @@ def self_calibrate(
 
 
 def _fit(rig: Rig, observed: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
-    """Robust fit; a poor one is held against exchanged sensors before it is believed."""
+    """Robust fit; a poor one is held against other wirings before it is believed."""
     result, found = fit_robust(rig, observed)
     if np.sqrt(spread(result.distance)) > _POOR:
-        _check_exchanged(rig, observed)
+        _check_wiring(rig, observed)
     return result, found
 
 
-def _check_exchanged(rig: Rig, observed: Postures) -> None:
-    """Raise DataError where another assignment of the sensors explains the postures."""
-    for order in sanity.orders(rig.n):
-        other = replace(
-            observed, force=observed.force[:, order], force_cov=observed.force_cov[:, order]
-        )
+def _check_wiring(rig: Rig, observed: Postures) -> None:
+    """Raise DataError where the forces' fields, named otherwise, explain the postures.
+
+    Several may, each with sensors that are turned by quarters: the least turned is the likely one.
+    """
+    back, fitting = np.swapaxes(nominal(rig).rotation, 1, 2), []
+    for words, other in sanity.rewired(rig, observed):
         started = best_start(rig, other, mountings=False)
         if np.sqrt(spread(started.distance)) < _POOR:
-            raise DataError(
-                f"the forces fit with {sanity.renamed(rig, order)}, and not as they are named",
-                where="log forces",
-                hint="correct the force fields of the log block in rig.yaml, or the cabling",
-            )
+            turn = np.linalg.norm(so3.log(started.state.rotation @ back), axis=1)
+            fitting.append((float(turn.max()), words))
+    if fitting:
+        raise DataError(
+            f"the forces fit with {min(fitting)[1]}, and not as they are named",
+            where="log forces",
+            hint="correct the force fields of the log block in rig.yaml, or the cabling",
+        )
 
 
 def _with_noise(rig: Rig, observed: Postures) -> tuple[Postures, bool]:

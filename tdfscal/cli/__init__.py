@@ -5,43 +5,67 @@ from __future__ import annotations
 import os
 import sys
 
+import typer
+
 from tdfscal.cli import commands  # noqa: F401 - registers the commands
 from tdfscal.cli.app import app
 from tdfscal.errors import TdfscalError
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
+#: What typer raises for a faulty command line, whichever click it carries.
+_Misuse: type[Exception] = typer.BadParameter.__bases__[0]
 
 
 def main() -> None:
     """Run the command line and leave with the contract's exit status."""
+    sys.exit(_status())
+
+
+def _status() -> int:
     try:
-        app()
+        status = app(standalone_mode=False)
     except TdfscalError as error:
-        print(f"tdfscal: {error}", file=sys.stderr)
-        sys.exit(error.exit_status)
-    except KeyboardInterrupt:
-        print("tdfscal: interrupted; nothing was written", file=sys.stderr)
-        sys.exit(130)
+        return _say(str(error), error.exit_status)
+    except _Misuse as error:
+        return _say(_usage(error), 2)
+    except (KeyboardInterrupt, typer.Abort):
+        status = 130
     except BrokenPipeError:  # the reader of our standard output has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+        return 1
     except OSError as error:
-        print(
-            f"tdfscal: {error.filename or 'the output'} cannot be read or written: "
+        return _say(
+            f"{error.filename or 'the output'} cannot be read or written: "
             f"{error.strerror or error}. Make room, or choose another place.",
-            file=sys.stderr,
+            2,
         )
-        sys.exit(2)
     except Exception as error:
         if os.environ.get("TDFSCAL_TRACEBACK"):
             raise
-        print(
-            f"tdfscal: internal error, {type(error).__name__}: {error}. This is a fault of "
-            "tdfscal, not of your data; run again with TDFSCAL_TRACEBACK=1 and report the output.",
-            file=sys.stderr,
+        return _say(
+            f"internal error, {type(error).__name__}: {error}. This is a fault of tdfscal, not of "
+            "your data; run again with TDFSCAL_TRACEBACK=1 and report the output.",
+            INTERNAL_ERROR,
         )
-        sys.exit(INTERNAL_ERROR)
+    if status == 130:
+        return _say("interrupted; nothing was written", 130)
+    return status or 0
+
+
+def _say(text: str, status: int) -> int:
+    print(f"tdfscal: {text}", file=sys.stderr)
+    return status
+
+
+def _usage(error: Exception) -> str:
+    """Say what is wrong with a command line, in one paragraph; the help where it is bare."""
+    said = str(error.format_message())  # type: ignore[attr-defined]
+    if said.startswith("Usage:"):
+        return f"no command is given\n\n{said}"
+    path = getattr(getattr(error, "ctx", None), "command_path", "tdfscal")
+    said = " ".join(said.split()).rstrip(".").replace("'?", "'")
+    return f"{said}. Try '{path} --help'."
 
 
 __all__ = ["app", "main"]

@@ -14,6 +14,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.inuse import InUse, take
 from tdfscal.files.logs import iter_log
 from tdfscal.files.wrench_writer import check_wrench_path, write_wrenches
+from tdfscal.filtering import Kind, Walk, checked_walk, filtered
 from tdfscal.records import FloatArray, Log
 from tdfscal.timebase import Tally, aligned
 from tdfscal.wrench import COMPONENTS
@@ -48,11 +49,14 @@ def run(
     output: Path,
     rig: Path | None,
     quasi_static: bool,
+    filter: Kind,
+    walk: float | None,
     json: bool,
     quiet: bool,
 ) -> None:
     """Write the contact wrench of every sample and print a summary."""
     check_wrench_path(output)
+    walk = checked_walk(filter, walk)
     use = take(calibration, paths, rig)
     check_wrench_path(output, [calibration, *use.campaign.logs])
     for warning in use.warnings:
@@ -69,17 +73,32 @@ def run(
 
     pieces = map(heard, iter_log(use.campaign.logs, loaded.log, loaded.rig.supports))
     samples = aligned(pieces, tally)
+    told: list[Walk] = []
+    if walk is not None:
+        samples = filtered(samples, filter, walk, told.append)
     wrenches = in_motion(use.given, samples) if moving else at_rest(use.given, samples)
-    about = _about(use, moving=moving)
+    about = _about(use, filter, walk, moving=moving)
     rows = write_wrenches(output, _some(wrenches, paths), about, totals.add)
     notes += _notes(tally, use)
     result = _summary(use, output, rows, tally, totals, notes, moving=moving)
+    result["filter"] = _filter(filter, walk, told[0]) if walk is not None else None
     if json:
         emit(result)
         return
     for note in notes:
         print(f"tdfscal: warning: {note}", file=sys.stderr)
     _print(result)
+
+
+def _filter(kind: Kind, walk: float, model: Walk) -> dict[str, Any]:
+    """What the filter does, SI units."""
+    return {
+        "kind": kind,
+        "walk": walk,
+        "noise": float(np.sqrt(model.r)),
+        "noise_left": model.left if kind == "kalman" else model.left_smooth,
+        "delay": model.delay if kind == "kalman" else 0.0,
+    }
 
 
 def _some(pieces: Any, paths: list[Path]) -> Any:
@@ -96,7 +115,7 @@ def _some(pieces: Any, paths: list[Path]) -> Any:
         )
 
 
-def _about(use: InUse, *, moving: bool) -> dict[str, str]:
+def _about(use: InUse, kind: Kind, walk: float | None, *, moving: bool) -> dict[str, str]:
     """Metadata of a Parquet file."""
     return {
         "quantity": "contact wrench on the terminal: force, and moment about the LCS origin",
@@ -105,6 +124,7 @@ def _about(use: InUse, *, moving: bool) -> dict[str, str]:
         "u_": "standard uncertainty (k = 1) from the calibration and the rig's constants; "
         "noise of the single sample not included",
         "raw_": "the same with the nominal mounting and the stated zeros, mass and barycentre",
+        "filter": "none" if walk is None else f"{kind}, walk {walk:g} N in 1 s",
         "inertia": "included" if moving else "not included (quasi-static)",
         "calibration": f"{use.calibration.method}, {use.calibration.created}, "
         f"{use.calibration.status}",
@@ -170,6 +190,12 @@ def _print(result: dict[str, Any]) -> None:
         f"Contact wrench of {result['rows']} samples, {result['start']:.6g} to "
         f"{result['end']:.6g} s, {way}; LCS, moments about its origin"
     )
+    if (f := result["filter"]) is not None:
+        late = f"{1e3 * f['delay']:.3g} ms late" if f["delay"] else "without delay"
+        print(
+            f"filter {f['kind']}: {late}; leaves {100 * f['noise_left']:.0f} % of the sensors' "
+            f"noise of {f['noise']:.3g} N"
+        )
     rows = [
         [
             name,

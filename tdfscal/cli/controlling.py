@@ -6,105 +6,102 @@ import csv
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from tdfscal.cli.app import emit
 from tdfscal.cli.rigs import rig_named
+from tdfscal.cli.studying import survey_of, triple
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import load_calibration
 from tdfscal.files.campaign_writer import LogFormat
 from tdfscal.files.control_logs import write_control_logs
 from tdfscal.files.inuse import calibrated
+from tdfscal.files.rig import LoadedRig
 from tdfscal.files.rows_writer import save_rows
 from tdfscal.files.saving import make_folder
-from tdfscal.filtering import Walk
+from tdfscal.filtering import Walk, checked_walk
 from tdfscal.records import FloatArray, Log, Rig, Series
 from tdfscal.reporting import controlstudies as words
 from tdfscal.reporting.figures.style import Drawing
-from tdfscal.simulation.control.loop import Controller
+from tdfscal.simulation import Options
+from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking, freespace
-from tdfscal.studies.controllers import Arms, given, simulated
+from tdfscal.studies.controllers import MOUNTING, SQUEEZE, Arms, drifted, given, simulated
 
-LOG_FORMATS = ("csv", "parquet", "mcap")
+_S = TypeVar("_S", docking.DockingStudy, freespace.FreeSpaceStudy)
+#: Tare, s, where the user asks for one.
+TARE = 2.0
 #: Rows of a lane in traces.csv at most, about.
 _TRACE_ROWS = 600
 
 
-def run_free_space(
-    rig: Path,
-    folder: Path,
-    *,
-    calibrations: list[Path],
-    runs: int,
-    seed: int,
-    tare: bool,
-    moves: Path | None,
-    kalman: float | None,
-    logs: str | None,
-    json: bool,
-    quiet: bool,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choices:
+    """The options that both studies share, as on the command line."""
+
+    calibrations: list[Path]
+    runs: int
+    perfect: bool
+    mounting: str | None
+    drift: float
+    tare: bool
+    filter: str
+    walk: float | None
+    logs: LogFormat | None
+    seed: int
+    json: bool
+    quiet: bool
+
+
+def run_free_space(rig: Path, folder: Path, choices: Choices, moves: Path | None) -> None:
     """Move, print, write tables and figures."""
     from tdfscal.reporting.controlfigures import free_space_drawings
 
-    record, form = rig_named(rig).rig, _log_format(logs)
+    loaded = rig_named(rig)
     table = freespace.MOVES.copy() if moves is None else read_moves(moves)
-    controller = _controller(tare, kalman)
-    setup = freespace.Setup(record, controller=controller, moves=table)
-    say = _speaker(quiet)
-    arm_seed, study_seed = np.random.SeedSequence(seed).spawn(2)
-    arms = _arms(record, calibrations, runs, arm_seed, say)
-    say(f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")
-    study = freespace.free_space(setup, arms, study_seed, seed)
+    setup = freespace.Setup(loaded.rig, controller=_controller(choices), moves=table)
+    arms, seed, say = _arms(loaded, choices)
+    say(f"{len(table)} moves × {choices.runs} runs × {len(arms.arms)} calibrations")
+    study = freespace.free_space(setup, arms, seed, choices.seed)
     tables = {"deviations.csv": words.free_space_rows(study)}
     files = _write(folder, tables, free_space_drawings(study), study)
-    if form:
-        files += _logs(folder, record, study, form)
-    if json:
-        emit(words.free_space_document(study, files))
-        return
-    sys.stdout.write(words.free_space_text(study))
-    print(f"\nwrote {len(files)} files to {folder}")
+    files += _logs(folder, loaded.rig, study, choices.logs)
+    _tell(choices, folder, files, study, words.free_space_document, words.free_space_text)
 
 
-def run_docking(
-    rig: Path,
-    folder: Path,
-    *,
-    calibrations: list[Path],
-    runs: int,
-    seed: int,
-    tare: bool,
-    engagement: float | None,
-    kalman: float | None,
-    logs: str | None,
-    json: bool,
-    quiet: bool,
-) -> None:
+def run_docking(rig: Path, folder: Path, choices: Choices, engagement: float | None) -> None:
     """Dock, print, write tables and figures."""
     from tdfscal.reporting.controlfigures import docking_drawings
 
-    record, form = rig_named(rig).rig, _log_format(logs)
-    setup = docking.Setup(record, controller=_controller(tare, kalman))
+    loaded = rig_named(rig)
+    setup = docking.Setup(loaded.rig, controller=_controller(choices))
     if engagement is not None:
         setup = replace(setup, gears=replace(setup.gears, length=1e-3 * engagement))
-    say = _speaker(quiet)
-    arm_seed, study_seed = np.random.SeedSequence(seed).spawn(2)
-    arms = _arms(record, calibrations, runs, arm_seed, say)
-    say(f"docking, {runs} runs × {len(arms.arms)} calibrations")
-    study = docking.docking(setup, arms, study_seed, seed)
+    arms, seed, say = _arms(loaded, choices)
+    say(f"docking, {choices.runs} runs × {len(arms.arms)} calibrations")
+    study = docking.docking(setup, arms, seed, choices.seed)
     tables = {"maxima.csv": words.docking_rows(study)}
     files = _write(folder, tables, docking_drawings(study), study)
-    if form:
-        files += _logs(folder, record, study, form)
-    if json:
-        emit(words.docking_document(study, files))
+    files += _logs(folder, loaded.rig, study, choices.logs)
+    _tell(choices, folder, files, study, words.docking_document, words.docking_text)
+
+
+def _tell(
+    choices: Choices,
+    folder: Path,
+    files: list[str],
+    study: _S,
+    document: Callable[[_S, list[str]], dict[str, Any]],
+    text: Callable[[_S], str],
+) -> None:
+    if choices.json:
+        emit(document(study, files))
         return
-    sys.stdout.write(words.docking_text(study))
+    sys.stdout.write(text(study))
     print(f"\nwrote {len(files)} files to {folder}")
 
 
@@ -132,42 +129,51 @@ _MOVES_HINT = (
 )
 
 
-def _controller(tare: bool, kalman: float | None) -> Controller:
-    base = Controller()
+def _controller(choices: Choices) -> Controller:
+    base = Controller(tare=TARE if choices.tare else 0.0)
+    walk = checked_walk(choices.filter, choices.walk)
+    if walk is None:
+        return base
     sensing = base.sensing
-    if kalman is not None:
-        if not 0.0 < kalman < np.inf:
-            raise UsageError(
-                f"the force walks by {kalman:g} N in a second", where="--filter", hint="above zero"
-            )
-        q = np.array([kalman**2 / sensing.rate])
-        walk = Walk(q=q, r=np.array([sensing.noise**2]))
-        sensing = replace(sensing, gain=float(walk.gain[0]))
-        print(
-            f"tdfscal: the Kalman filter delays the wrench by "
-            f"{1e3 * walk.delay[0] / sensing.rate:.1f} ms and leaves "
-            f"{100 * walk.reduction[0]:.0f} % of the noise",
-            file=sys.stderr,
-        )
-    return replace(base, sensing=sensing, tare=base.tare if tare else 0.0)
+    model = Walk.of(walk, sensing.noise, 1.0 / sensing.rate)
+    return replace(base, sensing=replace(sensing, gain=model.gain))
 
 
 def _arms(
-    rig: Rig,
-    calibrations: list[Path],
-    runs: int,
-    seed: np.random.SeedSequence,
-    say: Callable[[str], None],
-) -> Arms:
-    rng = np.random.default_rng(seed)
-    if not calibrations:
+    loaded: LoadedRig, choices: Choices
+) -> tuple[Arms, np.random.SeedSequence, Callable[[str], None]]:
+    """Calibrations and machines, the seed of the study itself, and how to speak of it."""
+    arm_seed, study_seed = np.random.SeedSequence(choices.seed).spawn(2)
+    rng, runs, rig = np.random.default_rng(arm_seed), choices.runs, loaded.rig
+    say = _speaker(choices.quiet)
+    if not choices.calibrations:
+        mounting = MOUNTING
+        if choices.mounting is not None:
+            roll, pitch, yaw = np.abs(triple(choices.mounting, "--mounting")).tolist()
+            mounting = (roll, pitch, yaw)
         say(f"{runs} campaigns and surveys, simulated and calibrated")
-        return simulated(rig, runs, rng)
+        options = Options(squeeze=SQUEEZE, installation_std=mounting)
+        survey = survey_of(loaded)
+        arms = simulated(rig, runs, rng, best=choices.perfect, options=options, survey=survey)
+        return _drifted(arms, choices.drift, rng), study_seed, say
+    if choices.mounting is not None:
+        raise UsageError(
+            "given calibrations say how the sensors are mounted",
+            where="--mounting",
+            hint="leave it out, or leave --calibration out",
+        )
     named: dict[str, Any] = {}
-    for path in calibrations:
-        name = path.stem if path.stem not in (*named, "none") else f"{path.stem}-{len(named) + 1}"
+    for path in choices.calibrations:
+        name = path.stem
+        if name in (*named, "none", "perfect"):
+            name = f"{name}-{len(named) + 1}"
         named[name] = calibrated(load_calibration(path), path)
-    return given(rig, list(named.items()), runs, rng)
+    arms = given(rig, list(named.items()), runs, rng, best=choices.perfect)
+    return _drifted(arms, choices.drift, rng), study_seed, say
+
+
+def _drifted(arms: Arms, drift: float, rng: np.random.Generator) -> Arms:
+    return drifted(arms, drift, rng) if drift else arms
 
 
 def _speaker(quiet: bool) -> Callable[[str], None]:
@@ -200,20 +206,10 @@ def _write(
     return files
 
 
-def _log_format(name: str | None) -> LogFormat | None:
-    if name is None:
-        return None
-    if name not in LOG_FORMATS:
-        raise UsageError(
-            f"there is no log format {name!r}",
-            where="--logs",
-            hint=f"choose from {', '.join(LOG_FORMATS)}",
-        )
-    return name  # type: ignore[return-value]
-
-
-def _logs(folder: Path, rig: Rig, study: words.Study, form: LogFormat) -> list[str]:
+def _logs(folder: Path, rig: Rig, study: words.Study, form: LogFormat | None) -> list[str]:
     """One log per lane in the folder's `logs`."""
+    if form is None:
+        return []
     traces = study.result.traces
     lanes = traces.contact.shape[1]
     per = lanes // len(study.names)

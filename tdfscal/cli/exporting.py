@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from tdfscal.cli.app import emit
+from tdfscal.cli.places import check_place
 from tdfscal.cli.reporting import load
 from tdfscal.errors import UsageError
 from tdfscal.export import FORMATS, certificate
@@ -19,10 +21,12 @@ def run(
     parent: str,
     schema: Path | None,
     allow_rejected: bool,
+    json: bool,
 ) -> int:
     """Write the export; return the exit status: 1, and nothing written, for a rejected result."""
     if schema is not None and to != "dcc":
         raise UsageError("only a DCC has a schema", where="--schema", hint="use --to dcc")
+    check_place(output, [path])
     ((_, calibration),) = load([path])
     if calibration.status == "rejected" and not allow_rejected:
         print(
@@ -38,8 +42,12 @@ def run(
         check(text, schema)
     else:
         text = FORMATS[to](calibration, parent)
-    if str(output) == "-":
-        sys.stdout.write(text)
-    else:
+    to_stdout = str(output) == "-"
+    if not to_stdout:
         write_text(output, text)
+    if json:
+        where = {"content": text} if to_stdout else {"output": str(output)}
+        emit({"format": to, "calibration_status": calibration.status, **where})
+    elif to_stdout:
+        sys.stdout.write(text)
     return 0

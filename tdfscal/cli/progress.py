@@ -1,11 +1,23 @@
-"""A bar with rate and remaining time on standard error, where that is a terminal."""
+"""Progress on standard error: stages with the time, and a bar where that is a terminal."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+
+def stages(*, quiet: bool) -> Callable[[str], None]:
+    """Return what says each stage of a work with the seconds since its start."""
+    started = time.monotonic()
+
+    def say(stage: str) -> None:
+        if not quiet:
+            print(f"[{time.monotonic() - started:5.1f} s] {stage} …", file=sys.stderr, flush=True)
+
+    return say
 
 
 @contextmanager

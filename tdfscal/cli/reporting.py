@@ -5,32 +5,38 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tdfscal.cli.app import emit
+from tdfscal.cli.places import check_calibration, check_place
+from tdfscal.cli.progress import stages
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import Calibration, load_calibration, parse_calibration
+from tdfscal.files.saving import write_text
 from tdfscal.reporting.terminal import show
-
-if TYPE_CHECKING:
-    from tdfscal.workflow import Outcome
 
 Named = tuple[str, Calibration]
 
 
-def run(files: list[Path], *, html: Path | None, figures: Path | None, json: bool) -> None:
+def run(
+    files: list[Path], *, html: Path | None, figures: Path | None, json: bool, quiet: bool
+) -> None:
     """Print one calibration, or several side by side; write page and figures where asked."""
-    if html is not None and str(html) != "-":
-        check_place(html)
-    loaded = load(files)
     if str(html) == "-" and json:
         raise UsageError("--html - and --json both want standard output", hint="name a file")
+    if html is not None:
+        check_place(html, files)
+    loaded = load(files)
+    say = stages(quiet=quiet)
     if figures is not None:
+        say("drawing the figures")
         _write_figures(loaded, figures)
     if html is not None:
-        _write_html(loaded, html)
+        say("drawing the report")
+        page = page_of(*loaded)
         if str(html) == "-":
+            sys.stdout.write(page)
             return
+        write_text(html, page)
     if json:
         _print_json(loaded)
     elif len(loaded) == 1:
@@ -63,25 +69,6 @@ def compare(files: list[Path], *, json: bool) -> None:
         sys.stdout.write("\n".join(render_comparison(pair) for pair in pairs))
 
 
-def write_report(outcome: Outcome, path: Path) -> None:
-    """Write the HTML report of a calibration just made; `-` is standard output.
-
-    The same page as `report --html` makes of the calibration file. Raises UsageError where it
-    cannot be written.
-    """
-    _write_html([("", outcome.calibration)], path)
-
-
-def check_place(path: Path) -> None:
-    """Refuse before the work what could not be written after it. Raises UsageError."""
-    if path.is_dir() or not path.absolute().parent.is_dir():
-        raise UsageError(
-            "cannot be written: it is a folder, or its folder is not there",
-            where=str(path),
-            hint="name a file in a folder that exists",
-        )
-
-
 def load(files: Sequence[Path]) -> list[Named]:
     """Read calibration files, `-` from standard input; names tell them apart.
 
@@ -89,6 +76,8 @@ def load(files: Sequence[Path]) -> list[Named]:
     """
     if sum(str(path) == "-" for path in files) > 1:
         raise UsageError("standard input can be read once only", hint="name files")
+    for path in files:
+        check_calibration(path)
     loaded = [
         ("standard input", parse_calibration(sys.stdin.buffer.read(), "standard input"))
         if str(path) == "-"
@@ -100,6 +89,13 @@ def load(files: Sequence[Path]) -> list[Named]:
     return loaded
 
 
+def page_of(*loaded: Named) -> str:
+    """Return the HTML page of one calibration, or of several side by side. Raises DataError."""
+    from tdfscal.reporting.html import render_page, render_several
+
+    return render_page(loaded[0][1]) if len(loaded) == 1 else render_several(loaded)
+
+
 def _print_json(loaded: list[Named]) -> None:
     documents = [c.model_dump(mode="json", exclude_none=True) for _, c in loaded]
     if len(documents) == 1:
@@ -109,17 +105,6 @@ def _print_json(loaded: list[Named]) -> None:
 
     comparison = document(put_side_by_side(loaded))
     emit({"calibrations": documents, "comparison": comparison})
-
-
-def _write_html(loaded: list[Named], path: Path) -> None:
-    from tdfscal.files.saving import write_text
-    from tdfscal.reporting.html import render_page, render_several
-
-    page = render_page(loaded[0][1]) if len(loaded) == 1 else render_several(loaded)
-    if str(path) == "-":
-        sys.stdout.write(page)
-    else:
-        write_text(path, page)
 
 
 def _write_figures(loaded: list[Named], folder: Path) -> None:

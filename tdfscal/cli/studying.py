@@ -5,41 +5,65 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from tdfscal.cli.app import emit
-from tdfscal.cli.rigs import rig_named
+from tdfscal.cli.rigs import calibrations_named, rig_named
 from tdfscal.errors import UsageError
 from tdfscal.files.rig import LoadedRig
 from tdfscal.files.rows_writer import save_rows
 from tdfscal.files.saving import make_folder
-from tdfscal.reporting import studies
+from tdfscal.records import FloatArray
+from tdfscal.reporting import stakes, studies
 from tdfscal.simulation import Options, SurveyOptions
 from tdfscal.studies.accuracy import Setup, accuracy
 from tdfscal.studies.sensitivity import Sweep, sensitivity
+from tdfscal.studies.stakes import stake
 
 
 def run_sensitivity(
-    rig: Path, folder: Path, *, rpy: str | None, squeeze: float, span: float, json: bool
+    rig: Path,
+    folder: Path,
+    *,
+    calibrations: Sequence[Path],
+    rpy: str | None,
+    squeeze: float,
+    span: float,
+    json: bool,
 ) -> None:
     """Sweep, print, write tables and figures."""
-    record = rig_named(rig).rig
+    loaded = rig_named(rig)
+    record = loaded.rig
+    named = calibrations_named(calibrations, loaded)
     postures = [np.zeros(3)]
     if rpy is not None:
-        postures.append(_rpy(rpy))
+        postures.append(triple(rpy, "--rpy"))
     forces = [0.0, squeeze] if squeeze > 0.0 else [0.0]
     sweeps = [
         sensitivity(record, posture, internal=internal, span=span)
         for posture in postures
         for internal in forces
     ]
+    worth = {
+        name: [
+            stake(record, c.rotation, c.rotation_covariance, sweep.rpy, internal=sweep.internal)
+            for sweep in sweeps
+        ]
+        for name, c in named.items()
+    }
     files = _write_sensitivity(record.supports, sweeps, make_folder(folder))
+    if worth:
+        save_rows(folder / "calibrations.csv", stakes.stake_rows(record.supports, worth))
+        files.append("calibrations.csv")
     if json:
-        emit(studies.sensitivity_document(record.name, record.supports, sweeps, files))
+        found = studies.sensitivity_document(record.name, record.supports, sweeps, files)
+        emit(found | {"calibrations": stakes.stakes_document(worth)})
         return
     sys.stdout.write(studies.sensitivity_text(record.supports, sweeps))
+    sys.stdout.write(stakes.stakes_text(record.supports, worth))
     print(f"\nwrote {len(files)} files to {folder}")
 
 
@@ -60,6 +84,7 @@ def run_accuracy(
     rig: Path,
     folder: Path,
     *,
+    calibrations: Sequence[Path],
     runs: int,
     postures: int,
     tilt: float,
@@ -76,12 +101,13 @@ def run_accuracy(
     from tdfscal.reporting.studyfigures import accuracy_drawings
 
     loaded = rig_named(rig)
+    stated = {k: c.rpy_std for k, c in calibrations_named(calibrations, loaded).items()}
     setup = Setup(
         rig=loaded.rig,
         options=Options(
             postures=postures, tilt=float(np.deg2rad(tilt)), squeeze=squeeze, stiffness=stiffness
         ),
-        survey=_survey(loaded, distance),
+        survey=survey_of(loaded, distance),
         runs=runs,
         seed=seed,
     )
@@ -105,13 +131,16 @@ def run_accuracy(
     for drawing in accuracy_drawings(study):
         files += [path.name for path in save(drawing, folder)]
     if json:
-        emit(studies.accuracy_document(study, files))
+        found = studies.accuracy_document(study, files)
+        emit(found | {"calibrations": stakes.stated_document(study, stated)})
         return
     sys.stdout.write(studies.accuracy_text(study))
+    for line in stakes.stated_text(study, stated):
+        print(line)
     print(f"\nwrote {len(files)} files to {folder}")
 
 
-def _survey(loaded: LoadedRig, distance: float) -> SurveyOptions:
+def survey_of(loaded: LoadedRig, distance: float = 5.0) -> SurveyOptions:
     """Take the survey that the rig file declares, or the paper's."""
     if not 0.0 < distance < np.inf:
         raise UsageError(f"the tracker stands {distance:g} m away", hint="give metres above zero")
@@ -125,13 +154,14 @@ def _survey(loaded: LoadedRig, distance: float) -> SurveyOptions:
     )
 
 
-def _rpy(text: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def triple(text: str, option: str) -> FloatArray:
+    """Roll, pitch, yaw (3,), rad, as an option writes them. Raises UsageError."""
     try:
         values = np.array([float(part) for part in text.split(",")])
     except ValueError:
         values = np.empty(0)
     if values.shape != (3,) or not np.all(np.isfinite(values)):
         raise UsageError(
-            f"{text!r} is not roll, pitch, yaw", where="--rpy", hint="write radians as 0.1,0,0"
+            f"{text!r} is not roll, pitch, yaw", where=option, hint="write radians as 0.1,0,0"
         )
     return values

@@ -3,31 +3,50 @@
 from __future__ import annotations
 
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from tdfscal.cli.app import emit
+from tdfscal.cli.app import command_line, emit
+from tdfscal.cli.places import check_calibration, check_place
+from tdfscal.cli.progress import reading_bar, stages
 from tdfscal.dwells import find_dwells
+from tdfscal.errors import UsageError
 from tdfscal.files.inuse import InUse, take
 from tdfscal.files.logs import iter_log
-from tdfscal.records import Log
+from tdfscal.files.saving import write_text
+from tdfscal.records import InputFile, Log
 from tdfscal.reporting.verdict import document, render
 from tdfscal.validation import validate
 
 
-def run(calibration: Path, paths: list[Path], *, rig: Path | None, json: bool) -> int:
+def run(
+    calibration: Path,
+    paths: list[Path],
+    *,
+    rig: Path | None,
+    html: Path | None,
+    json: bool,
+    quiet: bool,
+) -> int:
     """Test, print the verdict and return the exit status: 1 where the calibration fails."""
+    check_calibration(calibration)
+    if str(html) == "-":
+        raise UsageError("--html - and the verdict both want standard output", hint="name a file")
+    if html is not None:
+        check_place(html, [calibration, *paths])
     use = take(calibration, paths, rig)
     for warning in use.warnings:
         print(f"tdfscal: WARNING: {warning}", file=sys.stderr)
     loaded = use.campaign.rig
-    notes: list[str] = []
+    notes, inputs = list[str](), list[InputFile]()
 
     used = {entry.sha256 for entry in use.calibration.inputs}
 
     def heard(piece: Log) -> Log:
         notes.extend(piece.warnings)
+        inputs.extend(piece.inputs)
         for entry in piece.inputs:
             if entry.sha256 in used:
                 again = f"{entry.path} went into this calibration: what it shows is no proof"
@@ -35,9 +54,23 @@ def run(calibration: Path, paths: list[Path], *, rig: Path | None, json: bool) -
                 print(f"tdfscal: WARNING: {again}", file=sys.stderr)
         return piece
 
-    pieces = map(heard, iter_log(use.campaign.logs, loaded.log, loaded.rig.supports))
-    result = validate(use.given, find_dwells(pieces), rig=loaded.rig, noise=_fit_noise(use))
+    say = stages(quiet=quiet)
+    say("reading the log and finding the dwells")
+    logs = use.campaign.logs
+    with reading_bar(logs, quiet=quiet) as bar:
+        pieces = iter_log(logs, loaded.log, loaded.rig.supports, progress=bar)
+        dwells = find_dwells(map(heard, pieces))
+    say(f"testing the calibration on {len(dwells)} dwells")
+    result = validate(use.given, dwells, rig=loaded.rig, noise=_fit_noise(use))
     warnings = (*use.warnings, *notes, *result.warnings)
+    if html is not None:
+        from tdfscal.reporting.html import render_validation
+        from tdfscal.reporting.validationpage import Origin
+
+        say("drawing the report")
+        created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+        origin = Origin(str(calibration), command_line(), created, tuple(inputs))
+        write_text(html, render_validation(result, use.calibration, warnings, origin))
     if json:
         emit(document(result, warnings))
     else:

@@ -66,6 +66,7 @@ def _administration(data: ET.Element, c: Calibration) -> None:
     for support in c.supports:
         item = _add(items, "item")
         _named(item, f"Force sensor of {support.name}")
+        _named(_add(item, "manufacturer"), _BLANK)  # asked for by 3.0 and 3.1
         identification = _add(_add(item, "identifications"), "identification")
         _add(identification, "issuer", "owner")
         _add(identification, "value", support.name)
@@ -82,13 +83,14 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool) ->
     interval = support.rpy_interval
     for k, angle in enumerate(ANGLES):
         value, std = support.rpy[k], support.rpy_std[k]
-        half = max(interval.high[k] - value, value - interval.low[k], 0.0)
+        # D-SI knows no coverage factor below 1.
+        half = max(interval.high[k] - value, value - interval.low[k], std)
         quantity = _add(data, "quantity")
         _named(quantity, f"{angle} of {support.name}")
         real = _si(quantity, "real")
         _si(real, "value", number(value))
         _si(real, "unit", "\\radian")
-        if std > 0 and half > 0:
+        if std > 0:
             _expanded(real, half, half / std, interval.coverage, univariate=univariate)
     for axis, value in zip("xyz", support.zero, strict=True):
         quantity = _add(data, "quantity")
@@ -120,6 +122,7 @@ def _software(place: ET.Element, c: Calibration) -> None:
 
 def _contact(place: ET.Element) -> None:
     _named(place, _BLANK)
+    _add(place, "eMail", _BLANK)  # asked for by 3.0 and 3.1
     _add(_add(place, "location"), "city", _BLANK)
 
 

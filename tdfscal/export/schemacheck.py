@@ -51,7 +51,8 @@ def check(document: str, path: Path) -> None:
         raise UsageError(
             f"the schema cannot be used: {_first_line(error)}",
             where=str(path),
-            hint="put the schemas that it imports (SI_Format.xsd, xmldsig) into its folder",
+            hint="put the schemas that it imports (SI_Format.xsd with its own imports, xmldsig) "
+            "into its folder",
         ) from error
     fault = next(schema.iter_errors(document), None)
     if fault is not None:

@@ -175,6 +175,16 @@ class Calibration(Strict):
         identity = tuple(map(tuple, np.eye(3).tolist()))
         return np.array([support.sensitivity or identity for support in self.supports])
 
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What is odd about the file itself, beside the result's own warnings."""
+        if not self.rig.edited:
+            return ()
+        return (
+            "the rig that this file embeds was edited after the calibration: the result does not "
+            "belong to it",
+        )
+
     def rotations(self) -> Rotations:
         """Return the rotations with their covariance as a record."""
         return Rotations(self.support_names, self.rotation, self.rotation_covariance)

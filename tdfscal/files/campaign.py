@@ -69,10 +69,11 @@ def find_logs(paths: Sequence[Path], apart: Iterable[Path] = ()) -> tuple[Path, 
         elif is_log(path):
             found.setdefault(path.resolve(), path)
         else:
+            kinds = "logs are .csv, .tsv (also .gz, .zst), .parquet, .mcap, or rosbag2 folders"
             raise UsageError(
                 "is not a log",
                 where=str(path),
-                hint="logs are .csv, .tsv (also .gz, .zst), .parquet, .mcap, or rosbag2 folders",
+                hint="name the folder that holds it" if path.name == RIG_NAME else kinds,
             )
     return tuple(found.values())
 
@@ -106,7 +107,7 @@ def _home(path: Path) -> Path:
 
 def _no_rig(paths: Sequence[Path]) -> UsageError:
     home = _home(paths[0])
-    near = nearest(RIG_NAME, _names(home))
+    near = nearest(RIG_NAME, [n for n in _names(home) if not _is_calibration(home / n)])
     return UsageError(
         f"there is no {RIG_NAME}",
         where=str(home),
@@ -114,6 +115,14 @@ def _no_rig(paths: Sequence[Path]) -> UsageError:
         if near
         else "name the rig file with --rig",
     )
+
+
+def _is_calibration(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return b"tdfscal-calibration" in file.read(1024)
+    except OSError:
+        return False
 
 
 def _require(paths: Sequence[Path]) -> None:

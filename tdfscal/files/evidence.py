@@ -55,11 +55,9 @@ def loads(result: SelfCalibration) -> list[dict[str, Any]]:
     ]
 
 
-def histogram(result: SelfCalibration) -> dict[str, Any] | None:
-    """Monte Carlo trials in bins of the linear standard uncertainty; None without trials."""
-    if result.monte_carlo is None:
-        return None
-    sample = result.monte_carlo.sample / result.uncertainty.rpy_std
+def histogram(deviations: FloatArray, rpy_std: FloatArray) -> dict[str, Any]:
+    """Monte Carlo trials (trials, n, 3) in bins of the linear standard uncertainty (n, 3)."""
+    sample = deviations / rpy_std
     n = sample.shape[1]
     return {
         "definition": HISTOGRAM_DEFINITION,

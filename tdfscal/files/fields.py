@@ -31,7 +31,10 @@ UNKNOWN = "unknown"
 class Strict(BaseModel):
     """A part of a file: frozen, and no key that is not declared."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
+    # A part is checked within its file, so that only the files' own validators need building.
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, protected_namespaces=(), defer_build=True
+    )
 
 
 def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticCustomError:

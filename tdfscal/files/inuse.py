@@ -84,9 +84,11 @@ def take(calibration: Path, paths: Sequence[Path], rig: Path | None = None) -> I
 
 
 def _warnings(calibration: Calibration, path: Path) -> tuple[str, ...]:
+    cautions = tuple(f"{path}: {caution}" for caution in calibration.cautions)
     if calibration.status == "accepted":
-        return ()
+        return cautions
     return (
+        *cautions,
         f"{path} IS A REJECTED CALIBRATION, not fit for use: "
         f"{'; '.join(calibration.quality.reasons)}",
     )

@@ -89,7 +89,10 @@ def from_tracker(
         zero_std=rig.zero.std,
         terminal=_terminal(rig.mass.value, rig.mass.std, rig.barycentre.value, rig.barycentre.std),
         monte_carlo=_trials(
-            trials, origin.seed, validated=trials is not None and trials.linear_interval_validated
+            trials,
+            origin.seed,
+            result.rpy_std,
+            validated=trials is not None and trials.linear_interval_validated,
         ),
         tracker=_tracker_statistics(result),
     )
@@ -215,8 +218,8 @@ def _self_parts(
         "monte_carlo": _trials(
             trials,
             origin.seed,
+            result.uncertainty.rpy_std,
             validated=trials is not None and trials.validated,
-            histogram=evidence.histogram(result),
         ),
         "validation": _validation(result),
         "stability": asdict(result.stability),
@@ -334,9 +337,9 @@ def _joint_budget(
 def _trials(
     trials: MonteCarlo | TrackerMonteCarlo | None,
     seed: int,
+    rpy_std: FloatArray,
     *,
     validated: bool,
-    histogram: dict[str, Any] | None = None,
 ) -> dict[str, Any] | None:
     """Monte Carlo of either method."""
     if trials is None:
@@ -349,7 +352,7 @@ def _trials(
         "high": trials.high,
         "tolerance": float(trials.tolerance.min()),
         "linear_interval_validated": validated,
-        "histogram": histogram,
+        "histogram": evidence.histogram(trials.sample, rpy_std),
     }
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +19,8 @@ from tdfscal.files.fields import Sha256
 from tdfscal.files.rigmodel import RIG_FORMAT, RigFile, TrackerBlock
 from tdfscal.files.yamlio import Document, parse_document, read_document
 from tdfscal.records import Acceptance, Declared, Instrument, Known, LogMapping, Rig
+
+_HASHES = frozenset({"sha256", "content_sha256"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +65,21 @@ class LoadedRig:
 
 
 class EmbeddedRig(RigFile):
-    """A resolved rig within a calibration file, with the SHA-256 of the file it came from."""
+    """A resolved rig within a calibration file.
+
+    sha256 : of the file it came from. content_sha256 : of this copy, so that an edited one is
+    noticed; none in files of old.
+    """
 
     sha256: Sha256
+    content_sha256: Sha256 | None = None
+
+    @property
+    def edited(self) -> bool:
+        """Whether this copy is not the one that was written with the result."""
+        # Without defaults that a later version may add: the file does not state them.
+        own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+        return self.content_sha256 not in (None, _content_sha256(own))
 
 
 def load_rig(path: Path | str) -> LoadedRig:
@@ -118,8 +134,21 @@ def _from_document(document: Document, path: Path) -> LoadedRig:
         tracker=_tracker(file.tracker, path.parent) if file.tracker else None,
         path=path,
         sha256=document.sha256,
-        document={**file.model_dump(mode="json", exclude_none=True), "sha256": document.sha256},
+        document=_with_hashes(file, document.sha256),
     )
+
+
+def _with_hashes(file: RigFile, sha256: str) -> dict[str, Any]:
+    """The rig as it is embedded in a calibration file."""
+    content = file.model_dump(mode="json", exclude_none=True)
+    return {**content, "sha256": sha256, "content_sha256": _content_sha256(content)}
+
+
+def _content_sha256(document: Mapping[str, Any]) -> str:
+    """SHA-256 of an embedded rig's values, whatever their order and notation."""
+    values = {key: value for key, value in document.items() if key not in _HASHES}
+    text = json.dumps(values, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _rig(file: RigFile) -> Rig:

@@ -33,7 +33,11 @@ def clock(c: Calibration) -> Clock:
     starts = [r.start for r in rejected if r.start is not None]
     if c.postures is not None:
         starts += [*c.postures.start, *(s.start for s in c.postures.left_out or ())]
-    first = min(starts, default=0.0)
-    if abs(first) < _DATE:
+    if (origin := origin_of(min(starts, default=0.0))) == 0.0:
         return Clock(0.0, "time in the log, s", "s")
-    return Clock(float(int(first)), "time since the log's start, s", "s")
+    return Clock(origin, "time since the log's start, s", "s")
+
+
+def origin_of(first: float) -> float:
+    """Return what to subtract from a log's times: nothing, or the whole seconds of a date."""
+    return 0.0 if abs(first) < _DATE else float(int(first))

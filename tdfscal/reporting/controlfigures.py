@@ -19,7 +19,7 @@ from tdfscal.reporting.figures.style import (
     figure,
     logarithmic,
 )
-from tdfscal.simulation.control.loop import PHASES
+from tdfscal.simulation.control.runs import PHASES
 from tdfscal.studies.docking import DockingStudy
 from tdfscal.studies.freespace import FreeSpaceStudy
 
@@ -60,6 +60,7 @@ def _paint_deviations(study: FreeSpaceStudy) -> Figure:
     move = np.arange(1.0, rms.shape[1] + 1.0)
     for axis, ax in enumerate(grid.flat):
         _marked(ax, move, rms[:, :, axis], study.names)
+        logarithmic(ax)
         ax.set_title(names[axis])
         ax.set_xticks(move)
         if axis % 3 == 0:
@@ -71,12 +72,10 @@ def _paint_deviations(study: FreeSpaceStudy) -> Figure:
 
 
 def _marked(ax: Axes, x: FloatArray, values: FloatArray, names: tuple[str, ...]) -> None:
-    """One line with markers per calibration, values (C, X); logarithmic."""
+    """One line with markers per calibration, values (C, X)."""
     for c, name in enumerate(names):
         colour, line, marker = _MARKS[c % len(_MARKS)]
-        here = np.where(values[c] > 0.0, values[c], np.nan)
-        ax.plot(x, here, color=colour, linestyle=line, marker=marker, markersize=4, label=name)
-    logarithmic(ax)
+        ax.plot(x, values[c], color=colour, linestyle=line, marker=marker, markersize=4, label=name)
 
 
 def _legend(fig: Figure, ax: Axes) -> None:
@@ -85,7 +84,8 @@ def _legend(fig: Figure, ax: Axes) -> None:
 
 
 def docking_drawings(study: DockingStudy) -> tuple[Drawing, ...]:
-    """Fig. 17, of the last calibration's first run, and Fig. 18."""
+    """Fig. 17, of the first run of the last real calibration, and Fig. 18."""
+    last = max(c for c, name in enumerate(study.names) if name != "perfect")
     force, torque = (study.average[..., q] for q in (0, 1))
     said = ", ".join(
         f"{name} {force[c, study.touched[c]].mean():.3g} N and "
@@ -96,9 +96,9 @@ def docking_drawings(study: DockingStudy) -> tuple[Drawing, ...]:
     return (
         Drawing(
             "docking",
-            f"Contact force and torque of one docking, calibration {study.names[-1]}",
-            f"Run 1 ended {study.outcome(len(study.names) - 1, 0)}.",
-            partial(_paint_docking, study, len(study.names) - 1, 0),
+            f"Contact force and torque of one docking, calibration {study.names[last]}",
+            f"Run 1 ended {study.outcome(last, 0)}.",
+            partial(_paint_docking, study, last, 0),
         ),
         Drawing(
             "maxima",
@@ -143,6 +143,7 @@ def _paint_maxima(study: DockingStudy) -> Figure:
     for axis, ax in enumerate(grid.flat):
         values = np.where(study.touched, study.peak[..., axis], np.nan)
         _marked(ax, run, values, study.names)
+        ax.set_ylim(bottom=0.0)
         ax.set_title(_FORCES[axis])
         if len(run) <= 12:
             ax.set_xticks(run)

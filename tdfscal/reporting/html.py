@@ -15,11 +15,20 @@ from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures.style import Drawing, to_svg
 from tdfscal.reporting.page import compose
 from tdfscal.reporting.several import Several, put_side_by_side, several_drawings
+from tdfscal.reporting.validationpage import Origin, compose_validation
+from tdfscal.validation import Validation
 
 
 def render_page(calibration: Calibration) -> str:
     """Return the page of one calibration."""
     return _render("report.html.j2", page=compose(calibration))
+
+
+def render_validation(
+    v: Validation, c: Calibration, warnings: Sequence[str], origin: Origin
+) -> str:
+    """Return the page of a validation of a calibration."""
+    return _render("report.html.j2", page=compose_validation(v, c, warnings, origin))
 
 
 def render_several(calibrations: Sequence[tuple[str, Calibration]]) -> str:

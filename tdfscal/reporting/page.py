@@ -25,10 +25,26 @@ class Section:
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
-    """One calibration. tiles : name, number, remark; what a reader sees at a glance."""
+class Headline:
+    """The box at the head of a page that is no calibration's own; as the parts of a Summary."""
 
-    summary: Summary
+    title: str
+    subtitle: str
+    accepted: bool
+    verdict: str
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+    advice: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One calibration, or one validation.
+
+    tiles : name, number, remark; what a reader sees at a glance.
+    """
+
+    summary: Summary | Headline
     created: str
     claim: str
     tiles: tuple[tuple[str, str, str], ...]
@@ -127,20 +143,21 @@ def _tiles(c: Calibration) -> tuple[tuple[str, str, str], ...]:
 
 
 def _angles(s: Summary) -> Table:
+    """Split the interval into two columns, and name each row's sensor."""
+    header, rows = s.angle_table()
+    place = header.index("95 % interval")
     return Table(
-        "Installation angles in the BCS, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
-        ("sensor", "angle", "value", "std. unc.", "95 % from", "to", "mostly from"),
+        f"{s.angle_title}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
+        (*header[:place], "95 % from", "to", *header[place + 1 :]),
         tuple(
             (
-                row.support,
-                row.angle,
-                f"{row.value:.3f}",
-                f"{row.std:.3f}",
-                f"{row.low:.3f}",
-                f"{row.high:.3f}",
-                row.source,
+                angle.support,
+                *row[1:place],
+                f"{angle.low:.3f}",
+                f"{angle.high:.3f}",
+                *row[place + 1 :],
             )
-            for row in s.angles
+            for angle, row in zip(s.angles, rows, strict=True)
         ),
         left=2,
     )
@@ -217,11 +234,9 @@ def _absent(c: Calibration, drawn: set[str]) -> tuple[str, ...]:
         notes.append("A tracker survey has no postures: no residual wrench and no timeline.")
     if "trials" not in drawn:
         notes.append(
-            {
-                "self": "No Monte Carlo histogram: the trials were switched off, or not kept.",
-                "tracker": "The tracker's Monte Carlo trials are not kept, only their summary.",
-                "joint": "A joint result has no Monte Carlo of its own; see each method alone.",
-            }[c.method]
+            "A joint result has no Monte Carlo of its own; see each method alone."
+            if c.method == "joint"
+            else "No Monte Carlo histogram: the trials were switched off, or not kept."
         )
     if "survey" not in drawn and c.method != "self":
         notes.append("This file holds no residuals of single points; calibrate again to have them.")

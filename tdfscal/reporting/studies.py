@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.observability import ANGLES
+from tdfscal.records import FloatArray
 from tdfscal.reporting.text import table, wrapped
 from tdfscal.studies.accuracy import Accuracy, angle_names
 from tdfscal.studies.sensitivity import Sweep
@@ -18,18 +19,16 @@ COLUMN = {"ml": "ML", "linear": "linear", "tracker": "tracker"}
 Row = tuple[str | float | int, ...]
 
 
-def posture_name(sweep: Sweep) -> str:
-    """The terminal's posture in words."""
-    if not np.any(sweep.rpy):
+def posture_name(rpy: FloatArray) -> str:
+    """The terminal's posture (3,), rad, in words."""
+    if not np.any(rpy):
         return "aligned"
-    return "roll, pitch, yaw " + ", ".join(f"{v:g}" for v in sweep.rpy) + " rad"
+    return "roll, pitch, yaw " + ", ".join(f"{v:g}" for v in rpy) + " rad"
 
 
-def forces_name(sweep: Sweep) -> str:
-    """The hinge forces in words."""
-    if sweep.internal == 0.0:
-        return "no internal forces"
-    return f"internal forces of {sweep.internal:g} N"
+def forces_name(internal: float) -> str:
+    """Internal forces, N, in words."""
+    return f"internal forces of {internal:g} N" if internal else "no internal forces"
 
 
 def sensitivity_text(supports: tuple[str, ...], sweeps: list[Sweep]) -> str:
@@ -39,7 +38,7 @@ def sensitivity_text(supports: tuple[str, ...], sweeps: list[Sweep]) -> str:
         span = sweep.deviation[-1]
         lines += wrapped(
             f"Error of the contact wrench with one angle of one sensor off by ±{span:g} rad, "
-            f"{posture_name(sweep)}, {forces_name(sweep)}",
+            f"{posture_name(sweep.rpy)}, {forces_name(sweep.internal)}",
             "",
             "",
         )

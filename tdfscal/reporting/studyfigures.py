@@ -35,7 +35,7 @@ def sensitivity_drawing(supports: tuple[str, ...], sweep: Sweep, name: str) -> D
     i, j, _ = np.unravel_index(int(sweep.force.argmax()), sweep.force.shape)
     return Drawing(
         name,
-        f"What a wrong angle costs, {posture_name(sweep)}, {forces_name(sweep)}",
+        f"What a wrong angle costs, {posture_name(sweep.rpy)}, {forces_name(sweep.internal)}",
         f"{ANGLES[j]} of {supports[i]} costs most, {sweep.force.max():.3g} N at "
         f"{sweep.deviation[-1]:g} rad.",
         partial(_paint_sweep, supports, sweep),
@@ -83,7 +83,7 @@ def _paint_sweep(supports: tuple[str, ...], sweep: Sweep) -> Figure:
         labels,
         loc="outside upper left",
         ncols=3,
-        title=f"terminal {posture_name(sweep)}; {forces_name(sweep)}",
+        title=f"terminal {posture_name(sweep.rpy)}; {forces_name(sweep.internal)}",
         alignment="left",
     )
     return fig

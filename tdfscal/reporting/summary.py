@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import PurePath
 
@@ -19,7 +20,11 @@ ESTIMATORS = {"ml": "", "linear": ", linear method of the paper"}
 
 @dataclass(frozen=True, slots=True)
 class AngleRow:
-    """One angle in mrad; source : the largest contribution and its share of the variance."""
+    """One angle in mrad.
+
+    turn : from the nominal mounting; None where that is zero, and the turn the value itself.
+    source : the largest contribution and its share of the variance.
+    """
 
     support: str
     angle: str
@@ -28,6 +33,7 @@ class AngleRow:
     low: float
     high: float
     source: str
+    turn: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +57,40 @@ class Summary:
         """One word."""
         return "ACCEPTED" if self.accepted else "REJECTED"
 
+    @property
+    def turned(self) -> bool:
+        """Whether a nominal mounting makes an angle and the turn of its sensor two things."""
+        return any(row.turn is not None for row in self.angles)
+
+    @property
+    def angle_title(self) -> str:
+        """What the table of the angles holds."""
+        turn = ", and their turn from the nominal mounting" if self.turned else ""
+        return f"Installation angles in the BCS{turn}, mrad"
+
+    def angle_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Header and rows of the angles for a terminal."""
+        turned = self.turned
+        header = ("sensor", "angle", "value", *(["turn"] if turned else []))
+        header += ("std. unc.", "95 % interval", "mostly from")
+        rows = [
+            (
+                row.support if row.angle == "roll" else "",
+                row.angle,
+                f"{row.value:.3f}",
+                *([_turn(row)] if turned else []),
+                f"{row.std:.3f}",
+                f"{row.low:.3f} to {row.high:.3f}",
+                row.source,
+            )
+            for row in self.angles
+        ]
+        return header, rows
+
+
+def _turn(row: AngleRow) -> str:
+    return f"{row.value if row.turn is None else row.turn:+.3f}"
+
 
 def summarise(calibration: Calibration) -> Summary:
     """Work out the rows."""
@@ -67,14 +107,14 @@ def summarise(calibration: Calibration) -> Summary:
         facts=_facts(c),
         proof=_proof(c),
         rejected=_rejected(c),
-        warnings=c.warnings,
+        warnings=(*c.cautions, *c.warnings),
         advice=advise(c),
     )
 
 
 def _angles(c: Calibration) -> tuple[AngleRow, ...]:
     rows = []
-    for i, support in enumerate(c.supports):
+    for i, (support, stated) in enumerate(zip(c.supports, c.rig.supports, strict=True)):
         for j, angle in enumerate(("roll", "pitch", "yaw")):
             rows.append(
                 AngleRow(
@@ -85,9 +125,15 @@ def _angles(c: Calibration) -> tuple[AngleRow, ...]:
                     1e3 * support.rpy_interval.low[j],
                     1e3 * support.rpy_interval.high[j],
                     _largest_source(c, 3 * i + j),
+                    _from_nominal(support.rpy[j], stated.nominal_rpy[j]),
                 )
             )
     return tuple(rows)
+
+
+def _from_nominal(angle: float, nominal: float) -> float | None:
+    """Difference in mrad, the short way round; None where the nominal angle is zero."""
+    return 1e3 * math.remainder(angle - nominal, math.tau) if nominal else None
 
 
 def _largest_source(c: Calibration, row: int) -> str:
@@ -132,7 +178,8 @@ def _facts(c: Calibration) -> tuple[tuple[str, str], ...]:
             )
         )
     if c.observability is not None:
-        facts.append(("Observability", c.observability.verdict))
+        alone = "by the log alone, " if c.method == "joint" else ""
+        facts.append(("Observability", alone + c.observability.verdict))
     if c.monte_carlo is not None:
         m = c.monte_carlo
         said = "confirm" if m.linear_interval_validated else "do not confirm"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tdfscal.files.calibration import Calibration
-from tdfscal.reporting.summary import Summary, summarise
+from tdfscal.reporting.summary import summarise
 from tdfscal.reporting.text import WIDTH, render
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def show_on(console: Console, calibration: Calibration) -> None:
     for reason in s.reasons:
         head.append(f"\n- {reason}")
     console.print(Panel(head, title=Text(s.title), title_align="left", border_style=colour))
-    console.print(_angles(s))
+    console.print(_rows(s.angle_title, *s.angle_table(), left=2))
     if s.zeros:
         console.print(_rows("Zero offsets, N", ("sensor", "x", "y", "z"), s.zeros))
     if s.proof:
@@ -61,22 +61,6 @@ def show_on(console: Console, calibration: Calibration) -> None:
                 console.print(Padding(Text(f"- {item}"), (0, 0, 0, 1)))
 
 
-def _angles(s: Summary) -> Table:
-    rows = [
-        (
-            row.support if row.angle == "roll" else "",
-            row.angle,
-            f"{row.value:.3f}",
-            f"{row.std:.3f}",
-            f"{row.low:.3f} to {row.high:.3f}",
-            row.source,
-        )
-        for row in s.angles
-    ]
-    header = ("sensor", "angle", "value", "std. unc.", "95 % interval", "mostly from")
-    return _rows("Installation angles of the sensors in the BCS, mrad", header, rows, left=2)
-
-
 def _rows(
     title: str,
     header: tuple[str, ...],
@@ -92,9 +76,12 @@ def _rows(
         title_justify="left",
         box=box.SIMPLE_HEAD,
         pad_edge=False,
+        collapse_padding=True,
     )
     for place, name in enumerate(header):
-        table.add_column(name, justify="left" if place < left else "right")
+        # Where it is narrow, the last column, of words, gives way.
+        last = place == len(header) - 1
+        table.add_column(name, justify="left" if place < left else "right", no_wrap=not last)
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     return table

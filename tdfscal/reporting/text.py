@@ -66,22 +66,8 @@ def wrapped(text: str, indent: str = "  ", hanging: str = "  ") -> list[str]:
 def _lines(s: Summary) -> list[str]:
     lines = [f"{s.title}: {s.verdict}", *wrapped(s.subtitle, "", "")]
     lines += [line for reason in s.reasons for line in wrapped(f"- {reason}")]
-    lines += ["", "Installation angles of the sensors in the BCS, mrad"]
-    lines += table(
-        ["sensor", "angle", "value", "std. unc.", "95 % interval", "mostly from"],
-        [
-            [
-                row.support if row.angle == "roll" else "",
-                row.angle,
-                f"{row.value:.3f}",
-                f"{row.std:.3f}",
-                f"{row.low:.3f} to {row.high:.3f}",
-                row.source,
-            ]
-            for row in s.angles
-        ],
-        left=2,
-    )
+    lines += ["", s.angle_title]
+    lines += table(*s.angle_table(), left=2)
     if s.zeros:
         lines += ["", "Zero offsets, N", *table(["sensor", "x", "y", "z"], s.zeros)]
     if s.proof:

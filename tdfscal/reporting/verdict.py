@@ -9,12 +9,15 @@ import numpy as np
 
 from tdfscal.causes import Cause
 from tdfscal.records import FloatArray
+from tdfscal.reporting.clock import origin_of
 from tdfscal.reporting.text import table, wrapped
 from tdfscal.validation import FALSE_ALARM, POWER, Validation
 from tdfscal.wrench import COMPONENTS
 
 #: At most as many postures are listed one by one.
 _LISTED = 12
+
+Cells = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
 
 def lengths(wrench: FloatArray) -> FloatArray:
@@ -27,7 +30,7 @@ def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
     return {
         "verdict": "still valid" if v.holds else "recalibrate",
         "holds": v.holds,
-        "why": " ".join(_why(v)),
+        "why": " ".join(reasons(v)),
         "chi2": v.chi2,
         "dof": v.dof,
         "p_value": v.p_value,
@@ -108,9 +111,7 @@ def describe(v: Validation, cause: Cause) -> str:
             f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
             f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
         )
-    named = ", ".join(
-        f"{v.used[k] + 1} ({v.dwells.start[v.used[k]]:.1f} s)" for k in cause.postures
-    )
+    named = ", ".join(f"{v.used[k] + 1} ({_start(v, int(v.used[k]))} s)" for k in cause.postures)
     largest = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
     return (
         f"contact in posture{'s' if len(cause.postures) > 1 else ''} {named}: "
@@ -122,7 +123,7 @@ def _pairs(value: FloatArray, std: FloatArray) -> str:
     return ", ".join(f"{a:+.2f} ± {s:.2f}" for a, s in zip(value, std, strict=True))
 
 
-def _why(v: Validation) -> list[str]:
+def reasons(v: Validation) -> list[str]:
     """Sentences: the reason, and what to do."""
     if v.holds:
         return [
@@ -162,19 +163,14 @@ def _sure(v: Validation) -> str:
 def render(v: Validation, warnings: Sequence[str]) -> str:
     """Text in 80 columns."""
     lines = [f"{v.rig.name}: {'STILL VALID' if v.holds else 'RECALIBRATE'}"]
-    lines += [line for sentence in _why(v) for line in wrapped(sentence, "", "")]
+    lines += [line for sentence in reasons(v) for line in wrapped(sentence, "", "")]
     for cause in v.suspected:
         lines += wrapped(f"- {describe(v, cause)}")
     lines += ["", "Contact wrench that should be zero, LCS, about its origin"]
-    rows = []
-    for column, (name, unit) in enumerate((("force", "N"), ("moment", "N·m"))):
-        r = _residual(v, column)
-        names = ("rms_before", "rms_after", "max_before", "max_after")
-        rows.append([name, *(f"{r[key]:.3g} {unit}" for key in names)])
-    header = ["", "rms before", "rms after", "largest before", "largest after"]
-    lines += table(header, rows)
+    lines += table(*totals(v))
     which = f"The {_LISTED} worst postures" if len(v.calibrated) > _LISTED else "Postures"
-    lines += ["", f"{which}, calibrated; u is the standard uncertainty", *_postures(v)]
+    lines += ["", f"{which}, calibrated; u is the standard uncertainty"]
+    lines += table(*postures(v, _LISTED))
     for heading, items in (
         ("Left out", [f"posture {k + 1}: {reason}" for k, reason in sorted(v.left_out.items())]),
         ("Warnings", list(warnings)),
@@ -185,17 +181,32 @@ def render(v: Validation, warnings: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def _postures(v: Validation) -> list[str]:
-    """The postures with the largest residual force, in the order of the log."""
-    order = np.sort(np.argsort(lengths(v.calibrated)[:, 0])[::-1][:_LISTED])
+def _start(v: Validation, k: int) -> str:
+    """Seconds at which a dwell begins; those of a date count from the first dwell."""
+    return f"{v.dwells.start[k] - origin_of(float(v.dwells.start[0])):.1f}"
+
+
+def totals(v: Validation) -> Cells:
+    """Header and rows of what remains over all postures, without and with the calibration."""
+    rows = []
+    for column, (name, unit) in enumerate((("force", "N"), ("moment", "N·m"))):
+        r = _residual(v, column)
+        names = ("rms_before", "rms_after", "max_before", "max_after")
+        rows.append((name, *(f"{r[key]:.3g} {unit}" for key in names)))
+    return ("", "rms before", "rms after", "largest before", "largest after"), rows
+
+
+def postures(v: Validation, most: int) -> Cells:
+    """Header and rows of the postures with the largest residual force, in the order of the log."""
+    order = np.sort(np.argsort(lengths(v.calibrated)[:, 0])[::-1][:most])
     rows = [
-        [
+        (
             str(v.used[k] + 1),
-            f"{v.dwells.start[v.used[k]]:.1f}",
+            _start(v, int(v.used[k])),
             *(f"{v.calibrated[k, c]:.2f}" for c in range(6)),
             f"{np.max(np.abs(v.calibrated[k]) / v.std[k]):.1f}",
-        ]
+        )
         for k in order
     ]
-    units = [f"{c} {'N' if c[0] == 'f' else 'N·m'}" for c in COMPONENTS]
-    return table(["", "s", *units, "largest / u"], rows)
+    units = (f"{c} {'N' if c[0] == 'f' else 'N·m'}" for c in COMPONENTS)
+    return ("", "s", *units, "largest / u"), rows

@@ -6,34 +6,38 @@ import numpy as np
 
 from tdfscal.records import FloatArray
 
+#: [e_x]×, [e_y]×, [e_z]× in rows, (3, 9).
+_GENERATORS = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0],
+        [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ]
+)
+
 
 def hat(v: FloatArray) -> FloatArray:
     """[v]×, (..., 3, 3), of v, (..., 3)."""
-    m = np.zeros((*v.shape, 3))
-    m[..., 0, 1], m[..., 0, 2], m[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    m[..., 1, 0], m[..., 2, 0], m[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
-    return m
+    return np.asarray((v @ _GENERATORS).reshape(*v.shape, 3))
+
+
+def vee(m: FloatArray) -> FloatArray:
+    """v, (..., 3), with [v]× = m − mᵀ, of m (..., 3, 3)."""
+    return np.asarray(m.reshape(*m.shape[:-2], 9) @ _GENERATORS.T)
 
 
 def exp(v: FloatArray) -> FloatArray:
     """Rotation matrix (..., 3, 3) of a rotation vector (..., 3), rad (Rodrigues)."""
-    angle = np.linalg.norm(v, axis=-1)[..., None, None]
-    k = hat(v)
+    half = 0.5 * np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
     # sinc keeps both coefficients exact to rounding down to angle 0.
-    return np.asarray(
-        np.eye(3)
-        + np.sinc(angle / np.pi) * k
-        + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (k @ k),
-        dtype=np.float64,
-    )
+    share = np.sinc(half / np.pi)
+    k = hat(v)
+    return np.asarray(np.eye(3) + share * (np.cos(half) * k + 0.5 * share * (k @ k)))
 
 
 def log(R: FloatArray) -> FloatArray:
     """Rotation vector (..., 3), rad, of R (..., 3, 3); for angles well below π."""
-    sine = 0.5 * np.stack(
-        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]],
-        axis=-1,
-    )
+    sine = 0.5 * vee(R)
     length = np.linalg.norm(sine, axis=-1)
     angle = np.arctan2(length, 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0))
     ratio = np.divide(angle, length, out=np.ones_like(length), where=length > 0.0)

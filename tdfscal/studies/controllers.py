@@ -16,7 +16,7 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcalibration import self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, Truth, draw_truths, simulate_dwells
-from tdfscal.simulation.control.sensors import Assumed, uncalibrated
+from tdfscal.simulation.control.sensors import Assumed, perfect, uncalibrated
 from tdfscal.simulation.control.servo import PositionErrors
 from tdfscal.simulation.survey import simulate_survey
 from tdfscal.statics import State
@@ -24,6 +24,10 @@ from tdfscal.trackercal import calibrate_tracker
 
 #: Internal forces of the campaigns that the self-calibration gets, N, as `tdfscal simulate`.
 SQUEEZE = 200.0
+#: Standard deviations of the mounting's roll, pitch and yaw, rad, where the rig file has none. Flat
+#: flanges and 0.5 % of crosstalk leave a few mrad of tilt; about Z nothing but bolt holes locates
+#: a sensor (Sect. 5 of the paper: "much greater").
+MOUNTING = (0.003, 0.003, 0.03)
 
 _T = TypeVar("_T", Truth, Assumed, PositionErrors)
 
@@ -64,18 +68,20 @@ def simulated(
     runs: int,
     rng: np.random.Generator,
     *,
+    best: bool = False,
     options: Options | None = None,
     survey: SurveyOptions | None = None,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Arms:
-    """The three of the paper: none, tracker, self. Every run has a rig of its own, drawn within
-    what the rig file states; campaign and survey of it are simulated and calibrated as by
-    `tdfscal calibrate`.
+    """The three of the paper: none, tracker, self; with best also perfect, which knows the truth.
+    Every run has a rig of its own, drawn within what the rig file states; campaign and survey of it
+    are simulated and calibrated as by `tdfscal calibrate`.
 
     Raises NotIdentifiableError and others of the calibrations where a run gives none.
     """
     survey = survey or SurveyOptions()
-    batch = simulate_dwells(rig, options or Options(squeeze=SQUEEZE), rng, runs)
+    options = options or Options(squeeze=SQUEEZE, installation_std=MOUNTING)
+    batch = simulate_dwells(rig, options, rng, runs)
     truth = batch.truth
     own, tracked = [], []
     for run in range(runs):
@@ -93,23 +99,31 @@ def simulated(
         own.append(fit.state)
         progress(run + 1)
     nominal = so3.from_rpy(rig.nominal_rpy)
-    found_tracker = uncalibrated(rig, np.stack(tracked), runs)
+    arms = [
+        _arm("none", truth, uncalibrated(rig, nominal, runs)),
+        _arm("tracker", truth, uncalibrated(rig, np.stack(tracked), runs)),
+        _arm("self", truth, _joined([_assumed(rig, [state]) for state in own])),
+    ]
+    if best:
+        arms.append(_arm("perfect", truth, perfect(truth)))
     return Arms(
         truth,
-        (
-            _arm("none", truth, uncalibrated(rig, nominal, runs)),
-            _arm("tracker", truth, found_tracker),
-            _arm("self", truth, _joined([_assumed(rig, [state]) for state in own])),
-        ),
+        tuple(arms),
         "campaigns and surveys simulated and calibrated, a rig of its own in every run",
     )
 
 
 def given(
-    rig: Rig, calibrations: Sequence[tuple[str, Calibrated]], runs: int, rng: np.random.Generator
+    rig: Rig,
+    calibrations: Sequence[tuple[str, Calibrated]],
+    runs: int,
+    rng: np.random.Generator,
+    *,
+    best: bool = False,
 ) -> Arms:
-    """Calibrations of this rig, and beside them none. The truth is not known: every run draws it
-    from the most certain of them, all parameters by their joint uncertainty.
+    """Calibrations of this rig, and beside them none; with best also perfect. The truth is not
+    known: every run draws it from the most certain of them, all parameters by their joint
+    uncertainty.
 
     Raises UsageError for a calibration of another rig.
     """
@@ -122,11 +136,11 @@ def given(
                 hint="name the rig file that was calibrated",
             )
     turns = slice(0, 3 * rig.n)
-    name, best = min(calibrations, key=lambda c: float(np.trace(c[1].covariance[turns, turns])))
-    root = best.root
-    state = statics.retract(best.state, rng.standard_normal((runs, root.shape[1])) @ root.T)
+    name, surest = min(calibrations, key=lambda c: float(np.trace(c[1].covariance[turns, turns])))
+    root = surest.root
+    state = statics.retract(surest.state, rng.standard_normal((runs, root.shape[1])) @ root.T)
     drawn = draw_truths(rig, Options(), rng, runs)
-    open_zero = best.open[statics.layout(rig.n)["zero"]].reshape(rig.n, 3)
+    open_zero = surest.open[statics.layout(rig.n)["zero"]].reshape(rig.n, 3)
     truth = replace(
         drawn,
         rotation=state.rotation,
@@ -140,7 +154,22 @@ def given(
     nominal = so3.from_rpy(rig.nominal_rpy)
     arms = [_arm("none", truth, uncalibrated(rig, nominal, runs))]
     arms += [_arm(n, truth, _assumed(rig, [c.state] * runs)) for n, c in calibrations]
+    if best:
+        arms.append(_arm("perfect", truth, perfect(truth)))
     return Arms(truth, tuple(arms), f"truth drawn from {name} and its uncertainty")
+
+
+def drifted(arms: Arms, drift: float, rng: np.random.Generator) -> Arms:
+    """The same machines after every sensor's zero has moved since the calibrations, by `drift` (N,
+    standard deviation per axis).
+
+    Raises UsageError for a drift that is none.
+    """
+    if not 0.0 <= drift < np.inf:
+        raise UsageError(f"zeros cannot drift by {drift:g} N", hint="give zero or more")
+    moved = arms.truth.zero + drift * rng.standard_normal(arms.truth.zero.shape)
+    origin = f"{arms.origin}; zeros drifted by {drift:g} N since"
+    return replace(arms, truth=replace(arms.truth, zero=moved), origin=origin)
 
 
 def _assumed(rig: Rig, states: Sequence[State]) -> Assumed:

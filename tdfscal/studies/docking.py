@@ -11,9 +11,10 @@ from tdfscal.errors import UsageError
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.simulation import SurveyOptions
 from tdfscal.simulation.control.contact import Bore, GearPair
-from tdfscal.simulation.control.loop import Controller, Docking, Machines, Result, simulate
+from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.misalignment import GearSurvey, survey_error
 from tdfscal.simulation.control.reference import advance, require_within
+from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
 from tdfscal.simulation.control.servo import draw_errors
 from tdfscal.simulation.equilibrium import Pose
 from tdfscal.studies.controllers import Arms, tiled
@@ -52,7 +53,8 @@ class DockingStudy:
 
     misalignment : (N, 6), of the plan against the bore: m at the tip, rad. peak : (C, N, 6),
     largest |contact wrench| from first contact to the seat, N, and N·m about the LCS origin, LCS.
-    length : (C, N, 2), the same of the vectors' lengths.
+    length : (C, N, 2), the same of the vectors' lengths. seen : (C, N, 6), largest |wrench| that
+    the controller saw from the start to the seat, or until it stopped.
     """
 
     setup: Setup
@@ -61,6 +63,7 @@ class DockingStudy:
     misalignment: FloatArray
     peak: FloatArray
     length: FloatArray
+    seen: FloatArray
     result: Result
 
     @property
@@ -71,15 +74,22 @@ class DockingStudy:
     @property
     def average(self) -> FloatArray:
         """(C, N, 2): mean of the maxima along x, y and z, of force (N) and torque (N·m)."""
-        return np.asarray(self.peak.reshape(*self.peak.shape[:2], 2, 3).mean(axis=-1))
+        return _by_direction(self.peak)
 
-    def ratio(self, quantity: int, of: str, to: str) -> Ratio:
+    @property
+    def average_seen(self) -> FloatArray:
+        """(C, N, 2): the same as the controller saw them."""
+        return _by_direction(self.seen)
+
+    def ratio(self, quantity: int, of: str, to: str, *, seen: bool = False) -> Ratio:
         """Ratio of average maxima, 0 force, 1 torque, with its standard error over the runs
-        in which both made contact.
+        in which both made contact; seen : as the controller saw them, over all runs.
         """
         i, j = self.names.index(of), self.names.index(to)
+        if seen:
+            return ratio(*self.average_seen[[i, j], :, quantity])
         both = self.touched[i] & self.touched[j]
-        return ratio(self.average[i, both, quantity], self.average[j, both, quantity])
+        return ratio(*self.average[[i, j]][:, both, quantity])
 
     @property
     def touched(self) -> BoolArray:
@@ -108,6 +118,10 @@ class DockingStudy:
         """Values of the lanes (L, …) as (C, N, …)."""
         shape = (len(self.names), self.arms.runs, *values.shape[1:])
         return cast("_A", values.reshape(shape))
+
+
+def _by_direction(peak: FloatArray) -> FloatArray:
+    return np.asarray(peak.reshape(*peak.shape[:2], 2, 3).mean(axis=-1))
 
 
 def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int) -> DockingStudy:
@@ -170,5 +184,6 @@ def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int)
         ),
         peak=result.peak[before].max(axis=0).reshape(copies, runs, 6),
         length=result.peak_length[before].max(axis=0).reshape(copies, runs, 2),
+        seen=result.peak_measured[:3].max(axis=0).reshape(copies, runs, 6),
         result=result,
     )

@@ -9,8 +9,9 @@ import numpy as np
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
-from tdfscal.simulation.control.loop import Controller, Machines, Result, simulate
+from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.reference import move, require_within
+from tdfscal.simulation.control.runs import Controller, Machines, Result
 from tdfscal.simulation.control.servo import draw_errors
 from tdfscal.simulation.equilibrium import Pose
 from tdfscal.studies.controllers import Arms, tiled
@@ -36,13 +37,13 @@ MOVES = np.array(
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """Moves (M, 2, 6) as `MOVES`, each of `duration` (s) and `rest` (s); not tared, as the paper.
+    """Moves (M, 2, 6) as `MOVES`, each of `duration` (s) and `rest` (s).
 
     home : m, BCS. travel : m, of each NCP about home.
     """
 
     rig: Rig
-    controller: Controller = field(default_factory=lambda: Controller(tare=0.0))
+    controller: Controller = field(default_factory=Controller)
     moves: FloatArray = field(default_factory=lambda: MOVES.copy())
     duration: float = 10.0
     rest: float = 8.0

@@ -54,17 +54,28 @@ def sensitivity(
     for i in range(rig.n):
         for j in range(3):
             angles[i, j, :, i, j] += deviation
-    J = jacobian(rig, R, so3.from_rpy(rig.nominal_rpy))
-    J_true = jacobian(rig, R, so3.from_rpy(angles))
-    error, spread = _error(rig, R, J, J_true)
-    square = error**2 + internal**2 * np.sum(spread**2, axis=-1)
+    error = rms_error(rig, R, so3.from_rpy(rig.nominal_rpy), so3.from_rpy(angles), internal)
     return Sweep(
         rpy=np.asarray(rpy, dtype=np.float64),
         internal=internal,
         deviation=deviation,
-        force=np.sqrt(square[..., :3].sum(axis=-1)),
-        torque=np.sqrt(square[..., 3:].sum(axis=-1)),
+        force=error[..., 0],
+        torque=error[..., 1],
     )
+
+
+def rms_error(
+    rig: Rig, R: FloatArray, assumed: FloatArray, true: FloatArray, internal: float
+) -> FloatArray:
+    """Force (N) and torque (N·m) error (..., 2) of the contact wrench at the posture R (3, 3).
+
+    assumed, true : (..., n, 3, 3), mountings that broadcast. internal : N, see `Sweep`.
+    """
+    J, J_true = np.broadcast_arrays(jacobian(rig, R, assumed), jacobian(rig, R, true))
+    error, spread = _error(rig, R, J, J_true)
+    square = error**2 + internal**2 * np.sum(spread**2, axis=-1)
+    parts = [square[..., :3].sum(axis=-1), square[..., 3:].sum(axis=-1)]
+    return np.asarray(np.sqrt(np.stack(parts, axis=-1)))
 
 
 def jacobian(rig: Rig, R: FloatArray, X: FloatArray) -> FloatArray:

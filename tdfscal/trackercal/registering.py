@@ -6,12 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.errors import TdfscalError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import extend
 from tdfscal.records import FloatArray, Instrument, PointSet
-from tdfscal.trackercal.matching import describe_unmatched, match_points, relabellings
-from tdfscal.trackercal.survey import RejectedPoint, fit_survey, point_noise
+from tdfscal.trackercal.grouping import fit_one_by_one, moved_apart
+from tdfscal.trackercal.matching import (
+    MatchedPoints,
+    describe_unmatched,
+    match_points,
+    relabellings,
+)
+from tdfscal.trackercal.survey import Noise, RejectedPoint, SurveyFit, fit_survey, point_noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +77,7 @@ def register(
     """
     matched = match_points(measured, reference)
     noise = point_noise(matched, instrument, {"drawing": drawing})
-    survey = fit_survey(matched, noise, common_shift=True, least=3, what="points")
+    survey = _together(matched, noise)
     fit = survey.fit
     lever = (fit.adjusted - fit.adjusted.mean(axis=0)) @ fit.rotation.T
     scaled = extend(fit, lever[:, :, None])
@@ -91,6 +98,8 @@ def register(
             f"a scale of {ratio * 1e6:+.0f} ± {ratio_std * 1e6:.0f} ppm fits significantly better: "
             "check temperature and units"
         )
+    if apart := moved_apart(matched, noise, survey):
+        warnings.append(apart)
     if relabellings(survey.points.measured, survey.points.reference, survey.sigma):
         warnings.append("the points are symmetric: they would fit under other names too")
     if noise.measured and "measured points' file" in noise.measured and instrument is not None:
@@ -119,3 +128,18 @@ def register(
         extra=matched.extra,
         warnings=tuple(warnings),
     )
+
+
+def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
+    """One transform for all points; where only the single groups have one, the error says so."""
+    try:
+        return fit_survey(points, noise, common_shift=True, least=3, what="points")
+    except TdfscalError as error:
+        if not fit_one_by_one(points, noise):
+            raise
+        raise type(error)(
+            error.what,
+            where=error.where,
+            hint=f"each of the groups {', '.join(dict.fromkeys(points.group))} fits by itself: "
+            "register one at a time, or calibrate sensors with targets by --method tracker",
+        ) from error

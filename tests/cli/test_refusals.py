@@ -110,6 +110,12 @@ FAULTS: dict[str, tuple[Break, int, str]] = {
     "reaction read as force": (edit_log(scaled("f", "xyz", -1.0)), 3, "force_on"),
     "mirrored axis": (edit_log(scaled("", "x", -1.0)), 3, "-X"),
     "swapped sensors": (edit_log(renamed(swap("f"))), 3, "ncp1 taken from ncp2"),
+    "swapped axes": (
+        edit_log(renamed({"ncp2.fx": "ncp2.fy", "ncp2.fy": "ncp2.fx"})),
+        3,
+        "Fx and Fy of ncp2 exchanged",
+    ),
+    "an axis of opposite sign": (edit_log(scaled("f", "x", -1.0)), 3, "sign of Fx of every sensor"),
     "swapped positions": (edit_log(renamed(swap(""))), 3, "ncp1 taken from ncp2"),
     "one posture": (edit_log(only_first_seconds), 4, "do not determine"),
     "never at rest": (edit_log(never_at_rest), 3, "dwell"),

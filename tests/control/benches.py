@@ -9,8 +9,9 @@ import numpy as np
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Options, Pose, Truth, draw_truths
 from tdfscal.simulation.control.contact import Bore, GearPair
-from tdfscal.simulation.control.loop import Controller, Docking, Machines, Result, simulate
+from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.reference import advance
+from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
 from tdfscal.simulation.control.sensors import Assumed, Sensing, perfect
 from tdfscal.simulation.control.servo import Servo, draw_errors
 from tests.simulation.rigs import exact_rig, loose_rig

@@ -1,66 +1,115 @@
-"""The Kalman filter against the Riccati recursion and least squares."""
+"""The Kalman filter against the Riccati recursion and least squares; logs that come in pieces."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.filtering import Causal, Walk, estimate_walk, smooth
+from tdfscal.filtering import Causal, Smoother, Walk, filtered, measured_noise
+from tdfscal.records import FloatArray
+from tdfscal.timebase import Samples
 
-WALK = Walk(q=np.array([0.04, 4.0]), r=np.array([1.0, 1.0]))
+WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
+each = pytest.mark.parametrize("walk", WALKS)
 
 
-def test_gain_solves_the_riccati_equation() -> None:
-    p = WALK.r.copy()
+@each
+def test_gain_solves_the_riccati_equation(walk: Walk) -> None:
+    p = walk.r
     for _ in range(500):
-        ahead = p + WALK.q
-        gain = ahead / (ahead + WALK.r)
+        ahead = p + walk.q
+        gain = ahead / (ahead + walk.r)
         p = (1 - gain) * ahead
-    np.testing.assert_allclose(WALK.gain, gain, rtol=1e-12)
+    assert walk.gain == pytest.approx(gain, rel=1e-12)
 
 
-def test_delay_is_that_of_a_ramp() -> None:
-    ramp = np.repeat(np.arange(400.0)[:, None], 2, axis=1)
-    out = Causal(WALK)(ramp)
-    np.testing.assert_allclose(ramp[-1] - out[-1], WALK.delay, rtol=1e-9)
+@each
+def test_delay_is_that_of_a_ramp(walk: Walk) -> None:
+    ramp = np.arange(400.0)[:, None]
+    late = (ramp[-1] - Causal(walk)(ramp)[-1]) * walk.interval
+    assert late[0] == pytest.approx(walk.delay, rel=1e-9)
+    smoother = Smoother(walk)
+    smooth = np.concatenate([smoother(ramp), smoother.rest()])
+    np.testing.assert_allclose(smooth[150:250], ramp[150:250], atol=1e-9)
 
 
-def test_noise_reduction() -> None:
-    noise = np.random.default_rng(0).standard_normal((200_000, 2))
-    found = Causal(WALK)(noise)[100:].std(axis=0)
-    np.testing.assert_allclose(found, WALK.reduction, rtol=0.015)
+@each
+def test_noise_that_is_left(walk: Walk) -> None:
+    noise = np.random.default_rng(0).standard_normal((400_000, 1))
+    assert Causal(walk)(noise)[100:].std() == pytest.approx(walk.left, rel=0.015)
+    assert Smoother(walk)(noise)[100:].std() == pytest.approx(walk.left_smooth, rel=0.015)
 
 
-def test_pieces_join() -> None:
-    signal = np.random.default_rng(1).standard_normal((100, 2))
-    whole, filter_ = Causal(WALK)(signal), Causal(WALK)
-    np.testing.assert_allclose(
-        np.concatenate([filter_(signal[:37]), filter_(signal[37:])]), whole, rtol=1e-12
+@each
+def test_smoother_is_the_least_squares_answer(walk: Walk) -> None:
+    """x minimises Σ (y − x)²/r + Σ (x_k − x_{k−1})²/q, once the filter is in its steady state."""
+    n = 400
+    y = np.random.default_rng(2).standard_normal((n, 1)).cumsum(axis=0)
+    D = np.diff(np.eye(n), axis=0)
+    best = np.linalg.solve(np.eye(n) / walk.r + D.T @ D / walk.q, y / walk.r)
+    smoother = Smoother(walk)
+    found = np.concatenate([smoother(y[:123]), smoother(y[123:]), smoother.rest()])
+    np.testing.assert_allclose(found[150:], best[150:], atol=1e-7)
+
+
+def test_noise_is_measured_under_walk_and_jolts() -> None:
+    rng = np.random.default_rng(3)
+    signal = np.cumsum(0.5 * rng.standard_normal((20_000, 3)), axis=0)
+    signal[::500] += 200.0
+    signal += np.array([1.0, 2.0, 3.0]) * rng.standard_normal(signal.shape)
+    assert measured_noise(signal) == pytest.approx(np.sqrt(14.0 / 3.0), rel=0.03)
+
+
+def log(noise: float = 2.0) -> Samples:
+    """30 000 samples at 200 Hz with a gap of a second in the middle, and a force that ramps."""
+    rng = np.random.default_rng(4)
+    time = np.arange(30_000) / 200.0
+    time[15_000:] += 1.0
+    force = np.tile(50.0 * time[:, None, None], (1, 3, 3)) + noise * rng.standard_normal(
+        (time.size, 3, 3)
+    )
+    return Samples(time, time[:, None, None] + np.arange(9.0).reshape(3, 3), force)
+
+
+def run(samples: Samples, kind: str, cuts: list[int]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    told: list[Walk] = []
+    pieces = (samples.rows(slice(a, b)) for a, b in pairwise(cuts))
+    out = list(filtered(pieces, kind, 15.0, told.append))  # type: ignore[arg-type]
+    assert told[0].r == pytest.approx(4.0, rel=0.05)
+    assert told[0].interval == pytest.approx(5e-3)
+    return (
+        np.concatenate([s.time for s in out]),
+        np.concatenate([s.position for s in out]),
+        np.concatenate([s.force for s in out]),
     )
 
 
-def test_smoother_is_the_least_squares_answer() -> None:
-    """x minimises Σ (y − x)²/r + Σ (x_k − x_{k−1})²/q."""
-    y = np.random.default_rng(2).standard_normal((40, 2)).cumsum(axis=0)
-    D = np.diff(np.eye(40), axis=0)
-    for c in range(2):
-        A = np.eye(40) / WALK.r[c] + D.T @ D / WALK.q[c]
-        np.testing.assert_allclose(smooth(WALK, y)[:, c], np.linalg.solve(A, y[:, c] / WALK.r[c]))
-
-
-def test_variances_are_measured() -> None:
-    rng = np.random.default_rng(3)
-    true = np.cumsum(np.sqrt(WALK.q) * rng.standard_normal((40_000, 2)), axis=0)
-    found = estimate_walk(true + np.sqrt(WALK.r) * rng.standard_normal(true.shape))
-    np.testing.assert_allclose(found.q[1], WALK.q[1], rtol=0.1)
-    np.testing.assert_allclose(found.r[0], WALK.r[0], rtol=0.05)
+@pytest.mark.parametrize("kind", ["kalman", "smooth"])
+def test_pieces_give_what_the_whole_gives(kind: str) -> None:
+    samples = log()
+    time, position, whole = run(samples, kind, [0, 30_000])
+    # Every sample once, positions as they were.
+    np.testing.assert_array_equal(time, samples.time)
+    np.testing.assert_array_equal(position, samples.position)
+    parts = run(samples, kind, [0, 10, 11, 14_990, 15_010, 21_000, 30_000])
+    np.testing.assert_array_equal(parts[0], samples.time)
+    np.testing.assert_allclose(parts[2], whole, atol=1e-6)
+    # After the gap the filter starts at the first sample.
+    if kind == "kalman":
+        np.testing.assert_allclose(whole[15_000], samples.force[15_000], atol=1e-9)
+    model = Walk.of(15.0, 2.0, 5e-3)
+    late = np.mean(50.0 * time[:, None, None] - whole) / 50.0
+    assert late == pytest.approx(model.delay if kind == "kalman" else 0.0, abs=4e-4)
 
 
 def test_bad_input() -> None:
     with pytest.raises(DataError, match="16"):
-        estimate_walk(np.zeros((3, 1)))
+        measured_noise(np.zeros((3, 1)))
+    with pytest.raises(DataError):
+        list(filtered([log().rows(slice(0, 9))], "kalman", 15.0))
     with pytest.raises(UsageError, match="walk above zero"):
-        Walk(q=np.zeros(1), r=np.ones(1))
-    with pytest.raises(UsageError, match="channels"):
-        smooth(WALK, np.zeros((4, 3)))
+        Walk(0.0, 1.0, 1.0)
+    assert list(filtered([], "smooth", 15.0)) == []

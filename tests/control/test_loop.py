@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
+from tdfscal.filtering import Causal, Walk
 from tdfscal.simulation import Load, Pose, rotations, settle
 from tdfscal.simulation.control.contact import Bore, GearPair
-from tdfscal.simulation.control.impedance import Impedance, contact_radius, transition
-from tdfscal.simulation.control.loop import Controller, Docking, Machines, simulate
+from tdfscal.simulation.control.impedance import (
+    Impedance,
+    contact_radius,
+    require_stable,
+    transition,
+)
+from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.reference import Reference, require_within
+from tdfscal.simulation.control.runs import Controller, Docking, Machines
 from tdfscal.simulation.control.sensors import Sensing, WrenchObserver, perfect, uncalibrated
 from tdfscal.simulation.control.servo import Servo, draw_errors
 from tdfscal.simulation.control.terminal import Terminal
@@ -109,7 +116,14 @@ def test_halving_the_step_changes_maxima_little() -> None:
     truth = truths(3, seed=4)
     wrong = uncalibrated(loose_rig(), truth.rotation @ rotations.exp(np.full(3, 2e-3)), 3)
     runs = [
-        dock(truth, replace(IDEAL, step=step), shift=(3e-4, 2e-4), assumed=wrong, repeat=1e-5)
+        dock(
+            truth,
+            replace(IDEAL, step=step),
+            shift=(3e-4, 2e-4),
+            assumed=wrong,
+            repeat=1e-5,
+            beyond=0.0,
+        )
         for step in (4e-3, 2e-3)
     ]
     coarse, fine = (r.peak_length[1:3].max(axis=0) for r in runs)
@@ -167,7 +181,7 @@ def test_perfect_calibration_leaves_only_noise() -> None:
         lanes,
         np.random.SeedSequence(5),
     )
-    result = simulate(machines, controller, still(8.0, lanes, controller.step))
+    result = simulate(machines, controller, still(5.0, lanes, controller.step))
     d = result.traces.deviation[-1]
     # Wrench noise of the observer itself, by linearity; then the lag of the impedance.
     observer = WrenchObserver(perfect(truth), np.array(controller.impedance.centre))
@@ -180,7 +194,7 @@ def test_perfect_calibration_leaves_only_noise() -> None:
     variance = controller.sensing.noise**2 * np.einsum("lac,lac->la", gain, gain)
     one = transition(controller.impedance, controller.step)
     P = np.zeros((6, 2, 2))
-    for _ in range(2000):
+    for _ in range(1250):
         P = (
             one.state @ P @ np.swapaxes(one.state, -1, -2)
             + one.drive[:, :, None] * one.drive[:, None]
@@ -215,8 +229,9 @@ def test_same_seed_same_numbers_and_other_noise_other_numbers() -> None:
     truth = truths(2)
     controller = replace(IDEAL, sensing=Sensing(noise=1.75))
     first, again, other = (
-        dock(truth, controller, noise=seed, shift=(2e-4, 0.0)) for seed in (1, 1, 2)
+        dock(truth, controller, noise=seed, shift=(2e-4, 0.0), beyond=0.0) for seed in (1, 1, 2)
     )
+    assert first.peak.max() > 1.0
     np.testing.assert_array_equal(first.peak, again.peak)
     assert not np.array_equal(first.peak, other.peak)
 
@@ -237,6 +252,45 @@ def test_unstable_impedance_is_refused() -> None:
     K = gears.stiffness_at_mouth_and_tip(soft.centre)
     assert contact_radius(soft, K, Servo().lag, 4e-3, 1) > 1.0
     assert contact_radius(Impedance(), K, Servo().lag, 4e-3, 1) < 1.0
+
+
+def test_a_filter_that_is_late_makes_contact_unstable() -> None:
+    """Damping that is just enough without a filter is not with one that is 35 ms late."""
+    edge = Impedance(damping=tuple(0.25 * b for b in Impedance().damping))
+    late = Walk.of(3.0, 1.75, 4e-3)
+    assert late.delay == pytest.approx(0.035, rel=0.01)
+    K = GearPair().stiffness_at_mouth_and_tip(edge.centre)
+    assert contact_radius(edge, K, Servo().lag, 4e-3, 1) < 1.0
+    assert contact_radius(edge, K, Servo().lag, 4e-3, 1, late.gain) > 1.0
+    with pytest.raises(UsageError, match=r"filtered with a gain of 0\.1, and servos"):
+        require_stable(edge, K, Servo().lag, 4e-3, 1, late.gain)
+
+
+def test_the_loop_filters_as_the_causal_filter_does() -> None:
+    """What the controller makes of its readings is `filtering.Causal` of them."""
+    walk = Walk.of(3.0, 1.75, 4e-3)
+    truth = truths(1, loose=False)
+    sensing = Sensing(gain=walk.gain, watch=1e-9)  # records are not smoothed
+    controller = Controller(sensing=sensing, servo=Servo(resolution=0.0), trace_rate=250.0)
+    assert sensing.delay == pytest.approx(walk.delay, rel=1e-12)
+    rig = exact_rig()
+    machines = Machines(
+        rig,
+        truth,
+        draw_errors(controller.servo, 0.0, 1, rig.n, np.random.default_rng(0)),
+        perfect(truth),
+        1,
+        np.random.SeedSequence(5),
+    )
+    traces = simulate(machines, controller, still(0.4, 1, controller.step)).traces
+    reading = Causal(walk)(traces.reading)[:, 0]
+    centre = np.array(controller.impedance.centre)
+    for k in (0, 30, 99):
+        # One sample is taken with the posture of the step before, microradians away.
+        seen = WrenchObserver(perfect(truth), centre).wrench(reading[None, k], np.eye(3)[None])
+        np.testing.assert_allclose(traces.measured[k, 0, :3], seen[0, :3], atol=0.05)
+    raw = WrenchObserver(perfect(truth), centre).wrench(traces.reading[99], np.eye(3)[None])
+    assert np.abs(raw[0, :3] - traces.measured[99, 0, :3]).max() > 0.5
 
 
 def test_step_must_divide_the_sample() -> None:

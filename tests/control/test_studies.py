@@ -1,44 +1,30 @@
-"""Free space and docking as studies, and their commands."""
+"""Free space and docking as studies: what a calibration does, and what hides it."""
 
 from __future__ import annotations
 
-import csv
-import json
-import sys
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tdfscal.calibrated import independent
-from tdfscal.cli import main
 from tdfscal.errors import UsageError
-from tdfscal.files.campaign_writer import simulate_to_folder
-from tdfscal.files.logs import read_log
-from tdfscal.files.rig import load_rig
 from tdfscal.numerics import so3
-from tdfscal.simulation import Recorder, make_rig, reference_rig
+from tdfscal.simulation import make_rig, reference_rig
+from tdfscal.simulation.control.contact import GearPair
+from tdfscal.simulation.control.runs import Controller
+from tdfscal.simulation.control.sensors import Sensing
 from tdfscal.studies import docking, freespace
-from tdfscal.studies.controllers import given, simulated
+from tdfscal.studies.controllers import Arms, given, simulated
 from tdfscal.studies.ratios import ratio
+
+RIG = reference_rig()
+SILENT = Controller(sensing=Sensing(noise=0.0))
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("control") / "rig"
-    simulate_to_folder(folder, postures=2, rows="postures", recorder=Recorder(mean_sd=0.5))
-    return folder
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    monkeypatch.setattr(sys, "argv", ["tdfscal", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as leaving:
-        return int(leaving.code or 0)
-    return 0
+def arms() -> Arms:
+    return simulated(RIG, 3, np.random.default_rng(0), best=True)
 
 
 def test_ratio_and_its_standard_error() -> None:
@@ -53,15 +39,57 @@ def test_ratio_and_its_standard_error() -> None:
     assert np.isnan(ratio(np.array([]), np.array([])).value)
 
 
-def test_free_space_ranks_the_calibrations() -> None:
-    rig = reference_rig()
-    arms = simulated(rig, 3, np.random.default_rng(0))
-    assert [arm.name for arm in arms.arms] == ["none", "tracker", "self"]
-    setup = freespace.Setup(rig, moves=freespace.MOVES[[0, 3]], duration=2.0, rest=4.0)
+def test_free_space_ranks_the_calibrations(arms: Arms) -> None:
+    assert [arm.name for arm in arms.arms] == ["none", "tracker", "self", "perfect"]
+    setup = freespace.Setup(
+        RIG, controller=SILENT, moves=freespace.MOVES[[0, 3]], duration=2.0, rest=8.0
+    )
     study = freespace.free_space(setup, arms, np.random.SeedSequence(1), 1)
-    none, tracker, own = study.length.mean(axis=(1, 2))
+    none, tracker, own, perfect = study.length.mean(axis=(1, 2))
     assert np.all(none > tracker)
     assert np.all(tracker > own)
+    assert np.all(own > 1.5 * perfect)
+    # What is left without noise: NCPs 10 µm off tilt the terminal by 17 µrad, and the weight's
+    # compensation by 0.1 N.
+    assert perfect[0] < 2e-5
+
+
+def test_taring_hides_what_a_calibration_would_take_away(arms: Arms) -> None:
+    """Along a straight line nothing but internal forces changes after the tare."""
+    tracker = []
+    for tare in (0.0, 0.5):
+        setup = freespace.Setup(
+            RIG,
+            controller=replace(SILENT, tare=tare),
+            moves=freespace.MOVES[:1],
+            duration=2.0,
+            rest=4.0,
+        )
+        study = freespace.free_space(setup, arms, np.random.SeedSequence(1), 1)
+        tracker.append(study.length[1, ..., 0].mean())
+    assert tracker[1] < 0.2 * tracker[0]
+
+
+def test_docking_maxima_fall_with_the_calibration(arms: Arms) -> None:
+    """Untared and without noise: a perfect calibration docks gears that fit without force."""
+    setup = docking.Setup(
+        replace(RIG, declared=replace(RIG.declared, positioner=0.0)),
+        controller=SILENT,
+        gears=GearPair(length=0.008),
+        gap=5e-4,
+        ramp=0.5,
+    )
+    study = docking.docking(setup, arms, np.random.SeedSequence(1), 1)
+    assert study.seated[1:].all()
+    _, tracker, own, perfect = study.average[..., 0]
+    assert tracker.mean() > 2.0
+    assert np.all(own < 0.1 * tracker.mean())
+    assert np.all(perfect < 1e-3)
+    found = study.ratio(0, "self", "tracker")
+    assert found.value == pytest.approx(own.mean() / tracker.mean())
+    # The controller sees its false force from the start, the gears only on contact.
+    assert np.all(study.average_seen[1] > 0.5)
+    assert study.ratio(0, "self", "tracker", seen=True).value < 0.5
 
 
 def test_truth_of_given_calibrations_is_drawn_from_their_uncertainty() -> None:
@@ -79,70 +107,14 @@ def test_truth_of_given_calibrations_is_drawn_from_their_uncertainty() -> None:
     assert [arm.name for arm in arms.arms] == ["none", "vague", "good"]
 
 
-def test_bad_input_is_refused(rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                              capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
-    good = reference_rig()
+def test_calibrations_of_another_rig_and_travels_are_refused() -> None:
     other = make_rig(mass=400.0)
     calibration = independent(other, so3.from_rpy(other.nominal_rpy), 1e-6 * np.eye(9))
     with pytest.raises(UsageError, match="of another rig: the mass is 500 kg"):
-        given(good, [("c.yaml", calibration)], 2, np.random.default_rng(0))
-    out = tmp_path / "out"
-    far = tmp_path / "moves.csv"
-    far.write_text("a,b,c,d,e,f,g,h,i,j,k,l\n0,0,0,0.4,0,0,0,0,0,0,0,0\n", encoding="utf-8")
-    assert run(monkeypatch, "study", "free-space", rig, "-o", out, "--runs", "1", "-q",
-               "--moves", far) == 2  # fmt: skip
-    said = capsys.readouterr().err
-    assert "initial posture of move 1" in said
-    assert "400 mm" in said
-    far.write_text("a,b\n1,2\n", encoding="utf-8")
-    assert run(monkeypatch, "study", "free-space", rig, "-o", out, "-q", "--moves", far) == 2
-    assert run(monkeypatch, "study", "docking", rig, "-o", out, "-q", "--logs", "xml") == 2
-    assert not out.exists()
-    arms = given(good, [("c", independent(good, so3.from_rpy(good.nominal_rpy), 1e-6 * np.eye(9)))],
-                 1, np.random.default_rng(0))  # fmt: skip
-    setup = replace(docking.Setup(good), travel=(0.25, 0.25, 0.3))
+        given(RIG, [("c.yaml", calibration)], 2, np.random.default_rng(0))
+    own = independent(RIG, so3.from_rpy(RIG.nominal_rpy), 1e-6 * np.eye(9))
+    arms = given(RIG, [("c", own)], 1, np.random.default_rng(0), best=True)
+    assert [arm.name for arm in arms.arms] == ["none", "c", "perfect"]
+    setup = replace(docking.Setup(RIG), travel=(0.25, 0.25, 0.3))
     with pytest.raises(UsageError, match="end posture of run 1"):
         docking.docking(setup, arms, np.random.SeedSequence(0), 0)
-
-
-def test_docking_command(rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                         capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
-    out = tmp_path / "out"
-    monkeypatch.setattr(docking.Setup, "__init__", _short(docking.Setup.__init__))
-    options = [
-        "--runs",
-        "2",
-        "--engagement",
-        "4",
-        "--logs",
-        "parquet",
-        "--seed",
-        "2",
-        "-q",
-        "--json",
-    ]
-    assert run(monkeypatch, "study", "docking", rig, "-o", out, *options, "--json") == 0
-    document = json.loads(capsys.readouterr().out)
-    assert [c["name"] for c in document["calibrations"]] == ["none", "tracker", "self"]
-    with (out / "maxima.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert len(rows) == 6
-    outcomes = [row["outcome"] for row in rows if row["calibration"] == "self"]
-    assert outcomes.count("seated") == document["calibrations"][2]["seated"]
-    for name in ("docking", "maxima"):
-        assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-    # The logs read as any recorder's do, at rest with the weight on the sensors.
-    loaded = load_rig(out / "logs" / "rig.yaml")
-    log = read_log([out / "logs" / "self-01.parquet"], loaded.log, loaded.rig.supports)
-    weight = sum(float(series.value[:20, 2].mean()) for series in log.force)
-    # Sensors that lean by 20 mrad see a hundredth of the internal forces, too.
-    assert weight == pytest.approx(500 * 9.80665, rel=1e-2)
-
-
-def _short(original: Any) -> Any:
-    """A docking that starts 1 mm before contact."""
-
-    def init(self: Any, *args: Any, **kwargs: Any) -> None:
-        original(self, *args, **{"gap": 1e-3, "ramp": 0.5, **kwargs})
-
-    return init

@@ -1,4 +1,4 @@
-"""The draft certificate: read back, and held against a schema of the same shape as PTB's."""
+"""The draft certificate: read back, and held against the rules of PTB's schemas."""
 
 from __future__ import annotations
 
@@ -12,87 +12,11 @@ from tdfscal.errors import UsageError
 from tdfscal.export.certificate import certificate
 from tdfscal.export.schemacheck import check, schema_version
 from tdfscal.files.calibration import Calibration
+from tests.export.rules import write_schemas
 from tests.reporting.samples import NASTY, changed, run, sample, saved
 
 NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 C = sample().calibration
-
-#: The path from the root to a number, as the DCC's documentation has it; imports as PTB's does.
-DCC_XSD = """\
-<xs:schema version="{version}" xmlns:xs="http://www.w3.org/2001/XMLSchema"
-    xmlns:dcc="https://ptb.de/dcc" xmlns:si="https://ptb.de/si"
-    targetNamespace="https://ptb.de/dcc" elementFormDefault="qualified">
-  <xs:import namespace="https://ptb.de/si" schemaLocation="https://ptb.de/si/SI_Format.xsd"/>
-  <xs:element name="digitalCalibrationCertificate"><xs:complexType><xs:sequence>
-    <xs:element name="administrativeData"><xs:complexType><xs:all>
-      {administration}
-    </xs:all></xs:complexType></xs:element>
-    <xs:element name="measurementResults"><xs:complexType><xs:sequence>
-      <xs:element name="measurementResult"><xs:complexType><xs:sequence>
-        <xs:element name="name" type="xs:anyType"/>
-        <xs:element name="description" type="xs:anyType" minOccurs="0"/>
-        <xs:element name="usedMethods" type="xs:anyType" minOccurs="0"/>
-        <xs:element name="usedSoftware" type="xs:anyType" minOccurs="0"/>
-        <xs:element name="results"><xs:complexType><xs:sequence>
-          <xs:element name="result" maxOccurs="unbounded"><xs:complexType><xs:sequence>
-            <xs:element name="name" type="xs:anyType"/>
-            <xs:element name="data"><xs:complexType><xs:sequence>
-              <xs:element name="quantity" maxOccurs="unbounded"><xs:complexType><xs:sequence>
-                <xs:element name="name" type="xs:anyType"/>
-                <xs:element ref="si:real"/>
-              </xs:sequence></xs:complexType></xs:element>
-            </xs:sequence></xs:complexType></xs:element>
-          </xs:sequence></xs:complexType></xs:element>
-        </xs:sequence></xs:complexType></xs:element>
-      </xs:sequence></xs:complexType></xs:element>
-    </xs:sequence></xs:complexType></xs:element>
-  </xs:sequence><xs:attribute name="schemaVersion" use="required"><xs:simpleType>
-    <xs:restriction base="xs:string"><xs:pattern value="{version}"/></xs:restriction>
-  </xs:simpleType></xs:attribute></xs:complexType></xs:element>
-</xs:schema>
-"""
-ADMINISTRATION = (
-    "dccSoftware",
-    "coreData",
-    "items",
-    "calibrationLaboratory",
-    "respPersons",
-    "customer",
-)
-SI_XSD = """\
-<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" xmlns:si="https://ptb.de/si"
-    targetNamespace="https://ptb.de/si" elementFormDefault="qualified">
-  <xs:complexType name="expanded"><xs:sequence>
-    <xs:element name="{size}" type="xs:double"/>
-    <xs:element name="coverageFactor" type="xs:double"/>
-    <xs:element name="coverageProbability" type="xs:double"/>
-  </xs:sequence></xs:complexType>
-  <xs:element name="real"><xs:complexType><xs:sequence>
-    <xs:element name="value" type="xs:double"/>
-    <xs:element name="unit" type="xs:string"/>
-    {uncertainty}
-  </xs:sequence></xs:complexType></xs:element>
-</xs:schema>
-"""
-OLD = '<xs:element name="expandedUnc" type="si:expanded" minOccurs="0"/>'
-NEW = (
-    '<xs:element name="measurementUncertaintyUnivariate" minOccurs="0"><xs:complexType>'
-    '<xs:sequence><xs:element name="expandedMU" type="si:expanded"/></xs:sequence>'
-    "</xs:complexType></xs:element>"
-)
-
-
-def schema(folder: Path, version: str, administration: tuple[str, ...] = ADMINISTRATION) -> Path:
-    """A schema file with the one that it imports beside it."""
-    new = version.startswith("3.3")
-    named = "".join(f'<xs:element name="{a}" type="xs:anyType"/>' for a in administration)
-    path = folder / "dcc.xsd"
-    path.write_text(DCC_XSD.format(version=version, administration=named), encoding="utf-8")
-    text = SI_XSD.format(
-        size="valueExpandedMU" if new else "uncertainty", uncertainty=NEW if new else OLD
-    )
-    (folder / "SI_Format.xsd").write_text(text, encoding="utf-8")
-    return path
 
 
 def content(element: ET.Element) -> str:
@@ -137,10 +61,10 @@ def test_it_says_that_it_is_a_draft() -> None:
     assert root.find(".//{http://www.w3.org/2000/09/xmldsig#}Signature") is None
 
 
-@pytest.mark.parametrize("version", ["3.2.1", "3.3.0"])
+@pytest.mark.parametrize("version", ["3.1.2", "3.2.1", "3.3.0"])
 def test_schema_accepts(version: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("xmlschema")
-    path, out = schema(tmp_path, version), tmp_path / "out.xml"
+    path, out = write_schemas(tmp_path, version), tmp_path / "out.xml"
     done = run(
         capsys,
         *("export", saved(C, tmp_path, "c.yaml"), "--to", "dcc", "--schema", path, "-o", out),
@@ -149,19 +73,33 @@ def test_schema_accepts(version: str, tmp_path: Path, capsys: pytest.CaptureFixt
     assert ET.parse(out).getroot().get("schemaVersion") == version
 
 
+def test_an_interval_shorter_than_a_standard_uncertainty(tmp_path: Path) -> None:
+    """D-SI knows no coverage factor below 1: the uncertainty stated is then the larger one."""
+    pytest.importorskip("xmlschema")
+    document = C.model_dump()
+    for support in document["supports"]:
+        support["rpy_interval"] = {"coverage": 0.95, "low": support["rpy"], "high": support["rpy"]}
+    text = certificate(Calibration.model_validate(document))
+    check(text, write_schemas(tmp_path, "3.3.0"))
+    factors = [
+        float(str(e.text)) for e in ET.fromstring(text).iterfind(".//si:coverageFactor", NAMES)
+    ]
+    assert factors == [1.0] * 9
+
+
 def test_schema_refuses(tmp_path: Path) -> None:
     pytest.importorskip("xmlschema")
-    path = schema(tmp_path, "3.3.0", (*ADMINISTRATION, "statements"))
+    path = write_schemas(tmp_path, "3.3.0", more="statements")
     with pytest.raises(UsageError, match=r"does not obey the schema at .*administrativeData"):
         check(certificate(C), path)
     wrong = certificate(C).replace("valueExpandedMU", "uncertainty")
     with pytest.raises(UsageError, match="expandedMU"):
-        check(wrong, schema(tmp_path, "3.3.0"))
+        check(wrong, write_schemas(tmp_path, "3.3.0"))
 
 
 def test_a_schema_that_is_not_there_is_no_question_for_the_network(tmp_path: Path) -> None:
     pytest.importorskip("xmlschema")
-    path = schema(tmp_path, "3.3.0")
+    path = write_schemas(tmp_path, "3.3.0")
     (tmp_path / "SI_Format.xsd").unlink()
     with pytest.raises(UsageError, match="schema cannot be used"):
         check(certificate(C), path)
@@ -172,7 +110,7 @@ def test_a_schema_that_is_not_there_is_no_question_for_the_network(tmp_path: Pat
     [
         ("<a/>", "no XML schema"),
         ("rubbish", "cannot be read"),
-        (DCC_XSD.format(version="2.4.0", administration=""), "version 2.4.0"),
+        ('<schema xmlns="http://www.w3.org/2001/XMLSchema" version="2.4.0"/>', "version 2.4.0"),
     ],
 )
 def test_other_files_are_refused(text: str, message: str, tmp_path: Path) -> None:

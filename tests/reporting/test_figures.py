@@ -77,7 +77,7 @@ def svgs(kind: str) -> dict[str, str]:
 def test_each_method_has_its_figures() -> None:
     found = {kind: {d.name for d in drawings(calibration(kind))} for kind in KINDS}
     assert found["self"] == found["six supports"] == SELF
-    assert found["tracker"] == {"angles", "budget", "observability", "rig", "survey"}
+    assert found["tracker"] == {"angles", "budget", "observability", "rig", "survey", "trials"}
     assert found["joint"] == SELF - {"trials"} | {"methods", "survey"}
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.cli.running import SAMPLES
 from tests.reporting.samples import run
 
 RPY = (0.1, -0.2, 0.3)
@@ -54,3 +56,47 @@ def test_a_missing_unit_is_refused(
     assert done.status == 3
     assert done.out == ""
     assert "unit" in done.err
+
+
+def in_groups(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Give the upper half of a point file another group, and move it."""
+    head, *lines = path.read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in lines]
+    points = change(np.array([[float(v) for v in row[2:]] for row in rows[4:]]))
+    for row, point in zip(rows[4:], points.tolist(), strict=True):
+        row[0], row[2:] = "second", [repr(v) for v in point]
+    path.write_text("\n".join([head, *(",".join(row) for row in rows)]) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("turn", "shift", "model"),
+    [
+        ((0, 0, 0), (0, 0, 0), None),
+        ((0, 0, 0), (0.0, 0.5, 0.0), "a translation of its own for each group"),
+        ((0, 0, 0.01), (0, 0, 0), "a transform of its own for each group"),
+    ],
+)
+def test_groups_that_moved_against_each_other_are_named(
+    pair: tuple[Path, Path],
+    turn: tuple[float, ...],
+    shift: tuple[float, ...],
+    model: str | None,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The files hold 0.01 mm of noise; the second group is moved by more than ten times that."""
+    R = Rotation.from_euler("xyz", turn).as_matrix()
+    in_groups(pair[0], lambda points: points @ R.T + shift)
+    in_groups(pair[1], lambda points: points)
+    done = run(capsys, "register", *pair, "--unit", "mm", "--json")
+    assert done.status == 0, done.err
+    said = [w for w in json.loads(done.out)["warnings"] if "of its own" in w]
+    assert len(said) == (model is not None)
+    assert all(w.startswith(f"{model} (jig, second) fits ") for w in said)
+
+
+def test_groups_in_frames_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    """Targets on several sensors share no frame: the advice is to take them one by one."""
+    survey = SAMPLES / "csv" / "tracker"
+    done = run(capsys, "register", survey / "targets.csv", survey / "nominal.csv", "--unit", "mm")
+    assert done.status == 4
+    assert "Each of the groups ncp1, ncp2, ncp3 fits by itself" in done.err

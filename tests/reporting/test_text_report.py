@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from typing import Any
 
@@ -12,6 +13,8 @@ from rich.console import Console
 from tdfscal.files.calibration import Calibration
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.clock import clock
+from tdfscal.reporting.html import render_page
+from tdfscal.reporting.summary import summarise
 from tdfscal.reporting.terminal import show, show_on
 from tdfscal.reporting.text import render
 from tests.reporting.samples import NASTY, changed, sample, surveyed
@@ -124,3 +127,30 @@ def test_a_pipe_gets_plain_text(capsys: pytest.CaptureFixture[str]) -> None:
     c = sample().calibration
     show(c)
     assert capsys.readouterr().out == render(c)
+
+
+def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A nominal yaw 20 mrad away, written a whole turn off: the short way round is shown."""
+    c = sample().calibration
+    assert "turn" not in render(c)
+    rig = c.rig.model_dump(mode="json", exclude_none=True)
+    yaw = c.supports[1].rpy[2]
+    near = yaw - 0.02
+    rig["supports"][1]["nominal_rpy"] = [0.0, 0.0, near - math.copysign(2 * math.pi, near)]
+    for text in (render(changed(c, rig=rig)), on_terminal(changed(c, rig=rig), monkeypatch)):
+        plain = re.sub(r"\x1b\[[0-9;]*m", "", text)
+        assert "turn from the nominal mounting" in plain
+        assert re.search(rf"yaw +{1e3 * yaw:.3f} +\+20\.000 ", plain)
+        assert max(map(len, plain.splitlines())) <= 80
+    assert "+20.000" in render_page(changed(c, rig=rig))
+
+
+def test_an_edited_rig_is_said_first() -> None:
+    c = sample().calibration
+    rig = c.rig.model_dump(mode="json", exclude_none=True)
+    assert summarise(changed(c, rig=rig)).warnings == summarise(c).warnings == c.warnings
+    rig["terminal"]["mass"]["value"] += 1.0
+    edited = changed(c, rig=rig)
+    assert "was edited after the calibration" in summarise(edited).warnings[0]
+    del rig["content_sha256"]
+    assert summarise(changed(c, rig=rig)).warnings == c.warnings

@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tdfscal.cli import main
@@ -87,3 +88,31 @@ def test_accuracy(
     assert set(counts.values()) == {4}
     for name in ("accuracy", "errors-1-ncp1", "errors-3-ncp3"):
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_calibrations_beside_the_studies(
+    rig: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    campaign, given = tmp_path / "campaign", tmp_path / "given.yaml"
+    simulate_to_folder(campaign, rows="postures", recorder=Recorder(mean_sd=0.1))
+    assert run(monkeypatch, "calibrate", campaign, "--trials", "0", "-o", given) == 0
+    out, option = tmp_path / "out", ("--calibration", given, "--json")
+    capsys.readouterr()
+    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, *option) == 0
+    (found,) = json.loads(capsys.readouterr().out)["calibrations"]
+    assert found["name"] == "given"
+    for posture in found["postures"]:
+        assert posture["uncalibrated"]["force"] > 10 * posture["calibrated_std"]["force"] > 0
+    assert len(rows(out / "calibrations.csv")) == 2 * 9
+    options = ("--runs", "25", "-q", *option)
+    assert run(monkeypatch, "study", "accuracy", rig, "-o", out, *options) == 0
+    (found,) = json.loads(capsys.readouterr().out)["calibrations"]
+    assert np.shape(found["rpy_std"]) == (3, 3)
+    assert found["factor"] > 0.5
+    document = given.read_text(encoding="utf-8").replace("ncp1", "other")
+    (other := tmp_path / "other.yaml").write_text(document, encoding="utf-8")
+    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, "--calibration", other) == 2
+    assert "of another rig" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ import yaml
 from tdfscal.files.calibration import load_calibration, save_calibration
 from tdfscal.files.campaign_writer import write_campaign
 from tdfscal.files.inuse import calibrated
+from tdfscal.filtering import Walk
 from tdfscal.records import Log, Rig, Series
 from tdfscal.simulation import (
     Campaign,
@@ -103,6 +105,47 @@ def test_contact_force_appears_where_it_acts(
         noise = np.sqrt(3 * (2.0**2 / dwell.sum() + 0.1**2))
         assert np.all(np.abs(found - truth) < 4 * np.hypot(std, noise))
         assert np.linalg.norm(raw - truth) > 20.0
+
+
+def test_filters_take_noise_off_and_say_what_they_cost(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    found, said = {}, {}
+    for kind in ("none", "kalman", "smooth"):
+        target = tmp_path / f"{kind}.parquet"
+        line = ("apply", places.calibration, places.touched, "-o", target, "--filter", kind)
+        seen = run(capsys, *line, "--json")
+        assert seen.status == 0, seen.err
+        said[kind] = json.loads(seen.out)["filter"]
+        table = pq.read_table(target)
+        found[kind] = np.stack([table[f"f{a}"].to_numpy() for a in "xyz"], axis=1)
+        time = table["time"].to_numpy()
+        assert table.schema.metadata[b"filter"].startswith(kind.encode())
+    assert said["none"] is None
+    # The recorder's noise is 1.5 to 2 N per sample, one draw per sensor.
+    assert 1.5 < said["kalman"]["noise"] < 2.0
+    assert said["smooth"]["delay"] == 0.0
+    c = places.campaign
+    since = time - time[0] + c.log.force[0].time[0]
+    rest = (since > c.start[USED] + 0.8) & (since < c.end[USED] - 0.1)
+    for kind in ("kalman", "smooth"):
+        left = found[kind][rest].std(axis=0) / found["none"][rest].std(axis=0)
+        np.testing.assert_allclose(left, said[kind]["noise_left"], rtol=0.25)
+    # Where the wrench changes most in a tenth of a second, the causal one comes later.
+    k = int(np.argmax(np.abs(found["smooth"][20:] - found["smooth"][:-20]).max(axis=1))) + 10
+    axis = int(np.argmax(np.abs(found["smooth"][k + 10] - found["smooth"][k - 10])))
+    window = slice(k - 40, k + 41)
+    slope = np.gradient(found["smooth"][window, axis], time[window])
+    behind = found["smooth"][window, axis] - found["kalman"][window, axis]
+    late = float(slope @ behind / (slope @ slope))
+    assert late == pytest.approx(said["kalman"]["delay"], rel=0.4)
+    plain = run(capsys, "apply", places.calibration, places.held, "-o", target, "--filter",
+                "kalman", "--walk", "5")  # fmt: skip
+    late_ms = float(re.search(r"filter kalman: (\d+\.?\d*) ms late", plain.out)[1])  # type: ignore[index]
+    assert late_ms == pytest.approx(1e3 * Walk.of(5.0, 1.75, 1 / 200).delay, rel=0.1)
+    seen = run(capsys, "apply", places.calibration, places.held, "-o", target, "--walk", "5")
+    assert seen.status == 2
+    assert "--walk: a walk without a filter" in seen.err
 
 
 def test_csv_and_parquet_hold_the_same(

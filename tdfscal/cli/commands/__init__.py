@@ -16,6 +16,7 @@ from tdfscal.cli.commands import (
     schema,
     simulate,
     study,
+    studycontrol,
     validate,
 )
 
@@ -31,5 +32,6 @@ __all__ = [
     "schema",
     "simulate",
     "study",
+    "studycontrol",
     "validate",
 ]

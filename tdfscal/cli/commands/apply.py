@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tdfscal.cli.app import Json, Paths, Quiet, RigFile, app
+
+
+class Filter(StrEnum):
+    """Filters of the sensors' signals."""
+
+    NONE = "none"
+    KALMAN = "kalman"
+    SMOOTH = "smooth"
 
 
 @app.command()
@@ -23,6 +32,14 @@ def apply(
         bool,
         typer.Option("--quasi-static", help="Leave inertia out although the rig file states it."),
     ] = False,
+    filter: Annotated[
+        Filter,
+        typer.Option(help="Kalman filter: causal, as a controller's; or smoothed, without delay."),
+    ] = Filter.NONE,
+    walk: Annotated[
+        float | None,
+        typer.Option(metavar="N", help="What a force may walk by in 1 s, for the filter; 15 N."),
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -35,6 +52,8 @@ def apply(
         output=output,
         rig=rig,
         quasi_static=quasi_static,
+        filter=filter.value,
+        walk=walk,
         json=json,
         quiet=quiet,
     )

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import app
+from tdfscal.cli.app import Json, app
 
 
 class Target(StrEnum):
@@ -41,6 +41,7 @@ def export(
     allow_rejected: Annotated[
         bool, typer.Option("--allow-rejected", help="Export what the quality gate rejected.")
     ] = False,
+    json: Json = False,
 ) -> None:
     """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate."""
     from tdfscal.cli.exporting import run
@@ -52,5 +53,6 @@ def export(
         parent=parent,
         schema=schema,
         allow_rejected=allow_rejected,
+        json=json,
     )
     raise typer.Exit(status)

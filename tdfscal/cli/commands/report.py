@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Json, app
+from tdfscal.cli.app import Json, Quiet, app
 
 
 @app.command()
@@ -24,8 +24,9 @@ def report(
         typer.Option("--figures", metavar="DIR", help="Also write the figures, PNG and SVG."),
     ] = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Summarise a calibration file, or several side by side and over time."""
     from tdfscal.cli.reporting import run
 
-    run(files, html=html, figures=figures, json=json)
+    run(files, html=html, figures=figures, json=json, quiet=quiet)

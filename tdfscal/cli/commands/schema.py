@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import app
+from tdfscal.cli.app import Json, app, emit
 
 
 @app.command()
@@ -15,9 +15,13 @@ def schema(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to write.")] = Path(
         "schemas"
     ),
+    json: Json = False,
 ) -> None:
     """Write the JSON Schemas of the rig, calibration and point files."""
     from tdfscal.files.schema import write_schemas
 
-    for path in write_schemas(folder):
-        print(path)
+    files = [str(path) for path in write_schemas(folder)]
+    if json:
+        emit({"files": files})
+    else:
+        print("\n".join(files))

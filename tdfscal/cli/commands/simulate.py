@@ -1,4 +1,4 @@
-"""`tdfscal simulate`."""
+"""`tdfscal simulate`: options."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import RigFile, Seed, app
+from tdfscal.cli.app import Json, Quiet, RigFile, Seed, app
 
 
 class LogFormat(StrEnum):
@@ -35,31 +35,23 @@ def simulate(
     ] = 100.0,
     seed: Seed = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace what is in the folder.")] = False,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Write a synthetic campaign with its truth.yaml."""
-    from tdfscal.files.campaign_writer import simulate_to_folder
-    from tdfscal.files.rig import load_rig
-    from tdfscal.simulation import Recorder, SurveyOptions
+    from tdfscal.cli.simulating import run
 
-    loaded = load_rig(rig) if rig else None
-    survey = None
-    if loaded is not None and (files := loaded.tracker) is not None:
-        survey = SurveyOptions(
-            instrument=files.instrument,
-            drawing=files.drawing,
-            body_misalignment=files.misalignment,
-        )
-    simulate_to_folder(
+    run(
         folder,
-        loaded.rig if loaded else None,
-        scenario,
-        survey=survey,
-        recorder=Recorder(force_rate=rate, position_rate=rate),
+        rig=rig,
+        scenario=scenario,
         format=format.value,
         postures=postures,
-        tilt_deg=tilt,
+        tilt=tilt,
         squeeze=squeeze,
+        rate=rate,
         seed=seed,
-        overwrite=force,
+        force=force,
+        json=json,
+        quiet=quiet,
     )
-    print(f"wrote {folder}: now run  tdfscal calibrate {folder}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Json, Paths, RigFile, app
+from tdfscal.cli.app import Json, Paths, Quiet, RigFile, app
 
 
 @app.command()
@@ -15,9 +15,13 @@ def validate(
     calibration: Annotated[Path, typer.Argument(metavar="CALIBRATION", help="Calibration file.")],
     paths: Paths,
     rig: RigFile = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Also write a report page.")
+    ] = None,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Check a calibration on static postures without contact: still valid, or what changed."""
     from tdfscal.cli.validating import run
 
-    raise typer.Exit(run(calibration, paths, rig=rig, json=json))
+    raise typer.Exit(run(calibration, paths, rig=rig, html=html, json=json, quiet=quiet))

@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tdfscal.files.calibration import Calibration
-from tdfscal.files.evidencemodel import PostureTable
-from tdfscal.records import FloatArray
+from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures.style import (
     BLUE,
     ORANGE,
@@ -33,23 +32,30 @@ def draw(c: Calibration) -> Drawing | None:
         f"Uncalibrated, a controller would take {before:.3g} N and {m_before:.3g} N·m for contact "
         f"where there is none; calibrated, {after:.2g} N and {m_after:.2g} N·m (rms, each posture "
         "predicted from the others).",
-        lambda: _paint(table),
+        lambda: paint(
+            np.array(table.index) + 1,
+            np.stack([_length(table.force_before), _length(table.moment_before)], axis=1),
+            np.stack([_length(table.force_after), _length(table.moment_after)], axis=1),
+            "after: calibrated without this posture",
+        ),
     )
 
 
-def _paint(table: PostureTable) -> Figure:
+def paint(number: IntArray, before: FloatArray, after: FloatArray, said: str) -> Figure:
+    """Draw lengths (K, 2) of force and moment, N and N·m; said : what `after` is."""
     fig = figure(4.0)
     top, bottom = fig.subplots(2, 1, sharex=True)
-    number = np.array(table.index) + 1
-    _panel(top, number, _length(table.force_before), _length(table.force_after), "force, N")
-    _panel(bottom, number, _length(table.moment_before), _length(table.moment_after), "moment, N·m")
+    for k, (ax, label) in enumerate(((top, "force, N"), (bottom, "moment, N·m"))):
+        _panel(ax, number, before[:, k], after[:, k], label, said)
     bottom.set_xlabel("posture")
     bottom.xaxis.get_major_locator().set_params(integer=True)
     legend_above(top, 2)
     return fig
 
 
-def _panel(ax: Axes, number: FloatArray, before: FloatArray, after: FloatArray, label: str) -> None:
+def _panel(
+    ax: Axes, number: IntArray, before: FloatArray, after: FloatArray, label: str, said: str
+) -> None:
     pixels = raster(len(number))
     size = 2.0 if pixels else 4.5
     ax.plot(
@@ -68,7 +74,7 @@ def _panel(ax: Axes, number: FloatArray, before: FloatArray, after: FloatArray, 
         "o",
         markersize=size,
         color=BLUE,
-        label="after: calibrated without this posture",
+        label=said,
         rasterized=pixels,
     )
     if min(before.min(), after.min()) > 0:

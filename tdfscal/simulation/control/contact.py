@@ -13,11 +13,18 @@ from functools import cached_property
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
+from tdfscal.simulation import rotations
 
 _TEETH = 8
 #: A shaft that touches the mouth's edge does so with all its stiffness from this depth on, m.
 _EDGE = 0.01
+#: Lean of the axis by a turn about y and x: (θy, −θx).
+_LEAN = np.array([1.0, -1.0])
+
+#: Rings of teeth in touch: radial and axial force (L, R, J), N, and each ring's place up the shaft
+#: from its tip, (L, R, 1), m.
+_Rings = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -91,30 +98,65 @@ class GearPair:
         """Depth of each tooth by tilt, (2, J), m: r (e_y, −e_x)."""
         return np.asarray(self.radius * np.array([self._rim[1], -self._rim[0]]))
 
+    @cached_property
+    def _flow(self) -> tuple[FloatArray, FloatArray]:
+        """Velocities of the teeth by q̇, outwards, around and along: (6, 3 J) of a ring about the
+        tip, and what each metre up the shaft adds, (6, 3 J).
+        """
+        ex, ey = self._rim
+        at_tip, per_metre = np.zeros((2, 6, 3, _TEETH))
+        at_tip[0, :2], at_tip[1, :2] = (ex, -ey), (ey, ex)
+        at_tip[5, 1], at_tip[2, 2], at_tip[3:5, 2] = self.radius, 1.0, self._rise
+        per_metre[4, :2], per_metre[3, :2] = (ex, -ey), (-ey, -ex)
+        return at_tip.reshape(6, -1), per_metre.reshape(6, -1)
+
     def wrench(self, q: FloatArray, rate: FloatArray | None = None) -> FloatArray:
         """Force and moment about the tip, (L, 6), on the shaft, bore's frame, at q (L, 6).
 
         rate : (L, 6), q̇, for friction; None for none.
         """
-        if q[:, 2].max() < -self.radius * np.abs(q[:, 3:5]).sum(axis=1).max():
-            return np.zeros_like(q)
         out = np.zeros_like(q)
-        tip = self._tip(q, out)
-        mouth = self._mouth(q, out)
-        seat = self._seat(q, out)
-        flank = self._flanks(q, out)
+        reach = self.radius * np.abs(q[:, 3:5]).sum(axis=1)
+        outside = q[:, 2] < -reach
+        if outside.all():
+            return out
+        inside = q[:, 2] > self.chamfer + _EDGE + reach
+        if np.all(inside | outside):
+            rings = self._walls(q, outside)
+        else:
+            rings = _together(self._tip(q), self._mouth(q))
+        if q[:, 2].max() > self.length - 0.1 * self.radius:
+            rings = _together(rings, self._seat(q))
+        radial, axial, up = rings
+        force = np.zeros((*radial.shape[:2], 3, _TEETH))
         if rate is not None and self.friction > 0.0:
-            zero = np.zeros(len(q))
-            self._rub(out, rate, zero, *tip)
-            if mouth is not None:
-                self._rub(out, rate, self.chamfer - q[:, 2], *mouth)
-            if seat is not None:
-                self._rub(out, rate, zero - self.length, *seat)
-            v = rate[:, 2]
-            out[:, 2] -= self.friction * flank * v / np.sqrt(v * v + self.slip**2)
+            self._rub(force, rate, rings)
+        force[:, :, 0] -= radial
+        force[:, :, 2] -= axial
+        # The mouth's axial part stems from the lean of its normal, and has no lever.
+        force[:, 1, 2] += axial[:, 1]
+        out[:, 2] -= axial[:, 1].sum(axis=1)
+        # Virtual work: what q̇ does to the teeth's velocities, forces do to the wrench.
+        at_tip, per_metre = self._flow
+        teeth = force.reshape(*radial.shape[:2], -1)
+        out += (teeth @ at_tip.T + up * (teeth @ per_metre.T)).sum(axis=1)
+        self._flanks(q, rate, out)
         return out
 
-    def _tip(self, q: FloatArray, out: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _walls(self, q: FloatArray, outside: BoolArray) -> _Rings:
+        """Tip and mouth of shafts that are well inside, where only walls are near, or outside."""
+        up = np.zeros((len(q), 2, 1))
+        up[:, 1, 0] = self.chamfer - q[:, 2]
+        lean = (q[:, 4:2:-1] * _LEAN)[:, None, :]
+        gap = (q[:, None, :2] + up * lean) @ self._rim
+        gap -= self.clearance
+        gap[outside] = 0.0
+        radial = self.stiffness * np.maximum(gap, 0.0)
+        axial = -radial * (lean @ self._rim)
+        axial[:, 0] = 0.0
+        return radial, axial, up
+
+    def _tip(self, q: FloatArray) -> _Rings:
         """Teeth at the tip: on the bore's face, its lead-in or its wall, whichever is nearest."""
         tan, cos = np.tan(self.chamfer_angle), np.cos(self.chamfer_angle)
         k, face = self.stiffness, self.seat_stiffness / _TEETH
@@ -129,80 +171,68 @@ class GearPair:
         by_cone &= ~by_face
         radial = k * (by_wall * wall + by_cone * (cone * cos))
         axial = by_face * (face * depth) + by_cone * (k * tan * cos * cone)
-        out[:, :2] -= radial @ self._rim.T
-        out[:, 2] -= axial.sum(axis=1)
-        out[:, 3:5] -= axial @ self._rise.T
-        return radial, axial
+        return _ring(radial, axial, np.zeros(len(q)))
 
-    def _mouth(self, q: FloatArray, out: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def _mouth(self, q: FloatArray) -> _Rings:
         """The bore's edge on the shaft's flank, behind the tip."""
         back = q[:, 2] - self.chamfer
-        if back.max() <= 0.0:
-            return None
         share = np.clip(back / _EDGE, 0.0, 1.0)[:, None]
-        lean = np.stack([q[:, 4], -q[:, 3]], axis=1)
+        lean = q[:, 4:2:-1] * _LEAN
         gap = np.maximum((q[:, :2] - back[:, None] * lean) @ self._rim - self.clearance, 0.0)
         radial = self.stiffness * share * gap
-        out[:, :2] -= radial @ self._rim.T
-        out[:, 3:5] -= (back[:, None] / self.radius) * (radial @ self._rise.T)
         grows = (share < 1.0) * (share > 0.0) * (0.5 * self.stiffness / _EDGE) * gap**2
-        axial = grows - radial * (lean @ self._rim)
-        out[:, 2] -= axial.sum(axis=1)
-        return radial, axial
+        return _ring(radial, grows - radial * (lean @ self._rim), -back)
 
-    def _seat(self, q: FloatArray, out: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def _seat(self, q: FloatArray) -> _Rings:
         """The shoulder on the bore's face."""
-        if q[:, 2].max() < self.length - 0.1 * self.radius:
-            return None
         pressed = np.maximum(q[:, 2:3] + q[:, 3:5] @ self._rise - self.length, 0.0)
         axial = self.seat_stiffness / _TEETH * pressed
-        out[:, 2] -= axial.sum(axis=1)
-        out[:, 3:5] -= axial @ self._rise.T
-        return np.zeros_like(axial), axial
+        return _ring(np.zeros_like(axial), axial, np.full(len(q), -self.length))
 
-    def _flanks(self, q: FloatArray, out: FloatArray) -> FloatArray:
-        """Twist of the teeth against each other; returns their normal force (L,), N."""
+    def _flanks(self, q: FloatArray, rate: FloatArray | None, out: FloatArray) -> None:
+        """Twist of the teeth against each other, with friction along the axis."""
         depth, psi = q[:, 2], q[:, 5]
+        over = np.abs(psi) - self.twist
+        over[depth <= 0.0] = -1.0
+        if over.max() <= 0.0:
+            return
         k, face = self.stiffness * self.radius**2, self.seat_stiffness
         slope = (depth < self.chamfer) * np.tan(self.chamfer_angle) / self.radius
-        over = np.abs(psi) - self.twist - slope * (self.chamfer - depth)
-        inside = (over > 0.0) & (depth > 0.0)
+        over -= slope * (self.chamfer - depth)
+        inside = over > 0.0
         by_face = inside & (face * depth**2 < k * over**2)
         torque = k * np.where(inside & ~by_face, over, 0.0)
         out[:, 5] -= torque * np.sign(psi)
         out[:, 2] -= torque * slope + np.where(by_face, face * depth, 0.0)
-        return np.asarray(torque / self.radius)
+        if rate is not None:
+            v = rate[:, 2]
+            normal = torque / self.radius
+            out[:, 2] -= self.friction * normal * v / np.sqrt(v * v + self.slip**2)
 
-    def _rub(
-        self,
-        out: FloatArray,
-        rate: FloatArray,
-        along: FloatArray,
-        radial: FloatArray,
-        axial: FloatArray,
-    ) -> None:
-        """Regularised Coulomb friction of teeth at `along` (L,), m, on the shaft's axis."""
+    def _rub(self, force: FloatArray, rate: FloatArray, rings: _Rings) -> None:
+        """Regularised Coulomb friction: force (L, R, 3, J) outwards, around and along."""
+        radial, axial, up = rings
         normal = np.sqrt(radial * radial + axial * axial)
-        if not normal.any():
-            return
-        ex, ey = self._rim
-        r, w, s = self.radius, rate[:, 3:], along[:, None]
-        vx = rate[:, :1] + w[:, 1:2] * s - w[:, 2:] * (r * ey)
-        vy = rate[:, 1:2] - w[:, :1] * s + w[:, 2:] * (r * ex)
-        vz = rate[:, 2:3] + w[:, :2] @ self._rise
-        # Without the part along the normal (radial e, axial).
+        at_tip, per_metre = self._flow
+        v = ((rate @ at_tip)[:, None] + up * (rate @ per_metre)[:, None]).reshape(force.shape)
+        # The normal lies in the plane of out and along; slide is the slip in it, across to it.
         unit = 1.0 / np.maximum(normal, 1e-300)
-        nx, ny, nz = radial * unit * ex, radial * unit * ey, axial * unit
-        across = vx * nx + vy * ny + vz * nz
-        vx, vy, vz = vx - across * nx, vy - across * ny, vz - across * nz
-        drag = -self.friction * normal / np.sqrt(vx * vx + vy * vy + vz * vz + self.slip**2)
-        fx, fy, fz = drag * vx, drag * vy, drag * vz
-        out[:, 0] += fx.sum(axis=1)
-        out[:, 1] += fy.sum(axis=1)
-        out[:, 2] += fz.sum(axis=1)
-        out[:, 3] += (r * ey * fz - s * fy).sum(axis=1)
-        out[:, 4] += (s * fx - r * ex * fz).sum(axis=1)
-        out[:, 5] += (r * ex * fy - r * ey * fx).sum(axis=1)
+        n_out, n_along = radial * unit, axial * unit
+        around, slide = v[:, :, 1], v[:, :, 0] * n_along - v[:, :, 2] * n_out
+        drag = normal / np.sqrt(around * around + slide * slide + self.slip**2)
+        drag *= -self.friction
+        force[:, :, 1] = drag * around
+        drag *= slide
+        force[:, :, 0], force[:, :, 2] = drag * n_along, -drag * n_out
+
+
+def _ring(radial: FloatArray, axial: FloatArray, up: FloatArray) -> _Rings:
+    return radial[:, None], axial[:, None], up[:, None, None]
+
+
+def _together(a: _Rings, b: _Rings) -> _Rings:
+    radial, axial, up = (np.concatenate(both, axis=1) for both in zip(a, b, strict=True))
+    return radial, axial, up
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,10 +245,5 @@ class Bore:
     def coordinates(self, tip: FloatArray, R: FloatArray) -> FloatArray:
         """Q (L, 6) of a shaft with its tip at (L, 3), m, BCS, and rotation R (L, 3, 3)."""
         back = np.swapaxes(self.rotation, -1, -2)
-        turn = back @ R
-        q = np.empty((len(tip), 6))
-        q[:, :3] = (back @ (tip - self.place)[..., None])[..., 0]
-        q[:, 3] = 0.5 * (turn[:, 2, 1] - turn[:, 1, 2])
-        q[:, 4] = 0.5 * (turn[:, 0, 2] - turn[:, 2, 0])
-        q[:, 5] = 0.5 * (turn[:, 1, 0] - turn[:, 0, 1])
-        return q
+        shift = (back @ (tip - self.place)[..., None])[..., 0]
+        return np.concatenate([shift, 0.5 * rotations.vee(back @ R)], axis=1)

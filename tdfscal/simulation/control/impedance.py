@@ -77,12 +77,18 @@ def _exponential(A: FloatArray) -> FloatArray:
 
 
 def contact_radius(
-    impedance: Impedance, stiffness: FloatArray, lag: float, step: float, held: int
+    impedance: Impedance,
+    stiffness: FloatArray,
+    lag: float,
+    step: float,
+    held: int,
+    gain: float = 1.0,
 ) -> float:
     """Spectral radius per sample of the loop closed over a surrounding of `stiffness`; < 1: stable.
 
     stiffness : (6, 6), N/m … N·m/rad, about the centre of compliance. lag : time constant of the
-    servos, s. held : steps for which a force sample is held. A sample acts in the step after it.
+    servos, s. held : steps for which a force sample is held; it acts in the step after it.
+    gain : of the force filter.
     """
     one = transition(impedance, step)
     I, O = np.eye(6), np.zeros((6, 6))  # noqa: E741
@@ -98,19 +104,27 @@ def contact_radius(
             [O, O, O, I],
         ]
     )
-    sample = np.block([[I, O, O, O], [O, I, O, O], [O, O, I, O], [O, O, -stiffness, O]])
+    sample = np.block(
+        [[I, O, O, O], [O, I, O, O], [O, O, I, O], [O, O, -gain * stiffness, (1 - gain) * I]]
+    )
     return float(np.abs(np.linalg.eigvals(np.linalg.matrix_power(go, held) @ sample)).max())
 
 
 def require_stable(
-    impedance: Impedance, stiffness: FloatArray, lag: float, step: float, held: int
+    impedance: Impedance,
+    stiffness: FloatArray,
+    lag: float,
+    step: float,
+    held: int,
+    gain: float = 1.0,
 ) -> None:
     """Refuse a loop that shakes itself up in contact. Raises UsageError."""
-    radius = contact_radius(impedance, stiffness, lag, step, held)
+    radius = contact_radius(impedance, stiffness, lag, step, held, gain)
     if radius >= 1.0:
+        filtered = f", filtered with a gain of {gain:.2g}," if gain < 1.0 else ""
         raise UsageError(
             f"the impedance is unstable in contact: with a force sample every "
-            f"{1e3 * step * held:g} ms and servos of {1e3 * lag:.3g} ms, oscillations grow by "
-            f"{100 * (radius - 1):.2g} % per sample",
-            hint="raise the damping, sample faster, or make servos faster",
+            f"{1e3 * step * held:g} ms{filtered} and servos of {1e3 * lag:.3g} ms, oscillations "
+            f"grow by {100 * (radius - 1):.2g} % per sample",
+            hint="raise the damping, sample faster, filter less, or make servos faster",
         )

@@ -34,6 +34,11 @@ class Sensing:
         if not 0.0 < self.gain <= 1.0:
             raise UsageError(f"the filter's gain is {self.gain:g}", hint="give 0 < gain ≤ 1")
 
+    @property
+    def delay(self) -> float:
+        """Time by which the filter is late on a slow force, s."""
+        return (1.0 - self.gain) / self.gain / self.rate
+
 
 @dataclass(frozen=True, slots=True)
 class Assumed:

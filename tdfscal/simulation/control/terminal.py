@@ -20,20 +20,14 @@ _REFRESH = 25
 
 
 def moment(arm: FloatArray, force: FloatArray) -> FloatArray:
-    """Σ a_i × F_i, (L, 3), of (L, m, 3): the skew part of Σ a_i F_iᵀ."""
-    both = np.swapaxes(arm, -1, -2) @ force
-    out = np.empty((len(both), 3))
-    out[:, 0] = both[:, 1, 2] - both[:, 2, 1]
-    out[:, 1] = both[:, 2, 0] - both[:, 0, 2]
-    out[:, 2] = both[:, 0, 1] - both[:, 1, 0]
-    return out
+    """Σ a_i × F_i, (L, 3), of (L, m, 3): the skew part of Σ F_i a_iᵀ."""
+    return rotations.vee(np.swapaxes(force, -1, -2) @ arm)
 
 
 class Terminal:
     """Poses and hinge forces of L terminals at once.
 
-    rotation : (L, 3, 3), LCS → BCS. translation : (L, 3), m. force : (L, n, 3), N, BCS, of the
-    NCPs on the terminal.
+    rotation : (L, 3, 3), LCS → BCS. translation : (L, 3), m.
     """
 
     def __init__(self, truth: Truth, stand: FloatArray, start: Pose) -> None:
@@ -44,13 +38,17 @@ class Terminal:
         rest = settle(truth, stand[:, None], load, first)
         self.rotation = rest.pose.rotation[:, 0]
         self.translation = rest.pose.translation[:, 0]
-        self.force = rest.force[:, 0]
         self._levers = np.concatenate([truth.hinge, truth.barycentre[:, None, :]], axis=1)
         self._acting = np.empty_like(self._levers)
         self._stiffness = truth.stiffness
         self._acting[:, -1] = truth.mass[:, None] * truth.gravity
         self._age = _REFRESH
         self._stand = stand
+
+    @property
+    def force(self) -> FloatArray:
+        """(L, n, 3), N, BCS, of the NCPs on the terminal."""
+        return self._pull(self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2))
 
     def move(self, stand: FloatArray, contact: FloatArray) -> None:
         """Let the carriages stand at `stand` under a contact wrench (L, 6), N, and N·m about the
@@ -64,7 +62,7 @@ class Terminal:
         if self._age >= _REFRESH:
             self._yield, self._age = self._flexibility(arm), 0
         self._age += 1
-        self._acting[:, :-1] = self._pull(arm, stand)
+        self._acting[:, :-1] = self._pull(arm)
         net = contact.copy()
         net[:, :3] += self._acting.sum(axis=1)
         net[:, 3:] += moment(levers, self._acting)
@@ -73,7 +71,6 @@ class Terminal:
         turn = rotations.hat(step[:, 3:])
         # To the third order in a turn of microradians.
         self.rotation = self.rotation + turn @ (self.rotation + 0.5 * (turn @ self.rotation))
-        self.force = self._pull(self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2), stand)
 
     def yield_to(self, wrench: FloatArray) -> None:
         """Give way to a small change of the contact wrench (L, 6), so that no step is lost."""
@@ -81,11 +78,9 @@ class Terminal:
         self.translation = self.translation + step[:, :3]
         turn = rotations.hat(step[:, 3:])
         self.rotation = self.rotation + turn @ self.rotation
-        arm = self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2)
-        self.force = self._pull(arm, self._stand)
 
-    def _pull(self, arm: FloatArray, stand: FloatArray) -> FloatArray:
-        stretch = arm + self.translation[:, None, :] - stand
+    def _pull(self, arm: FloatArray) -> FloatArray:
+        stretch = arm + (self.translation[:, None, :] - self._stand)
         return np.asarray(-(self._stiffness @ stretch[..., None])[..., 0])
 
     def _flexibility(self, arm: FloatArray) -> FloatArray:

@@ -1,0 +1,169 @@
+"""Bits of log files flipped at random places: refused, or read to the identical numbers.
+
+    python -m benchmarks.bitflips [--tries 10000] [--seed 0]
+
+Rewrites `benchmarks/bitflips.md`. The files are read in processes of their own, so that a library
+that ends its process over a damaged file is counted, and ends no more than one try.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from mcap.writer import CompressionType
+
+from tdfscal.errors import DataError
+from tdfscal.files.logs import read_log
+from tests.files.logs.log_making import (
+    MAPPING,
+    SUPPORTS,
+    make_truth,
+    mcap_bytes,
+    same_numbers,
+    table,
+)
+
+REFUSED, SAME, DIFFERENT, FAILED, DIED = "refused", "identical", "different", "error", "died"
+HEADS = ("format", "written as", "bytes", "tries", REFUSED, SAME, DIFFERENT, "ended otherwise")
+BATCH = 1250
+TRUTH = make_truth(12)
+
+
+def _parquet(*, stamps: bool = False, nullable: bool = True, **options: object) -> bytes:
+    frame = table(TRUTH)
+    if stamps:
+        frame["time"] = (frame["time"] * 1e9).astype("datetime64[ns]")
+    whole = pa.Table.from_pandas(frame, preserve_index=False)
+    if not nullable:
+        whole = whole.cast(pa.schema([field.with_nullable(False) for field in whole.schema]))
+    target = io.BytesIO()
+    pq.write_table(whole, target, write_page_checksum=True, **options)
+    return target.getvalue()
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One way to write a log. suffix : of the file. make : its bytes."""
+
+    name: str
+    suffix: str
+    make: Callable[[], bytes]
+
+
+KINDS = (
+    Kind("chunks, zstd", ".mcap", lambda: mcap_bytes(TRUTH)),
+    Kind("chunks, lz4", ".mcap", lambda: mcap_bytes(TRUTH, compression=CompressionType.LZ4)),
+    Kind("chunks, plain", ".mcap", lambda: mcap_bytes(TRUTH, compression=CompressionType.NONE)),
+    Kind("no chunks, CRC", ".mcap", lambda: mcap_bytes(TRUTH, chunking=False, data_crc=True)),
+    Kind("snappy, dictionaries", ".parquet", _parquet),
+    Kind("zstd, pages v2", ".parquet", lambda: _parquet(
+        compression="zstd", data_page_version="2.0", use_dictionary=False)),
+    Kind("plain, required", ".parquet", lambda: _parquet(
+        compression="none", nullable=False, use_dictionary=False, row_group_size=5)),
+    Kind("snappy, time as ns", ".parquet", lambda: _parquet(
+        stamps=True, use_dictionary=False)),
+)  # fmt: skip
+
+
+def places(content: bytes, tries: int, seed: int) -> list[tuple[int, int]]:
+    """(byte, bit) of each try."""
+    rng = np.random.default_rng(seed)
+    byte, bit = rng.integers(0, len(content), tries), rng.integers(0, 8, tries)
+    return [(int(a), int(b)) for a, b in zip(byte, bit, strict=True)]
+
+
+def attempt(kind: Kind, chosen: list[tuple[int, int]], tell: Callable[[str], object]) -> None:
+    """Flip one bit at a time and tell what comes of it."""
+    mapping = MAPPING if kind.suffix == ".mcap" else None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"log{kind.suffix}"
+        content = kind.make()
+        path.write_bytes(content)
+        sound = read_log([path], mapping, SUPPORTS)
+        for byte, bit in chosen:
+            damaged = bytearray(content)
+            damaged[byte] ^= 1 << bit
+            path.write_bytes(damaged)
+            try:
+                log = read_log([path], mapping, SUPPORTS)
+            except DataError:
+                tell(REFUSED)
+            except Exception:  # what is counted here must not happen, whatever it is
+                tell(FAILED)
+            else:
+                tell(SAME if same_numbers(log, sound) else DIFFERENT)
+
+
+def count(kind: Kind, tries: int, seed: int) -> Counter[str]:
+    """What became of so many tries, in processes of their own."""
+    found: Counter[str] = Counter()
+    done = 0
+    while done < tries:
+        batch = min(BATCH, tries - done)
+        command = [sys.executable, "-m", "benchmarks.bitflips", "--worker", kind.name]
+        command += ["--tries", str(tries), "--seed", str(seed), "--from", str(done), str(batch)]
+        ran = subprocess.run(command, capture_output=True, text=True, check=False)
+        told = ran.stdout.split()
+        found.update(told)
+        if len(told) < batch:
+            if ran.returncode >= 0:  # not by a signal: it has not even begun
+                raise RuntimeError(ran.stderr)
+            found[DIED] += 1
+        done += len(told) + (len(told) < batch)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--tries", type=int, default=10_000, help="per format")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--worker", help=argparse.SUPPRESS)
+    parser.add_argument("--from", dest="portion", type=int, nargs=2, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.worker:
+        kind = next(k for k in KINDS if k.name == options.worker)
+        begin, size = options.portion
+        chosen = places(kind.make(), options.tries, options.seed)[begin : begin + size]
+        attempt(kind, chosen, lambda what: print(what, flush=True))
+        return
+    rows = []
+    for kind in KINDS:
+        share = options.tries // sum(k.suffix == kind.suffix for k in KINDS)
+        found = count(kind, share, options.seed)
+        cells = [kind.suffix[1:], kind.name, len(kind.make()), share]
+        cells += [found[REFUSED], found[SAME], found[DIFFERENT], found[FAILED] + found[DIED]]
+        rows.append(f"| {' | '.join(map(str, cells))} |")
+        print(rows[-1], flush=True)
+    text = "\n".join(
+        [
+            "# Flipped bits",
+            "",
+            "Made by `python -m benchmarks.bitflips "
+            f"--tries {options.tries} --seed {options.seed}`. One bit of a file",
+            "flipped at a random place, then read: refused with an error of tdfscal's own; read to",
+            "the identical numbers (times, positions, forces, to the bit); different numbers;",
+            "another exception, or the process ended. Parquet files have checksums of their pages.",
+            "The slow tests assert zeros in the last two columns.",
+            "",
+            f"| {' | '.join(HEADS)} |",
+            f"|{'---|' * len(HEADS)}",
+            *rows,
+            "",
+        ]
+    )
+    Path(__file__).with_suffix(".md").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""What given calibrations are worth, beside the studies: in words, plain rows and JSON values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from tdfscal.observability import ANGLES
+from tdfscal.records import FloatArray
+from tdfscal.reporting.studies import Row, posture_name
+from tdfscal.reporting.text import table, wrapped
+from tdfscal.studies.accuracy import Accuracy
+from tdfscal.studies.stakes import Stake
+
+Stakes = Mapping[str, list[Stake]]
+"""Name of a calibration → its stakes, one per posture and internal force."""
+
+
+def stakes_text(supports: tuple[str, ...], stakes: Stakes) -> str:
+    """Error without each calibration and with it, and the angles that matter most."""
+    lines: list[str] = []
+    for name, found in stakes.items():
+        lines += wrapped(
+            f"{name}: error of the contact wrench that its angles take away, and the standard "
+            "uncertainty that they leave",
+            "",
+            "",
+        )
+        rows = []
+        for stake in found:
+            i, j = divmod(int(stake.force.argmax()), 3)
+            rows.append(
+                [
+                    posture_name(stake.rpy),
+                    f"{stake.internal:g}",
+                    f"{stake.before[0]:.2f}",
+                    f"{stake.after[0]:.2f}",
+                    f"{stake.before[1]:.2f}",
+                    f"{stake.after[1]:.2f}",
+                    f"{ANGLES[j]} of {supports[i]}",
+                ]
+            )
+        head = ["terminal", "internal, N", "N before", "after", "N·m before", "after", "most from"]
+        lines += [*table(head, rows, left=1), ""]
+    return "\n".join(lines)
+
+
+def stake_rows(supports: tuple[str, ...], stakes: Stakes) -> Iterator[Row]:
+    """Header and rows of calibrations.csv: what each angle's uncertainty costs by itself."""
+    yield (
+        "calibration",
+        "posture_roll",
+        "posture_pitch",
+        "posture_yaw",
+        "internal_N",
+        "support",
+        "angle",
+        "from_nominal_rad",
+        "std_rad",
+        "force_N",
+        "torque_Nm",
+    )
+    for name, found in stakes.items():
+        for stake in found:
+            for i, support in enumerate(supports):
+                for j, angle in enumerate(ANGLES):
+                    numbers = (stake.off, stake.std, stake.force, stake.torque)
+                    yield (
+                        name,
+                        *stake.rpy.tolist(),
+                        stake.internal,
+                        support,
+                        angle,
+                        *(float(values[i, j]) for values in numbers),
+                    )
+
+
+def stakes_document(stakes: Stakes) -> list[dict[str, Any]]:
+    """The stakes as plain JSON values, SI units."""
+    return [
+        {
+            "name": name,
+            "postures": [
+                {
+                    "rpy": stake.rpy.tolist(),
+                    "internal": stake.internal,
+                    "uncalibrated": {"force": stake.before[0], "torque": stake.before[1]},
+                    "calibrated_std": {"force": stake.after[0], "torque": stake.after[1]},
+                }
+                for stake in found
+            ],
+        }
+        for name, found in stakes.items()
+    ]
+
+
+def stated_text(study: Accuracy, stated: Mapping[str, FloatArray]) -> list[str]:
+    """How far each calibration, by its stated (n, 3) in rad, is from what this rig allows."""
+    best = study.ranking[0]
+    reached = float(best.rms.mean())
+    lines = []
+    for name, std in stated.items():
+        mean = float(std.mean())
+        text = f"{name} states {1e3 * mean:.3g} mrad for an angle in the mean: "
+        if mean > 1.1 * reached:
+            text += f"{mean / reached:.3g} times what {best.name} reaches here"
+        else:
+            text += f"as good as {best.name} gets here ({1e3 * reached:.3g} mrad)"
+        lines += wrapped(f"- {text}")
+    return lines
+
+
+def stated_document(study: Accuracy, stated: Mapping[str, FloatArray]) -> list[dict[str, Any]]:
+    """The same as plain JSON values, SI units."""
+    reached = float(study.ranking[0].rms.mean())
+    return [
+        {"name": name, "rpy_std": std.tolist(), "factor": float(std.mean() / reached)}
+        for name, std in stated.items()
+    ]

@@ -1,0 +1,116 @@
+"""What goes into a control simulation, and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.simulation.control.contact import Bore, GearPair
+from tdfscal.simulation.control.impedance import Impedance
+from tdfscal.simulation.control.sensors import Assumed, Sensing
+from tdfscal.simulation.control.servo import PositionErrors, Servo
+from tdfscal.simulation.truth import Truth
+
+PHASES = ("approach", "first contact", "insertion", "seated")
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """Controller and machine.
+
+    tare : s at rest before the start whose mean wrench is F_d; 0: not tared, F_d = 0.
+    thresholds : N, |F| along x, y, z of the LCS at which the controller stops. step : s.
+    trace_rate : Hz, at most, of records.
+    """
+
+    impedance: Impedance = field(default_factory=Impedance)
+    servo: Servo = field(default_factory=Servo)
+    sensing: Sensing = field(default_factory=Sensing)
+    tare: float = 0.0
+    thresholds: tuple[float, float, float] = (20.0, 20.0, 40.0)
+    step: float = 4.0e-3
+    trace_rate: float = 25.0
+
+    @property
+    def held(self) -> int:
+        """Steps per force sample; UsageError where they do not fit."""
+        ratio = 1.0 / (self.sensing.rate * self.step) if self.step > 0.0 else 0.0
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+            raise UsageError(
+                f"a step of {1e3 * self.step:g} ms does not divide the force sensors' "
+                f"{1e3 / self.sensing.rate:g} ms",
+                hint="choose a whole number of steps per sample",
+            )
+        return round(ratio)
+
+
+@dataclass(frozen=True, slots=True)
+class Machines:
+    """L machines. truth : (L,). errors : of the carriages. noise : seed of the sensors' noise,
+    which goes by run: lane = calibration · runs + run, so that calibrations meet the same draws.
+    """
+
+    rig: Rig
+    truth: Truth
+    errors: PositionErrors
+    assumed: Assumed
+    runs: int
+    noise: np.random.SeedSequence
+
+
+@dataclass(frozen=True, slots=True)
+class Docking:
+    """A gear pair with its bore (L,), and the depth (m) at which the controller takes it as seated
+    when a threshold is reached.
+    """
+
+    gears: GearPair
+    bore: Bore
+    complete: float
+
+
+@dataclass(frozen=True, slots=True)
+class Traces:
+    """What was recorded at T times of L lanes; lanes that have stopped keep their last state.
+
+    time : (T,), s, from the start of the motion. contact : (T, L, 6), true contact wrench on the
+    terminal, measured : the controller's, smoothed and tared; N, N·m about the LCS origin, LCS.
+    deviation : (T, L, 6), x − x_d, m and rad. depth : (T, L), m, true, NaN without gears.
+    servo, reading : (T, L, n, 3), m, BCS, and N, sensor frames, as a recorder would see them.
+    """
+
+    time: FloatArray
+    contact: FloatArray
+    measured: FloatArray
+    deviation: FloatArray
+    depth: FloatArray
+    servo: FloatArray
+    reading: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How L lanes went.
+
+    peak : (4, L, 6), largest |true contact wrench| per phase; peak_length : (4, L, 2), of force and
+    moment. peak_measured : (4, L, 6), of the controller's. stopped : (L,), s, NaN where no
+    threshold was reached. seated : (L,), stopped at depth. jammed : (L,), stopped before.
+    phase_start : (4, L), s, NaN where a phase was not reached. servo : (L, n, 3), m, encoder values
+    at the end. q : (L, 6), of the shaft in the bore at the end, NaN without gears. steps :
+    simulated.
+    """
+
+    traces: Traces
+    peak: FloatArray
+    peak_length: FloatArray
+    peak_measured: FloatArray
+    stopped: FloatArray
+    seated: BoolArray
+    jammed: BoolArray
+    phase_start: FloatArray
+    servo: FloatArray
+    q: FloatArray
+    steps: int

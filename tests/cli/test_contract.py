@@ -1,0 +1,309 @@
+"""Every command: its exit statuses, what goes to which stream, and `--json`."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+
+from tdfscal.cli import app
+from tdfscal.studies import docking, freespace
+from tests.cli import world
+from tests.cli.running import Run, run
+from tests.docs.pages import table
+
+ERRORS = (2, 3, 4)
+#: A stage of the work with the seconds since its start.
+PROGRESS = re.compile(r"\[ *\d+\.\d s\] .+")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line, how it ends, and what it then says: the result, or the message.
+
+    line : the output of an error is the file `kept` of the folder `out`.
+    """
+
+    line: str
+    status: int
+    said: str
+
+    @property
+    def command(self) -> str:
+        words = self.line.split()
+        return " ".join(words[: 2 if words[0] == "study" else 1])
+
+
+FAST = "--postures 4 --candidates 20"
+CASES = [
+    Case("apply own.yaml campaign -o out/w.csv", 0, "largest: force"),
+    Case("apply own.yaml campaign -o out/w.txt", 2, ".csv"),
+    Case("apply own.yaml campaign", 2, "--output"),
+    Case("apply own.yaml badrig -o out/kept.csv", 2, "mass"),
+    Case("apply own.yaml damaged -o out/kept.csv", 3, "log.parquet"),
+    Case("apply broken.yaml campaign -o out/kept.csv", 3, "broken.yaml"),
+    Case("calibrate campaign -o out/c.yaml --trials 0", 0, "ACCEPTED"),
+    Case("calibrate strict -o out/kept.yaml --trials 0", 1, "REJECTED"),
+    Case("calibrate strict -o out/kept.yaml --html out/kept.html --trials 0", 1, "REJECTED"),
+    Case("calibrate strict -o out/rejected.yaml --trials 0 --allow-rejected", 1, "REJECTED"),
+    Case("calibrate badrig -o out/kept.yaml", 2, "mass"),
+    Case("calibrate nowhere -o out/kept.yaml", 2, "nowhere"),
+    Case("calibrate campaign -o campaign/rig.yaml", 2, "replace an input"),
+    Case("calibrate campaign --html - -o out/kept.yaml", 2, "standard output"),
+    Case("calibrate campaign --method guess", 2, "guess"),
+    Case("calibrate damaged -o out/kept.yaml", 3, "log.parquet"),
+    Case("calibrate brief -o out/kept.yaml --trials 0", 4, "do not determine"),
+    Case("compare own.yaml survey.json", 0, "E_n"),
+    Case("compare own.yaml", 2, "two files"),
+    Case("compare own.yaml nowhere.yaml", 2, "nowhere.yaml"),
+    Case("compare own.yaml broken.yaml", 3, "broken.yaml"),
+    Case("export own.yaml --to urdf", 0, "<robot"),
+    Case("export own.yaml --to dcc", 0, "DRAFT"),
+    Case("export rejected.yaml --to ros --allow-rejected", 0, "REJECTED"),
+    Case("export rejected.yaml --to ros -o out/kept.yaml", 1, "--allow-rejected"),
+    Case("export own.yaml --to matlab", 2, "matlab"),
+    Case("export own.yaml", 2, "--to"),
+    Case("export own.yaml --to ros -o own.yaml", 2, "replace an input"),
+    Case("export broken.yaml --to csv -o out/kept.csv", 3, "broken.yaml"),
+    Case("info campaign", 0, "Mapping"),
+    Case("info nowhere", 2, "nowhere"),
+    Case("info empty.csv", 3, "empty.csv"),
+    Case(f"plan campaign -o out/plan.csv {FAST}", 0, "out/plan.csv"),
+    Case("plan nowhere -o out/kept.csv", 2, "nowhere"),
+    Case(f"plan campaign -o out/kept.csv --given damaged {FAST}", 3, "log.parquet"),
+    Case(f"plan campaign -o out/kept.csv --squeeze 0 {FAST}", 4, "do not determine"),
+    Case("register moved.csv points.csv", 0, "6 points fit"),
+    Case("register moved.csv nowhere.csv", 2, "nowhere.csv"),
+    Case("register moved.csv unitless.csv", 3, "unit"),
+    Case("register line.csv line.csv", 4, "line"),
+    Case("report own.yaml", 0, "ACCEPTED"),
+    Case("report own.yaml survey.json", 0, "survey.json"),
+    Case("report rejected.yaml", 0, "REJECTED"),
+    Case("report nowhere.yaml --html out/kept.csv", 2, "nowhere.yaml"),
+    Case("report own.yaml --html own.yaml", 2, "replace an input"),
+    Case("report broken.yaml --html out/kept.csv", 3, "broken.yaml"),
+    Case("schema out/schemas", 0, "rig.schema.json"),
+    Case("schema empty.csv", 2, "empty.csv"),
+    Case("simulate out/new --postures 3 --rate 10 --force", 0, "out/new"),
+    Case("simulate out/odd --scenario odd", 2, "zero-shift"),
+    Case("simulate campaign", 2, "campaign"),
+    Case("study accuracy campaign -o out/a --runs 2 --postures 6 --workers 1", 0, "out/a"),
+    Case("study accuracy nowhere -o out/none", 2, "nowhere"),
+    Case("study docking campaign -o out/d --runs 1 --engagement 20", 0, "out/d"),
+    Case("study docking campaign -o out/none --filter -1", 2, "--filter"),
+    Case("study docking campaign -o out/none --calibration broken.yaml", 3, "broken.yaml"),
+    Case("study free-space campaign -o out/f --runs 1 --moves move.csv", 0, "out/f"),
+    Case("study free-space campaign -o out/none --moves empty.csv", 2, "empty.csv"),
+    Case("study free-space campaign -o out/none --calibration broken.yaml", 3, "broken.yaml"),
+    Case("study sensitivity campaign -o out/s --squeeze 0", 0, "out/s"),
+    Case("study sensitivity campaign -o out/none --rpy a,b", 2, "--rpy"),
+    Case("validate own.yaml campaign", 0, "STILL VALID"),
+    Case("validate own.yaml turned", 1, "RECALIBRATE"),
+    Case("validate own.yaml turned --html out/v.html", 1, "RECALIBRATE"),
+    Case("validate own.yaml campaign --html -", 2, "standard output"),
+    Case("validate campaign own.yaml", 2, "a calibration file is wanted here"),
+    Case("validate own.yaml nowhere", 2, "nowhere"),
+    Case("validate own.yaml damaged", 3, "log.parquet"),
+]
+GOOD = [case for case in CASES if case.status == 0]
+BAD = [case for case in CASES if case.status in ERRORS]
+#: Validating on the log that was calibrated from is no proof, and said to be none.
+WARNS = {"validate"}
+each = pytest.mark.parametrize
+
+
+def leaves(command: Any, name: str = "") -> dict[str, Any]:
+    """Every command of the program by its words."""
+    children = getattr(command, "commands", None)
+    if not children:
+        return {name: command}
+    return {
+        key: leaf
+        for child, inner in children.items()
+        for key, leaf in leaves(inner, f"{name} {child}".strip()).items()
+    }
+
+
+COMMANDS = leaves(typer.main.get_command(app))
+
+
+def options(command: str) -> set[str]:
+    return {word for p in COMMANDS[command].params for word in p.opts}
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("contract")
+    world.build(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def studied() -> dict[str, Any]:
+    """The control studies once worked out: each takes seconds, and is asked for twice."""
+    return {}
+
+
+@pytest.fixture(autouse=True)
+def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in the folder; leave out drawing figures into files, which takes seconds too."""
+
+    def once(name: str, study: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            if name not in studied:
+                studied[name] = study(*arguments)
+            return studied[name]
+
+        return call
+
+    monkeypatch.chdir(home)
+    monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
+    monkeypatch.setattr(docking, "docking", once("docking", docking.docking))
+    monkeypatch.setattr(freespace, "free_space", once("free space", freespace.free_space))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def messages(seen: Run) -> list[str]:
+    """What was said on standard error beside progress."""
+    assert "Traceback" not in seen.err
+    return [line for line in seen.err.splitlines() if not PROGRESS.fullmatch(line)]
+
+
+def test_the_table_knows_every_command() -> None:
+    assert {case.command for case in CASES} == set(COMMANDS)
+    assert {case.command for case in GOOD} == set(COMMANDS)
+
+
+def test_the_reference_states_the_statuses_of_every_command() -> None:
+    stated = {
+        row[0].strip("`"): {status for status, cell in zip((1, 3, 4), row[1:], strict=True) if cell}
+        for row in table("reference", "statuses: commands")
+    }
+    shown = {name: {c.status for c in CASES if c.command == name} for name in COMMANDS}
+    assert all({0, 2} <= found for found in shown.values())
+    assert stated == {name: found - {0, 2} for name, found in shown.items()}
+
+
+@each("case", CASES, ids=lambda case: case.line)
+def test_status_and_streams(case: Case, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = contents(home)
+    seen = run(capsys, *case.line.split())
+    assert seen.status == case.status, seen.err
+    said = messages(seen)
+    if case.status in ERRORS:
+        assert seen.out == ""
+        assert contents(home) == before
+        (line,) = said
+        assert line.startswith("tdfscal: ")
+        assert line.endswith(".")
+        assert case.said in line
+        return
+    assert all(line.startswith("tdfscal: ") for line in said)
+    if case.command == "export" and case.status == 1:
+        assert (seen.out, case.said in seen.err) == ("", True)
+    else:
+        assert case.said in seen.out
+        assert "\x1b" not in seen.out
+        assert max(map(len, seen.out.splitlines())) <= 100 or case.command == "export"
+    if case.status == 1 and "--allow-rejected" not in case.line and case.command != "validate":
+        assert contents(home) == before
+
+
+@each("case", [c for c in CASES if c.status in (0, 1)], ids=lambda case: case.line)
+def test_json_is_one_object(case: Case, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And with `-q`, which stands wherever there is progress, nothing is said beside it."""
+    before, words = contents(home), [*case.line.split(), "--json"]
+    assert "--json" in options(case.command)
+    seen = run(capsys, *words, *(["-q"] if "-q" in options(case.command) else []))
+    assert seen.status == case.status, seen.err
+    if case.command == "export" and case.status == 1:
+        assert (seen.out, contents(home)) == ("", before)
+        return
+    assert isinstance(json.loads(seen.out, parse_constant=pytest.fail), dict)
+    warned = case.status == 1 or "rejected" in case.line or case.command in WARNS
+    assert bool(seen.err) <= warned, seen.err
+
+
+@each("case", BAD, ids=lambda case: case.line)
+def test_json_of_an_error_is_nothing(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = run(capsys, *case.line.split(), "--json")
+    assert (seen.status, seen.out) == (case.status, "")
+
+
+def test_bare_groups_show_their_help(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in ((), ("study",)):
+        seen = run(capsys, *words)
+        assert (seen.status, seen.out) == (2, "")
+        assert "Commands:" in seen.err
+
+
+@each("name", ["", *COMMANDS])
+def test_help_is_a_result(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for flag in ("-h", "--help"):
+        seen = run(capsys, *name.split(), flag)
+        assert (seen.status, seen.err) == (0, "")
+        assert "Usage: tdfscal" in seen.out
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    seen = run(capsys, "--version")
+    assert (seen.status, seen.err) == (0, "")
+    assert re.fullmatch(r"tdfscal \d+\.\d+\.\d+\n", seen.out)
+
+
+@each(
+    ("fault", "status", "said"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (RuntimeError("odd"), 70, "internal error, RuntimeError: odd"),
+        (OSError(28, "No space left on device", "c.yaml"), 2, "c.yaml cannot be read or written"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_what_no_command_foresees(
+    fault: BaseException,
+    status: int,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fail(*arguments: object) -> None:
+        raise fault
+
+    monkeypatch.setattr("tdfscal.cli.reporting.load", fail)
+    seen = run(capsys, "report", "own.yaml")
+    assert (seen.status, seen.out) == (status, "")
+    assert seen.err.startswith("tdfscal: ")
+    assert said in seen.err
+    assert seen.err.count("\n") == 1
+
+
+def program(*words: str, **options: Any) -> subprocess.CompletedProcess[bytes]:
+    line = [sys.executable, "-m", "tdfscal", *words]
+    return subprocess.run(line, capture_output=True, check=False, **options)
+
+
+def test_a_pipe_in_and_out(home: Path) -> None:
+    """As a process of its own: `-` is standard input, and bytes go to the right descriptor."""
+    done = program("report", "-", "--json", input=(home / "own.yaml").read_bytes(), cwd=home)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert json.loads(done.stdout)["format"] == "tdfscal-calibration/1"
+
+
+def test_a_reader_that_leaves(home: Path) -> None:
+    line = f"{sys.executable} -m tdfscal schema out/schemas --json | true"
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", line], capture_output=True, check=False, cwd=home
+    )
+    assert done.stderr == b""

@@ -1,0 +1,84 @@
+"""Files for every outcome of every command: campaigns, calibrations, points, sound and faulty."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from tdfscal.files.calibration import Calibration, save_calibration
+from tdfscal.workflow import calibrate
+from tests.cli.running import SAMPLES
+
+
+def build(home: Path) -> None:
+    """Fill a folder; the names of the files are those of the table of cases."""
+    _campaigns(home)
+    _calibrations(home)
+    _points(home)
+    (home / "out").mkdir()
+    for name in ("kept.yaml", "kept.csv"):
+        (home / "out" / name).write_text("kept")
+    (home / "empty.csv").write_text("")
+    (home / "move.csv").write_text("header\n" + ",".join(["0"] * 9 + ["0.01"] * 3) + "\n")
+
+
+def _campaigns(home: Path) -> None:
+    shutil.copytree(SAMPLES / "parquet", home / "campaign")
+    table = pq.read_table(home / "campaign" / "log.parquet")
+    for name in ("strict", "badrig", "turned", "brief", "damaged"):
+        (home / name).mkdir()
+        shutil.copy(home / "campaign" / "rig.yaml", home / name)
+        pq.write_table(table, home / name / "log.parquet")
+    _edit(home / "strict" / "rig.yaml", lambda d: d["acceptance"].update(angle_std=1e-6))
+    _edit(home / "badrig" / "rig.yaml", lambda d: d["terminal"].update(mass=-5))
+    pq.write_table(_turned(table), home / "turned" / "log.parquet")
+    pq.write_table(table.slice(0, 150), home / "brief" / "log.parquet")
+    log = home / "damaged" / "log.parquet"
+    log.write_bytes(log.read_bytes()[:-100])
+
+
+def _turned(table: pa.Table) -> pa.Table:
+    """The log of a rig whose first sensor was turned by 20 mrad since."""
+    x, z = (table[f"ncp1.f{axis}"].to_numpy() for axis in "xz")
+    c, s = np.cos(0.02), np.sin(0.02)
+    for name, values in (("ncp1.fx", c * x + s * z), ("ncp1.fz", c * z - s * x)):
+        table = table.set_column(table.column_names.index(name), name, pa.array(values))
+    return table
+
+
+def _calibrations(home: Path) -> None:
+    own = calibrate([home / "campaign"], trials=0).calibration
+    survey = calibrate([home / "campaign"], method="tracker", trials=0).calibration
+    document: dict[str, Any] = own.model_dump()
+    document |= {"status": "rejected", "quality": {"reasons": ["a reason"]}}
+    save_calibration(own, home / "own.yaml")
+    save_calibration(survey, home / "survey.json")
+    save_calibration(Calibration.model_validate(document), home / "rejected.yaml")
+    (home / "broken.yaml").write_text("format: tdfscal-calibration/1\nstatus: maybe\n")
+
+
+def _points(home: Path) -> None:
+    rng = np.random.default_rng(1)
+    cloud = rng.uniform(-1e3, 1e3, (6, 3))
+    line = np.outer(np.arange(6.0), [100.0, 0.0, 0.0])
+    for name, points, unit in (
+        ("points", cloud, " [mm]"),
+        ("moved", cloud + [1.0, 2.0, 3.0] + 0.01 * rng.normal(size=cloud.shape), " [mm]"),
+        ("line", line, " [mm]"),
+        ("unitless", cloud, ""),
+    ):
+        rows = [f"jig,P{i},{x!r},{y!r},{z!r}" for i, (x, y, z) in enumerate(points.tolist())]
+        header = "group,point," + ",".join(f"{axis}{unit}" for axis in "xyz")
+        (home / f"{name}.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+
+
+def _edit(path: Path, change: Any) -> None:
+    document = yaml.safe_load(path.read_text())
+    change(document)
+    path.write_text(yaml.safe_dump(document, sort_keys=False))

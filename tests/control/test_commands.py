@@ -1,0 +1,155 @@
+"""`tdfscal study free-space` and `docking`, and their logs under `apply` and `info`."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.csv as pa_csv
+import pytest
+
+from tdfscal.files.calibration import save_calibration
+from tdfscal.files.campaign_writer import simulate_to_folder
+from tdfscal.reporting import controlfigures
+from tdfscal.simulation import Recorder, make_rig
+from tdfscal.studies import docking, freespace
+from tdfscal.workflow import calibrate
+from tests.cli.running import run
+
+MOVE = "roll,pitch,yaw,x,y,z,roll,pitch,yaw,x,y,z\n0,0,0,0,0,0,0.01,0,0,0,0,0.002\n"
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A campaign folder, its calibration, one of another rig, and a table of one move."""
+
+    rig: Path
+    calibration: Path
+    other: Path
+    moves: Path
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    home = tmp_path_factory.mktemp("control")
+    for name, rig in (("rig", None), ("heavier", make_rig(mass=600.0))):
+        simulate_to_folder(
+            home / name, rig, postures=12, rows="postures", recorder=Recorder(mean_sd=0.1)
+        )
+        save_calibration(calibrate([home / name], trials=0).calibration, home / f"{name}.yaml")
+    (home / "moves.csv").write_text(MOVE, encoding="utf-8")
+    return Bench(home / "rig", home / "rig.yaml", home / "heavier.yaml", home / "moves.csv")
+
+
+def shortened(monkeypatch: pytest.MonkeyPatch, setup: type, **shorter: float) -> None:
+    """A study that takes less time than it would by default."""
+    original: Any = setup.__init__  # type: ignore[misc]
+
+    def init(self: Any, *args: Any, **kwargs: Any) -> None:
+        original(self, *args, **{**shorter, **kwargs})
+
+    monkeypatch.setattr(setup, "__init__", init)
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_docking(
+    bench: Bench,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    shortened(monkeypatch, docking.Setup, gap=5e-4, ramp=0.2)
+    out = tmp_path / "out"
+    line = ("study", "docking", bench.rig, "-o", out, "--runs", 1, "--engagement", 4, "--seed", 2)
+    options = ("--perfect", "--filter", "kalman", "--walk", 30, "--mounting", "1e-3,1e-3,0.01")
+    seen = run(capsys, *line, *options, "-q", "--json")
+    assert seen.status == 0, seen.err
+    document = json.loads(seen.out)
+    assert [c["name"] for c in document["calibrations"]] == ["none", "tracker", "self", "perfect"]
+    assert document["tare"] == 0.0
+    assert document["filter_delay"] == pytest.approx(2.2e-3, rel=0.05)
+    assert document["calibrations"][0]["angle_error"] < 0.02
+    assert len(document["ratios"]) == len(document["ratios_seen"]) == 8
+    table = rows(out / "maxima.csv")
+    assert len(table) == 4
+    for c in document["calibrations"]:
+        own = [row for row in table if row["calibration"] == c["name"]]
+        assert [row["outcome"] for row in own].count("seated") == c["seated"]
+        force = np.mean([[float(row[f"seen_f{a}_N"]) for a in "xyz"] for row in own])
+        assert c["seen_force"]["mean"] == pytest.approx(force)
+    for name in ("docking", "maxima"):
+        assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
+def test_the_logs_of_a_run_are_those_of_any_recorder(
+    bench: Bench,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    form: str,
+) -> None:
+    """`info` finds every stream, and `apply` finds the wrench that the controller saw."""
+    shortened(monkeypatch, freespace.Setup, duration=1.0, rest=3.0)
+    if form != "csv":  # figures take their time, and do not depend on the logs
+        monkeypatch.setattr(controlfigures, "free_space_drawings", lambda study: ())
+    out, target = tmp_path / "out", tmp_path / "wrench.csv"
+    line = ("study", "free-space", bench.rig, "-o", out, "--calibration", bench.calibration)
+    seen = run(capsys, *line, "--moves", bench.moves, "--runs", 1, "--logs", form, "--json", "-q")
+    assert seen.status == 0, seen.err
+    assert [c["name"] for c in json.loads(seen.out)["calibrations"]] == ["none", "rig"]
+    if form == "csv":
+        assert (out / "free-space.png").read_bytes().startswith(b"\x89PNG")
+    log = out / "logs" / f"rig-01.{form}"
+    assert f"logs/rig-01.{form}" in json.loads(seen.out)["files"]
+    seen = run(capsys, "info", log, "--rig", out / "logs" / "rig.yaml", "--json")
+    assert seen.status == 0, seen.err
+    seen = run(
+        capsys, "apply", bench.calibration, log, "--rig", out / "logs" / "rig.yaml", "-o", target,
+        "--json",
+    )  # fmt: skip
+    assert seen.status == 0, seen.err
+    assert json.loads(seen.out)["rows"] == 100  # 4 s at 25 Hz
+    wrench = pa_csv.read_csv(target).to_pydict()
+    trace = [row for row in rows(out / "traces.csv") if row["calibration"] == "rig"]
+    assert len(trace) == 100
+    for axis in "xyz":
+        found = np.mean(wrench[f"f{axis}"])
+        # 1.75 N on three sensors; the trace is smoothed, the log is not.
+        noise = 1.75 * np.sqrt(3 / 100)
+        said = np.mean([float(row[f"seen_f{axis}"]) for row in trace])
+        assert abs(found - said) < 4 * noise
+
+
+def test_bad_input_is_refused_with_the_reason(
+    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, moves = tmp_path / "out", tmp_path / "moves.csv"
+    moves.write_text(MOVE.replace("\n0,0,0,0,", "\n0,0,0,0.4,"), encoding="utf-8")
+    broken = tmp_path / "broken.csv"
+    broken.write_text("a,b\n1,2\n", encoding="utf-8")
+    for study, options, said in (
+        ("free-space", ("--calibration", bench.other), "calibration is of another rig: the mass"),
+        ("docking", ("--calibration", bench.other), "calibration is of another rig: the mass"),
+        ("free-space", ("--moves", moves), "initial posture of move 1: the NCP of ncp1 would"),
+        ("free-space", ("--moves", broken), "is no table of moves"),
+        ("free-space", ("--moves", tmp_path / "none.csv"), "cannot be read"),
+        ("docking", ("--engagement", 1), "lead-in is longer than the engagement"),
+        ("docking", ("--walk", 5), "--walk: a walk without a filter"),
+        ("docking", ("--filter", "kalman", "--walk", -5), "--walk: a force cannot walk by -5 N"),
+        ("docking", ("--mounting", "1,2"), "--mounting"),
+        ("docking", ("--mounting", "0,0,0", "--calibration", bench.calibration), "--mounting"),
+        ("docking", ("--logs", "xml"), "--logs"),
+    ):
+        seen = run(capsys, "study", study, bench.rig, "-o", out, "--runs", 1, "-q", *options)
+        assert seen.status == 2, (options, seen.err)
+        assert said in " ".join(seen.err.split()), (said, seen.err)
+    assert not out.exists()
