@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Known, Rig
 
 #: Differences within this many standard uncertainties contradict nothing.
@@ -52,6 +53,17 @@ def contradictions(calibrated: Rig, given: Rig) -> tuple[str, ...]:
             f"{_m(calibrated.barycentre.value)}"
         )
     return tuple(found)
+
+
+def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
+    """Raise UsageError where a calibration, known as `where`, is of another rig than the given."""
+    found = contradictions(calibrated, given)
+    if found:
+        raise UsageError(
+            f"this calibration is of another rig: {'; '.join(found)}",
+            where=where,
+            hint="name the rig file that was calibrated",
+        )
 
 
 def _known_agree(a: Known, b: Known) -> bool:

@@ -154,7 +154,10 @@ def _mirrors() -> Iterator[tuple[str, FloatArray]]:
         order[a], order[b] = b, a
         yield f"F{'xyz'[a]} and F{'xyz'[b]} of {{}} exchanged", eye[order]
     for a in range(3):
-        yield f"the opposite sign of F{'xyz'[a]} of {{}}", eye * np.where(np.arange(3) == a, -1.0, 1.0)
+        yield (
+            f"the opposite sign of F{'xyz'[a]} of {{}}",
+            eye * np.where(np.arange(3) == a, -1.0, 1.0),
+        )
 
 
 def renamed(rig: Rig, order: list[int]) -> str:

@@ -24,7 +24,7 @@ def main() -> None:
 
 def _status() -> int:
     try:
-        status = app(standalone_mode=False)
+        status = app(standalone_mode=False, prog_name="tdfscal")
     except TdfscalError as error:
         return _say(str(error), error.exit_status)
     except _Misuse as error:

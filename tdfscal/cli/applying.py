@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.cli.app import emit
+from tdfscal.cli.places import check_calibration
 from tdfscal.errors import DataError
 from tdfscal.files.inuse import InUse, take
 from tdfscal.files.logs import iter_log
@@ -57,6 +58,7 @@ def run(
     """Write the contact wrench of every sample and print a summary."""
     check_wrench_path(output)
     walk = checked_walk(filter, walk)
+    check_calibration(calibration)
     use = take(calibration, paths, rig)
     check_wrench_path(output, [calibration, *use.campaign.logs])
     for warning in use.warnings:
@@ -82,12 +84,12 @@ def run(
     notes += _notes(tally, use)
     result = _summary(use, output, rows, tally, totals, notes, moving=moving)
     result["filter"] = _filter(filter, walk, told[0]) if walk is not None else None
-    if json:
-        emit(result)
-        return
     for note in notes:
         print(f"tdfscal: warning: {note}", file=sys.stderr)
-    _print(result)
+    if json:
+        emit(result)
+    else:
+        _print(result)
 
 
 def _filter(kind: Kind, walk: float, model: Walk) -> dict[str, Any]:

@@ -13,10 +13,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tdfscal.cli.app import emit
-from tdfscal.cli.rigs import rig_named
+from tdfscal.cli.places import check_folder
+from tdfscal.cli.rigs import calibrations_named, rig_named
 from tdfscal.cli.studying import survey_of, triple
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration import load_calibration
 from tdfscal.files.campaign_writer import LogFormat
 from tdfscal.files.control_logs import write_control_logs
 from tdfscal.files.inuse import calibrated
@@ -64,6 +64,7 @@ def run_free_space(rig: Path, folder: Path, choices: Choices, moves: Path | None
     loaded = rig_named(rig)
     table = freespace.MOVES.copy() if moves is None else read_moves(moves)
     setup = freespace.Setup(loaded.rig, controller=_controller(choices), moves=table)
+    check_folder(folder)
     arms, seed, say = _arms(loaded, choices)
     say(f"{len(table)} moves × {choices.runs} runs × {len(arms.arms)} calibrations")
     study = freespace.free_space(setup, arms, seed, choices.seed)
@@ -81,6 +82,7 @@ def run_docking(rig: Path, folder: Path, choices: Choices, engagement: float | N
     setup = docking.Setup(loaded.rig, controller=_controller(choices))
     if engagement is not None:
         setup = replace(setup, gears=replace(setup.gears, length=1e-3 * engagement))
+    check_folder(folder)
     arms, seed, say = _arms(loaded, choices)
     say(f"docking, {choices.runs} runs × {len(arms.arms)} calibrations")
     study = docking.docking(setup, arms, seed, choices.seed)
@@ -162,13 +164,9 @@ def _arms(
             where="--mounting",
             hint="leave it out, or leave --calibration out",
         )
-    named: dict[str, Any] = {}
-    for path in choices.calibrations:
-        name = path.stem
-        if name in (*named, "none", "perfect"):
-            name = f"{name}-{len(named) + 1}"
-        named[name] = calibrated(load_calibration(path), path)
-    arms = given(rig, list(named.items()), runs, rng, best=choices.perfect)
+    named = calibrations_named(choices.calibrations, loaded, ("none", "perfect"))
+    each = [(name, calibrated(calibration, name)) for name, calibration in named.items()]
+    arms = given(rig, each, runs, rng, best=choices.perfect)
     return _drifted(arms, choices.drift, rng), study_seed, say
 
 

@@ -41,6 +41,17 @@ def check_place(path: Path, inputs: Iterable[Path] = ()) -> None:
             )
 
 
+def check_folder(path: Path) -> None:
+    """Raise UsageError where a folder for results is not there and cannot be made."""
+    there = next(p for p in (path.absolute(), *path.absolute().parents) if os.path.lexists(p))
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        raise UsageError(
+            "no folder for the results can be made here" if there.is_dir() else "is not a folder",
+            where=str(there),
+            hint="choose another folder",
+        )
+
+
 def check_calibration(path: Path) -> None:
     """Raise UsageError where a folder stands in the place of a calibration file."""
     if path.is_dir():

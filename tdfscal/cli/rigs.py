@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from tdfscal.agreement import contradictions
+from tdfscal.agreement import require_agreement
+from tdfscal.cli.places import check_calibration
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import Calibration, load_calibration
 from tdfscal.files.campaign import RIG_NAME
@@ -23,21 +24,18 @@ def rig_named(path: Path) -> LoadedRig:
     return load_rig(path)
 
 
-def calibrations_named(paths: Sequence[Path], rig: LoadedRig) -> dict[str, Calibration]:
-    """Load calibrations of the rig; each goes by its file's name, numbered where names repeat.
+def calibrations_named(
+    paths: Sequence[Path], rig: LoadedRig, taken: Sequence[str] = ()
+) -> dict[str, Calibration]:
+    """Load calibrations of the rig; each goes by its file's name, numbered where that is taken.
 
     Raises UsageError for a calibration of another rig; else as `load_calibration`.
     """
     named: dict[str, Calibration] = {}
     for path in paths:
+        check_calibration(path)
         loaded = load_calibration(path)
-        found = contradictions(loaded.loaded_rig(path).rig, rig.rig)
-        if found:
-            raise UsageError(
-                f"this calibration is of another rig: {'; '.join(found)}",
-                where=str(path),
-                hint="name the rig file that was calibrated",
-            )
+        require_agreement(loaded.loaded_rig(path).rig, rig.rig, str(path))
         name = path.stem
-        named[f"{name}-{len(named) + 1}" if name in named else name] = loaded
+        named[f"{name}-{len(named) + 1}" if name in (*named, *taken) else name] = loaded
     return named

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.cli.app import emit
+from tdfscal.cli.places import check_folder
 from tdfscal.cli.rigs import calibrations_named, rig_named
 from tdfscal.errors import UsageError
 from tdfscal.files.rig import LoadedRig
@@ -111,7 +112,7 @@ def run_accuracy(
         runs=runs,
         seed=seed,
     )
-    make_folder(folder)
+    check_folder(folder)
     started = time.monotonic()
 
     def progress(done: int) -> None:
@@ -120,6 +121,7 @@ def run_accuracy(
             print(f"[{passed:5.1f} s] {done} of {runs} campaigns", file=sys.stderr, flush=True)
 
     study = accuracy(setup, workers=workers or os.cpu_count() or 1, progress=progress)
+    make_folder(folder)
     tables = {
         "accuracy.csv": studies.accuracy_rows(study),
         "histograms.csv": studies.histogram_rows(study),

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from tdfscal import statics
-from tdfscal.agreement import contradictions
+from tdfscal.agreement import require_agreement
 from tdfscal.calibrated import Calibrated
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.numerics import so3
@@ -128,13 +128,7 @@ def given(
     Raises UsageError for a calibration of another rig.
     """
     for name, calibration in calibrations:
-        found = contradictions(calibration.rig, rig)
-        if found:
-            raise UsageError(
-                f"this calibration is of another rig: {'; '.join(found)}",
-                where=name,
-                hint="name the rig file that was calibrated",
-            )
+        require_agreement(calibration.rig, rig, name)
     turns = slice(0, 3 * rig.n)
     name, surest = min(calibrations, key=lambda c: float(np.trace(c[1].covariance[turns, turns])))
     root = surest.root
