@@ -1,10 +1,13 @@
-"""Time from samples to dwells, beside numpy's mean and standard deviation of the same columns.
+"""Dwells: what is found of known stops, and the time from samples to dwells.
 
-Run `python benchmarks/dwells.py` from the repository; it rewrites `benchmarks/dwells.md`.
+    python -m benchmarks.dwells [--seeds 8]
+
+Rewrites `benchmarks/dwells.md`.
 """
 
 from __future__ import annotations
 
+import argparse
 import resource
 import time
 from collections.abc import Callable, Iterator
@@ -12,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.dwell_stops import HEADS, KINDS, scored, together
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.records import Log, Series
 
@@ -58,16 +62,22 @@ def moments(logs: list[Log]) -> None:
 
 
 def main() -> None:
-    """Measure and write the table."""
+    """Measure and write the tables."""
+    parser = argparse.ArgumentParser(description="dwells: what is found, and how fast")
+    parser.add_argument("--seeds", type=int, default=8, help="logs of each kind")
+    seeds = parser.parse_args().seeds
+    scores = {what: scored(what, range(seeds)) for what in KINDS}
+    found = [one.row(what) for what, one in scores.items()]
+    found.append(together(list(scores.values())).row("all"))
     rows = []
     for minutes in (10, 60):
         logs = list(pieces(60.0 * minutes))
         plain = timed(lambda logs=logs: moments(logs))  # type: ignore[misc]
         reduced = timed(lambda logs=logs: reduce_to_bins(logs))  # type: ignore[misc]
         whole = timed(lambda logs=logs: find_dwells(logs))  # type: ignore[misc]
-        bins, found = len(reduce_to_bins(logs)), len(find_dwells(logs))
+        bins, count = len(reduce_to_bins(logs)), len(find_dwells(logs))
         rows.append(
-            f"| {minutes} | {minutes * 60 * RATE:,} | {bins:,} | {found} | {plain:.2f} "
+            f"| {minutes} | {minutes * 60 * RATE:,} | {bins:,} | {count} | {plain:.2f} "
             f"| {reduced:.2f} | {whole:.2f} | {reduced / plain:.1f} | {whole / plain:.1f} |"
         )
         del logs
@@ -77,8 +87,19 @@ def main() -> None:
         [
             "# Dwells",
             "",
-            "Made by `python benchmarks/dwells.py`. Three supports, 19 columns, 1 kHz, arrays in",
-            "memory. Ratios are to numpy's mean and standard deviation of the same columns.",
+            f"Made by `python -m benchmarks.dwells --seeds {seeds}`. Logs of known stops,",
+            f"{seeds} of each kind, made by `tests/dwells/rig_log.py` with parameters drawn at",
+            "random from the ranges in `benchmarks/dwell_stops.py`. Bias: what settling leaves in",
+            "a mean force without its noise, over the stated standard error.",
+            "",
+            f"| {' | '.join(HEADS)} |",
+            f"|{'---|' * len(HEADS)}",
+            *found,
+            "",
+            "## Speed",
+            "",
+            "Three supports, 19 columns, 1 kHz, arrays in memory. Ratios are to numpy's mean and",
+            "standard deviation of the same columns.",
             "",
             "| minutes | rows | bins | dwells | mean, std s | reduce s | reduce + find s "
             "| ratio, reduce | ratio, all |",

@@ -8,13 +8,14 @@ correlated noise count as what they are.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins
+from tdfscal.numerics.threads import WORKERS, in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 _SCALES = 6  # windows of 1 … 32 bins; what is slower is settling or drift, tested per dwell
@@ -45,43 +46,47 @@ class Signals:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviation of the difference of neighbouring window means, (scales, A)."""
+    """Standard deviation of the difference of neighbouring window means, (scales, A).
+
+    smooth : (A,), the longest differences follow each other alike, as those of settling do, rather
+    than at random.
+    """
 
     difference: FloatArray
     quantum: FloatArray
+    smooth: BoolArray
 
     def times(self, factor: FloatArray) -> Noise:
         """The noise of each axis (A,) times a factor."""
-        return Noise(self.difference * factor, self.quantum)
+        return replace(self, difference=self.difference * factor)
 
     def of_mean(self, length: IntArray | int) -> FloatArray:
         """Standard deviation of a window's mean, length(s) in bins → (..., A).
 
         Beyond the largest measured scale the noise is taken as uncorrelated.
         """
-        n = np.maximum(np.asarray(length, dtype=np.float64), 1.0)
-        scales = len(self.difference)
-        level = np.clip(np.floor(np.log2(n)).astype(np.int64), 0, scales - 1)
-        ratio = np.sqrt(2.0**level / n)
-        return np.asarray(self.difference[level] * ratio[..., None] / np.sqrt(2.0))
+        n = np.maximum(length, 1.0)
+        level = np.minimum(np.log2(n).astype(np.int64), len(self.difference) - 1)
+        ratio = np.sqrt(2.0**level / (2.0 * n))
+        return np.asarray(self.difference[level] * ratio[..., None])
 
 
 def signals(bins: Bins, streams: slice) -> Signals:
     """The bin means of some streams as (A, B) rows; a row of gap is put where time jumps."""
-    mean = bins.mean[:, streams].reshape(len(bins), -1)
-    count = np.repeat(bins.count[:, streams], 3, axis=1)
-    value = np.empty((mean.shape[1], len(bins)))
-    index = np.arange(len(bins))
+    value = bins.mean.transpose(1, 2, 0)[streams].reshape(-1, len(bins))
     gap = np.zeros(len(bins), dtype=np.bool_)
-    for axis in range(mean.shape[1]):
-        known = np.maximum.accumulate(np.where(count[:, axis] > 0, index, -1))
-        column = mean[np.maximum(known, 0), axis]
-        value[axis] = np.where(np.isfinite(column), column, 0.0)
-        if axis % 3 == 0:
-            age = np.where(known >= 0, bins.start - bins.start[known], np.inf)
-            period = bins.period[streams][axis // 3]
-            silent = age > max(10.0 * period, 3.0 * bins.width)
-            gap |= _back_to_last_sample(silent, count[:, axis] > 0)
+    empty = np.flatnonzero((bins.count[:, streams] == 0).any(axis=0))
+    if len(empty):
+        value = value.copy()  # it was a view of the bins
+    for stream in empty:
+        present = bins.count[:, streams][:, stream] > 0
+        known = np.maximum.accumulate(np.where(present, np.arange(len(bins)), -1))
+        rows = value[3 * stream : 3 * stream + 3]
+        held = rows[:, np.maximum(known, 0)]
+        rows[:] = np.where(np.isfinite(held), held, 0.0)
+        age = np.where(known >= 0, bins.start - bins.start[known], np.inf)
+        silent = age > max(10.0 * bins.period[streams][stream], 3.0 * bins.width)
+        gap |= _back_to_last_sample(silent, present)
     return Signals(value, gap, bins.quantum[streams].ravel())
 
 
@@ -94,13 +99,20 @@ def _back_to_last_sample(silent: BoolArray, present: BoolArray) -> BoolArray:
 
 
 def _differences(row: FloatArray) -> Iterator[tuple[int, FloatArray]]:
-    """(W, D) with D[i] = mean(row[i+W : i+2W]) − mean(row[i : i+W]); exact for constant rows."""
+    """(W, D) with D[i] = mean(row[i+W : i+2W]) − mean(row[i : i+W]); exact for constant rows.
+
+    D is good until the next is taken; it may be changed in place.
+    """
     mean, width = row, 1
-    for _ in range(_SCALES):
-        if len(mean) <= width:
+    difference, *spare = (np.empty(len(row)) for _ in range(3))
+    for scale in range(_SCALES):
+        size = len(mean) - width
+        if size <= 0:
             return
-        yield width, mean[width:] - mean[:-width]
-        mean = 0.5 * (mean[width:] + mean[:-width])
+        yield width, np.subtract(mean[width:], mean[:size], out=difference[:size])
+        wider = np.add(mean[width:], mean[:size], out=spare[scale % 2][:size])
+        wider *= 0.5
+        mean = wider
         width *= 2
 
 
@@ -115,19 +127,31 @@ def difference_noise(found: Signals, marked: BoolArray) -> Noise:
     found, marked = _blocks(found, marked)
     axes = len(found.value)
     result = np.full((_SCALES, axes), np.nan)
-    clean = {}
-    for axis, row in enumerate(found.value):
-        for scale, (width, difference) in enumerate(_differences(row)):
-            if width not in clean:
-                index = np.flatnonzero(_clean(marked, 2 * width))
-                clean[width] = index[:: max(len(index) // _ENOUGH, 1)]
-            if len(clean[width]) >= 8:
-                result[scale, axis] = _MAD * np.median(np.abs(difference[clean[width]]))
+    some = []
+    follow: tuple[int, IntArray] | None = None
+    for scale in range(_SCALES):
+        index = np.flatnonzero(_clean(marked, 2 ** (scale + 1)))
+        some.append(index[:: max(len(index) // _ENOUGH, 1)])
+        index = np.flatnonzero(_clean(marked, 3 * 2**scale))
+        if len(index) >= 8:
+            follow = scale, index[:: max(len(index) // _ENOUGH, 1)]
+    smooth = np.ones(axes, dtype=np.bool_)
+
+    def measure(axis: int) -> None:
+        for scale, (width, difference) in enumerate(_differences(found.value[axis])):
+            if len(some[scale]) >= 8:
+                size = np.abs(difference[some[scale]])
+                result[scale, axis] = _MAD * np.median(size, overwrite_input=True)
+            if follow is not None and follow[0] == scale:
+                first, second = difference[follow[1]], difference[follow[1] + width]
+                smooth[axis] = np.median(np.abs(second - first)) < np.median(np.abs(first))
+
+    in_threads(measure, range(axes))
     for scale in range(_SCALES):
         missing = np.isnan(result[scale])
         white = result[scale - 1] / np.sqrt(2.0) if scale else np.zeros(axes)
         result[scale, missing] = white[missing]
-    return Noise(result, found.quantum)
+    return Noise(result, found.quantum, smooth)
 
 
 def mark_changes(
@@ -135,29 +159,28 @@ def mark_changes(
     noise: Noise,
     marked: BoolArray,
     override: float | None,
-    louder: FloatArray | None = None,
+    louder: Louder | None = None,
 ) -> BoolArray:
     """Bins that are marked already, or where the level of any axis changes.
 
-    override : a threshold of one's own for all axes and windows. louder : (A, B), factor by which
-    the noise there exceeds the log's.
+    override : a threshold of one's own for all axes and windows. louder : where the noise exceeds
+    the log's.
     Small windows first: they place a change best, and larger windows then keep clear of it.
     """
     marked = marked.copy()
     limit = threshold(found, noise)
     if override is not None:
         limit = np.full_like(limit, override)
-    levels: list[tuple[int, FloatArray]] = []
-    for axis, row in enumerate(found.value):
-        for scale, (width, difference) in enumerate(_differences(row)):
-            excess = np.abs(difference)
-            factor = 1.0 if louder is None else louder[axis, : len(excess)]
-            excess -= limit[scale, axis] * factor
-            if scale == len(levels):
-                levels.append((width, excess))
-            else:
-                np.maximum(levels[scale][1], excess, out=levels[scale][1])
-    for width, excess in levels:
+
+    def exceeded(axes: IntArray) -> list[FloatArray]:
+        return _excesses(found, limit, louder, axes)
+
+    axes = np.arange(len(found.value))
+    parts = in_threads(exceeded, np.array_split(axes, min(WORKERS, len(axes))))
+    for scale, excess in enumerate(parts[0]):
+        width = 2**scale
+        for other in parts[1:]:
+            np.maximum(excess, other[scale], out=excess)
         clean = _clean(marked, 2 * width)
         for first, last in zip(*runs((excess > 0) & clean), strict=True):
             peak = first + int(np.argmax(excess[first:last]))
@@ -171,6 +194,27 @@ def mark_changes(
                 end = last - 1 + 2 * width
             marked[begin:end] = True
     return marked
+
+
+def _excesses(
+    found: Signals, limit: FloatArray, louder: Louder | None, axes: IntArray
+) -> list[FloatArray]:
+    """By how much the differences of each scale exceed their limit, the largest of some axes."""
+    levels: list[FloatArray] = []
+    for axis in axes.tolist():
+        row = found.value[axis]
+        factor = None if louder is None else louder.row(axis, len(row))
+        for scale, (_, difference) in enumerate(_differences(row)):
+            excess = np.abs(difference, out=difference)
+            if factor is None:
+                excess -= limit[scale, axis]
+            else:
+                excess -= limit[scale, axis] * factor[: len(excess)]
+            if scale == len(levels):
+                levels.append(excess.copy())
+            else:
+                np.maximum(levels[scale], excess, out=levels[scale])
+    return levels
 
 
 def threshold(found: Signals, noise: Noise) -> FloatArray:
@@ -210,7 +254,7 @@ def segment(
     base: BoolArray,
     width: float,
     override: float | None,
-    louder: FloatArray | None = None,
+    louder: Louder | None = None,
 ) -> tuple[BoolArray, Noise]:
     """Alternate noise and marks until they agree; base: bins that are out in any case.
 
@@ -242,32 +286,55 @@ def _blocks(found: Signals, base: BoolArray) -> tuple[Signals, BoolArray]:
     return Signals(found.value[:, rows], found.gap[rows], found.quantum), out
 
 
-def louder_rests(found: Signals, moving: BoolArray) -> FloatArray:
-    """Factor (A, B) by which the noise of each stretch of rest exceeds that of most; 1 elsewhere.
+@dataclass(frozen=True, slots=True)
+class Louder:
+    """Stretches of rest [first, last), (R,), whose noise exceeds that of most by factor (R, A)."""
+
+    first: IntArray
+    last: IntArray
+    factor: FloatArray
+
+    def at(self, bin_: int) -> FloatArray:
+        """The factor at a bin, (A,); 1 outside of all stretches."""
+        k = int(np.searchsorted(self.first, bin_, side="right")) - 1
+        inside = k >= 0 and bin_ < self.last[k]
+        return self.factor[k] if inside else np.ones(self.factor.shape[1])
+
+    def row(self, axis: int, bins: int) -> FloatArray | None:
+        """The factor of one axis at all bins; None where it is 1 throughout."""
+        louder = np.flatnonzero(self.factor[:, axis] > 1.0)
+        if not len(louder):
+            return None
+        row = np.ones(bins)
+        for k in louder:
+            row[self.first[k] : self.last[k]] = self.factor[k, axis]
+        return row
+
+
+def louder_rests(found: Signals, moving: BoolArray) -> Louder:
+    """Rests whose noise exceeds that of most.
 
     By the lower quartile of the second differences: settling is too smooth to show in it, or too
     brief.
     """
-    bend = np.abs(found.value[:, 2:] - 2 * found.value[:, 1:-1] + found.value[:, :-2])
-    factor = np.ones(found.value.shape)
     first, last = runs(~moving)
     long = last - first >= _BENDS + 2
     first, last = first[long], last[long]
-    if not len(first):
-        return factor
-    own = np.stack([_lower_quartile(bend[:, a : b - 2]) for a, b in zip(first, last, strict=True)])
-    most = np.median(own, axis=0)
+    own = np.ones((len(first), len(found.value)))
+    for k, (a, b) in enumerate(zip(first, last, strict=True)):
+        own[k] = _lower_quartile(found.value[:, a:b])
+    most = np.median(own, axis=0) if len(own) else np.ones(own.shape[1])
     ratio = np.divide(own, most, out=np.ones_like(own), where=most > 0)
     # A quartile of n bends is known to about 1.6/√n.
     known = 1.0 + 8.0 / np.sqrt(np.minimum(last - first, _SOME_BENDS))
-    for a, b, r, k in zip(first, last, ratio, known, strict=True):
-        factor[:, a:b] = np.where(r > k, r, 1.0)[:, None]
-    return factor
+    return Louder(first, last, np.where(ratio > known[:, None], ratio, 1.0))
 
 
-def _lower_quartile(bend: FloatArray) -> FloatArray:
-    """(A,) of (A, N), from a share of them where there are many."""
-    some = np.sort(bend[:, :: max(bend.shape[1] // _SOME_BENDS, 1)], axis=1)
+def _lower_quartile(value: FloatArray) -> FloatArray:
+    """(A,) of the second differences of (A, N), from a share of them where there are many."""
+    step = max((value.shape[1] - 2) // _SOME_BENDS, 1)
+    bend = value[:, 2::step] - 2 * value[:, 1:-1:step] + value[:, :-2:step]
+    some = np.sort(np.abs(bend), axis=1)
     return np.asarray(some[:, some.shape[1] // 4])
 
 
@@ -279,7 +346,7 @@ def without_creep(noise: Noise) -> Noise:
     """
     difference = noise.difference.copy()
     scales = len(difference)
-    growing = difference[-1] > _CREEP * difference[-2]
+    growing = noise.smooth & (difference[-1] > _CREEP * difference[-2])
     lowest = np.full(difference.shape[1], scales - 1)
     for scale in range(scales - 1, 0, -1):
         growing &= difference[scale] > difference[scale - 1]
@@ -289,7 +356,7 @@ def without_creep(noise: Noise) -> Noise:
         difference[beyond, axis] = difference[lowest[axis], axis] * 2.0 ** (
             -0.5 * (beyond - lowest[axis])
         )
-    return Noise(difference, noise.quantum)
+    return replace(noise, difference=difference)
 
 
 def _travels(noise: Noise) -> bool:
@@ -306,4 +373,5 @@ def together(first: Noise, second: Noise) -> Noise:
     return Noise(
         np.concatenate([first.difference, second.difference], axis=1),
         np.concatenate([first.quantum, second.quantum]),
+        np.concatenate([first.smooth, second.smooth]),
     )

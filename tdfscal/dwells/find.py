@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins, reduce_to_bins
+from tdfscal.dwells.drift import common_drift
 from tdfscal.dwells.offset import motion_offset
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.postures import postures_as_dwells
@@ -22,9 +23,7 @@ _DRIFT_ALARM = 1e-3  # false drifts per log
 _SETTLING = 10.0  # s; a change that lasts longer is drift, not settling
 _SAMPLE = 60  # rests that the first two rounds look at
 _MANY = 10  # dwells that show what is common
-_ALIKE = 0.8  # share of them with one sign
 _VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line or bow
-_MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
 
 
 def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None) -> Dwells:
@@ -64,7 +63,7 @@ def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
     the bias that settling leaves. A sample of the stops is enough for the first two.
     """
     field = prepare(bins, options or DwellOptions())
-    rate, long_run = np.zeros(len(field.forces.value)), field.long_run
+    rate, long_run = field.rate, field.long_run
     extents, left_out = search(field, rate, long_run, rough=True, some=_SAMPLE)
     for some in (_SAMPLE, None):
         if extents:
@@ -94,18 +93,10 @@ def _spans(field: Field, extents: list[Extent]) -> FloatArray:
 
 
 def _common_drift(field: Field, extents: list[Extent], moments: Moments) -> FloatArray:
-    """Drift of the forces that all dwells share, (3n,), N/s; 0 where the dwells show none.
-
-    Settling takes the sign of the move before it; the drift of a zero keeps its own.
-    """
-    n = len(field.bins.supports)
-    slope = moments.drift[:, n:] / _spans(field, extents)[:, None, None]
-    middle = np.median(slope, axis=0)
-    alike = np.mean(np.sign(slope) == np.sign(middle), axis=0) >= _ALIKE
-    spread = 1.4826 * np.median(np.abs(slope - middle), axis=0) / np.sqrt(len(slope))
-    z = float(-ndtri(0.5 * _DRIFT_ALARM / middle.size))
-    common = alike & (np.abs(middle) > z * _MEDIAN * spread) & (len(slope) >= _MANY)
-    return np.asarray(np.where(common, middle, 0.0).ravel())
+    """Drift of the forces that all dwells share, (3n,), N/s."""
+    n, span = len(field.bins.supports), _spans(field, extents)
+    slope = moments.drift[:, n:].reshape(len(span), -1) / span[:, None]
+    return common_drift(slope, span)
 
 
 def _long_run(bins: Bins, moments: Moments) -> FloatArray:

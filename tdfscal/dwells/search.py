@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise, zip_longest
 
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.changes import (
+    Louder,
     Noise,
     Signals,
     difference_noise,
@@ -20,10 +23,12 @@ from tdfscal.dwells.changes import (
     together,
     without_creep,
 )
+from tdfscal.dwells.drift import drift_of_rests
 from tdfscal.dwells.options import DwellOptions
+from tdfscal.dwells.ringing import Ringing, find_ringing
 from tdfscal.dwells.settle import Settled, Stretch, one_decay, one_level, restless, settled_part
 from tdfscal.dwells.statistics import Extent, evenly
-from tdfscal.records import BoolArray, FloatArray, LeftOut
+from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
 
 _SHORTEST = 0.2  # s
 _SHORTEST_BINS = 5
@@ -34,6 +39,8 @@ _UNSETTLED = 1.0  # bias / standard error that a dwell may not exceed
 _TRANSIENT = 0.6  # s; a level held for less, and left again, is the crest of an oscillation
 _CLEAR = 0.1  # largest share of a rest that is kept clear of each neighbouring move
 _ONSET = 25  # bins looked at to see how a move begins
+_MODES = 3  # of ringing
+_NEIGHBOURS = 32  # stretches of rest whose sums are taken at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +48,8 @@ class Field:
     """What the search works on: signals, where they change, their noise, the limits in bins.
 
     visible : (3n,), m, change of a position between two bins that stands out of the noise.
-    louder : (3n, B), see `louder_rests`. noise : of 6n axes, positions first.
+    louder : see `louder_rests`. noise : of 6n axes, positions first. rate : (3n,), N/s, and
+    ringing are removed from the forces.
     """
 
     bins: Bins
@@ -49,10 +57,12 @@ class Field:
     forces: Signals
     moving: BoolArray
     disturbed: BoolArray
-    louder: FloatArray
+    louder: Louder
     noise: Noise
     visible: FloatArray
     shortest: int
+    rate: FloatArray
+    ringing: tuple[Ringing, ...]
     settle: int | None
 
     @property
@@ -79,8 +89,24 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
     gap = positions.gap | forces.gap | _jumps(bins)
     moving, position_noise = segment(positions, gap, bins.width, options.position_threshold)
     moving = _dilated(moving)
+    rests = runs(~moving)
+    rate = drift_of_rests(forces.value, *rests, bins.width)
+    time = bins.start - bins.start[0]
+    forces = replace(forces, value=forces.value - rate[:, None] * time)
     louder = louder_rests(forces, moving)
     disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold, louder)
+    ringing: list[Ringing] = []
+    while options.settle_time is None and len(ringing) < _MODES:
+        found = find_ringing(forces.value, force_noise.of_mean(1), *rests, bins.width)
+        if found is None:
+            break
+        ringing.append(found)
+        forces = replace(forces, value=found.removed(forces.value))
+    if ringing:
+        louder = louder_rests(forces, moving)
+        disturbed, force_noise = segment(
+            forces, moving, bins.width, options.force_threshold, louder
+        )
     shortest = options.min_duration or max(_SHORTEST, _SHORTEST_BINS * bins.width)
     settle = options.settle_time
     return Field(
@@ -93,6 +119,8 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         noise=together(position_noise, force_noise),
         visible=threshold(positions, position_noise)[0],
         shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
+        rate=rate,
+        ringing=tuple(ringing),
         settle=None if settle is None else int(np.ceil(settle / bins.width)),
     )
 
@@ -123,10 +151,7 @@ def search(
     rate : (3n,), N/s, drift of the forces to take out before levels are compared.
     long_run : (6n,), positions first; see `Stretch`.
     """
-    time = field.bins.start - field.bins.start[0]
-    value = np.concatenate([field.positions.value, field.forces.value - rate[:, None] * time])
     axes = len(field.positions.value)
-    stretch = Stretch.of(value, field.noise, slice(axes, None), long_run, field.bins.width)
     extents: list[Extent] = []
     left_out: list[LeftOut] = []
     still = np.ones(axes)
@@ -134,12 +159,30 @@ def search(
     named = (last - first) * field.bins.width >= _MENTIONED
     first, last = first[named], last[named]
     chosen = evenly(len(first), some or len(first))
-    for begin, end in zip(first[chosen], last[chosen], strict=True):
-        here = stretch.louder(np.concatenate([still, field.louder[:, begin]]))
-        kept, out = _within_rest(field, here, int(begin), int(end), rough)
-        extents += kept
-        left_out += out
+    first, last = first[chosen], last[chosen]
+    for part in _neighbours(first, last):
+        bins = slice(int(first[part][0]), int(last[part][-1]))
+        time = field.bins.start[bins] - field.bins.start[bins.start]
+        forces = field.forces.value[:, bins] - (rate - field.rate)[:, None] * time
+        value = np.concatenate([field.positions.value[:, bins], forces])
+        stretch = Stretch.of(bins.start, value, field.noise, axes, long_run, field.bins.width)
+        clear = first[part] + _kept_clear(field, first[part], last[part], after=True)
+        latest = last[part] - _kept_clear(field, first[part], last[part], after=False)
+        for begin, end, *inner in np.stack([first[part], last[part], clear, latest], 1).tolist():
+            here = stretch.louder(np.concatenate([still, field.louder.at(begin)]))
+            kept, out = _within_rest(field, here, begin, end, inner, rough)
+            extents += kept
+            left_out += out
     return extents, left_out
+
+
+def _neighbours(first: IntArray, last: IntArray) -> Iterator[slice]:
+    """Stretches of rest in groups close to each other, to be looked at together."""
+    apart = first[1:] - last[:-1] > last[1:] - first[1:]
+    cuts = [0, *(np.flatnonzero(apart) + 1).tolist(), len(first)]
+    for begin, end in pairwise(cuts):
+        for k in range(begin, end, _NEIGHBOURS):
+            yield slice(k, min(k + _NEIGHBOURS, end))
 
 
 def _jumps(bins: Bins) -> BoolArray:
@@ -156,51 +199,57 @@ def _dilated(flag: BoolArray) -> BoolArray:
     return wide
 
 
-def _kept_clear(field: Field, begin: int, end: int, *, after: bool) -> int:
-    """Bins at the end of a rest (after: of the move's end at its begin) to keep clear of a move.
+def _kept_clear(field: Field, begin: IntArray, end: IntArray, *, after: bool) -> IntArray:
+    """Bins at the end of each rest (after: of the move's end at its begin) to keep clear of a move.
 
     A smooth move begins like t³, unseen at first. It needs as long to stand out of the noise as
     from there to eight times as far.
     """
     value = field.positions.value
-    most = max(int(_CLEAR * (end - begin)), 1)
-    if after:
-        held, outside = value[:, begin : begin + 5], value[:, max(begin - _ONSET, 0) : begin + 2]
-        outside = outside[:, ::-1]
-    else:
-        held, outside = value[:, max(end - 5, 0) : end], value[:, max(end - 2, 0) : end + _ONSET]
-    if outside.shape[1] <= 2:
-        return 0  # the log begins or ends at rest
-    away = np.abs(outside - held.mean(axis=1)[:, None])
+    bins = value.shape[1]
+    edge, way = (begin, 1) if after else (end - 1, -1)
+    held = edge[:, None] + way * np.arange(5)
+    outside = edge[:, None] - way * np.arange(-1, _ONSET + 1)
+    inside = (held >= 0) & (held < bins)
+    known = (outside >= 0) & (outside < bins)
+    some = np.where(inside, value[:, np.clip(held, 0, bins - 1)], 0.0)
+    mean = some.sum(axis=2) / inside.sum(axis=1)
+    away = np.abs(value[:, np.clip(outside, 0, bins - 1)] - mean[..., None])
     visible = np.maximum(field.visible, np.finfo(np.float64).tiny)
-    excursion = (away / visible[:, None]).max(axis=0)
+    excursion = np.where(known, (away / visible[:, None, None]).max(axis=0), 0.0)
     seen, far = excursion > 1.0, excursion > 8.0
-    return min(int(np.argmax(far) - np.argmax(seen)) + 1 if far.any() else 3, most)
+    onset = np.where(far.any(axis=1), far.argmax(axis=1) - seen.argmax(axis=1) + 1, 3)
+    onset[known.sum(axis=1) <= 2] = 0  # the log begins or ends at rest
+    return np.minimum(onset, np.maximum((_CLEAR * (end - begin)).astype(np.int64), 1))
 
 
 def _within_rest(
-    field: Field, stretch: Stretch, begin: int, end: int, rough: bool
+    field: Field, stretch: Stretch, begin: int, end: int, inner: list[int], rough: bool
 ) -> tuple[list[Extent], list[LeftOut]]:
-    """Settled stretches within one stretch of rest [begin, end), and what is left out."""
+    """Settled stretches within one stretch of rest [begin, end), and what is left out.
+
+    inner : begin and end of what is clear of the moves.
+    """
     length = (end - begin) * field.bins.width
     if end - begin < field.shortest:
         wanted = field.shortest * field.bins.width
         reason = f"too short: at rest for {length:.2f} s, {wanted:.2f} s needed"
         return [], [field.out(begin, end, reason)]
-    settled, unsettled = _settled_parts(field, stretch, begin, end, rough)
+    settled, unsettled = _settled_parts(field, stretch, begin, end, inner, rough)
     if not settled:
         reason = f"forces never settled in {length:.2f} s at rest"
+        if field.ringing:
+            reason += f": they ring ({'; '.join(map(str, field.ringing))})"
         return [], [field.out(begin, end, reason)]
     extents, jolts = _joined(field, stretch, settled)
     return extents, unsettled + jolts
 
 
 def _settled_parts(
-    field: Field, stretch: Stretch, begin: int, end: int, rough: bool
+    field: Field, stretch: Stretch, begin: int, end: int, inner: list[int], rough: bool
 ) -> tuple[list[Settled], list[LeftOut]]:
     """Settled parts of a rest [begin, end) in time order, and calm ones that are not settled."""
-    clear = begin + _kept_clear(field, begin, end, after=True)
-    latest = end - _kept_clear(field, begin, end, after=False)
+    clear, latest = inner
     if field.settle is not None:
         clear = max(begin + field.settle, clear)
     settled: list[Settled] = []
@@ -214,7 +263,10 @@ def _settled_parts(
         part: Settled | None = Settled(start, last)
         if field.settle is None:
             # What precedes is settling after the move; after a settled level it is a burst.
-            part = settled_part(stretch, start, last, origin, field.shortest, rough=rough)
+            left = [partial(one.left, begin) for one in field.ringing]
+            part = settled_part(
+                stretch, start, last, origin, field.shortest, left=left, rough=rough
+            )
         if part is None or part.ratio > _UNSETTLED:
             unsettled.append(field.out(start, last, "forces never settled between two changes"))
             continue
@@ -245,6 +297,8 @@ def _next(field: Field, begin: int, end: int) -> int:
 
 def _calm(field: Field, begin: int, end: int) -> list[tuple[int, int]]:
     """Stretches of [begin, end) without change of force, the crests of oscillations left out."""
+    if not field.disturbed[begin:end].any():
+        return [(begin, end)]
     first, last = runs(~field.disturbed[begin:end])
     calm = [(begin + int(a), begin + int(b)) for a, b in zip(first, last, strict=True)]
     held = round(_TRANSIENT / field.bins.width)

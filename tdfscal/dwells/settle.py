@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 
 import numpy as np
 from scipy.special import chdtri
@@ -17,6 +19,12 @@ _BIAS = 0.5  # largest bias of the mean / its standard error where the stop is l
 _WANDER = 5.0  # standard deviations
 _STEP = 50  # a cut advances by at least this fraction of what is left
 _CONSTANTS = 24  # time constants tried
+_LENGTHS = 2 ** np.arange(40)
+_USUAL = 1024  # bins; shapes of decays up to this length are kept for the next stop
+
+
+Left = Callable[[IntArray, int], FloatArray]
+"""Starts (S,) and end of a mean, in bins → bias that the force axes may have, (S, A), N."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,40 +51,52 @@ class Settled:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """All axes over the bins, with what is needed to compare the means of stretches.
+    """A stretch of bins, with what is needed to compare the means of its parts.
 
-    value : (A, B). total : (B + 1, A), prefix sums about `origin`. noise : of A axes.
-    force : the axes that settle (the others are positions). long_run : (A,), standard deviation
-    of a bin as it counts in a long mean: Var(mean of T bins) = long_run² / T. width : s.
+    start : its first bin; all bins are numbered over the log. value : (A, B), positions first.
+    total : (B + 1, A), prefix sums about a common origin. noise : of A axes. forces : the first
+    axis that settles (those before are positions). long_run : (A,), standard deviation of a bin
+    as it counts in a long mean: Var(mean of T bins) = long_run² / T. width : s.
     tolerance : (A,), difference of means that resolution and rounding explain.
     """
 
+    start: int
     value: FloatArray
-    origin: FloatArray
     total: FloatArray
     noise: Noise
-    force: slice
+    forces: int
     long_run: FloatArray
     width: float
     tolerance: FloatArray
 
     @classmethod
     def of(
-        cls, value: FloatArray, noise: Noise, force: slice, long_run: FloatArray, width: float
+        cls,
+        start: int,
+        value: FloatArray,
+        noise: Noise,
+        forces: int,
+        long_run: FloatArray,
+        width: float,
     ) -> Stretch:
         """With the prefix sums of value."""
-        origin = np.median(value, axis=1)
-        total = np.zeros((len(value), value.shape[1] + 1))
-        np.cumsum(value - origin[:, None], axis=1, out=total[:, 1:])
-        total = total.T
-        scale = np.abs(total).max(axis=0, initial=0.0) + np.abs(origin)
+        origin = value.mean(axis=1)
+        total = np.zeros((value.shape[1] + 1, len(value)))
+        np.cumsum(value.T - origin, axis=0, out=total[1:])
+        scale = np.abs(total).max(axis=0) + np.abs(origin)
         tolerance = 1.001 * noise.quantum + 64 * np.finfo(np.float64).eps * scale
-        return cls(value, origin, total, noise, force, long_run, width, tolerance)
+        return cls(start, value, total, noise, forces, long_run, width, tolerance)
 
     def mean(self, begin: IntArray | int, end: IntArray | int) -> FloatArray:
-        """Means about `origin`, (..., A)."""
-        length = np.asarray(end) - np.asarray(begin)
-        return np.asarray((self.total[end] - self.total[begin]) / length[..., None])
+        """Means about the origin, (..., A)."""
+        length = np.asarray(end - begin)[..., None]
+        total = self.total[end - self.start] - self.total[begin - self.start]
+        return np.asarray(total / length)
+
+    @property
+    def force(self) -> slice:
+        """The axes that settle."""
+        return slice(self.forces, None)
 
     def louder(self, factor: FloatArray) -> Stretch:
         """With the noise of each axis (A,) times a factor."""
@@ -91,36 +111,56 @@ class Stretch:
         what a single axis has.
         """
         excess = np.maximum(np.abs(difference) - self.tolerance, 0.0)
-        z2 = np.divide(excess**2, variance, out=np.zeros_like(excess), where=variance > 0)
-        z2[(variance == 0) & (excess > 0)] = np.inf
-        still = np.ones(z2.shape[-1], dtype=np.bool_)
-        still[self.force] = False
-        return np.logical_or(_too_large(z2[..., still], p), _too_large(z2[..., ~still], p))
+        if variance.all():
+            z2 = excess**2 / variance
+        else:
+            z2 = np.divide(excess**2, variance, out=np.zeros_like(excess), where=variance > 0)
+            z2[(variance == 0) & (excess > 0)] = np.inf
+        positions, forces = z2[..., : self.forces], z2[..., self.forces :]
+        return np.logical_or(_too_large(positions, p), _too_large(forces, p))
 
 
 def _too_large(z2: FloatArray, p: float) -> BoolArray:
     """Squares of standard normal axes (..., A) whose sum or largest one is improbable."""
-    axes = z2.shape[-1]
-    return np.asarray((z2.sum(axis=-1) > chdtri(axes, p)) | (z2.max(axis=-1) > chdtri(1, p / axes)))
+    total, largest = _limits(z2.shape[-1], p)
+    return np.asarray((z2.sum(axis=-1) > total) | (z2.max(axis=-1) > largest))
+
+
+@cache
+def _limits(axes: int, p: float) -> tuple[float, float]:
+    return float(chdtri(axes, p)), float(chdtri(1, p / axes))
 
 
 def settled_part(
-    stretch: Stretch, begin: int, end: int, origin: int, shortest: int, *, rough: bool
+    stretch: Stretch,
+    begin: int,
+    end: int,
+    origin: int,
+    shortest: int,
+    *,
+    left: Sequence[Left],
+    rough: bool,
 ) -> Settled | None:
     """Cut both ends of [begin, end) until they fit the rest; None where nothing is left.
 
-    origin : bin where the NCPs came to rest. shortest : bins. rough : leave it at what is seen,
-    without extrapolating a decay.
+    origin : bin where the NCPs came to rest. shortest : bins. left : bias that ringing may leave.
+    rough : leave it at what is seen, without extrapolating a decay.
     """
-    while end - begin >= shortest and (cut := _misfit(stretch, begin, end, tail=False)):
-        begin += max(1, cut // 2, (end - begin) // _STEP)
-    while end - begin >= shortest and (cut := _misfit(stretch, begin, end, tail=True)):
-        end -= max(1, cut // 2, (end - begin) // _STEP)
+    at_begin = True
+    while end - begin >= shortest:
+        head, tail = _misfits(stretch, begin, end)
+        at_begin = at_begin and head > 0  # once it fits, only the end is cut
+        if at_begin:
+            begin += max(1, head // 2, (end - begin) // _STEP)
+        elif tail:
+            end -= max(1, tail // 2, (end - begin) // _STEP)
+        else:
+            break
     if end - begin < shortest:
         return None
-    if rough:
-        return Settled(begin, end)
-    return _without_decay(stretch, begin, end, begin - (begin - origin) // 2, shortest)
+    visible = begin - (begin - origin) // 2
+    fitted = None if rough else _fit_decay(stretch, visible, end)
+    return _without_decay(stretch, Settled(begin, end, 0.0, fitted), visible, shortest, left)
 
 
 def one_level(stretch: Stretch, a: Settled, b: Settled, p: float) -> bool:
@@ -149,43 +189,51 @@ def restless(stretch: Stretch, part: Settled) -> bool:
     return False
 
 
-def _misfit(stretch: Stretch, begin: int, end: int, *, tail: bool) -> int:
-    """Shortest window at the begin (tail: at the end) that does not fit the other half; or 0."""
+def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
+    """Shortest windows at the begin and at the end that do not fit the other half; 0 if all do."""
     middle = (begin + end) // 2
-    lengths = 2 ** np.arange(max(int(np.log2(max((end - begin) // 4, 1))) + 1, 1))
-    if tail:
-        reference, held = stretch.mean(begin, middle), middle - begin
-        window = stretch.mean(end - lengths, np.full_like(lengths, end))
-    else:
-        reference, held = stretch.mean(middle, end), end - middle
-        window = stretch.mean(np.full_like(lengths, begin), begin + lengths)
-    variance = stretch.noise.of_mean(lengths) ** 2 + stretch.noise.of_mean(held) ** 2
-    misfit = stretch.misfit(window - reference, variance, _P_MISFIT)
-    return int(lengths[np.argmax(misfit)]) if misfit.any() else 0
+    lengths = _LENGTHS[: max(((end - begin) // 4).bit_length(), 1)]
+    many = len(lengths)
+    head = stretch.mean(begin, begin + lengths) - stretch.mean(middle, end)
+    tail = stretch.mean(end - lengths, end) - stretch.mean(begin, middle)
+    halves = (end - middle, middle - begin)
+    variance = stretch.noise.of_mean(np.concatenate([lengths, halves])) ** 2
+    of_window, of_half = variance[:many], variance[many:, None]
+    misfit = stretch.misfit(np.stack([head, tail]), of_window + of_half, _P_MISFIT)
+    first = np.where(misfit.any(axis=1), lengths[misfit.argmax(axis=1)], 0)
+    return int(first[0]), int(first[1])
 
 
-def _without_decay(stretch: Stretch, begin: int, end: int, visible: int, shortest: int) -> Settled:
+def _without_decay(
+    stretch: Stretch, part: Settled, visible: int, shortest: int, left: Sequence[Left]
+) -> Settled:
     """Cut further until what remains of a decay shifts no mean by more than a fraction of its se.
 
     A tail too small to see in itself still shifts a long mean, so the decay is measured where it
     is visible: y = c + a e^{−t/τ} from bin `visible` on, one τ for all axes, and extrapolated.
     """
+    if part.decay is None and not left:
+        return part
     long_run = stretch.long_run[stretch.force]
-    fitted = _fit_decay(stretch, visible, end)
-    if fitted is None:
-        return Settled(begin, end)
-    tau = fitted.tau
-    size = np.abs(fitted.amplitude)
-    worst = np.divide(size, long_run, out=np.zeros_like(size), where=long_run > 0).max()
-    start = np.arange(begin, max(end - shortest, begin) + 1)
-    length = end - start
-    # Σ e^{−t/τ} over [start, end), over the standard error of a sum of as many bins.
-    decay = np.exp(-(start - visible) / tau) * -np.expm1(-length / tau) / -np.expm1(-1.0 / tau)
-    ratio = worst * decay / np.sqrt(length)
+    start = np.arange(part.begin, max(part.end - shortest, part.begin) + 1)
+    length = part.end - start
+    square = np.zeros(len(start))
+    if part.decay is not None:
+        tau = part.decay.tau
+        size = np.abs(part.decay.amplitude)
+        worst = np.divide(size, long_run, out=np.zeros_like(size), where=long_run > 0).max()
+        # Σ e^{−t/τ} over [start, end), over the standard error of a sum of as many bins.
+        decay = np.exp(-(start - visible) / tau) * -np.expm1(-length / tau) / -np.expm1(-1.0 / tau)
+        square += (worst * decay) ** 2 / length
+    for bias_of in left:
+        bias = bias_of(start, part.end)
+        relative = np.divide(bias, long_run, out=np.zeros_like(bias), where=long_run > 0)
+        square += relative.max(axis=1) ** 2 * length
+    ratio = np.sqrt(square)
     # Least mean square error of the mean, (1 + ratio²) / length, among the starts that will do.
-    error = np.where(ratio <= max(_BIAS, ratio.min()), (1.0 + ratio**2) / length, np.inf)
+    error = np.where(ratio <= max(_BIAS, ratio.min()), (1.0 + square) / length, np.inf)
     best = int(np.argmin(error))
-    return Settled(int(start[best]), end, float(ratio[best]), fitted)
+    return replace(part, begin=int(start[best]), ratio=float(ratio[best]))
 
 
 def one_decay(stretch: Stretch, earlier: Settled, later: Settled) -> bool:
@@ -209,21 +257,23 @@ def one_decay(stretch: Stretch, earlier: Settled, later: Settled) -> bool:
 
 def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:
     """The decay in bins [begin, end); None where there is none that the noise does not explain."""
-    value = stretch.value[stretch.force, begin:end]
+    value = stretch.value[stretch.force, begin - stretch.start : end - stretch.start]
     long_run = stretch.long_run[stretch.force]
     noisy = long_run > 0
     length = value.shape[1]
     if length < 8 or not noisy.any():
         return None
     scaled = (value[noisy] - value[noisy].mean(axis=1, keepdims=True)) / long_run[noisy, None]
-    tau = np.geomspace(1.0, min(_SLOWEST / stretch.width, 2.0 * length), _CONSTANTS)
+    longest = min(_SLOWEST / stretch.width, 2.0 * length)
+    tau, shapes, size = (_kept_decays if length <= _USUAL else _decays)(1.0, longest, length)
     least = chdtri(int(noisy.sum()), _P_DECAY)
-    gain = _gain(scaled, tau)
+    gain = ((scaled @ shapes.T) ** 2).sum(axis=0)
     best = int(np.argmax(gain))
     if gain[best] < 0.8 * least:  # no refinement gains more
         return None
-    tau = np.geomspace(tau[max(best - 1, 0)], tau[min(best + 1, _CONSTANTS - 1)], _CONSTANTS)
-    gain = _gain(scaled, tau)
+    shorter, longer = tau[max(best - 1, 0)], tau[min(best + 1, _CONSTANTS - 1)]
+    tau, shapes, size = _decays(float(shorter), float(longer), length)
+    gain = ((scaled @ shapes.T) ** 2).sum(axis=0)
     best = int(np.argmax(gain))
     # Vibration leaves more in a window of this length than in a long one.
     window = max(int(tau[best]), 1)
@@ -231,18 +281,19 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:
     excess = max(float(np.median(sigma / long_run[noisy])), 1.0)
     if gain[best] < excess**2 * least:
         return None
-    shape = _shapes(tau[best : best + 1], length)[0]
-    amplitude = (value - value.mean(axis=1, keepdims=True)) @ shape / (shape @ shape)
-    return Decay(begin, float(tau[best]), np.asarray(amplitude))
+    centred = value - value.mean(axis=1, keepdims=True)
+    return Decay(begin, float(tau[best]), np.asarray(centred @ shapes[best] / size[best]))
 
 
-def _shapes(tau: FloatArray, length: int) -> FloatArray:
-    """e^{−t/τ} less its mean, (τ, length)."""
+def _decays(shortest: float, longest: float, length: int) -> tuple[FloatArray, ...]:
+    """Time constants (τ,) in steps of one factor, e^{−t/τ} less its mean over `length` bins and
+    divided by its size, (τ, length), and that size, (τ,).
+    """
+    tau = shortest * (longest / shortest) ** np.linspace(0.0, 1.0, _CONSTANTS)
     shape = np.exp(-np.arange(length) / tau[:, None])
-    return np.asarray(shape - shape.mean(axis=1, keepdims=True))
+    shape -= shape.mean(axis=1, keepdims=True)
+    size = np.sqrt((shape**2).sum(axis=1))
+    return tau, shape / size[:, None], size
 
 
-def _gain(scaled: FloatArray, tau: FloatArray) -> FloatArray:
-    """Sum of squares (τ,) of noise of variance 1 that each time constant explains."""
-    shape = _shapes(tau, scaled.shape[1])
-    return np.asarray(((scaled @ shape.T) ** 2).sum(axis=0) / (shape**2).sum(axis=1))
+_kept_decays = lru_cache(maxsize=8)(_decays)

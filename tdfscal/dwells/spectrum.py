@@ -18,7 +18,7 @@ import numpy as np
 from scipy.fft import dct
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.records import FloatArray, IntArray
+from tdfscal.records import FloatArray
 
 _SHORTEST_RUN = 6  # bins; shorter pieces of a dwell carry no spectrum
 _BASE_ORDINATES = 40  # in the narrowest band
@@ -29,7 +29,7 @@ _LEPSKI = 2.8  # standard deviations of disagreement that end the widening
 class Spectrum:
     """Noise of one uninterrupted run of bins, line removed, all streams.
 
-    frequency : (M,), cycles per bin. amplitude : (M, S, 3), cosine transform from order 2 on.
+    frequency : (M,), cycles per bin. amplitude : (S, 3, M), cosine transform from order 2 on.
     covariance : (3, S, 3), mean products at lags 0, 1, 2. length : bins.
     """
 
@@ -39,22 +39,26 @@ class Spectrum:
     length: int
 
 
-def spectrum(bins: Bins, rows: IntArray) -> Spectrum | None:
+def spectrum(bins: Bins, rows: slice) -> Spectrum | None:
     """Spectrum of consecutive bins; None where they are too few."""
-    if len(rows) < _SHORTEST_RUN:
+    length = rows.stop - rows.start
+    if length < _SHORTEST_RUN:
         return None
-    weight = bins.count[rows].astype(np.float64)[:, :, None]
-    x = np.where(weight > 0, bins.mean[rows], 0.0)
-    x -= x.max(axis=0)  # keeps the digits; empty bins have no weight
-    total = weight.sum(axis=0)
-    line = np.linspace(-1.0, 1.0, len(rows))[:, None, None]
-    line = line - (weight * line).sum(axis=0) / total
-    x -= (weight * x).sum(axis=0) / total
-    x -= line * ((weight * line * x).sum(axis=0) / (weight * line**2).sum(axis=0))
+    weight = bins.count[rows].T.astype(np.float64)[:, None]  # (S, 1, M)
+    x = np.where(weight > 0, bins.mean[rows].transpose(1, 2, 0), 0.0)
+    x -= x.max(axis=2, keepdims=True)  # keeps the digits; empty bins have no weight
+    total = weight.sum(axis=2, keepdims=True)
+    line = np.linspace(-1.0, 1.0, length)
+    line = line - (weight * line).sum(axis=2, keepdims=True) / total
+    slope = weight * line
+    x -= (weight * x).sum(axis=2, keepdims=True) / total
+    x -= line * ((slope * x).sum(axis=2, keepdims=True) / (slope * line).sum(axis=2, keepdims=True))
     x *= np.sqrt(weight)
-    lags = np.stack([(x[k:] * x[: len(x) - k]).mean(axis=0) for k in range(3)])
-    order = np.arange(2, len(x))
-    return Spectrum(order / (2.0 * len(x)), dct(x, axis=0, norm="ortho")[2:], lags, len(x))
+    lags = [np.einsum("sam,sam->sa", x[..., k:], x[..., : length - k]) for k in range(3)]
+    lags = [products / (length - k) for k, products in enumerate(lags)]
+    order = np.arange(2, length)
+    amplitude = dct(x, axis=2, norm="ortho")[..., 2:]
+    return Spectrum(order / (2.0 * length), amplitude, np.stack(lags), length)
 
 
 def _autocovariance(raw: FloatArray, length: float) -> FloatArray:
@@ -94,7 +98,7 @@ def density(usable: Sequence[Spectrum], stream: int, pooled: FloatArray) -> Floa
     frequency = np.concatenate([one.frequency for one in usable])
     order = np.argsort(frequency, kind="stable")
     frequency = frequency[order]
-    amplitude = np.concatenate([one.amplitude[:, stream] for one in usable])[order]
+    amplitude = np.concatenate([one.amplitude[stream] for one in usable], axis=1)[:, order]
     length = np.array([one.length for one in usable])
     lags = np.array([one.covariance[:, stream] for one in usable])
     covariance = _autocovariance(np.average(lags, axis=0, weights=length), float(length.mean()))
@@ -102,11 +106,9 @@ def density(usable: Sequence[Spectrum], stream: int, pooled: FloatArray) -> Floa
     shape = _rational_spectrum(covariance, np.concatenate([[0.0], frequency]))
     shape = np.divide(shape[1:], shape[0], out=np.ones_like(shape[1:]), where=shape[0] > 0)
     for axis in range(3):
-        level[axis], width[axis] = _zero_frequency(
-            frequency, amplitude[:, axis] ** 2, shape[:, axis]
-        )
-    band = amplitude[: int(width.min())]
-    product = band.T @ band
+        level[axis], width[axis] = _zero_frequency(frequency, amplitude[axis] ** 2, shape[:, axis])
+    band = amplitude[:, : int(width.min())]
+    product = band @ band.T
     scale = np.sqrt(np.diagonal(product))
     correlation = np.divide(
         product, np.outer(scale, scale), out=np.eye(3), where=np.outer(scale, scale) > 0

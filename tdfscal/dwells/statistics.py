@@ -15,17 +15,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.changes import runs
 from tdfscal.dwells.spectrum import Spectrum, density, spectrum
+from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
+
+Real = TypeVar("Real", bound=np.floating)
 
 _LARGER = 4.0  # standard deviations of log-variance beyond which a dwell keeps its own scatter
 _SPECTRA = 100  # dwells, evenly over the log, that the spectrum is taken from
-_ROWS = 2**15  # bins taken at once
+_ROWS = 2**12  # bins taken at once; they stay in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,12 +122,11 @@ def force_extremes(bins: Bins, extents: Sequence[Extent]) -> tuple[FloatArray, F
     n = bins.low.shape[1]
     low, high = np.zeros((len(extents), n, 3)), np.zeros((len(extents), n, 3))
     for part in _portions(extents):
-        some = [extents[k].rows for k in part]
-        size = np.array([len(rows) for rows in some])
-        rows, first = np.concatenate(some), np.cumsum(size) - size
-        middle = bins.mean[rows, n:]
-        low[part] = np.fmin.reduceat(middle + bins.low[rows], first, axis=0)
-        high[part] = np.fmax.reduceat(middle + bins.high[rows], first, axis=0)
+        rows, first, _ = _together([extents[k] for k in part])
+        middle = _taken(bins.mean, rows)[n:]
+        least = np.fmin.reduceat(middle + _taken(bins.low, rows), first, axis=2)
+        most = np.fmax.reduceat(middle + _taken(bins.high, rows), first, axis=2)
+        low[part], high[part] = least.transpose(2, 0, 1), most.transpose(2, 0, 1)
     return low, high
 
 
@@ -139,7 +143,7 @@ def _spectra(bins: Bins, extents: Sequence[Extent]) -> list[tuple[int, Spectrum]
     for k in evenly(len(extents), _SPECTRA):
         extent = extents[k]
         for first, last in zip(*runs(extent.used), strict=True):
-            one = spectrum(bins, np.arange(extent.begin + first, extent.begin + last))
+            one = spectrum(bins, slice(int(extent.begin + first), int(extent.begin + last)))
             if one is not None:
                 found.append((int(k), one))
     return found
@@ -149,40 +153,58 @@ def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
     shape = (len(extents), bins.count.shape[1], 3)
     mean, scatter, drift, bow = (np.zeros(shape) for _ in range(4))
     length, count = np.ones(shape), np.zeros(shape[:2], dtype=np.int64)
-    for part in _portions(extents):
-        some = [extents[k].rows for k in part]
-        size = np.array([len(rows) for rows in some])
-        rows, first = np.concatenate(some), np.cumsum(size) - size
 
-        def total(x: FloatArray, first: IntArray = first) -> FloatArray:
-            return np.asarray(np.add.reduceat(x, first, axis=0))
+    def measure(part: list[int]) -> None:
+        rows, first, size = _together([extents[k] for k in part])
 
-        def spread(x: FloatArray, size: IntArray = size) -> FloatArray:
-            return np.repeat(x, size, axis=0)
+        def total(x: FloatArray) -> FloatArray:
+            return np.asarray(np.add.reduceat(x, first, axis=-1))
 
-        w = bins.count[rows].astype(np.float64)[:, :, None]
-        x = np.where(w > 0, bins.mean[rows], 0.0)
-        reference = np.maximum.reduceat(x, first, axis=0)
+        def spread(x: FloatArray | IntArray) -> FloatArray:
+            return np.repeat(x, size, axis=-1)
+
+        # (S, 1, R) and (S, 3, R), or (S, ..., K) of the dwells.
+        w = bins.count.T[:, None, rows].astype(np.float64)
+        x = np.where(w > 0, _taken(bins.mean, rows), 0.0)
+        reference = np.maximum.reduceat(x, first, axis=-1)
         x -= spread(reference)
         n = total(w)
         offset = total(w * x) / n
         x -= spread(offset)
-        mean[part] = reference + offset
-        square = total(w * x**2) + total(bins.scatter[rows])
-        scatter[part] = square / np.maximum(n - 1.0, 1.0)
-        count[part] = n[:, :, 0].astype(np.int64)
+        wx = w * x
+        square = total(wx * x) + total(_taken(bins.scatter, rows).astype(np.float64))
         # Line and bow: weighted orthogonal polynomials of the time as a fraction of the dwell.
-        begin = np.array([one[0] for one in some])
-        whole = np.array([one[-1] - one[0] + 1 for one in some])
-        t = ((rows - spread(begin)) / spread(whole))[:, None, None]
+        begin = rows[first]
+        whole = rows[first + size - 1] - begin + 1
+        t = (rows - spread(begin)) / spread(whole)
         line = t - spread(total(w * t) / n)
         line2 = total(w * line**2)
-        drift[part] = total(w * line * x) / line2
-        length[part] = np.sqrt(line2)
         curve = line**2 - spread(line2 / n)
         curve = curve - line * spread(total(w * line * curve) / line2)
-        bow[part] = total(w * curve * x) / np.sqrt(total(w * curve**2))
+        for result, found in (
+            (mean, reference + offset),
+            (scatter, square / np.maximum(n - 1.0, 1.0)),
+            (drift, total(wx * line) / line2),
+            (length, np.sqrt(line2)),
+            (bow, total(wx * curve) / np.sqrt(total(w * curve**2))),
+        ):
+            result[part] = found.transpose(2, 0, 1)
+        count[part] = n[:, 0].T
+
+    in_threads(measure, _portions(extents))
     return _Own(mean, scatter, count, drift, length, bow)
+
+
+def _together(extents: Sequence[Extent]) -> tuple[IntArray, IntArray, IntArray]:
+    """Bins of several dwells one after the other; where each dwell begins among them; its bins."""
+    rows = [extent.rows for extent in extents]
+    size = np.array([len(one) for one in rows])
+    return np.concatenate(rows), np.cumsum(size) - size, size
+
+
+def _taken(x: npt.NDArray[Real], rows: IntArray) -> npt.NDArray[Real]:
+    """(S, 3, R) of (B, S, 3)."""
+    return x.transpose(1, 2, 0)[..., rows]
 
 
 def _portions(extents: Sequence[Extent]) -> Iterator[list[int]]:

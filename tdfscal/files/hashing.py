@@ -68,12 +68,13 @@ class Fingerprint:
 
 def _sha256(path: Path, stopped: Callable[[], bool]) -> tuple[str, int]:
     digest = hashlib.sha256()
+    block = bytearray(_BLOCK)
     size = 0
     try:
-        with path.open("rb") as stream:
-            while not stopped() and (block := stream.read(_BLOCK)):
-                digest.update(block)
-                size += len(block)
+        with path.open("rb", buffering=0) as stream:
+            while not stopped() and (count := stream.readinto(block)):
+                digest.update(memoryview(block)[:count])
+                size += count
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
         raise UsageError(
             f"the file cannot be opened ({error.strerror})", where=str(path)

@@ -35,6 +35,8 @@ class Recipe:
     force_quantum: float = 0.0
     settle: tuple[float, float, float] = (0.0, 0.3, 0.0)
     """Amplitude N, time constant s, frequency Hz (0: no oscillation)."""
+    also: tuple[float, float, float] = (0.0, 0.3, 0.0)
+    """A second mode of settling."""
     vibration: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Force amplitude N, position amplitude m, frequency Hz."""
     drift: float = 0.0
@@ -59,9 +61,11 @@ class Recorded:
     def clean_offset(self, k: int, start: float, end: float) -> FloatArray:
         """Mean (n, 3) over [start, end] of what settling adds in stop k."""
         t = np.linspace(start, end, 4001) - self.stops[k, 0]
-        _, tau, hertz = self.recipe.settle
-        shape = np.exp(-t / tau) * np.cos(2 * np.pi * hertz * t)
-        return np.asarray(self._decay[k] * shape.mean())
+        modes = (self.recipe.settle, self.recipe.also)
+        shapes = [np.exp(-t / tau) * np.cos(2 * np.pi * hertz * t) for _, tau, hertz in modes]
+        return np.asarray(
+            sum(decay[k] * shape.mean() for decay, shape in zip(self._decay, shapes, strict=True))
+        )
 
 
 def _ease(u: FloatArray) -> FloatArray:
@@ -95,8 +99,11 @@ def record(recipe: Recipe, origin: float = 0.0) -> Recorded:
         force = np.array([0.0, 0.0, 1600.0]) + 200.0 * rng.standard_normal((count, n, 3))
     else:
         force = np.array([0.0, 0.0, 1600.0]) + recipe.stiffness * (position - base)
-    amplitude, tau, hertz = recipe.settle
-    decay = amplitude * _signed(rng, (count, n, 3))
+    modes = (recipe.settle, recipe.also)
+    decays = np.zeros((2, count, n, 3))
+    decays[0] = recipe.settle[0] * _signed(rng, (count, n, 3))
+    if recipe.also[0]:
+        decays[1] = recipe.also[0] * _signed(rng, (count, n, 3))
 
     def blend(t: FloatArray, level: FloatArray) -> FloatArray:
         value = np.broadcast_to(level[0], (len(t), n, 3)).copy()
@@ -115,8 +122,9 @@ def record(recipe: Recipe, origin: float = 0.0) -> Recorded:
     for k in range(count):
         stop = (tf >= begin[k]) & (tf < end[k] + (recipe.move if k < count - 1 else 0.0))
         t = tf[stop] - begin[k]
-        shape = np.exp(-t / tau) * np.cos(2 * np.pi * hertz * t)
-        f[stop] += decay[k] * shape[:, None, None]
+        for decay, (_, tau, hertz) in zip(decays, modes, strict=True):
+            shape = np.exp(-t / tau) * np.cos(2 * np.pi * hertz * t)
+            f[stop] += decay[k] * shape[:, None, None]
     shake_f, shake_p, shake_hz = recipe.vibration
     phase = rng.uniform(0, 2 * np.pi, (2, n, 3))
     f += shake_f * np.sin(2 * np.pi * shake_hz * tf[:, None, None] + phase[0])
@@ -133,7 +141,7 @@ def record(recipe: Recipe, origin: float = 0.0) -> Recorded:
         position=tuple(Series(tp + origin, p[:, i].copy()) for i in range(n)),
         force=tuple(Series(tf + origin, f[:, i].copy()) for i in range(n)),
     )
-    return Recorded(log, recipe, np.column_stack([begin, end]) + origin, force, position, decay)
+    return Recorded(log, recipe, np.column_stack([begin, end]) + origin, force, position, decays)
 
 
 def _signed(rng: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:

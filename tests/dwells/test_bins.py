@@ -72,6 +72,41 @@ def test_the_cut_into_pieces_does_not_matter(log: Log) -> None:
     assert_same(whole, pieces)
 
 
+def test_streams_a_minute_apart_give_the_same_bins() -> None:
+    log = record(Recipe(rate=100, stops=(60.0, 60.0))).log
+    begin, end = log.force[0].time[[0, -1]]
+    whole = reduce_to_bins([log])
+    edges = np.arange(begin, end + 70.0, 10.0)
+
+    def part(series: Series, low: float, high: float) -> Series:
+        rows = (series.time >= low) & (series.time < high)
+        return Series(series.time[rows], series.value[rows])
+
+    # Bins of late positions follow in the store those of early forces.
+    pieces = [
+        replace(
+            log,
+            position=tuple(part(s, low - 60.0, high - 60.0) for s in log.position),
+            force=tuple(part(s, low, high) for s in log.force),
+        )
+        for low, high in pairwise(edges)
+    ]
+    held = [p for p in pieces if len(p.position[0].time) or len(p.force[0].time)]
+    found = reduce_to_bins(held)
+    np.testing.assert_array_equal(whole.start, found.start)
+    np.testing.assert_array_equal(whole.count, found.count)
+    np.testing.assert_allclose(whole.mean, found.mean, rtol=1e-14, atol=1e-12)
+    # Squares of up to 2000 N, of which the scatter is what remains, round to 1e-9.
+    np.testing.assert_allclose(whole.scatter, found.scatter, rtol=1e-5, atol=1e-8)
+
+
+def test_many_bins_are_kept_where_the_limit_is_high() -> None:
+    log = record(Recipe(rate=100, stops=(30.0, 30.0))).log
+    bins = reduce_to_bins([log], DwellOptions(bin_width=0.001, max_bins=10**6))
+    assert len(bins) == len(log.force[0].time)
+    np.testing.assert_allclose(bins.mean[:, 4], log.force[1].value, rtol=0, atol=1e-12)
+
+
 def test_too_many_bins_are_halved_and_keep_every_sample() -> None:
     log = record(Recipe(rate=100, stops=(60.0, 60.0))).log
     fine = reduce_to_bins([log], DwellOptions(bin_width=0.02))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
 
@@ -80,7 +80,7 @@ class Contents:
     """One file.
 
     columns : those that could be the time. stamped : of MCAP, topics whose messages have a header
-    with a time. decimal : of CSV.
+    with a time. decimal : of CSV. joints : of MCAP, names of the elements of a topic's lists.
     """
 
     path: Path
@@ -92,6 +92,7 @@ class Contents:
     stamped: frozenset[str] = frozenset()
     decimal: Literal[".", ","] = "."
     problems: tuple[str, ...] = ()
+    joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:

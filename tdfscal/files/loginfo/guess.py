@@ -52,13 +52,15 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
 
     rig : gives the supports their names, and decides what names leave open.
     """
-    positions = [v for v in contents.vectors if _role(v) == "position"]
-    forces = [v for v in contents.vectors if _role(v) == "force"]
+    vectors = [v for v in contents.vectors if v.time.size]
+    positions = [v for v in vectors if _role(v) == "position"]
+    forces = [v for v in vectors if _role(v) == "force"]
     notes: list[str] = []
     pairs = _paired(positions, forces)
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
-        return Guess(None, (f"no mapping is guessed: {found}; three of each are needed",))
+        none = f"no mapping is guessed: {found}; three of each are needed"
+        return Guess(None, (none, *_joints(contents)))
     pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
     pairs, by_rig = _named(pairs, rig)
     notes += by_rig
@@ -102,6 +104,11 @@ def _role(vector: Vector) -> Role:
                 return "position" if role == "position" else "force"
         return "other"
     found = words(vector.label)
+    joints = vector.kind.rpartition(" ")[2] if len(vector.fields) == 3 else ""
+    if joints == "effort":
+        return "force"
+    if joints == "velocity":
+        return "other"
     if set(found) & _OTHER and found[-1:] != ["force"]:
         return "other"
     for word in reversed(found):
@@ -111,8 +118,24 @@ def _role(vector: Vector) -> Role:
             return "position"
     if "Wrench" in vector.kind or "Force" in vector.kind:
         return "force"
+    if joints == "position":
+        return "position"
     # A bare axis letter, `ncp1.x`, `X1`: a position.
     return "position" if [w for w in found if not w.isdigit()][-1:] == ["*"] else "other"
+
+
+def _joints(contents: Contents) -> list[str]:
+    """What to write where the joints' names do not say which are x, y and z of an NCP."""
+    notes = []
+    for topic, names in contents.joints.items():
+        shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+        x, y, z = (*names[:3], "…", "…", "…")[:3]
+        notes.append(
+            f"the joints of {topic} are {shown}; where three of them move an NCP along x, y and z, "
+            f"write position: [{topic}.position[{x}], {topic}.position[{y}], "
+            f"{topic}.position[{z}]]"
+        )
+    return notes
 
 
 def _key(vector: Vector) -> list[str]:
@@ -225,7 +248,10 @@ def _force_on(
 
 def _rigidity(pairs: Sequence[_Pair]) -> list[str]:
     distance = _distances(pairs)
-    spread = float(np.max(np.std(distance, axis=0) / np.mean(distance, axis=0)))
+    mean = distance.mean(axis=0)
+    if not mean.all():
+        return ["two of the positions are the same throughout"]
+    spread = float(np.max(np.std(distance, axis=0) / mean))
     if spread < _RIGID:
         return []
     return [

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
+import re
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,36 +16,59 @@ from mcap.records import Channel, Schema
 from rosbags.interfaces import Nodetype
 
 from tdfscal.errors import TdfscalError
-from tdfscal.files.loginfo.contents import SAMPLES, Contents, Field, Stream, Vector, extremes
-from tdfscal.files.logs.cdr import Gatherer
+from tdfscal.files.loginfo.contents import (
+    SAMPLES,
+    Contents,
+    Field,
+    Stream,
+    Vector,
+    axes_of,
+    extremes,
+)
+from tdfscal.files.logs.cdr import Gatherer, element_names, layout_of
 from tdfscal.files.logs.chunk import Messages
 from tdfscal.files.logs.container import Container
+from tdfscal.files.logs.decoded import content_of
 from tdfscal.files.logs.faults import damage, one_line
-from tdfscal.files.logs.json_messages import read_numbers
+from tdfscal.files.logs.json_messages import decode, read_numbers
+from tdfscal.files.logs.message_path import Named, shown
 from tdfscal.files.logs.message_path import Path as MessagePath
-from tdfscal.files.logs.message_path import shown
 from tdfscal.files.logs.ros_types import Definitions, definitions, full_name
 from tdfscal.records import FloatArray, IntArray
 
 _MAX_DEPTH: Final = 8
 _MAX_LEAVES: Final = 64
+_MOST_SAMPLES: Final = 1 << 14  # of a topic
 _STAMP: Final = ("header", "stamp", "sec")
+
+_LISTS: Final = frozenset({"float64[]", "float32[]", "list"})
+_BY_NAME = re.compile(r"[^\[\]\"']*[^\[\]\"'\d][^\[\]\"']*")
+"""Names that a message path can hold, and that are no number."""
 
 Read = Callable[[Messages], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
 class _Leaf:
-    """A number or a list in a message; vector: its kind where it is a struct with x, y, z."""
+    """A number or a list in a message, or what has three axes: paths to them, in the order x, y, z.
+
+    label : name that says what it is, where that is not the path.
+    """
 
     path: MessagePath
     kind: str
-    vector: bool = False
+    axes: tuple[MessagePath, ...] = ()
+    label: str = ""
+
+    @classmethod
+    def struct(cls, path: MessagePath, kind: str) -> _Leaf:
+        """A field that has x, y, z."""
+        return cls(path, kind, tuple((*path, axis) for axis in "xyz"))
 
 
 @dataclass(slots=True)
 class _Topic:
-    """One channel as it is looked through."""
+    """One channel as it is looked through; every: so many messages, one is sampled at most."""
 
     channel: Channel
     kind: str
@@ -55,6 +79,8 @@ class _Topic:
     first: int | None = None
     last: int | None = None
     problem: str | None = None
+    joints: tuple[str, ...] = ()
+    every: int = 1
 
 
 def mcap_contents(path: Path) -> Contents:
@@ -90,7 +116,8 @@ def mcap_contents(path: Path) -> Contents:
     return Contents(
         path, "mcap", path.stat().st_size, tuple(sorted(streams, key=lambda s: s.name)),
         tuple(sorted(vectors, key=lambda v: v.fields)), stamped=frozenset(stamped),
-        problems=tuple(problems),
+        problems=tuple(problems), joints={t.channel.topic: t.joints for t in topics.values()
+                                          if t.joints},
     )  # fmt: skip
 
 
@@ -102,7 +129,7 @@ def _topic(container: Container, number: int, messages: Messages) -> _Topic:
     topic = _Topic(channel, kind)
     try:
         if channel.message_encoding == "cdr" and schema is not None:
-            _open_cdr(topic, schema)
+            _open_cdr(topic, schema, messages)
         elif channel.message_encoding == "json":
             _open_json(topic, messages)
         elif channel.message_encoding == "protobuf" and schema is not None:
@@ -114,32 +141,72 @@ def _topic(container: Container, number: int, messages: Messages) -> _Topic:
     return topic
 
 
-def _open_cdr(topic: _Topic, schema: Schema) -> None:
+def _open_cdr(topic: _Topic, schema: Schema, messages: Messages) -> None:
     types = definitions(schema.name, schema.encoding, schema.data.decode("utf-8"))
-    topic.leaves = list(_leaves_of_type(types, full_name(schema.name), (), 0))[:_MAX_LEAVES]
+    leaves = islice(_leaves_of_type(types, full_name(schema.name), (), 0), _MAX_LEAVES)
+    topic.leaves = list(leaves)
+    if _Leaf(("name",), "string[]") in topic.leaves:
+        first = messages.bytes_of(0)
+        topic.joints = tuple(element_names(types, schema.name, first))
+
+        def there(path: MessagePath) -> bool:
+            try:
+                layout_of(types, schema.name, [path], first)
+            except (ValueError, struct.error):
+                return False
+            return True
+
+        topic.leaves += _joints(topic, there)
     if paths := _paths(topic.leaves):
         topic.read = Gatherer(types, schema.name, paths)
 
 
 def _open_json(topic: _Topic, messages: Messages) -> None:
-    topic.leaves = list(_leaves_of_value(json.loads(messages.bytes_of(0)), (), 0))[:_MAX_LEAVES]
+    first = messages.at(0)
+    value = decode(content_of(messages, 0))
+    topic.leaves = list(islice(_leaves_of_value(value, (), 0), _MAX_LEAVES))
+    names = value.get("name") if isinstance(value, dict) else None
+    if isinstance(names, list) and all(isinstance(name, str) for name in names):
+        topic.joints = tuple(names)
+
+        def there(path: MessagePath) -> bool:
+            try:
+                read_numbers(first, [path], stamped=False)
+            except ValueError:
+                return False
+            return True
+
+        topic.leaves += _joints(topic, there)
     if paths := _paths(topic.leaves):
         topic.read = lambda m: read_numbers(m, paths, stamped=False)
+
+
+def _joints(topic: _Topic, there: Callable[[MessagePath], bool]) -> list[_Leaf]:
+    """Elements of lists whose names differ in x, y, z only, as in JointState."""
+    names = [name for name in topic.joints if _BY_NAME.fullmatch(name)]
+    found: list[_Leaf] = []
+    for leaf in [leaf for leaf in topic.leaves if leaf.kind in _LISTS and len(leaf.path) == 1]:
+        for label, three in axes_of(names):
+            axes = tuple((*leaf.path, Named(name)) for name in three)
+            if all(map(there, axes)):
+                found.append(_Leaf((*leaf.path, Named(label)), leaf.kind, axes, f".{label}"))
+    return found[:_MAX_LEAVES]
 
 
 def _open_protobuf(topic: _Topic, schema: Schema) -> None:
     from tdfscal.files.logs import protobuf_messages as protobuf
 
     kind = protobuf.message_class(schema.name, schema.data)
-    topic.leaves = [_Leaf(path, name, vector) for path, name, vector in protobuf.leaves(kind)][
-        :_MAX_LEAVES
+    topic.leaves = [
+        _Leaf.struct(path, name) if vector else _Leaf(path, name)
+        for path, name, vector in islice(protobuf.leaves(kind), _MAX_LEAVES)
     ]
     if paths := _paths(topic.leaves):
         topic.read = lambda m: protobuf.read_numbers(m, kind, paths, stamped=False)
 
 
 def _paths(leaves: Sequence[_Leaf]) -> list[MessagePath]:
-    return [(*leaf.path, axis) for leaf in leaves if leaf.vector for axis in "xyz"]
+    return [path for leaf in leaves for path in leaf.axes]
 
 
 def _leaves_of_type(
@@ -147,15 +214,18 @@ def _leaves_of_type(
 ) -> Iterator[_Leaf]:
     members: Mapping[str, Any] = dict(types.get(name, ()))
     if {"x", "y", "z"} <= members.keys() and "w" not in members:
-        yield _Leaf(path, name, vector=True)
+        yield _Leaf.struct(path, name)
+        return
+    if not members or depth == _MAX_DEPTH:
+        yield _Leaf(path, name)
         return
     for member, (kind, detail) in members.items():
         here = (*path, member)
-        if kind == Nodetype.NAME and depth < _MAX_DEPTH:
+        if kind == Nodetype.NAME:
             yield from _leaves_of_type(types, detail, here, depth + 1)
         elif kind == Nodetype.BASE:
             yield _Leaf(here, detail[0])
-        elif kind != Nodetype.NAME:
+        else:
             (inner, what), _ = detail
             yield _Leaf(here, f"{what[0] if inner == Nodetype.BASE else what}[]")
 
@@ -163,7 +233,7 @@ def _leaves_of_type(
 def _leaves_of_value(value: Any, path: MessagePath, depth: int) -> Iterator[_Leaf]:
     if isinstance(value, dict) and depth < _MAX_DEPTH:
         if {"x", "y", "z"} <= value.keys() and "w" not in value:
-            yield _Leaf(path, "object", vector=True)
+            yield _Leaf.struct(path, "object")
             return
         for key, inner in value.items():
             yield from _leaves_of_value(inner, (*path, str(key)), depth + 1)
@@ -179,7 +249,7 @@ def _look(topic: _Topic, messages: Messages) -> None:
     topic.last = high if topic.last is None else max(topic.last, high)
     if topic.read is None:
         return
-    step = -(-ticks.size // SAMPLES)
+    step = max(-(-ticks.size // SAMPLES), topic.every)
     some = Messages(
         messages.data, messages.offset[::step], messages.length[::step], messages.channel[::step]
     )
@@ -189,6 +259,10 @@ def _look(topic: _Topic, messages: Messages) -> None:
     except (ValueError, OverflowError, struct.error) as error:
         topic.problem = f"a message cannot be read: {one_line(error)}"
         topic.read = None
+    if sum(map(len, topic.time)) > _MOST_SAMPLES:
+        topic.value = [np.concatenate(topic.value)[::2]]
+        topic.time = [np.concatenate(topic.time)[::2]]
+        topic.every *= 2
 
 
 def _stream(topic: _Topic, count: int) -> Stream:
@@ -197,7 +271,7 @@ def _stream(topic: _Topic, count: int) -> Stream:
     value = np.concatenate(topic.value) if topic.value else None
     for leaf in topic.leaves:
         name = shown(leaf.path).removeprefix(".")
-        if not leaf.vector:
+        if not leaf.axes:
             fields.append(Field(name, leaf.kind))
             continue
         low, high = (None, None)
@@ -216,7 +290,15 @@ def _vectors(topic: _Topic) -> Iterator[Vector]:
     value = np.concatenate(topic.value)
     time = np.concatenate(topic.time) / 1e9
     order = np.argsort(time, kind="stable")
-    for k, leaf in enumerate(leaf for leaf in topic.leaves if leaf.vector):
-        name = topic.channel.topic + shown(leaf.path)
+    name = topic.channel.topic
+    for k, leaf in enumerate(leaf for leaf in topic.leaves if leaf.axes):
         three = value[order, 3 * k : 3 * k + 3]
-        yield Vector((name,), name, f"{topic.kind} {leaf.kind}", None, time[order], three)
+        if leaf.label:
+            fields = tuple(name + shown(path) for path in leaf.axes)
+            kind = f"{topic.kind} {leaf.path[0]}"
+        else:
+            fields = (name + shown(leaf.path),)
+            kind = f"{topic.kind} {leaf.kind}"
+        yield Vector(
+            fields, name + (leaf.label or shown(leaf.path)), kind, None, time[order], three
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,12 @@ import pyarrow.parquet as pq
 from tdfscal.files.loginfo.contents import SAMPLES, Contents, Stream, table_contents
 from tdfscal.files.logs.faults import damage
 from tdfscal.files.logs.parquet import open_parquet
+from tdfscal.files.logs.parquet_footer import Footer, read_footer
+from tdfscal.files.logs.parquet_pages import check_pages
 from tdfscal.records import FloatArray
 
 _BATCH = 1 << 16
+_TOGETHER = 64  # columns; a table may have thousands
 
 
 def parquet_contents(path: Path) -> Contents:
@@ -24,23 +28,21 @@ def parquet_contents(path: Path) -> Contents:
     ------
     UsageError, DataError : it cannot be read.
     """
-    with damage(path, pa.ArrowException), open_parquet(path) as file:
-        schema = file.schema
-        names = [schema.column(k).path for k in range(len(schema))]
-        thinned: list[pa.Table] = []
-        first: pa.Table | None = None
-        for batch in file.iter_batches(batch_size=_BATCH):
-            table = _flat(pa.Table.from_batches([batch]))
-            first = table.slice(0, 4096) if first is None else first
-            rows = np.linspace(0, len(table) - 1, min(SAMPLES, len(table))).astype(np.int64)
-            thinned.append(table.take(pa.array(np.unique(rows))))
-        kinds = [_kind(file, k) for k in range(len(schema))]
+    with damage(path, pa.ArrowException):
+        footer = read_footer(path)
+        names = [leaf.path for leaf in footer.leaves]
         sample: dict[str, FloatArray] = {}
         opening: dict[str, FloatArray] = {}
-        if first is not None:
-            whole = pa.concat_tables(thinned)
-            for name in names:
-                if names.count(name) == 1 and name in whole.column_names:
+        with open_parquet(path) as file:
+            kinds = [_kind(file, k) for k in range(len(names))]
+            twice = sorted({name for name in names if names.count(name) > 1})
+            once = [
+                k for k, leaf in enumerate(footer.leaves) if leaf.small and leaf.path not in twice
+            ]
+            for begin in range(0, len(once), _TOGETHER):
+                portion = once[begin : begin + _TOGETHER]
+                first, whole = _sampled(path, file, footer, portion)
+                for name in whole.column_names:
                     values = _numbers(whole.column(name))
                     if values is not None:
                         sample[name] = values
@@ -49,13 +51,31 @@ def parquet_contents(path: Path) -> Contents:
         fields, vectors, columns = table_contents(
             names, kinds, [None] * len(names), sample, opening
         )
-        twice = sorted({name for name in names if names.count(name) > 1})
         problems = (f"columns are there more than once: {', '.join(twice)}",) if twice else ()
-        rows_all = int(file.metadata.num_rows)
     return Contents(
-        path, "parquet", path.stat().st_size, (Stream("table", "", rows_all, fields),), vectors,
+        path, "parquet", path.stat().st_size, (Stream("table", "", footer.rows, fields),), vectors,
         columns, problems=problems,
     )  # fmt: skip
+
+
+def _sampled(
+    path: Path, file: pq.ParquetFile, footer: Footer, portion: Sequence[int]
+) -> tuple[pa.Table, pa.Table]:
+    """Some columns: the first rows, and some rows of each batch."""
+    first: list[pa.Table] = []
+    thinned: list[pa.Table] = []
+    columns = [footer.leaves[k].path for k in portion]
+    for number, group in enumerate(footer.groups):
+        check_pages(path, [group.parts[k] for k in portion])
+        for batch in file.iter_batches(batch_size=_BATCH, row_groups=[number], columns=columns):
+            table = _flat(pa.Table.from_batches([batch]))
+            first = first or [table.slice(0, 4096)]
+            count = min(-(-SAMPLES * len(table) // min(_BATCH, footer.rows)), len(table))
+            rows = np.linspace(0, len(table) - 1, count).astype(np.int64)
+            thinned.append(table.take(pa.array(np.unique(rows))))
+    if not thinned:
+        return pa.table({}), pa.table({})
+    return first[0], pa.concat_tables(thinned)
 
 
 def _kind(file: pq.ParquetFile, k: int) -> str:

@@ -23,6 +23,8 @@ from tdfscal.records import BoolArray, FloatArray, IntArray
 
 _ENCAPSULATION: Final = 4
 _MAX_DEPTH: Final = 32
+_MAX_VISITS: Final = 1 << 18
+_MAX_GUARDS: Final = 1 << 12
 _MAX_LAYOUTS: Final = 32
 _NUMBERS: Final[dict[str, str]] = {
     "bool": "?", "byte": "u1", "octet": "u1", "char": "u1", "int8": "i1", "uint8": "u1",
@@ -65,6 +67,18 @@ def layout_of(types: Definitions, name: str, paths: Sequence[Path], data: bytes)
     return Layout(places, ((0, data[:2]), *walk.guards), len(data))
 
 
+def element_names(types: Definitions, name: str, data: bytes) -> list[str]:
+    """Names that a message gives to the elements of its lists, as JointState does.
+
+    Raises
+    ------
+    ValueError, struct.error : the message is not of this type.
+    """
+    walk = _Walk(types, data, "<" if data[1:2] == b"\x01" else ">", {0: (Named(""),)})
+    walk.visit((Nodetype.NAME, full_name(name)), {}, {}, 0)
+    return walk.names
+
+
 @dataclass(slots=True)
 class _Walk:
     types: Definitions
@@ -74,13 +88,16 @@ class _Walk:
     position: int = _ENCAPSULATION
     places: dict[int, tuple[int, str]] = field(default_factory=dict)
     guards: list[tuple[int, bytes]] = field(default_factory=list)
+    visits: int = 0
+    names: list[str] = field(default_factory=list)
 
     def visit(
         self, node: Any, wanted: Mapping[int, int], siblings: Mapping[str, int], depth: int
     ) -> None:
         """Walk a field. wanted : path's number → how many of its steps lead here."""
-        if depth > _MAX_DEPTH:
-            raise ValueError("its type is nested too deeply")
+        self.visits += 1
+        if depth > _MAX_DEPTH or self.visits > _MAX_VISITS or len(self.guards) > _MAX_GUARDS:
+            raise ValueError("it has too many fields, or too deep ones")
         kind, detail = node
         if kind == Nodetype.NAME:
             if detail not in self.types:
@@ -152,6 +169,8 @@ class _Walk:
         if count > len(self.data):
             raise ValueError("a list is longer than the message")
         by_name = any(isinstance(step, Named) for path in self.paths.values() for step in path)
+        if count > _MAX_GUARDS:
+            raise ValueError(f"it names {count} elements")
         for index in range(count):
             start, text = self._text()
             if by_name:
@@ -160,6 +179,7 @@ class _Walk:
                 if name in names:
                     raise ValueError(f"it names {name} twice")
                 names[name] = index
+                self.names.append(name)
 
     def _text(self) -> tuple[int, bytes]:
         length = self._count()

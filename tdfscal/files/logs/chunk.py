@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
@@ -15,7 +16,7 @@ from mcap.opcode import Opcode
 
 from tdfscal.records import IntArray
 
-MAX_CHUNK: Final = 512 << 20
+MAX_CHUNK: Final = 256 << 20
 """Largest chunk, in bytes when decompressed, that is read."""
 
 _CHUNK: Final = struct.Struct("<QQQII")
@@ -173,7 +174,9 @@ def index_offsets(records: Sequence[bytes]) -> IntArray | None:
     return np.sort(np.concatenate(parts), kind="stable")
 
 
-def messages_of(data: bytes, indexed: IntArray | None, define: Define) -> Messages:
+def messages_of(
+    data: bytes, indexed: IntArray | None, define: Define, *, stored: int | None = None
+) -> Messages:
     """Find every message in a buffer of records.
 
     The index only saves walking: the stretches between the messages that it names are walked,
@@ -183,14 +186,17 @@ def messages_of(data: bytes, indexed: IntArray | None, define: Define) -> Messag
     ----------
     indexed : offsets of messages, ascending, or None.
     define : takes the schemas and channels met, as (opcode, content).
+    stored : bytes that the buffer takes in the file, by default its own. No more records than
+        that are believed: a message that has a time of its own takes at least one.
 
     Raises
     ------
     ValueError : records that do not tile the buffer.
     """
-    walked: list[int] = []
+    walked = array("q")
+    most = len(data) if stored is None else stored
     if indexed is None or indexed.size == 0:
-        _walk(data, 0, len(data), walked, define)
+        _walk(data, 0, len(data), walked, define, most)
         offset = np.array(walked, dtype=np.int64)
     else:
         if not (gather(data, indexed, "u1") == int(Opcode.MESSAGE)).all():
@@ -201,7 +207,7 @@ def messages_of(data: bytes, indexed: IntArray | None, define: Define) -> Messag
         if (starts < before).any():
             raise ValueError("messages overlap by the message index")
         for k in np.flatnonzero(starts > before):
-            _walk(data, int(before[k]), int(starts[k]), walked, define)
+            most -= _walk(data, int(before[k]), int(starts[k]), walked, define, most)
         offset = np.sort(np.concatenate((indexed, np.array(walked, dtype=np.int64))))
     length = _lengths(data, offset) - _MESSAGE_HEAD
     if (length < 0).any():
@@ -217,9 +223,12 @@ def _lengths(data: bytes, offset: IntArray) -> IntArray:
     return length.astype(np.int64)
 
 
-def _walk(data: bytes, start: int, stop: int, messages: list[int], define: Define) -> None:
-    """Go from record to record; note the messages, hand on schemas and channels."""
+def _walk(
+    data: bytes, start: int, stop: int, messages: array[int], define: Define, most: int
+) -> int:
+    """Go from record to record, note messages, hand on schemas and channels; return how many."""
     unpack, head, message = _HEAD.unpack_from, _HEAD.size, int(Opcode.MESSAGE)
+    count = 0
     while start < stop:
         if start + head > stop:
             raise ValueError("a record is cut short")
@@ -227,6 +236,9 @@ def _walk(data: bytes, start: int, stop: int, messages: list[int], define: Defin
         end = start + head + length
         if end > stop:
             raise ValueError("a record is cut short")
+        count += 1
+        if count > most:
+            raise ValueError("it holds more records than bytes are stored for it")
         if opcode == message:
             messages.append(start)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -234,3 +246,4 @@ def _walk(data: bytes, start: int, stop: int, messages: list[int], define: Defin
         elif opcode < 0x80:
             raise ValueError(f"a record of kind {opcode:#04x} has no place in a chunk")
         start = end
+    return count

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.records import BoolArray, FloatArray, Rows
+from tdfscal.records import BoolArray, FloatArray, IntArray, Rows
 
 MAX_STEP_BACK = 1.0
 """A clock that steps back by more than this many seconds was set anew: refused."""
 MAX_DROPPED = 1e-3
 """Largest share of samples (one at least) whose time does not ascend; they are left out."""
+HOPELESS = 100_000
+"""So many samples that do not ascend, and half of all, are refused before the file's end."""
 GAP = 5.0
 """An interval of more than this many median periods is a gap."""
 
@@ -23,6 +25,12 @@ MAX_CLOCK_OFFSET = 1.0
 _BINS_PER_DECADE = 231
 _LOWEST, _HIGHEST = -10, 6
 _BINS = (_HIGHEST - _LOWEST) * _BINS_PER_DECADE
+
+
+def _level(interval: FloatArray) -> IntArray:
+    """Which bin of its size each interval (N,) counts in."""
+    level = (np.log10(interval) - _LOWEST) * _BINS_PER_DECADE
+    return np.asarray(np.clip(np.rint(level), 0, _BINS - 1), dtype=np.int64)
 
 
 class Clock:
@@ -56,7 +64,7 @@ class Clock:
 
         Raises
         ------
-        DataError : a step back of more than MAX_STEP_BACK.
+        DataError : a step back of more than MAX_STEP_BACK, or hardly a sample that ascends.
         """
         if time.size == 0:
             return None
@@ -75,6 +83,8 @@ class Clock:
         if back.any():
             self._back += int(np.count_nonzero(back))
             self._worst_back = max(self._worst_back, float((latest - time)[back].max()))
+        if self._duplicates + self._back > max(HOPELESS, self._count // 2):
+            raise self._too_many()
         kept = time[keep]
         self._note(kept, np.diff(kept, prepend=self._last))
         return keep
@@ -87,22 +97,25 @@ class Clock:
         DataError : more samples than MAX_DROPPED do not ascend.
         """
         dropped = self._duplicates + self._back
-        warnings: list[str] = []
-        if dropped:
-            kinds = []
-            if self._duplicates:
-                kinds.append(f"{self._duplicates} repeat the time of the sample before")
-            if self._back:
-                kinds.append(f"{self._back} step back by up to {self._worst_back:.3g} s")
-            found = f"of {self._count} samples of {self.name}, {' and '.join(kinds)}"
-            if dropped > max(1.0, MAX_DROPPED * self._count):
-                raise DataError(
-                    found,
-                    where=self.where,
-                    hint="check the time field and its unit; a recording's clock must ascend",
-                )
-            warnings.append(f"{self.where}: {found}; they are left out")
-        return warnings + self._gaps()
+        if dropped > max(1.0, MAX_DROPPED * self._count):
+            raise self._too_many()
+        found = [f"{self.where}: {self._found()}; they are left out"] if dropped else []
+        return found + self._gaps()
+
+    def _found(self) -> str:
+        kinds = []
+        if self._duplicates:
+            kinds.append(f"{self._duplicates} repeat the time of the sample before")
+        if self._back:
+            kinds.append(f"{self._back} step back by up to {self._worst_back:.3g} s")
+        return f"of {self._count} samples of {self.name}, {' and '.join(kinds)}"
+
+    def _too_many(self) -> DataError:
+        return DataError(
+            self._found(),
+            where=self.where,
+            hint="check the time field and its unit; a recording's clock must ascend",
+        )
 
     def _refuse_if_set_anew(self, time: FloatArray, latest: FloatArray, keep: BoolArray) -> None:
         limit = 0.0 if self._rows == "postures" else MAX_STEP_BACK
@@ -127,9 +140,11 @@ class Clock:
         if intervals[k] > self._longest[0]:
             at = float(time[k + time.size - intervals.size]) - float(intervals[k])
             self._longest = (float(intervals[k]), at)
-        level = (np.log10(intervals) - _LOWEST) * _BINS_PER_DECADE
-        bins = np.clip(np.rint(level), 0, _BINS - 1).astype(np.int64)
-        self._intervals += np.bincount(bins, minlength=_BINS)
+        lowest, highest = _level(np.array([intervals.min(), intervals.max()]))
+        if lowest == highest:  # as a rule, and much faster
+            self._intervals[lowest] += intervals.size
+        else:
+            self._intervals += np.bincount(_level(intervals), minlength=_BINS)
 
     def _gaps(self) -> list[str]:
         total = int(self._intervals.sum())

@@ -30,7 +30,10 @@ from tdfscal.files.logs.chunk import (
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _HEAD: Final = struct.Struct("<BQ")
-_MAX_RECORD: Final = 1 << 30
+_MAX_RECORD: Final = 128 << 20
+_ALWAYS: Final = 1 << 30
+_MAX_EXPANSION: Final = 1000  # beyond that
+_PIECE: Final = 1 << 20
 _LOOSE_BYTES: Final = 4 << 20
 _PRIVATE: Final = 0x80
 _IN_DATA: Final = frozenset(
@@ -41,6 +44,7 @@ _IN_SUMMARY: Final = frozenset(
     {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX}
     | {Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
 )
+_PASSED: Final = frozenset({Opcode.ATTACHMENT, Opcode.METADATA})
 _HINT = "copy the recording again; `--salvage` reads what is sound"
 
 
@@ -66,6 +70,7 @@ class Container:
     _chunks: list[tuple[int, int]] = field(default_factory=list)
     reached: int = 0
     """Bytes of the file that are read."""
+    _expanded: int = 0
     _loose: bool = False
 
     def messages(self) -> Iterator[Messages]:
@@ -132,9 +137,12 @@ class Container:
         try:
             chunk = parse_chunk(content)
             data = decompressed(chunk)
+            self._expanded += chunk.size
+            if self._expanded > _ALWAYS + _MAX_EXPANSION * (start + len(content)):
+                raise ValueError(f"the chunks so far hold {self._expanded} bytes, too many")
             if chunk.crc == 0:
                 self.checked = False
-            messages = messages_of(data, index_offsets(index), self._define)
+            messages = messages_of(data, index_offsets(index), self._define, stored=len(content))
         except (ValueError, McapError, struct.error) as error:
             self._fault(f"a chunk is damaged ({error})", start)
             return
@@ -146,13 +154,15 @@ class Container:
         data = bytes(loose)
         loose.clear()
         try:
-            messages = messages_of(data, None, self._define)
+            messages = messages_of(data, None, self._define, stored=len(data))
         except (ValueError, McapError, struct.error) as error:
             self._fault(f"a message is damaged ({error})", None)
             return
         yield self._counted(messages)
 
     def _counted(self, messages: Messages) -> Messages:
+        if not messages.counts().keys() <= self.channels.keys():
+            self._fault("messages belong to a channel that is not defined", None)
         for channel, count in messages.counts().items():
             self.counts[channel] = self.counts.get(channel, 0) + count
         return messages
@@ -246,15 +256,25 @@ class _Stream:
         while True:
             start = self.position
             opcode, length = _HEAD.unpack(self._read(_HEAD.size))
-            if length > min(_MAX_RECORD, self._size - self.position):
+            if length > self._size - self.position:
                 raise TruncatedError(
                     f"the file ends within a record that starts at byte {start}",
                     where=self._where,
                     hint=_HINT,
                 )
-            content = self._read(length)
+            if opcode in _PASSED and opcode in allowed:
+                self._pass(length)
+                return opcode, b""
             if opcode in allowed:
-                return opcode, content
+                if length > _MAX_RECORD:
+                    raise TruncatedError(
+                        f"a record of {length} bytes at byte {start} is larger than "
+                        f"{_MAX_RECORD >> 20} MiB",
+                        where=self._where,
+                        hint=_HINT,
+                    )
+                return opcode, self._read(length)
+            self._pass(length)
             if opcode < _PRIVATE:
                 raise TruncatedError(
                     f"a record of kind {opcode:#04x} has no place at byte {start}",
@@ -270,6 +290,10 @@ class _Stream:
     def at_end(self) -> bool:
         """Tell whether every byte is read."""
         return self.position == self._size
+
+    def _pass(self, length: int) -> None:
+        while length:
+            length -= len(self._read(min(length, _PIECE)))
 
     def _read(self, length: int, *, short: bool = False) -> bytes:
         data = self._file.read(length)

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from tdfscal.errors import DataError, UsageError
+from tdfscal.files.logs.bag import METADATA, Bag, read_bag
 from tdfscal.files.logs.request import Reader
 from tdfscal.records import LogMapping
 
 _TEXT = (".csv", ".tsv")
 _COMPRESSED = (".gz", ".zst")
-_BAG = "metadata.yaml"
 
 
 def is_log(path: Path) -> bool:
     """Tell whether a path looks like a log: by its suffix, or as a rosbag2 folder."""
     if path.is_dir():
-        return (path / _BAG).is_file()
+        return (path / METADATA).is_file()
     return _suffix(path) in (*_TEXT, ".parquet", ".mcap")
 
 
@@ -43,8 +44,8 @@ def kind_of(path: Path) -> Literal["text", "parquet", "mcap"]:
     )
 
 
-def reader_of(path: Path, mapping: LogMapping | None) -> Reader:
-    """Return the reader for a file, by its suffix.
+def reader_of(path: Path, mapping: LogMapping | None, bag: Bag | None = None) -> Reader:
+    """Return the reader for a file, by its suffix; bag: the recording that it is part of.
 
     Raises
     ------
@@ -68,7 +69,7 @@ def reader_of(path: Path, mapping: LogMapping | None) -> Reader:
         )
     from tdfscal.files.logs.mcap import read_mcap
 
-    return read_mcap
+    return partial(read_mcap, bag=bag)
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:
@@ -79,12 +80,18 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     UsageError : a path is not there, or is a folder that is no recording.
     DataError : a rosbag2 folder whose files are not MCAP, or are not there.
     """
-    files: list[Path] = []
+    return [path for path, _ in files_of(paths)]
+
+
+def files_of(paths: Sequence[Path]) -> list[tuple[Path, Bag | None]]:
+    """As `expand`, each file with the rosbag2 recording that it is part of."""
+    files: list[tuple[Path, Bag | None]] = []
     for path in paths:
         if path.is_dir():
-            files += _bag_files(path)
+            bag = read_bag(path)
+            files += [(file, bag) for file in bag.files]
         elif path.exists():
-            files.append(path)
+            files.append((path, None))
         else:
             raise UsageError("there is no such file", where=str(path))
     return files
@@ -93,36 +100,3 @@ def expand(paths: Sequence[Path]) -> list[Path]:
 def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
     return Path(path.stem).suffix.lower() if suffix in _COMPRESSED else suffix
-
-
-def _bag_files(folder: Path) -> list[Path]:
-    import yaml
-
-    where = str(folder / _BAG)
-    try:
-        text = (folder / _BAG).read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise UsageError(
-            "the folder is no recording: it has no metadata.yaml",
-            where=str(folder),
-            hint="name the log files",
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"the file cannot be read ({error})", where=where) from error
-    try:
-        information = yaml.safe_load(text)["rosbag2_bagfile_information"]
-        storage = information["storage_identifier"]
-        names = [str(name) for name in information["relative_file_paths"]]
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError) as error:
-        raise DataError("this is no description of a rosbag2 recording", where=where) from error
-    if storage != "mcap":
-        raise DataError(
-            f"the recording is stored as {storage}",
-            where=where,
-            hint="convert it to MCAP with `ros2 bag convert`",
-        )
-    files = [folder / name for name in names]
-    absent = [path.name for path in files if not path.is_file()]
-    if absent or not files:
-        raise DataError(f"the recording lacks {', '.join(absent) or 'any file'}", where=where)
-    return files

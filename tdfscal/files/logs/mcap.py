@@ -13,6 +13,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel
 
 from tdfscal.errors import DataError
+from tdfscal.files.logs.bag import Bag
 from tdfscal.files.logs.cdr import Gatherer
 from tdfscal.files.logs.chunk import Messages
 from tdfscal.files.logs.clock import Skew
@@ -46,9 +47,9 @@ Decoder = Callable[[Messages], tuple[FloatArray, FloatArray]]
 
 
 def read_mcap(
-    path: Path, request: Request, *, salvage: bool, reached: Reached
+    path: Path, request: Request, *, salvage: bool, reached: Reached, bag: Bag | None = None
 ) -> Generator[Piece, None, Outcome]:
-    """Read an MCAP log in pieces; see `request.Reader`.
+    """Read an MCAP log in pieces; see `request.Reader`. bag : the recording that it is part of.
 
     Raises
     ------
@@ -74,9 +75,16 @@ def read_mcap(
         if waiting:
             yield from split(join(waiting), _MAX_SAMPLES)
     topics.check_complete()
-    lost = (*container.lost, *topics.lost)
+    contradictions, doubts = bag.check(path, topics.counts()) if bag else ([], [])
+    if contradictions and not salvage:
+        raise DataError(
+            contradictions[0],
+            where=str(path),
+            hint="copy the recording again; `--salvage` reads what is there",
+        )
+    lost = (*container.lost, *topics.lost, *contradictions)
     skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
-    warnings = tuple(f"{path}: {what}" for what in (*lost, *skewed))
+    warnings = tuple(f"{path}: {what}" for what in (*lost, *doubts, *skewed))
     if lost:
         return Outcome("salvaged", warnings)
     return Outcome("verified" if container.checked else "unverified", warnings)
@@ -114,6 +122,15 @@ class _Topics:
                 time, value = time[ranks], value[ranks]
             blocks.append(self._block(topic, signals, time, value))
         return tuple(blocks)
+
+    def counts(self) -> dict[str, int]:
+        """Messages by topic, as met."""
+        found: dict[str, int] = {}
+        for number, count in self.container.counts.items():
+            channel = self.container.channels.get(number)
+            if channel is not None:
+                found[channel.topic] = found.get(channel.topic, 0) + count
+        return found
 
     def check_complete(self) -> None:
         """Refuse a file that lacks a topic, now that all of it is read."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import pyarrow.parquet as pq
 from tdfscal.errors import DataError
 from tdfscal.files.logs import units
 from tdfscal.files.logs.faults import damage, one_line
+from tdfscal.files.logs.parquet_footer import MAX_FOOTER, MAX_LIST, Footer, read_footer
 from tdfscal.files.logs.parquet_pages import check_pages
 from tdfscal.files.logs.request import (
     Block,
@@ -28,7 +30,6 @@ from tdfscal.files.logs.request import (
 from tdfscal.records import FloatArray
 
 _MAX_SAMPLES: Final = 1 << 16
-_MAX_THRIFT: Final = 64 << 20
 _TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -59,45 +60,41 @@ def read_parquet(
     """
     where = str(path)
     warnings: list[str] = []
-    with (
-        damage(path, pa.ArrowException),
-        open_parquet(path) as file,
-    ):
-        columns = _resolve(file, request, where)
-        leaves = _leaves(file, columns)
-        _check_rows(file, where)
-        verified = True
-        first_row = 0
-        read = 0
-        share = path.stat().st_size / max(file.metadata.num_rows, 1)
-        for group in range(file.num_row_groups):
-            expected = file.metadata.row_group(group).num_rows
-            in_group = 0
-            try:
-                opened = False
-                for batch in _batches(file, group, columns):
-                    if not opened:
-                        _check_group(file, group, leaves, where)
-                        verified &= check_pages(path, file.metadata.row_group(group), leaves)
-                        opened = True
-                    piece = _piece(batch, columns, request, first_row + in_group, where)
-                    in_group += batch.num_rows
-                    reached(int((first_row + in_group) * share))
-                    yield piece
-                if in_group != expected:
-                    raise DataError(
-                        f"row group {group} has {in_group} rows where {expected} are stated",
-                        where=where,
+    with damage(path, pa.ArrowException):
+        footer = read_footer(path)
+        columns = _resolve(footer, request, where)
+        parts = [k for k, leaf in enumerate(footer.leaves) if leaf.path in set(columns.names)]
+        with open_parquet(path) as file:
+            units_differ = _units_differ(file, columns.time)
+            verified = True
+            first_row = 0
+            read = 0
+            share = path.stat().st_size / max(footer.rows, 1)
+            for number, group in enumerate(footer.groups):
+                in_group = 0
+                try:
+                    verified &= check_pages(path, [group.parts[k] for k in parts])
+                    if verified and units_differ:
+                        raise DataError(units_differ, where=where)
+                    for batch in _batches(file, number, columns):
+                        piece = _piece(batch, columns, request, first_row + in_group, where)
+                        in_group += batch.num_rows
+                        reached(int((first_row + in_group) * share))
+                        yield piece
+                    if in_group != group.rows:
+                        raise DataError(
+                            f"row group {number} has {in_group} rows where {group.rows} are stated",
+                            where=where,
+                        )
+                except (pa.ArrowException, OSError, ValueError, DataError) as error:
+                    if not salvage:
+                        raise
+                    warnings.append(
+                        f"{where}: row group {number} is damaged ({one_line(error)}); of its "
+                        f"{group.rows} rows {group.rows - in_group} are lost"
                     )
-            except (pa.ArrowException, OSError, DataError) as error:
-                if not salvage:
-                    raise
-                warnings.append(
-                    f"{where}: row group {group} is damaged ({one_line(error)}); of its "
-                    f"{expected} rows {expected - in_group} are lost"
-                )
-            first_row += expected
-            read += in_group
+                first_row += group.rows
+                read += in_group
     if read == 0:
         raise DataError("the file has no rows", where=where, hint="record the log again")
     if warnings:
@@ -107,7 +104,10 @@ def read_parquet(
 
 @contextmanager
 def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a file such that checksums are verified and no absurd length is believed."""
+    """Open a file such that checksums are verified and no absurd length is believed.
+
+    Its footer must have been read by `read_footer`, and its pages checked before they are read.
+    """
     with (
         path.open("rb") as stream,
         pq.ParquetFile(
@@ -115,8 +115,8 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
             page_checksum_verification=True,
             pre_buffer=False,
             buffer_size=1 << 20,
-            thrift_string_size_limit=_MAX_THRIFT,
-            thrift_container_size_limit=_MAX_THRIFT,
+            thrift_string_size_limit=MAX_FOOTER,
+            thrift_container_size_limit=MAX_LIST,
         ) as file,
     ):
         yield file
@@ -131,10 +131,9 @@ def _is_utf8(path: Path) -> bool:
     return True
 
 
-def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:
+def _resolve(footer: Footer, request: Request, where: str) -> _Columns:
     check_fields_differ(request, where=where)
-    schema = file.schema
-    paths = [schema.column(k).path for k in range(len(schema))]
+    paths = [leaf.path for leaf in footer.leaves]
     names = [name for signal in request.signals for name in signal.components]
     timed = request.rows == "timeseries" or request.time_field in paths
     wanted = ([request.time_field] if timed else []) + names
@@ -148,41 +147,31 @@ def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:
                 where=where,
                 hint="give each column its own name",
             )
+        leaf = footer.leaves[paths.index(name)]
+        if not leaf.small:
+            raise _no_numbers(name, leaf.holds, where)
     return _Columns(
         request.time_field if timed else None, tuple(s.components for s in request.signals)
     )
 
 
-def _leaves(file: pq.ParquetFile, columns: _Columns) -> list[int]:
-    """Return the numbers of the leaf columns that are read."""
-    wanted = set(columns.names)
-    return [k for k in range(len(file.schema)) if file.schema.column(k).path in wanted]
+def _units_differ(file: pq.ParquetFile, time: str | None) -> str | None:
+    """What is wrong where Parquet and Arrow state different units of the time in the footer.
 
-
-def _check_rows(file: pq.ParquetFile, where: str) -> None:
-    groups = range(file.metadata.num_row_groups)
-    rows = sum(file.metadata.row_group(group).num_rows for group in groups)
-    if rows != file.metadata.num_rows:
-        raise DataError("the footer contradicts itself about the number of rows", where=where)
-
-
-def _check_group(file: pq.ParquetFile, group: int, leaves: list[int], where: str) -> None:
-    """Check what the footer says twice against itself, for no checksum covers the footer.
-
-    To be called when the group's first batch is read: pyarrow aborts the process where it is
-    asked for the metadata of a column that is damaged, and raises where it reads it.
+    No checksum covers these. A writer that coerces times leaves them different too, so only a file
+    that claims to be intact is to be refused for it.
     """
-    part = file.metadata.row_group(group)
-    for k in leaves:
-        chunk, column = part.column(k), file.schema.column(k)
-        if (
-            chunk.path_in_schema != column.path
-            or chunk.physical_type != column.physical_type
-            or chunk.num_values != part.num_rows
-        ):
-            raise DataError(
-                f"the footer contradicts itself about column {column.path}", where=where
-            )
+    encoded = (file.metadata.metadata or {}).get(b"ARROW:schema")
+    if encoded is None or time not in file.schema_arrow.names:
+        return None
+    stated = pa.ipc.read_schema(pa.py_buffer(base64.b64decode(encoded)))
+    if time not in stated.names:
+        return f"the footer contradicts itself about column {time}"
+    read, known = (getattr(s.field(time).type, "unit", None) for s in (file.schema_arrow, stated))
+    # Parquet knows no seconds; Arrow writes ms for them.
+    if read == known or (read, known) == ("ms", "s"):
+        return None
+    return f"the footer states the unit of column {time} twice, as {read} and as {known}"
 
 
 def _batches(file: pq.ParquetFile, group: int, columns: _Columns) -> Iterator[pa.Table]:
@@ -199,11 +188,11 @@ def _piece(
 ) -> Piece:
     value: dict[int, FloatArray] = {}
     for number, signal in enumerate(request.signals):
-        vector = np.empty((table.num_rows, 3))
+        vector = np.empty((3, table.num_rows))
         for axis, name in enumerate(columns.components[number]):
             column = _numbers(table.column(name), name, first_row, where)
-            np.multiply(column, signal.factor, out=vector[:, axis])
-        value[number] = vector
+            np.multiply(column, signal.factor, out=vector[axis])
+        value[number] = vector.T
     if columns.time is None:
         time = np.arange(first_row, first_row + table.num_rows, dtype=np.float64)
         return (Block("row", time, value),)
@@ -227,21 +216,17 @@ def _numbers(column: Any, name: str, first_row: int, where: str) -> FloatArray:
     kind = column.type
     is_number = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
     if not is_number:
-        raise DataError(
-            f"column {name} holds {kind}, not numbers",
-            where=where,
-            hint="name a column of numbers in the log block of rig.yaml",
-        )
+        raise _no_numbers(name, str(kind), where)
     if column.null_count:
         row = first_row + int(np.argmax(column.is_null().to_numpy()))
         raise DataError(
             "the cell is empty", where=f"{where}, column {name}, row {row}",
             hint="a log has no holes; rows count from 0",
         )  # fmt: skip
-    values: FloatArray = np.asarray(
-        column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64
-    )
-    if not np.isfinite(values).all():
+    numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
+    whole = numbers.chunk(0) if numbers.num_chunks == 1 else numbers.combine_chunks()
+    values: FloatArray = np.asarray(whole.to_numpy(zero_copy_only=False), dtype=np.float64)
+    if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
         k = int(np.argmin(np.isfinite(values)))
         raise DataError(
             f"{values[k]} is not a finite number",
@@ -249,3 +234,11 @@ def _numbers(column: Any, name: str, first_row: int, where: str) -> FloatArray:
             hint="each cell must be a finite number; rows count from 0",
         )
     return values
+
+
+def _no_numbers(name: str, holds: str, where: str) -> DataError:
+    return DataError(
+        f"column {name} holds {holds}, not numbers",
+        where=where,
+        hint="name a column of numbers in the log block of rig.yaml",
+    )

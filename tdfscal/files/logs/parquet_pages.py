@@ -1,8 +1,7 @@
 """What the pages of a Parquet file state before they are decompressed: sizes and checksums.
 
 pyarrow verifies a page's CRC where there is one and does not say whether there was; it allocates
-what a page states. A page header is a Thrift struct in the compact protocol: PageHeader {1: type,
-2: uncompressed size, 3: compressed size, 4: optional crc, …} (parquet-format, parquet.thrift).
+what a page states. The CRC covers no page header, so that is held against the footer here.
 """
 
 from __future__ import annotations
@@ -10,143 +9,139 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import BinaryIO, Final
 
-MAX_PAGE: Final = 256 << 20
-"""Largest page, in bytes when decompressed, that is read."""
+from tdfscal.errors import DataError
+from tdfscal.files.logs.parquet_footer import Part
+from tdfscal.files.logs.thrift import NUMBER, STRUCT, Cursor
+
+MAX_PAGES: Final = 640 << 20
+"""Bytes that the largest page of each column may take, all columns together."""
 
 _GLANCE: Final = 256
+_LONGEST: Final = 1 << 20
 _MOST: Final = 4096
 _UNCOMPRESSED, _COMPRESSED, _CRC = 2, 3, 4
-_TRUE, _FALSE, _I8, _DOUBLE, _BINARY, _LIST, _SET, _STRUCT = 1, 2, 3, 7, 8, 9, 10, 12
-_VARINTS: Final = frozenset({4, 5, 6})
+_DATA, _DICTIONARY, _DATA_V2 = 0, 2, 3
+_DETAIL: Final = {5: _DATA, 7: _DICTIONARY, 8: _DATA_V2}
+_PLAIN: Final = 0
 
 
 @dataclass(frozen=True, slots=True)
 class _Page:
+    """detail : integers of the header of its own kind. checked : it has a checksum."""
+
+    kind: int
     uncompressed: int
-    end: int
+    compressed: int
     checked: bool
+    detail: dict[int, int]
+
+    @property
+    def encoding(self) -> int:
+        return self.detail.get(4 if self.kind == _DATA_V2 else 2, -1)
+
+    @property
+    def values(self) -> int:
+        return self.detail.get(1, -1)
 
 
-def check_pages(path: Path, group: Any, columns: Sequence[int]) -> bool:
+def check_pages(path: Path, parts: Sequence[Part]) -> bool:
     """Look at the page headers of a row group; tell whether every page has a checksum.
 
     Parameters
     ----------
-    group : pyarrow's RowGroupMetaData. columns : numbers of leaf columns.
+    parts : of the columns that are read together.
 
     Raises
     ------
-    ValueError : a page states more than MAX_PAGE bytes, or the pages do not fill their column.
+    DataError : pages that need too much memory.
+    ValueError : pages that are not what the footer says.
     """
     checked = True
+    together = 0
     with path.open("rb") as file:
-        for k in columns:
-            chunk = group.column(k)
-            start = chunk.data_page_offset
-            if chunk.has_dictionary_page and chunk.dictionary_page_offset is not None:
-                start = min(start, chunk.dictionary_page_offset)
-            for page in _pages(file, start, start + chunk.total_compressed_size):
-                if not 0 <= page.uncompressed <= MAX_PAGE:
-                    raise ValueError(
-                        f"a page of column {chunk.path_in_schema} states {page.uncompressed} "
-                        f"bytes, more than {MAX_PAGE >> 20} MiB"
-                    )
+        for part in parts:
+            largest: dict[bool, int] = {}
+            values = 0
+            encodings: dict[int, int] = {}
+            for page in _pages(file, part):
                 checked &= page.checked
+                _check(page, part)
+                dictionary = page.kind == _DICTIONARY
+                takes = page.uncompressed + (page.compressed if part.compressed else 0)
+                largest[dictionary] = max(largest.get(dictionary, 0), takes)
+                if page.kind in (_DATA, _DATA_V2):
+                    values += page.values
+                    encodings[page.encoding] = encodings.get(page.encoding, 0) + 1
+            together += sum(largest.values())
+            if together > MAX_PAGES:
+                raise DataError(
+                    f"the pages of column {part.leaf.path} state {sum(largest.values())} bytes; "
+                    f"with the columns before it they need more than {MAX_PAGES >> 20} MiB",
+                    where=str(path),
+                    hint="write the file again with row groups of a million rows at most",
+                )
+            if values != part.values or any(
+                part.encodings.get(encoding, 0) not in (None, count)
+                for encoding, count in encodings.items()
+            ):
+                raise ValueError(f"the pages of column {part.leaf.path} are not those stated")
     return checked
 
 
-def _pages(file: BinaryIO, position: int, end: int) -> Iterator[_Page]:
+def _check(page: _Page, part: Part) -> None:
+    """Hold a page's sizes against the footer; what a flipped bit there would pass unseen."""
+    width, size = part.leaf.width, page.uncompressed
+    exact = page.kind == _DICTIONARY or (part.leaf.required and page.encoding == _PLAIN)
+    if (
+        size < 0
+        or (page.kind != _DICTIONARY and page.values < 0)
+        or (not part.compressed and size != page.compressed)
+        or (exact and width is not None and size != width * page.values)
+    ):
+        raise ValueError(f"a page of column {part.leaf.path} states sizes that do not add up")
+
+
+def _pages(file: BinaryIO, part: Part) -> Iterator[_Page]:
     """Go from page to page; a header that statistics make long is read again with more bytes."""
-    while position < end:
+    position = part.begin
+    while position < part.end:
         glance = _GLANCE
         while True:
             file.seek(position)
             data = file.read(glance)
+            cursor = Cursor(data, most=_MOST)
             try:
-                numbers, length = _fields(data)
+                page = _page(cursor)
                 break
             except IndexError:
-                if len(data) < glance or glance > 1 << 20:
+                if len(data) < glance or glance > _LONGEST:
                     raise ValueError("a page header does not end") from None
                 glance *= 16
-        size = numbers.get(_COMPRESSED, -1)
-        if size < 0 or position + length + size > end:
+        position += cursor.position + page.compressed
+        if page.compressed < 0 or position > part.end:
             raise ValueError("a page is longer than its column")
-        position += length + size
-        yield _Page(numbers.get(_UNCOMPRESSED, -1), position, _CRC in numbers)
+        yield page
 
 
-def _fields(data: bytes) -> tuple[dict[int, int], int]:
-    """Integer fields of the struct at the begin of data, and its length in bytes."""
-    found: dict[int, int] = {}
-    position, field = 0, 0
-    while data[position]:
-        kind, delta = data[position] & 0x0F, data[position] >> 4
-        position += 1
-        if delta:
-            field += delta
+def _page(cursor: Cursor) -> _Page:
+    stated: dict[int, int] = {}
+    detail: dict[int, dict[int, int]] = {}
+    for number, kind in cursor.fields():
+        if kind in NUMBER:
+            stated[number] = cursor.number()
+        elif number in _DETAIL and kind == STRUCT:
+            inside = detail[_DETAIL[number]] = {}
+            for inner, what in cursor.fields():
+                if what in NUMBER:
+                    inside[inner] = cursor.number()
+                else:
+                    cursor.skip(what)
         else:
-            number, position = _varint(data, position)
-            field = _signed(number)
-        if kind in _VARINTS:
-            number, position = _varint(data, position)
-            found[field] = _signed(number)
-        else:
-            position = _skip(data, position, kind, 0)
-    return found, position + 1
-
-
-def _skip(data: bytes, position: int, kind: int, depth: int) -> int:
-    """Return where a value that does not matter ends."""
-    if depth > 8:
-        raise ValueError("a page header is nested too deeply")
-    if kind in (_TRUE, _FALSE):
-        return position
-    if kind == _I8:
-        return position + 1
-    if kind in _VARINTS:
-        return _varint(data, position)[1]
-    if kind == _DOUBLE:
-        return position + 8
-    if kind == _BINARY:
-        length, position = _varint(data, position)
-        return position + length
-    if kind in (_LIST, _SET):
-        count, inner = data[position] >> 4, data[position] & 0x0F
-        position += 1
-        if count == 15:
-            count, position = _varint(data, position)
-        if count > _MOST:
-            raise ValueError("a page header holds too long a list")
-        for _ in range(count):
-            # Within a list each truth value takes a byte.
-            position = position + 1 if inner in (_TRUE, _FALSE) else (
-                _skip(data, position, inner, depth + 1)
-            )  # fmt: skip
-        return position
-    if kind == _STRUCT:
-        while data[position]:
-            inner, delta = data[position] & 0x0F, data[position] >> 4
-            position += 1
-            if not delta:
-                position = _varint(data, position)[1]
-            position = _skip(data, position, inner, depth + 1)
-        return position + 1
-    raise ValueError("a page header holds an unknown type")
-
-
-def _varint(data: bytes, position: int) -> tuple[int, int]:
-    value = 0
-    for shift in range(0, 70, 7):
-        byte = data[position]
-        position += 1
-        value |= (byte & 0x7F) << shift
-        if byte < 0x80:
-            return value, position
-    raise ValueError("a number in a page header is too long")
-
-
-def _signed(number: int) -> int:
-    return (number >> 1) ^ -(number & 1)
+            cursor.skip(kind)
+    kind = stated.get(1, -1)
+    return _Page(
+        kind, stated.get(_UNCOMPRESSED, -1), stated.get(_COMPRESSED, -1), _CRC in stated,
+        detail.get(kind, {}),
+    )  # fmt: skip

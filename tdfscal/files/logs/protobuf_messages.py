@@ -6,15 +6,12 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import Any, Final
 
-import numpy as np
-
 from tdfscal.errors import DataError
 from tdfscal.files.logs.chunk import Messages
-from tdfscal.files.logs.message_path import Named, Path, shown
+from tdfscal.files.logs.decoded import read_rows
+from tdfscal.files.logs.message_path import Named, Path
 from tdfscal.records import FloatArray
 
-_STAMPS: Final = (("timestamp",), ("header", "stamp"), ("header", "timestamp"))
-_PARTS: Final = (("seconds", "nanos"), ("sec", "nanosec"), ("sec", "nsec"))
 _MAX_DEPTH: Final = 8
 
 
@@ -81,41 +78,24 @@ def read_numbers(
     ValueError : a message cannot be decoded, or has no number at a path.
     """
     broken = import_module("google.protobuf.message").DecodeError
-    rows: list[list[float]] = []
-    for k in range(messages.offset.size):
+
+    def decode(content: bytes) -> Any:
         try:
-            message = kind.FromString(messages.bytes_of(k))
+            return kind.FromString(content)
         except broken as error:
             raise ValueError("it is no message of its type") from error
-        row = [_stamp(message)] if stamped else []
-        row += [_number(message, path) for path in paths]
-        rows.append(row)
-    return np.array(rows, dtype=np.float64).reshape(len(rows), len(paths) + stamped)
+
+    return read_rows(messages, paths, decode, _inner, stamped=stamped)
 
 
-def _stamp(message: Any) -> float:
-    for path in _STAMPS:
-        for whole, part in _PARTS:
-            try:
-                return _number(message, (*path, whole)) + _number(message, (*path, part)) * 1e-9
-            except ValueError:
-                continue
-    raise ValueError("it has no header with a time")
-
-
-def _number(message: Any, path: Path) -> float:
-    node: Any = message
-    for step in path:
-        inner: Any = None
-        if isinstance(step, str):
-            field = getattr(node, "DESCRIPTOR", None) and node.DESCRIPTOR.fields_by_name.get(step)
-            # A number that is zero is not written; a message that is not there is missing.
-            if field is not None and (field.message_type is None or field.is_repeated
-                                      or node.HasField(step)):  # fmt: skip
-                inner = getattr(node, step)
-        elif not isinstance(step, Named) and hasattr(node, "__len__") and step < len(node):
-            inner = node[step]
-        node = inner
-    if isinstance(node, bool) or not isinstance(node, int | float):
-        raise ValueError(f"it has no number at {shown(path)}")
-    return float(node)
+def _inner(node: Any, step: str | int | Named, above: Any) -> Any:
+    if isinstance(step, str):
+        field = getattr(node, "DESCRIPTOR", None) and node.DESCRIPTOR.fields_by_name.get(step)
+        # A number that is zero is not written; a message that is not there is missing.
+        there = field is not None and (
+            field.message_type is None or field.is_repeated or node.HasField(step)
+        )
+        return getattr(node, step) if there else None
+    if isinstance(step, Named) or not hasattr(node, "__len__") or step >= len(node):
+        return None
+    return node[step]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,8 +11,10 @@ import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.hashing import Fingerprint, printable
+from tdfscal.files.logs.ahead import ahead
+from tdfscal.files.logs.bag import Bag
 from tdfscal.files.logs.clock import Clock
-from tdfscal.files.logs.formats import expand, reader_of
+from tdfscal.files.logs.formats import files_of, reader_of
 from tdfscal.files.logs.request import Block, Outcome, Piece, Request, make_request
 from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
 
@@ -65,8 +68,8 @@ def iter_log(
     progress : told the share of all bytes that is read, from 0 to 1, not descending.
     """
     request = make_request(mapping, supports)
-    files = expand(paths)
-    meter = _Meter(sum(path.stat().st_size for path in files), progress)
+    files = files_of(paths)
+    meter = _Meter(sum(path.stat().st_size for path, _ in files), progress)
     yield from _campaign(files, request, mapping, meter, salvage=salvage)
 
 
@@ -99,33 +102,44 @@ class _Meter:
     total: int
     progress: Progress | None
     before: int = 0
+    position: int = 0
 
     def reached(self, position: int) -> None:
-        """Tell how far the file at hand is read."""
+        """Note how far the file at hand is read; from any thread."""
+        self.position = position
+
+    def finished(self, size: int) -> None:
+        """The file at hand is read."""
+        self.before += size
+        self.position = 0
+
+    def tell(self) -> None:
+        """Tell what is noted."""
         if self.progress is not None:
-            self.progress(min((self.before + position) / max(self.total, 1), 1.0))
+            self.progress(min((self.before + self.position) / max(self.total, 1), 1.0))
 
 
 def _campaign(
-    paths: Sequence[Path],
+    files: Sequence[tuple[Path, Bag | None]],
     request: Request,
     mapping: LogMapping | None,
     meter: _Meter,
     *,
     salvage: bool,
 ) -> Iterator[Log]:
-    if not paths:
+    if not files:
         raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
     last = np.full(len(request.signals), -np.inf)
     row = 0.0
-    for path in _in_sequence(paths, request, mapping, salvage=salvage):
+    bags = dict(files)
+    for path in _in_sequence([path for path, _ in files], request, mapping, salvage=salvage):
         reached = last.copy()
         pending: Log | None = None
         count = np.zeros(len(request.signals), dtype=np.int64)
         clocks: dict[str, Clock] = {}
-        with Fingerprint(path) as fingerprint:
-            reader = reader_of(path, mapping)
-            stream = reader(path, request, salvage=salvage, reached=meter.reached)
+        reader = reader_of(path, mapping, bags[path])
+        pieces = reader(path, request, salvage=salvage, reached=meter.reached)
+        with Fingerprint(path) as fingerprint, closing(ahead(pieces)) as stream:
             outcome: Outcome
             while True:
                 try:
@@ -133,6 +147,7 @@ def _campaign(
                 except StopIteration as end:
                     outcome = end.value
                     break
+                meter.tell()
                 ascending = [
                     _ascending(_numbered(block, row), clocks, request, reached, path)
                     for block in piece
@@ -150,8 +165,8 @@ def _campaign(
             _check_counts(count, request, path)
             entry = fingerprint.result(outcome.integrity)
         row += float(count[0])
-        meter.before += entry.bytes
-        meter.reached(0)
+        meter.finished(entry.bytes)
+        meter.tell()
         yield _closed(pending, request, entry, (*outcome.warnings, *warnings))
 
 
@@ -216,7 +231,9 @@ def _check_size(block: Block, request: Request, path: Path) -> None:
     for number, value in block.value.items():
         signal = request.signals[number]
         limit, unit = _LARGEST[signal.quantity]
-        over = np.flatnonzero(np.abs(value).max(axis=1, initial=0.0) > limit)
+        if not value.size or (value.max() <= limit and value.min() >= -limit):
+            continue
+        over = np.flatnonzero(np.abs(value).max(axis=1) > limit)
         if over.size:
             raise DataError(
                 f"the {signal.quantity} of {signal.support} is "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
@@ -16,6 +16,9 @@ from tdfscal.files.logs.message_path import Path, shown
 Definitions = Mapping[str, Sequence[tuple[str, Any]]]
 """Message type → its fields in order, each as (name, rosbags' description of its type)."""
 
+_LONGEST: Final = 1 << 18
+_SHOWN: Final = 12
+
 
 @functools.lru_cache(maxsize=64)
 def definitions(name: str, encoding: str, text: str) -> Definitions:
@@ -25,6 +28,8 @@ def definitions(name: str, encoding: str, text: str) -> Definitions:
     ------
     ValueError : the text is no message definition, or of an unknown encoding.
     """
+    if len(text) > _LONGEST:
+        raise ValueError(f"the definition of {name} has {len(text)} characters")
     try:
         if encoding == "ros2msg":
             types = get_types_from_msg(text, name)
@@ -66,7 +71,7 @@ def expand_vector(types: Definitions, name: str, path: Path, where: str) -> list
     fields = _fields_at(types, full_name(name), path, where)
     missing = [m for m in "xyz" if m not in fields]
     if missing:
-        has = f"it has {', '.join(fields)}" if fields else "it is a number or a text"
+        has = _has(fields) if fields else "it is a number or a text"
         raise DataError(
             f"{shown(path) or 'the message'} of {name} has no member {missing[0]}; {has}",
             where=where,
@@ -87,7 +92,7 @@ def _fields_at(types: Definitions, name: str, path: Path, where: str) -> list[st
         if isinstance(step, str):
             fields = dict(types.get(detail, ())) if kind == Nodetype.NAME else {}
             if step not in fields:
-                has = f"it has {', '.join(fields)}" if fields else "it has no fields"
+                has = _has(list(fields)) if fields else "it has no fields"
                 raise DataError(f"no field {step} in {shown(path[:k]) or name}; {has}", where=where)
             node = fields[step]
         elif kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
@@ -96,3 +101,7 @@ def _fields_at(types: Definitions, name: str, path: Path, where: str) -> list[st
             raise DataError(f"{shown(path[:k])} of {name} is no list", where=where)
     kind, detail = node
     return [n for n, _ in types.get(detail, ())] if kind == Nodetype.NAME else []
+
+
+def _has(fields: Sequence[str]) -> str:
+    return f"it has {', '.join(fields[:_SHOWN])}{', …' if len(fields) > _SHOWN else ''}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import BinaryIO, Final, cast
 
@@ -11,6 +12,7 @@ import pyarrow as pa
 import zstandard
 
 from tdfscal.errors import DataError
+from tdfscal.files.logs.ahead import mapped
 from tdfscal.files.logs.faults import damage, one_line
 from tdfscal.files.logs.request import Block, Outcome, Piece, Reached, Request, split
 from tdfscal.files.logs.text_header import Header, find_header
@@ -18,6 +20,7 @@ from tdfscal.files.logs.text_rows import RowParser, Rows
 from tdfscal.records import FloatArray, Integrity
 
 _BLOCK: Final = 8 << 20
+_THREADS: Final = 2
 HEAD: Final = 1 << 18
 _MAX_SAMPLES: Final = 1 << 16
 _GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
@@ -46,20 +49,26 @@ def read_text(
             line = header.lines + 1
             rows_before, faults = 0, 0
             warnings: list[str] = []
-            for block, whole in blocks(source, head, newline, header.lines, where):
-                if not whole and request.rows == "timeseries":
-                    warnings.append(
-                        f"{where}: the last line has no end and may be cut short; it is left out"
-                    )
-                    continue
-                rows = parser.parse(block, line, salvage=salvage)
-                piece = _piece(rows, header, request, rows_before)
-                rows_before += rows.count
-                faults += rows.faults
-                line += rows.lines
-                del block, rows
-                reached(raw.tell())
-                yield from split(piece, _MAX_SAMPLES)
+
+            def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, Rows | None]:
+                return (*given, parser.fast(given[0]))
+
+            whole_lines = blocks(source, head, newline, header.lines, where)
+            with closing(mapped(parsed, whole_lines, _THREADS)) as results:
+                for block, whole, fast in results:
+                    if not whole and request.rows == "timeseries":
+                        warnings.append(
+                            f"{where}: the last line has no end and may be cut short; "
+                            "it is left out"
+                        )
+                        continue
+                    rows = fast or parser.slow(block, line, salvage=salvage)
+                    piece = _piece(rows, header, request, rows_before)
+                    rows_before += rows.count
+                    faults += rows.faults
+                    line += rows.lines
+                    reached(raw.tell())
+                    yield from split(piece, _MAX_SAMPLES)
     if rows_before == 0:
         raise DataError(
             "the file has a header and no rows", where=where, hint="record the log again"
@@ -137,7 +146,7 @@ def blocks(
     while data := source.read(_BLOCK):
         end = data.rfind(newline) + 1
         if end:
-            yield rest + data[:end], True
+            yield b"".join((rest, memoryview(data)[:end])), True
             rest = data[end:]
         else:
             rest += data
@@ -155,13 +164,12 @@ def blocks(
 
 def _piece(rows: Rows, header: Header, request: Request, rows_before: int) -> Piece:
     value: dict[int, FloatArray] = {}
-    for number, (columns, factor) in enumerate(zip(header.components, header.factors, strict=True)):
-        vector = np.empty((rows.count, 3))
-        for axis, column in enumerate(columns):
-            np.multiply(rows.columns[column], factor, out=vector[:, axis])
-        value[number] = vector
+    for number, factor in enumerate(header.factors):
+        vector = rows.value[3 * number : 3 * number + 3]
+        if factor != 1.0:
+            vector *= factor
+        value[number] = vector.T
     if header.time is None:
         time = np.arange(rows_before, rows_before + rows.count, dtype=np.float64)
         return (Block("row", time, value),)
-    time = rows.columns[header.time] * header.time_factor
-    return (Block(f"column {request.time_field}", time, value),)
+    return (Block(f"column {request.time_field}", rows.value[-1] * header.time_factor, value),)

@@ -39,9 +39,9 @@ class Header:
 
     @property
     def wanted(self) -> tuple[int, ...]:
-        """Columns to read, ascending."""
-        chosen = {c for three in self.components for c in three}
-        return tuple(sorted(chosen | ({self.time} if self.time is not None else set())))
+        """Columns to read: x, y, z of each signal in turn, then the time."""
+        time = () if self.time is None else (self.time,)
+        return (*(column for three in self.components for column in three), *time)
 
 
 @dataclass(frozen=True, slots=True)

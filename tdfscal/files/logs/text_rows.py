@@ -15,7 +15,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.logs.text_header import Header, split_cells
 from tdfscal.records import FloatArray
 
-_PARSER_BLOCK = 1 << 20
+_PARSER_BLOCK = 1 << 20  # stays in the cache
 _SWAPPED = str.maketrans(",.", ".,")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
@@ -24,14 +24,18 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 class Rows:
     """Rows of one block.
 
-    columns : a column's number → (N,) as recorded. count : N.
+    value : (C, N), the wanted columns as recorded, in the order of `Header.wanted`.
     lines : of the block, blank ones too. faults : lines that are left out.
     """
 
-    columns: dict[int, FloatArray]
-    count: int
+    value: FloatArray
     lines: int
     faults: int = 0
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return int(self.value.shape[1])
 
 
 class RowParser:
@@ -50,7 +54,9 @@ class RowParser:
         self._where = where
         names = [str(c) for c in range(header.columns)]
         wanted = [str(c) for c in header.wanted]
-        self._read = pa_csv.ReadOptions(column_names=names, block_size=_PARSER_BLOCK)
+        self._read = pa_csv.ReadOptions(
+            column_names=names, block_size=_PARSER_BLOCK, use_threads=False
+        )
         self._parse = pa_csv.ParseOptions(delimiter=header.separator)
         self._convert = pa_csv.ConvertOptions(
             column_types=dict.fromkeys(wanted, pa.float64()),
@@ -59,46 +65,42 @@ class RowParser:
             decimal_point=decimal,
         )
 
-    def parse(self, block: bytes, first_line: int, *, salvage: bool) -> Rows:
-        """Parse a block.
+    def fast(self, block: bytes) -> Rows | None:
+        """Parse a block of whole lines with pyarrow; None where one might be wrong."""
+        lines = _count(block, self._newline)
+        if block.isspace():
+            return Rows(np.empty((len(self._header.wanted), 0)), lines)
+        try:
+            table = pa_csv.read_csv(pa.BufferReader(block), self._read, self._parse, self._convert)
+        except pa.ArrowInvalid:
+            return None
+        # A quotation mark that is never closed can swallow lines whole.
+        whole = lines + (not block.endswith(self._newline))
+        if table.num_rows != whole and table.num_rows != sum(1 for _ in self._lines(block, 0)):
+            return None
+        value = np.empty((table.num_columns, table.num_rows))
+        for column, values in zip(table.columns, value, strict=True):
+            begin = 0
+            for chunk in column.chunks:
+                values[begin : begin + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
+                begin += len(chunk)
+            # The sum is finite where all are, but for magnitudes that no log has.
+            if column.null_count or not np.isfinite(values.sum()):
+                return None
+        return Rows(value, whole)
+
+    def slow(self, block: bytes, first_line: int, *, salvage: bool) -> Rows:
+        """Parse a block of whole lines one by one.
 
         Parameters
         ----------
-        block : whole lines. first_line : the number of its first line, from 1.
+        first_line : the number of its first line, from 1.
         salvage : leave out lines that are wrong instead of refusing the file.
 
         Raises
         ------
         DataError : the first line that is wrong, and why.
         """
-        if block.isspace():
-            empty = {c: np.empty(0) for c in self._header.wanted}
-            return Rows(empty, 0, block.count(self._newline))
-        rows = self._fast(block)
-        if rows is not None:
-            return rows
-        return self._slow(block, first_line, salvage=salvage)
-
-    def _fast(self, block: bytes) -> Rows | None:
-        """Parse with pyarrow; None where a line might be wrong."""
-        try:
-            table = pa_csv.read_csv(pa.BufferReader(block), self._read, self._parse, self._convert)
-        except pa.ArrowInvalid:
-            return None
-        # A quotation mark that is never closed can swallow lines whole.
-        lines = block.count(self._newline) + (not block.endswith(self._newline))
-        if table.num_rows != lines and table.num_rows != sum(1 for _ in self._lines(block, 0)):
-            return None
-        columns: dict[int, FloatArray] = {}
-        for name, column in zip(table.column_names, table.columns, strict=True):
-            values = np.asarray(column.to_numpy(), dtype=np.float64)
-            # The sum is finite where all are, but for magnitudes that no log has.
-            if column.null_count or not np.isfinite(values.sum()):
-                return None
-            columns[int(name)] = values
-        return Rows(columns, table.num_rows, lines)
-
-    def _slow(self, block: bytes, first_line: int, *, salvage: bool) -> Rows:
         kept: list[list[float]] = []
         faults = 0
         for number, line in self._lines(block, first_line):
@@ -109,8 +111,7 @@ class RowParser:
                     raise
                 faults += 1
         table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._header.wanted))
-        columns = {c: table[:, k].copy() for k, c in enumerate(self._header.wanted)}
-        return Rows(columns, len(kept), block.count(self._newline), faults)
+        return Rows(table.T.copy(), block.count(self._newline), faults)
 
     def _lines(self, block: bytes, first_line: int) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""
@@ -129,13 +130,13 @@ class RowParser:
                 where=here,
                 hint="the file may be cut short or damaged there; record or export it again",
             )
-        numbers: list[float] = []
-        for c in self._header.wanted:
+        numbers: dict[int, float] = {}
+        for c in sorted(self._header.wanted):
             value = self._number(cells[c])
             if value is None:
                 raise self._fault(cells[c], f"{here}, column {self._header.names[c]}")
-            numbers.append(value)
-        return numbers
+            numbers[c] = value
+        return [numbers[c] for c in self._header.wanted]
 
     def _number(self, cell: str) -> float | None:
         plain = cell.translate(_SWAPPED) if self._decimal == "," else cell
@@ -155,3 +156,8 @@ class RowParser:
         else:
             hint = "each cell must be a finite number"
         return DataError(f"{shown} is not a finite number", where=where, hint=hint)
+
+
+def _count(block: bytes, newline: bytes) -> int:
+    """As bytes.count, three times as fast where there are many."""
+    return int(np.count_nonzero(np.frombuffer(block, np.uint8) == newline[0]))

@@ -7,11 +7,13 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.writer import Writer
 
 from tdfscal.errors import DataError
 from tdfscal.files.logs import iter_log, read_log
+from tdfscal.files.logs.clock import Clock
 from tdfscal.files.logs.summary import announced_topics
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
@@ -187,3 +189,16 @@ def test_protobuf_paths_that_lead_nowhere(tmp_path: Path) -> None:
     )
     with pytest.raises(DataError, match=r"it has no number at \.velocity\.x"):
         read_log([write(tmp_path / "log.mcap", content)], wrong, SUPPORTS)
+
+
+def test_gaps_are_counted_alike_in_even_and_uneven_pieces() -> None:
+    even = np.arange(2000) * 0.01
+    time = np.concatenate([even, even + 20.49, even + 41.0])  # gaps of 0.5 s and 0.52 s
+    pieces = np.split(time, [700, 1400, 2100, 3900, 4100])  # of one interval, or with a gap
+    found = []
+    for parts in (pieces, [time]):
+        clock = Clock("t", "log", "timeseries")
+        assert all(clock.ascending(part) is None for part in parts)
+        found.append(clock.finish())
+    assert found[0] == found[1]
+    assert "2 gaps of more than 5 periods of 0.01 s in t, the longest of 0.52 s" in found[0][0]

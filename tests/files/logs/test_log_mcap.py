@@ -14,11 +14,9 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import Nodetype
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as BagWriter
 
 from tdfscal.errors import DataError
-from tdfscal.files.logs import is_log, read_log
+from tdfscal.files.logs import read_log
 from tdfscal.files.logs.cdr import Gatherer
 from tdfscal.files.logs.chunk import messages_of
 from tdfscal.files.logs.message_path import Path as MessagePath
@@ -35,7 +33,6 @@ from tests.files.logs.log_making import (
     make_truth,
     mcap_bytes,
     point_stamped,
-    same_numbers,
     wrench_stamped,
     write,
 )
@@ -336,27 +333,3 @@ def test_topic_without_messages(tmp_path: Path) -> None:
 def test_without_mapping_says_what_to_add(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"Add a `log:` block to rig.yaml"):
         read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], None, SUPPORTS)
-
-
-@pytest.mark.parametrize("compressed", [False, True])
-def test_rosbag2_folder_by_rosbags(tmp_path: Path, compressed: bool) -> None:
-    folder = tmp_path / "bag"
-    bag = BagWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP)
-    if compressed:
-        bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-    with bag:
-        events = []
-        for i, name in enumerate(SUPPORTS):
-            kinds = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
-            point = bag.add_connection(f"/{name}/position", kinds[0], typestore=STORE)
-            wrench = bag.add_connection(f"/{name}/wrench", kinds[1], typestore=STORE)
-            for t, xyz in zip(TRUTH.time, TRUTH.position[i], strict=True):
-                events.append((t, point, point_stamped(t, xyz)))
-            for t, xyz in zip(TRUTH.force_time, TRUTH.force[i], strict=True):
-                events.append((t, wrench, wrench_stamped(t, xyz)))
-        for t, connection, data in sorted(events, key=lambda e: e[0]):
-            bag.write(connection, int(t * 1e9), data)
-    assert is_log(folder)
-    log = read_log([folder], MAPPING, SUPPORTS)
-    assert_holds(log, TRUTH)
-    assert same_numbers(log, read_log(sorted(folder.glob("*.mcap")), MAPPING, SUPPORTS))

@@ -98,6 +98,7 @@ def test_number_types_and_timestamps(tmp_path: Path) -> None:
         (plain(**{"a.fz": [1.0, 2.0, np.inf]}), r"column a\.fz, row 2: inf is not a finite"),
         (plain(**{"a.fz": ["1", "2", "3"]}), r"column a\.fz holds string, not numbers"),
         (plain(**{"a.fz": [True, False, True]}), r"column a\.fz holds bool, not numbers"),
+        (plain(**{"a.fz": pa.array([b"x" * 40] * 3, pa.binary(40))}), r"a\.fz holds bytes, not"),
         (plain(time=pa.array([0.0, 1.0, None])), "column time, row 2: the cell is empty"),
         ({k: v for k, v in plain().items() if k != "a.fy"}, r"no column a\.fy; the nearest.*a\.fx"),
         ({k: v for k, v in plain().items() if k != "time"}, "no column time"),
@@ -144,3 +145,49 @@ def test_salvage_keeps_sound_row_groups(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.force[0].time, [*range(20), *range(40, 60)])
     assert log.inputs[0].integrity == "salvaged"
     assert "20 are lost" in log.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("unit", "options", "refused"),
+    [
+        ("ns", {}, False),
+        ("s", {}, False),
+        ("ns", {"coerce_timestamps": "us"}, True),
+        ("ns", {"coerce_timestamps": "us", "write_page_checksum": False}, False),
+        ("ns", {"coerce_timestamps": "us", "store_schema": False}, False),
+    ],
+)
+def test_a_unit_stated_twice(
+    tmp_path: Path, unit: str, options: dict[str, Any], refused: bool
+) -> None:
+    """No checksum covers the unit: a file that claims to be intact must state one."""
+    ticks = {"ns": 1_000_000_000, "s": 1}[unit]
+    times = pa.array(np.arange(3) * ticks).cast(pa.timestamp(unit))
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table(plain(time=times)), path, **({"write_page_checksum": True} | options))
+    if refused:
+        with pytest.raises(DataError, match="the unit of column time twice, as us and as ns"):
+            read_log([path], None, ONE)
+        return
+    np.testing.assert_array_equal(read_log([path], None, ONE).force[0].time, [0.0, 1.0, 2.0])
+
+
+def test_a_log_of_a_constant_is_no_bomb(tmp_path: Path) -> None:
+    columns = {name: np.zeros(50_000) for name in DEFAULT}
+    log = read(tmp_path, {"time": np.arange(50_000) * 1e-3} | columns)
+    assert log.force[0].time.size == 50_000
+
+
+def test_the_footer_must_end_where_the_file_does(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table(plain()), path)
+    content = path.read_bytes()
+    for damaged, match in (
+        (content[:-8] + (1 << 31).to_bytes(4, "little") + b"PAR1", "a footer of 2147483648 bytes"),
+        (content[:-4] + b"PARE", "does not end as a Parquet file"),
+        (b"PARE" + content[4:], "does not begin as a Parquet file"),
+        (content[:-8] + (9).to_bytes(4, "little") + b"PAR1", "the footer"),
+    ):
+        path.write_bytes(damaged)
+        with pytest.raises(DataError, match=match):
+            read_log([path], None, ONE)

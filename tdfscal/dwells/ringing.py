@@ -1,0 +1,213 @@
+"""What rings or creeps alike after every move of a log: found on all stops together.
+
+One stop alone does not tell slow ringing from a level: a crest is flat for a while. But the mode is
+one of the machine, y = c + Re(a e^{−λt}) with λ = 1/τ − iω common to all stops, and it starts when
+the NCPs come to rest. Noise, vibration and drift do not know which end of a stop is its begin: the
+same stops read backwards show how much of them such a shape explains by chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+from scipy.special import fdtrc
+
+from tdfscal.dwells.statistics import evenly
+from tdfscal.records import FloatArray, IntArray
+
+_FALSE_ALARM = 1e-6  # per log and shape
+_STOPS = 40  # that the mode is looked for in
+_FEWEST = 5
+_SHORTEST = 8  # bins
+_LONGEST = 12.0  # s of a stop that are looked at
+_SLOWEST, _CONSTANTS = 5.0, 8  # s; time constants tried
+_LOWEST, _HIGHEST, _FREQUENCIES = 0.1, 6.0, 16  # Hz; frequencies tried, besides none
+_LASTING = 6.0  # time constants after which nothing is left to fit
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True)
+class Ringing:
+    """The mode and how much of it each stop has.
+
+    decay : λ per bin. width : of a bin, s. first, last : (R,), the stops in bins.
+    amplitude : (R, A), a at the begin of each stop, N. power : (R, A), E|a|² given the data, N².
+    """
+
+    decay: complex
+    width: float
+    first: IntArray
+    last: IntArray
+    amplitude: ComplexArray
+    power: FloatArray
+
+    def __str__(self) -> str:
+        """As it is told to a user."""
+        constant = f"time constant {self.width / self.decay.real:.2g} s"
+        if not self.decay.imag:
+            return constant
+        return f"{abs(self.decay.imag) / (2 * np.pi * self.width):.2g} Hz, {constant}"
+
+    def removed(self, value: FloatArray) -> FloatArray:
+        """The forces (A, B) without it."""
+        value = value.copy()
+        for a, b, amplitude in zip(self.first, self.last, self.amplitude, strict=True):
+            wave = np.exp(-self.decay * np.arange(b - a))
+            value[:, a:b] -= (amplitude[:, None] * wave).real
+        return value
+
+    def left(self, rest: int, start: IntArray, end: int) -> FloatArray:
+        """Bias that it may leave in means over bins [start, end) of the stop at bin `rest`, (S, A).
+
+        Whatever its phase: that is known to no more than the mode is one and the same.
+        """
+        k = int(np.searchsorted(self.first, rest))
+        if k == len(self.first) or self.first[k] != rest:
+            return np.zeros((len(start), self.power.shape[1]))
+        tail = np.exp(-self.decay * (start - rest)) * -np.expm1(-self.decay * (end - start))
+        mean = np.abs(tail / np.expm1(-self.decay)) / (end - start)
+        return np.asarray(mean[:, None] * np.sqrt(self.power[k]))
+
+
+class _Shapes:
+    """Decays (G,), each as two shapes over a stop of up to `most` bins, less their means there."""
+
+    def __init__(self, decays: Sequence[complex], most: int) -> None:
+        wave = np.exp(-np.asarray(decays)[:, None] * np.arange(most))
+        self.wave = np.stack([wave.real, -wave.imag], axis=1)  # (G, 2, most)
+        self._sum = np.cumsum(self.wave, axis=2)
+        self._product = np.cumsum(self.wave[:, [0, 0, 1]] * self.wave[:, [0, 1, 1]], axis=2)
+
+    def gram(self, length: int) -> FloatArray:
+        """Inner products of the two shapes, (G, 2, 2)."""
+        total = self._sum[:, :, length - 1]
+        product = (
+            self._product[:, :, length - 1] - total[:, [0, 0, 1]] * total[:, [0, 1, 1]] / length
+        )
+        gram = product[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+        # Two shapes that are nearly one, or the second that is none, must not divide by zero.
+        return np.asarray(gram + 1e-9 * gram[:, :1, :1] * np.eye(2))
+
+    def onto(self, stop: FloatArray) -> FloatArray:
+        """Inner products of a stop (A, N) with the shapes, (G, 2, A)."""
+        centred = stop - stop.mean(axis=1, keepdims=True)
+        return np.asarray(self.wave[:, :, : stop.shape[1]] @ centred.T)
+
+    def explained(self, stops: Sequence[FloatArray]) -> FloatArray:
+        """Sum of squares of all stops that each decay explains, (G,)."""
+        total = np.zeros(len(self.wave))
+        for stop in stops:
+            seen = self.onto(stop)
+            total += (seen * np.linalg.solve(self.gram(stop.shape[1]), seen)).sum(axis=(1, 2))
+        return total
+
+
+def find_ringing(
+    value: FloatArray, noise: FloatArray, first: IntArray, last: IntArray, width: float
+) -> Ringing | None:
+    """Look for a mode common to the stops [first, last) in bins; None where there is none.
+
+    value : (A, B), forces. noise : (A,), standard deviation of a bin. width : of a bin, s.
+    """
+    most = round(_LONGEST / width)
+    long = last - first >= _SHORTEST
+    first, last = first[long], last[long]
+    noisy = noise > 0
+    if len(first) < _FEWEST or not noisy.any():
+        return None
+    some = evenly(len(first), _STOPS)
+    scaled = [
+        value[noisy, a:b] / noise[noisy, None] for a, b in zip(first[some], last[some], strict=True)
+    ]
+    forth = [stop[:, :most] for stop in scaled]
+    back = [stop[:, ::-1][:, :most] for stop in scaled]
+    longest = max(stop.shape[1] for stop in forth)
+    slowest = min(_SLOWEST / width, float(np.median(last - first)))
+    constants = np.geomspace(2.0, max(slowest, 4.0), _CONSTANTS)
+    frequencies = np.geomspace(_LOWEST, min(_HIGHEST, 0.2 / width), _FREQUENCIES)
+    decays = [
+        complex(1.0 / tau, -2.0 * np.pi * f * width) for tau in constants for f in (0, *frequencies)
+    ]
+    shapes = _Shapes(decays, longest)
+    begins, ends = shapes.explained(forth), shapes.explained(back)
+    best = int(np.argmax(begins - ends))
+    # As many independent numbers as stops, shapes and sensors: the axes of one may move as one.
+    dof = len(some) * (1 if decays[best].imag == 0 else 2) * max(int(noisy.sum()) / 3.0, 1.0)
+    if fdtrc(dof, dof, begins[best] / max(ends[best], 1e-300)) > _FALSE_ALARM:
+        return None
+    decay = _refined(forth, decays[best], longest)
+    return _in_all_stops(value, noise, first, last, decay, width)
+
+
+def _refined(stops: Sequence[FloatArray], decay: complex, most: int) -> complex:
+    """The decay that explains most, from one close to it."""
+
+    def at(x: FloatArray) -> complex:
+        return complex(np.exp(x[0]), x[1] if len(x) > 1 else 0.0)
+
+    def cost(x: FloatArray) -> float:
+        return -float(_Shapes([at(x)], most).explained(stops)[0])
+
+    start = [np.log(decay.real), decay.imag][: 2 if decay.imag else 1]
+    steps = [0.3, 0.15 * decay.imag][: len(start)]
+    simplex = np.vstack([start, start + np.diag(steps)])
+    options = {"initial_simplex": simplex, "maxfev": 60, "xatol": 1e-3, "fatol": 1e-3}
+    return at(minimize(cost, start, method="Nelder-Mead", options=options).x)
+
+
+def _in_all_stops(
+    value: FloatArray,
+    noise: FloatArray,
+    first: IntArray,
+    last: IntArray,
+    decay: complex,
+    width: float,
+) -> Ringing:
+    """Amplitudes given the mode: normal, with a width that all stops show together."""
+    most = round(_LASTING / decay.real) + _SHORTEST
+    length = np.minimum(last - first, most)
+    shapes = _Shapes([decay], int(length.max()))
+    gram = np.stack([shapes.gram(int(n))[0] for n in length])  # (R, 2, 2)
+    seen = np.empty((len(first), 2, len(value)))
+    back, rough = np.empty((len(first), len(value))), np.empty((len(first), len(value)))
+    for k, (a, b, n) in enumerate(zip(first, last, length, strict=True)):
+        stop = value[:, a : a + n]
+        seen[k] = shapes.onto(stop)[0]
+        rest = stop - np.linalg.solve(gram[k], seen[k]).T @ shapes.wave[0, :, :n]
+        rough[k] = _of_long_means(rest)
+        other = shapes.onto(value[:, b - n : b][:, ::-1])[0]
+        back[k] = (other * np.linalg.solve(gram[k], other)).sum(axis=0)
+    rank = 2 if decay.imag else 1
+    # The stops read backwards show the noise, unless they ring to their ends; then what the mode
+    # does not explain has to.
+    variance = np.minimum(np.median(back, axis=0) / rank, np.median(rough, axis=0))
+    variance = np.maximum(variance, noise**2)
+    explained = (seen * np.linalg.solve(gram, seen)).sum(axis=1) - rank * variance
+    size = np.trace(gram, axis1=1, axis2=2).sum()
+    prior = np.maximum(explained.sum(axis=0), 0.0) / size
+    amplitude = np.zeros((len(first), 2, len(value)))
+    power = np.zeros((len(first), len(value)))
+    for axis in np.flatnonzero((prior > 0) & (variance > 0)):
+        information = gram / variance[axis] + np.eye(2) / prior[axis]
+        covariance = np.linalg.inv(information)[:, :rank, :rank]
+        given = covariance @ seen[:, :rank, axis, None] / variance[axis]
+        amplitude[:, :rank, axis] = given[..., 0]
+        power[:, axis] = (given**2).sum(axis=(1, 2)) + np.trace(covariance, axis1=1, axis2=2)
+    return Ringing(decay, width, first, last, amplitude[:, 0] + 1j * amplitude[:, 1], power)
+
+
+def _of_long_means(value: FloatArray) -> FloatArray:
+    """Variance per bin in the means of windows, the largest of windows up to a quarter, (A,)."""
+    total = np.cumsum(np.pad(value, ((0, 0), (1, 0))), axis=1)
+    largest = np.zeros(len(value))
+    width = 1
+    while 4 * width <= value.shape[1]:
+        change = np.diff(total[:, ::width], n=2, axis=1) / width
+        np.maximum(largest, 0.5 * width * np.mean(change**2, axis=1), out=largest)
+        width *= 2
+    return largest

@@ -1,0 +1,142 @@
+"""What rings alike after every move, however slowly; and drift common to all stops."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.dwell_stops import KINDS, Score, score, scored, together
+from tdfscal.dwells import DwellOptions, find_dwells, reduce_to_bins
+from tdfscal.dwells.drift import common_drift
+from tdfscal.dwells.ringing import Ringing
+from tdfscal.dwells.search import prepare
+
+from .rig_log import Recipe, record
+
+
+def modes(recipe: Recipe) -> tuple[Ringing, ...]:
+    return prepare(reduce_to_bins([record(recipe).log]), DwellOptions()).ringing
+
+
+def hertz(mode: Ringing) -> float:
+    return float(abs(mode.decay.imag) / (2 * np.pi * mode.width))
+
+
+def seconds(mode: Ringing) -> float:
+    return float(mode.width / mode.decay.real)
+
+
+@pytest.mark.parametrize(
+    ("tau", "frequency", "stop"),
+    [(2.0, 0.5, 1.5), (2.0, 0.5, 8.0), (0.4, 0.5, 4.0), (0.5, 2.5, 4.0), (0.2, 8.0, 2.0)],
+)
+def test_the_mode_is_found_with_its_constants(tau: float, frequency: float, stop: float) -> None:
+    """Also where no stop shows a whole period."""
+    mode = modes(Recipe(settle=(10.0, tau, frequency), stops=(stop,) * 12, seed=3))[0]
+    assert hertz(mode) == pytest.approx(frequency, rel=0.06)
+    assert seconds(mode) == pytest.approx(tau, rel=0.06)
+    # Amplitudes are drawn from 5 to 10 N: 7.64 N rms.
+    assert np.sqrt(mode.power.mean()) == pytest.approx(7.64, rel=0.1)
+
+
+def test_a_decay_without_oscillation_is_a_mode_too() -> None:
+    (mode, *_) = modes(Recipe(settle=(10.0, 0.8, 0.0), stops=(6.0,) * 12))
+    assert hertz(mode) < 0.03
+    assert seconds(mode) == pytest.approx(0.8, rel=0.06)
+    assert "time constant 0.8 s" in str(mode)
+
+
+@pytest.mark.parametrize(
+    "recipe",
+    [
+        Recipe(),
+        Recipe(force_tau=0.1, stops=(6.0,) * 12),
+        Recipe(force_tau=0.4, stops=(10.0,) * 12),
+        Recipe(vibration=(5.0, 1e-7, 0.5), stops=(8.0,) * 12),
+        Recipe(vibration=(5.0, 1e-7, 5.0), stops=(3.0,) * 12),
+        Recipe(drift=0.3, stops=(5.0,) * 12),
+    ],
+    ids=["white", "0.1 s", "0.4 s", "0.5 Hz", "5 Hz", "drift"],
+)
+def test_noise_vibration_and_drift_are_no_mode(recipe: Recipe) -> None:
+    assert [modes(replace(recipe, seed=seed)) for seed in range(5)] == [()] * 5
+
+
+@pytest.mark.parametrize("amplitude", [1.0, 5.0, 30.0])
+@pytest.mark.parametrize("stop", [1.5, 3.0])
+def test_no_crest_of_slow_ringing_is_a_dwell(stop: float, amplitude: float) -> None:
+    dwells = find_dwells(record(Recipe(settle=(amplitude, 2.0, 0.5), stops=(stop,) * 12)).log)
+    assert len(dwells) == 0
+    assert len(dwells.left_out) >= 12
+    assert any(re.search(r"they ring \(0\.[45]\d* Hz, ", out.reason) for out in dwells.left_out)
+
+
+@pytest.mark.parametrize("amplitude", [1.0, 30.0])
+@pytest.mark.parametrize(
+    ("settle", "also", "stop"),
+    [
+        ((2.0, 0.5), None, 20.0),
+        ((0.5, 0.0), None, 4.5),
+        ((0.5, 1.0), None, 4.5),
+        ((0.3, 0.0), (0.6, 4.0), 5.0),
+        ((0.5, 3.0), (1.0, 0.7), 9.0),
+    ],
+)
+def test_every_settled_stop_is_one_dwell_without_bias(
+    settle: tuple[float, float], also: tuple[float, float] | None, stop: float, amplitude: float
+) -> None:
+    recipe = Recipe(
+        settle=(amplitude, *settle),
+        also=(amplitude, *also) if also else (0.0, 0.3, 0.0),
+        stops=(stop,) * 10,
+        seed=5,
+    )
+    found = score(recipe)
+    assert (found.stops, found.found, found.parts, found.astray) == (10, 10, 0, 0)
+    assert found.bias.max() < 1.0
+
+
+def test_settle_time_takes_the_place_of_all_that() -> None:
+    recorded = record(Recipe(settle=(5.0, 2.0, 0.5), stops=(3.0,) * 8))
+    options = DwellOptions(settle_time=1.0, force_threshold=100.0)
+    assert len(find_dwells(recorded.log, options)) == 8
+
+
+@pytest.mark.parametrize("drift", [0.1, 0.5, -0.5])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_drift_of_the_zeros_is_no_settling(drift: float, seed: int) -> None:
+    """Forces drift by up to twenty standard errors within a stop."""
+    found = score(Recipe(drift=drift, stops=(4.0,) * 12, seed=seed))
+    assert (found.found, found.parts, found.astray) == (12, 0, 0)
+
+
+def test_common_drift_is_that_of_the_long_stops_and_of_one_sign() -> None:
+    rng = np.random.default_rng(0)
+    length = rng.uniform(1.0, 6.0, 40)
+    noise = rng.normal(size=(40, 3)) * length[:, None] ** -1.5
+    signs = rng.choice([-1.0, 1.0], (40, 1))
+    slope = np.column_stack([0.3 + noise[:, 0], 3.0 * signs[:, 0] + noise[:, 1], noise[:, 2]])
+    drift = common_drift(slope, length)
+    # Weighted by length³, 40 stops know it to 1.25 / √Σ length³.
+    assert drift[0] == pytest.approx(0.3, abs=4 * 1.25 / np.sqrt((length**3).sum()))
+    np.testing.assert_array_equal(drift[1:], 0.0)
+    np.testing.assert_array_equal(common_drift(slope[:9], length[:9]), 0.0)
+
+
+def check(found: Score) -> None:
+    assert found.found >= 0.99 * found.stops
+    assert found.astray == 0
+    assert found.bias.max() < 1.0
+    # As stated, by the square root of twice the number of means, and of the axes they share.
+    assert np.sqrt((found.z**2).mean()) < 1.2
+
+
+@pytest.mark.slow
+def test_99_percent_over_all_ranges() -> None:
+    scores = {what: scored(what, range(20, 26)) for what in KINDS}
+    for what, one in scores.items():
+        assert one.found >= 0.95 * one.stops, what
+    check(together(list(scores.values())))

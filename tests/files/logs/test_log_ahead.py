@@ -1,0 +1,76 @@
+"""Work in threads ahead of its consumer: order, results, errors, and an early end."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Generator, Iterator
+
+import pytest
+
+from tdfscal.files.logs.ahead import ahead, mapped
+
+
+def counted(stop: int, fault: int = -1) -> Generator[int, None, str]:
+    for k in range(stop):
+        if k == fault:
+            raise ValueError("here")
+        yield k
+    return "outcome"
+
+
+def test_a_stream_keeps_its_order_and_its_result() -> None:
+    outcomes = []
+
+    def through() -> Generator[int, None, None]:
+        outcomes.append((yield from ahead(counted(50))))
+
+    found = list(through())
+    assert found == list(range(50))
+    assert outcomes == ["outcome"]
+
+
+def test_an_error_comes_in_its_turn() -> None:
+    stream = ahead(counted(50, fault=3))
+    assert [next(stream) for _ in range(3)] == [0, 1, 2]
+    with pytest.raises(ValueError, match="here"):
+        next(stream)
+
+
+def test_results_come_in_order_whatever_takes_long() -> None:
+    def slow(k: int) -> int:
+        time.sleep(0.01 if k % 3 == 0 else 0.0)
+        return k
+
+    assert list(mapped(slow, range(20), 2)) == list(range(20))
+
+
+def test_little_is_taken_before_it_is_wanted() -> None:
+    taken = []
+
+    def given() -> Iterator[int]:
+        for k in range(100):
+            taken.append(k)
+            yield k
+
+    stream = mapped(abs, given(), 2)
+    next(stream)
+    assert len(taken) == 3
+    stream.close()
+
+
+def test_closing_early_closes_the_stream_and_ends_the_threads() -> None:
+    closed = threading.Event()
+
+    def endless() -> Generator[int, None, None]:
+        try:
+            while True:
+                yield 1
+        finally:
+            closed.set()
+
+    stream = ahead(endless())
+    next(stream)
+    stream.close()
+    assert closed.is_set()
+    assert not any(thread.name.startswith("ahead") for thread in threading.enumerate())

@@ -1,0 +1,194 @@
+"""rosbag2 folders, by rosbags' writer and made by hand; their metadata against their files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as BagWriter
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.loginfo.inspect import inspect_logs
+from tdfscal.files.logs import is_log, read_log
+from tests.files.logs.log_making import (
+    MAPPING,
+    STORE,
+    SUPPORTS,
+    Truth,
+    assert_holds,
+    make_truth,
+    mcap_bytes,
+    point_stamped,
+    same_numbers,
+    wrench_stamped,
+)
+
+TRUTH = make_truth()
+SPLIT = 36  # of 60 positions, in the first file
+
+
+def by_rosbags(folder: Path, *, compressed: bool = False) -> Path:
+    bag = BagWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    if compressed:
+        bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with bag:
+        events = []
+        for i, name in enumerate(SUPPORTS):
+            kinds = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
+            point = bag.add_connection(f"/{name}/position", kinds[0], typestore=STORE)
+            wrench = bag.add_connection(f"/{name}/wrench", kinds[1], typestore=STORE)
+            for t, xyz in zip(TRUTH.time, TRUTH.position[i], strict=True):
+                events.append((t, point, point_stamped(t, xyz)))
+            for t, xyz in zip(TRUTH.force_time, TRUTH.force[i], strict=True):
+                events.append((t, wrench, wrench_stamped(t, xyz)))
+        for t, connection, data in sorted(events, key=lambda e: e[0]):
+            bag.write(connection, int(t * 1e9), data)
+    return folder
+
+
+def part(truth: Truth, begin: int, end: int) -> Truth:
+    forces = slice(4 * begin, 4 * end)
+    return replace(
+        truth,
+        time=truth.time[begin:end],
+        position=truth.position[:, begin:end],
+        force_time=truth.force_time[forces],
+        force=truth.force[:, forces],
+    )
+
+
+def by_hand(folder: Path, **changes: Any) -> Path:
+    """Two files, as after a split; changes: of the metadata's entries."""
+    folder.mkdir()
+    names = ["bag_0.mcap", "bag_1.mcap"]
+    (folder / names[0]).write_bytes(mcap_bytes(part(TRUTH, 0, SPLIT)))
+    (folder / names[1]).write_bytes(mcap_bytes(part(TRUTH, SPLIT, 60)))
+    counts = {f"/{s}/position": 60 for s in SUPPORTS} | {f"/{s}/wrench": 240 for s in SUPPORTS}
+    information = {
+        "version": 9,
+        "storage_identifier": "mcap",
+        "relative_file_paths": names,
+        "message_count": sum(counts.values()),
+        "topics_with_message_count": topics(counts),
+        "files": [
+            {"path": names[0], "message_count": 15 * SPLIT},
+            {"path": names[1], "message_count": 15 * (60 - SPLIT)},
+        ],
+    }
+    for key, value in changes.items():
+        if value is None:
+            information.pop(key)
+        else:
+            information[key] = value
+    text = yaml.safe_dump({"rosbag2_bagfile_information": information})
+    (folder / "metadata.yaml").write_text(text)
+    return folder
+
+
+def topics(counts: dict[str, int]) -> list[dict[str, Any]]:
+    return [
+        {
+            "topic_metadata": {"name": name, "type": "x", "offered_qos_profiles": []},
+            "message_count": count,
+        }
+        for name, count in counts.items()
+    ]
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_by_rosbags(tmp_path: Path, compressed: bool) -> None:
+    folder = by_rosbags(tmp_path / "bag", compressed=compressed)
+    assert is_log(folder)
+    log = read_log([folder], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    assert log.warnings == ()
+    assert same_numbers(log, read_log(sorted(folder.glob("*.mcap")), MAPPING, SUPPORTS))
+
+
+def test_by_rosbags_with_another_file_in_place_of_its_own(tmp_path: Path) -> None:
+    folder = by_rosbags(tmp_path / "bag")
+    (file,) = folder.glob("*.mcap")
+    file.write_bytes(mcap_bytes(part(TRUTH, 0, 59)))
+    match = r"59 messages of /ncp1/position are there where metadata\.yaml states 60"
+    with pytest.raises(DataError, match=match):
+        read_log([folder], MAPPING, SUPPORTS)
+    assert any("59 messages" in problem for problem in inspect_logs([folder]).problems)
+    log = read_log([folder], MAPPING, SUPPORTS, salvage=True)
+    assert log.inputs[0].integrity == "salvaged"
+    assert any("59 messages of /ncp1/position" in warning for warning in log.warnings)
+    np.testing.assert_array_equal(log.force[0].value, TRUTH.force[0][:236])
+
+
+@pytest.mark.parametrize("absent", [None, "files", "topics_with_message_count"])
+def test_split_in_two(tmp_path: Path, absent: str | None) -> None:
+    changes = {absent: None} if absent else {}
+    log = read_log([by_hand(tmp_path / "bag", **changes)], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    assert log.warnings == ()
+    assert [entry.integrity for entry in log.inputs] == ["verified"] * 2
+
+
+def test_a_topic_with_fewer_messages_than_stated(tmp_path: Path) -> None:
+    folder = by_hand(tmp_path / "bag", topics_with_message_count=topics({"/ncp2/wrench": 241}))
+    with pytest.raises(DataError, match=r"bag_1\.mcap: 240 messages of /ncp2/wrench .* 241"):
+        read_log([folder], MAPPING, SUPPORTS)
+    log = read_log([folder], MAPPING, SUPPORTS, salvage=True)
+    assert_holds(log, TRUTH)
+    assert [entry.integrity for entry in log.inputs] == ["verified", "salvaged"]
+
+
+def test_a_topic_that_is_stated_and_not_there(tmp_path: Path) -> None:
+    folder = by_hand(tmp_path / "bag", topics_with_message_count=topics({"/lost": 5, "/none": 0}))
+    with pytest.raises(DataError, match=r"0 messages of /lost are there .* states 5"):
+        read_log([folder], MAPPING, SUPPORTS)
+
+
+def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
+    """A recorder that cannot keep pace counts more per file than it writes; topics as written."""
+    files = [{"path": "bag_0.mcap", "message_count": 15 * SPLIT + 7}]
+    log = read_log([by_hand(tmp_path / "bag", files=files)], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    (warning,) = log.warnings
+    assert "540 messages are there where metadata.yaml states 547" in warning
+    folder = by_hand(tmp_path / "other", files=files, topics_with_message_count=None)
+    with pytest.raises(DataError, match=r"540 messages are there .* states 547"):
+        read_log([folder], MAPPING, SUPPORTS)
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"storage_identifier": "sqlite3"}, "stored as sqlite3.*bag convert"),
+        ({"relative_file_paths": ["bag_0.mcap", "bag_2.mcap"]}, r"lacks bag_2\.mcap"),
+        ({"relative_file_paths": []}, "lacks any file"),
+        ({"relative_file_paths": ["bag_0.mcap"] * 2}, "names a file twice"),
+        ({"relative_file_paths": [["bag_0.mcap"]]}, "no description of a rosbag2 recording"),
+        ({"relative_file_paths": 3}, "no description of a rosbag2 recording"),
+        ({"storage_identifier": None}, "no description of a rosbag2 recording"),
+        ({"topics_with_message_count": [{"message_count": 3}]}, "no description"),
+        ({"files": [{"path": "bag_0.mcap", "message_count": "many"}]}, "no description"),
+    ],
+)
+def test_metadata_that_is_wrong(tmp_path: Path, changes: dict[str, Any], match: str) -> None:
+    with pytest.raises(DataError, match=match):
+        read_log([by_hand(tmp_path / "bag", **changes)], MAPPING, SUPPORTS)
+
+
+def test_metadata_that_grows(tmp_path: Path) -> None:
+    folder = by_hand(tmp_path / "bag")
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 12)]
+    text = "\n".join([*lines, "rosbag2_bagfile_information: {relative_file_paths: *a11}"])
+    (folder / "metadata.yaml").write_text(text)
+    with pytest.raises(DataError, match="holds more than 500000 values"):
+        read_log([folder], MAPPING, SUPPORTS)
+
+
+def test_a_folder_without_metadata(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no recording"):
+        read_log([tmp_path], MAPPING, SUPPORTS)

@@ -1,0 +1,241 @@
+"""Small files that state or expand to absurd sizes: an error within bounded memory and time.
+
+Each is read in a process of its own, whose peak memory and processor time are measured.
+"""
+
+from __future__ import annotations
+
+import gzip
+import re
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import lz4.frame
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+
+from tests.files.logs.log_making import SUPPORTS, definition
+
+MEMORY, TIME = 1024.0, 60.0
+"""MiB and s that no run may need."""
+
+READ = """
+import re, resource, sys
+from pathlib import Path
+from tdfscal.errors import TdfscalError
+from tdfscal.files.loginfo.inspect import inspect_logs
+from tdfscal.files.logs import iter_log
+from tests.files.logs.log_making import JSON_MAPPING, LOG_TIME, SUPPORTS
+path = Path(sys.argv[1])
+mapping = {".mcap": JSON_MAPPING if "json" in path.name else LOG_TIME}.get(path.suffix)
+try:
+    if sys.argv[2] == "info":
+        said = str(inspect_logs([path]).problems)
+    else:
+        said = f"read {sum(p.force[0].time.size for p in iter_log([path], mapping, SUPPORTS))}"
+except TdfscalError as error:
+    said = str(error)
+peak = re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]
+used = resource.getrusage(resource.RUSAGE_SELF)
+print(int(peak) / 1024, used.ru_utime + used.ru_stime, said, sep="\\n")
+"""
+
+NAMES = [f"{s}.{c}" for s in SUPPORTS for c in ("x", "y", "z", "fx", "fy", "fz")]
+HEADER = ("time," + ",".join(NAMES) + "\n").encode()
+
+
+def one_large_page_each(folder: Path) -> Path:
+    """Nineteen pages of 64 MiB that pyarrow would hold at the same time."""
+    rows = 8 << 20
+    zeros = pa.array(np.zeros(rows))
+    columns = {"time": pa.array(np.arange(rows) * 1e-3), **dict.fromkeys(NAMES, zeros)}
+    path = folder / "pages.parquet"
+    options: dict[str, object] = {"max_rows_per_page": rows}
+    pq.write_table(
+        pa.table(columns), path, compression="zstd", use_dictionary=False, row_group_size=rows,
+        write_batch_size=rows, data_page_size=1 << 30, write_page_checksum=True, **options,
+    )  # fmt: skip
+    chunk = pq.read_metadata(path).row_group(0).column(4)
+    assert chunk.total_uncompressed_size >= 8 * rows
+    return path
+
+
+def many_rows_of_few_bytes(folder: Path) -> Path:
+    rows = 30_000_000
+    constant = pa.array(np.zeros(rows))
+    path = folder / "rows.parquet"
+    pq.write_table(pa.table(dict.fromkeys(["time", *NAMES], constant)), path, compression="zstd")
+    assert path.stat().st_size < rows / 5
+    return path
+
+
+def text_of_zeros(folder: Path) -> Path:
+    path = folder / "zeros.csv.gz"
+    with gzip.open(path, "wb") as file:
+        file.write(HEADER)
+        for _ in range(100):
+            file.write((b"0" + b",0" * 18 + b"\n") * 50_000)
+    return path
+
+
+def one_endless_line(folder: Path) -> Path:
+    path = folder / "line.csv.zst"
+    compressor = zstandard.ZstdCompressor()
+    with path.open("wb") as file, compressor.stream_writer(file) as stream:
+        stream.write(HEADER)
+        for _ in range(2000):
+            stream.write(b"0" * (1 << 20))
+    return path
+
+
+def nothing_but_ends_of_lines(folder: Path) -> Path:
+    path = folder / "ends.csv.gz"
+    with gzip.open(path, "wb") as file:
+        file.write(HEADER)
+        for _ in range(300):
+            file.write(b"\n" * (1 << 20))
+    return path
+
+
+def mcap_of_chunks(path: Path, chunks: list[tuple[int, bytes]], compression: str) -> Path:
+    """A file without summary, of chunks given as (size when decompressed, compressed records)."""
+    with path.open("wb") as file:
+        file.write(b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, 8) + bytes(8))
+        name = compression.encode()
+        for size, data in chunks:
+            head = struct.pack("<QQQII", 0, 0, size, 0, len(name)) + name
+            content = head + struct.pack("<Q", len(data)) + data
+            file.write(struct.pack("<BQ", 6, len(content)) + content)
+    return path
+
+
+def chunk_of_records(record: bytes, size: int, compression: str) -> tuple[int, bytes]:
+    data = record * (size // len(record))
+    packed = zstandard.compress(data) if compression == "zstd" else lz4.frame.compress(data)
+    return len(data), packed
+
+
+MESSAGE = struct.pack("<BQHIQQ", 5, 22, 1, 0, 0, 0)
+PRIVATE = struct.pack("<BQ", 0x90, 0)
+
+
+def chunks_of_empty_messages(folder: Path) -> Path:
+    chunk = chunk_of_records(MESSAGE, 250 << 20, "zstd")
+    return mcap_of_chunks(folder / "messages.mcap", [chunk] * 40, "zstd")
+
+
+def chunks_of_private_records(folder: Path) -> Path:
+    chunk = chunk_of_records(PRIVATE, 120 << 20, "lz4")
+    return mcap_of_chunks(folder / "private.mcap", [chunk] * 20, "lz4")
+
+
+def chunk_larger_than_memory(folder: Path) -> Path:
+    compressor = zstandard.ZstdCompressor().compressobj()
+    parts = [compressor.compress(bytes(1 << 20)) for _ in range(4096)]
+    data = b"".join([*parts, compressor.flush()])
+    return mcap_of_chunks(folder / "large.mcap", [(4 << 30, data)], "zstd")
+
+
+def chunk_that_lies(folder: Path) -> Path:
+    """States 1 MiB, holds 4 GiB."""
+    compressor = zstandard.ZstdCompressor().compressobj()
+    parts = [compressor.compress(bytes(1 << 20)) for _ in range(4096)]
+    data = b"".join([*parts, compressor.flush()])
+    return mcap_of_chunks(folder / "lies.mcap", [(1 << 20, data)], "zstd")
+
+
+def recording(path: Path, encoding: str, schema: tuple[str, str, bytes], data: bytes) -> Path:
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start()
+        kind = writer.register_schema(*schema)
+        for name in SUPPORTS:
+            for topic in (f"/{name}/position", f"/{name}/wrench"):
+                channel = writer.register_channel(topic, encoding, kind)
+                for k in range(3):
+                    writer.add_message(channel, k * 10**9, data, k * 10**9)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path
+
+
+def json_of_many_values(folder: Path) -> Path:
+    data = b"[" + b"[]," * (20 << 20) + b"0]"
+    return recording(folder / "json_many.mcap", "json", ("any", "jsonschema", b"{}"), data)
+
+
+def json_that_nests(folder: Path) -> Path:
+    data = b"[" * (1 << 20)
+    return recording(folder / "json_deep.mcap", "json", ("any", "jsonschema", b"{}"), data)
+
+
+def cdr_of_many_names(folder: Path) -> Path:
+    kind = "sensor_msgs/msg/JointState"
+    data = bytes([0, 1, 0, 0]) + bytes(12) + struct.pack("<I", 10 << 20) + bytes(40 << 20)
+    return recording(folder / "names.mcap", "cdr", (kind, "ros2msg", definition(kind)), data)
+
+
+def type_that_multiplies(folder: Path) -> Path:
+    """Each type has ten members of the next; the last one has none."""
+    rule = "\n" + "=" * 80 + "\n"
+    members = [
+        "\n".join(f"a/T{k + 1} m{j}" for j in range(10)) if k < 20 else "" for k in range(21)
+    ]
+    parts = ["a/T1 point", *(f"MSG: a/T{k}\n{members[k]}" for k in range(1, 21))]
+    text = rule.join(parts).encode()
+    data = bytes([0, 1, 0, 0]) + bytes(64)
+    return recording(folder / "type.mcap", "cdr", ("a/msg/T0", "ros2msg", text), data)
+
+
+def long_definition(folder: Path) -> Path:
+    text = "\n".join(f"float64 field_{k}" for k in range(200_000)).encode()
+    data = bytes([0, 1, 0, 0]) + bytes(64)
+    return recording(folder / "long.mcap", "cdr", ("a/msg/T0", "ros2msg", text), data)
+
+
+QUICK = 6
+BOMBS: list[Callable[[Path], Path]] = [
+    one_large_page_each,
+    chunks_of_empty_messages,
+    chunk_that_lies,
+    json_of_many_values,
+    cdr_of_many_names,
+    type_that_multiplies,
+    many_rows_of_few_bytes,
+    text_of_zeros,
+    one_endless_line,
+    nothing_but_ends_of_lines,
+    chunks_of_private_records,
+    chunk_larger_than_memory,
+    json_that_nests,
+    long_definition,
+]
+CASES = [
+    pytest.param(bomb, how, id=f"{bomb.__name__}-{how}",
+                 marks=[] if k < QUICK and how == "read" else pytest.mark.slow)
+    for k, bomb in enumerate(BOMBS)
+    for how in ("read", "info")
+]  # fmt: skip
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read from /proc")
+@pytest.mark.parametrize(("bomb", "how"), CASES)
+def test_bombs(tmp_path: Path, bomb: Callable[[Path], Path], how: str) -> None:
+    path = bomb(tmp_path)
+    ran = subprocess.run(
+        [sys.executable, "-c", READ, str(path), how],
+        capture_output=True, text=True, check=False, timeout=4 * TIME,
+    )  # fmt: skip
+    assert ran.returncode == 0, ran.stderr[-2000:]
+    assert not re.search("Warning", ran.stderr)
+    memory, seconds, said = ran.stdout.strip().split("\n", 2)
+    assert float(memory) < MEMORY
+    assert float(seconds) < TIME
+    assert said.strip() not in ("", "()")
+    assert not said.startswith("read")
