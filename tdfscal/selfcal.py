@@ -35,6 +35,8 @@ from tdfscal.statics import (
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
 _SETTLED = 1e-6
 _PASSES = 40
+#: Iterations on one statistic; and for a look at a start, which settles in ten if it is good.
+_STEPS, _LOOK = 60, 15
 #: Residuals per posture.
 ROWS = 6
 #: Scale of the median residual up to which a start is good, and above which it is lost.
@@ -131,7 +133,13 @@ def statistic(at: Balance, weight: FloatArray) -> FloatArray:
 
 
 def solve_statistic(
-    rig: Rig, at: Balance, compressed: FloatArray, start: State, priors: Priors
+    rig: Rig,
+    at: Balance,
+    compressed: FloatArray,
+    start: State,
+    priors: Priors,
+    *,
+    iterations: int = _STEPS,
 ) -> Solution[State]:
     """Gauss–Newton on the compressed postures and the priors."""
     size, active = layout(rig.n)["tilt"].stop, priors.active
@@ -147,7 +155,7 @@ def solve_statistic(
         full[active] = step
         return retract(state, full)
 
-    return gauss_newton(model, move, start)
+    return gauss_newton(model, move, start, iterations=iterations)
 
 
 def at_state(
@@ -217,7 +225,8 @@ def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
 
     def tried(start: State) -> tuple[float, Fit]:
         at = balance(postures, start, rig.barycentre.value, rig.gravity)
-        solution = solve_statistic(rig, at, statistic(at, everyone), start, priors)
+        held = statistic(at, everyone)
+        solution = solve_statistic(rig, at, held, start, priors, iterations=_LOOK)
         found = at_state(rig, postures, solution.state, everyone)
         return spread(found.distance), found
 

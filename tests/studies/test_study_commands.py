@@ -107,7 +107,7 @@ def test_calibrations_beside_the_studies(
     for posture in found["postures"]:
         assert posture["uncalibrated"]["force"] > 10 * posture["calibrated_std"]["force"] > 0
     assert len(rows(out / "calibrations.csv")) == 2 * 9
-    options = ("--runs", "25", "-q", *option)
+    options = ("--runs", "2", "--workers", "1", "-q", *option)
     assert run(monkeypatch, "study", "accuracy", rig, "-o", out, *options) == 0
     (found,) = json.loads(capsys.readouterr().out)["calibrations"]
     assert np.shape(found["rpy_std"]) == (3, 3)
