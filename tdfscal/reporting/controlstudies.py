@@ -31,6 +31,8 @@ def pairs(names: tuple[str, ...]) -> list[tuple[str, str]]:
 
 
 def _said(ratio: Ratio) -> str:
+    if np.isnan(ratio.value):
+        return "–"
     std = "" if np.isnan(ratio.std) else f" ± {ratio.std:.2g}"
     return f"{ratio.value:.3g}{std}"
 
