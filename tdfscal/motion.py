@@ -56,25 +56,29 @@ class Motion:
 
 
 def poses(hinge: FloatArray, position: FloatArray) -> Poses:
-    """Poses from servo positions (N, n, 3) in m, BCS; hinge (n, 3) in m, LCS.
+    """Poses from servo positions (N, n, 3) in m, BCS; hinge (n, 3) in m, LCS."""
+    R = rotations(hinge, position)
+    turned = np.tensordot(hinge.mean(axis=0), np.moveaxis(R, 0, 2), (0, 1)).T
+    return Poses(R, position.mean(axis=1) - turned)
+
+
+def rotations(hinge: FloatArray, position: FloatArray) -> FloatArray:
+    """Rotations (N, 3, 3), LCS → BCS, of the poses; arguments as `poses`.
 
     The least-squares registration of `statics.register` to 1e-10 rad, many times faster: one
-    singular value decomposition per block of samples, Gauss–Newton from there. The rotations lie
-    in memory with their components first.
+    singular value decomposition per block of samples, Gauss–Newton from there. In memory each
+    component is one row.
     """
     N, n = position.shape[:2]
-    r0 = hinge.mean(axis=0)
     flat = position.reshape(N, 3 * n)
-    p0 = flat @ np.tile(np.eye(3) / n, (n, 1))
     blocks = -(-N // _BLOCK)
     rest = blocks * _BLOCK - N
     whole = np.concatenate([flat, np.repeat(flat[-1:], rest, axis=0)]) if rest else flat
     whole = whole.reshape(blocks, _BLOCK, 3 * n)
     start, _ = register(hinge, whole.mean(axis=1).reshape(blocks, n, 3))
-    turned = _follow((hinge - r0) @ np.swapaxes(start, 1, 2), whole)
+    turned = _follow((hinge - hinge.mean(axis=0)) @ np.swapaxes(start, 1, 2), whole)
     R = _product(turned, np.moveaxis(start, 0, 2)[..., None])
-    rotation = np.moveaxis(R.reshape(3, 3, -1)[..., :N], 2, 0)
-    return Poses(rotation, p0 - rotation @ r0)
+    return np.moveaxis(R.reshape(3, 3, -1)[..., :N], 2, 0)
 
 
 def _product(A: FloatArray, B: FloatArray) -> FloatArray:

@@ -15,7 +15,6 @@ from tdfscal import causes, sanity, screening
 from tdfscal.calibrated import Calibrated
 from tdfscal.causes import Cause, Whitened, whiten
 from tdfscal.errors import DataError
-from tdfscal.motion import Poses
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Rig
 from tdfscal.statics import Postures, balance, nominal, postures
@@ -158,9 +157,8 @@ def _see(given: Calibrated, observed: Postures) -> _Seen:
     rig, state = given.rig, given.state
     at = balance(observed, state, state.barycentre, rig.gravity)
     T, J = to_lcs(at), jacobian(given, at)
-    poses = Poses(at.rotation, observed.position.mean(axis=1))
     plain, calibrated = (
-        contact_wrench(s, rig.gravity, poses, observed.force) for s in (nominal(rig), state)
+        contact_wrench(s, rig.gravity, at.rotation, observed.force) for s in (nominal(rig), state)
     )
     noise, root = T @ at.cov @ np.swapaxes(T, 1, 2), given.root
     half = J @ root

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.calibrated import Calibrated
-from tdfscal.motion import Motion, Poses, poses
+from tdfscal.motion import Motion, Poses, poses, rotations
 from tdfscal.numerics import so3
 from tdfscal.numerics.columns import dot
 from tdfscal.records import FloatArray, IntArray
@@ -57,11 +57,15 @@ class Wrenches:
 
 
 def contact_wrench(
-    state: State, g: float, at: Poses, force: FloatArray, moving: FloatArray | None = None
+    state: State,
+    g: float,
+    rotation: FloatArray,
+    force: FloatArray,
+    moving: FloatArray | None = None,
 ) -> FloatArray:
-    """Contact wrench (N, 6) from readings (N, n, 3) in N, sensor frames, at the poses.
+    """Contact wrench (N, 6) from readings (N, n, 3) in N, sensor frames.
 
-    moving : (N, 6), the inertial terms of `inertial`.
+    rotation : (N, 3, 3), LCS → BCS, of the terminal. moving : (N, 6), the terms of `inertial`.
     """
     N, n = force.shape[:2]
     M, weight = sensing(state), state.mass * gravity(state, g)
@@ -74,7 +78,7 @@ def contact_wrench(
     stacked = mix.T @ force.reshape(N, 3 * n).T
     stacked += constant[:, None]
     S, *Y = stacked.reshape(4, 3, N)
-    R = np.moveaxis(at.rotation, 0, 2)
+    R = np.moveaxis(rotation, 0, 2)
     out, part, other = np.empty((6, N)), np.empty(N), np.empty(N)
     for c, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
         dot(S, R[:, c], out[c], part)
@@ -155,14 +159,15 @@ def wrenches(
     at : `pose` of the positions, where it is known already. moving : motion of the terminal, for
     the inertial terms with the rig's inertia; None: at rest.
     """
-    at = at or pose(given, position)
+    state = given.state
+    rotation = rotations(state.hinge, position - state.datum) if at is None else at.rotation
     states = (given.state, nominal(given.rig))
     inertia, g = given.rig.inertia, given.rig.gravity
     value, raw = (
         contact_wrench(
             state,
             g,
-            at,
+            rotation,
             force,
             None if moving is None or inertia is None else inertial(state, inertia, moving),
         )
