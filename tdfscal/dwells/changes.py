@@ -15,13 +15,14 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.numerics.threads import WORKERS, in_threads
+from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 _SCALES = 6  # windows of 1 … 32 bins; what is slower is settling or drift, tested per dwell
 _FALSE_ALARMS = 1e-3  # expected per log
 _ROUNDS = 4
 _BLOCKS, _BLOCK = 16, 2048  # bins
+_SPAN = 2**14  # bins whose differences are taken at once; they stay in the cache
 _ENOUGH = 8_000  # differences that show the noise
 _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
 _SMOOTH = 2.0 * np.sqrt(2.0 ** (_SCALES - 1))
@@ -172,15 +173,8 @@ def mark_changes(
     if override is not None:
         limit = np.full_like(limit, override)
 
-    def exceeded(axes: IntArray) -> list[FloatArray]:
-        return _excesses(found, limit, louder, axes)
-
-    axes = np.arange(len(found.value))
-    parts = in_threads(exceeded, np.array_split(axes, min(WORKERS, len(axes))))
-    for scale, excess in enumerate(parts[0]):
+    for scale, excess in enumerate(_excesses(found, limit, louder)):
         width = 2**scale
-        for other in parts[1:]:
-            np.maximum(excess, other[scale], out=excess)
         clean = _clean(marked, 2 * width)
         for first, last in zip(*runs((excess > 0) & clean), strict=True):
             peak = first + int(np.argmax(excess[first:last]))
@@ -196,24 +190,23 @@ def mark_changes(
     return marked
 
 
-def _excesses(
-    found: Signals, limit: FloatArray, louder: Louder | None, axes: IntArray
-) -> list[FloatArray]:
-    """By how much the differences of each scale exceed their limit, the largest of some axes."""
-    levels: list[FloatArray] = []
-    for axis in axes.tolist():
-        row = found.value[axis]
-        factor = None if louder is None else louder.row(axis, len(row))
-        for scale, (_, difference) in enumerate(_differences(row)):
-            excess = np.abs(difference, out=difference)
-            if factor is None:
-                excess -= limit[scale, axis]
-            else:
-                excess -= limit[scale, axis] * factor[: len(excess)]
-            if scale == len(levels):
-                levels.append(excess.copy())
-            else:
-                np.maximum(levels[scale], excess, out=levels[scale])
+def _excesses(found: Signals, limit: FloatArray, louder: Louder | None) -> list[FloatArray]:
+    """By how much the differences of each scale exceed their limit, the largest of all axes."""
+    axes, bins = found.value.shape
+    reach = 2**_SCALES - 1  # bins that the widest difference takes beyond its first
+    levels = [np.full(max(bins - 2 ** (scale + 1) + 1, 0), -np.inf) for scale in range(_SCALES)]
+    factors = [None if louder is None else louder.row(axis, bins) for axis in range(axes)]
+
+    def exceeded(begin: int) -> None:
+        for axis, factor in enumerate(factors):
+            row = found.value[axis, begin : begin + _SPAN + reach]
+            for scale, (_, difference) in enumerate(_differences(row)):
+                excess = np.abs(difference[:_SPAN], out=difference[:_SPAN])
+                here = slice(begin, begin + len(excess))
+                excess -= limit[scale, axis] * (1.0 if factor is None else factor[here])
+                np.maximum(levels[scale][here], excess, out=levels[scale][here])
+
+    in_threads(exceeded, range(0, bins, _SPAN))
     return levels
 
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import mmap
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +18,9 @@ Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
 _PAGE = 1024  # bins allocated at once; a gap of hours between two logs then costs nothing
-_FIRST_PAGES = 16
-_SLACK = 16  # pages
-_SLAB = 8192  # samples reduced at once; stays in the cache
+_FIRST_PAGES = 256  # those of an hour and a half
+_SLACK = 16
+_SLAB = 16384  # samples reduced at once; they stay in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,26 +59,86 @@ def moments(value: FloatArray, first: IntArray, *, extremes: bool) -> Moments:
     count = np.diff(bounds)
     mean, scatter = np.empty((3, len(first))), np.empty((3, len(first)), np.float32)
     low, high = (np.empty_like(scatter) if extremes else None for _ in range(2))
-    cuts = np.unique([*np.searchsorted(first, np.arange(0, len(value), _SLAB)), len(first)])
-    scratch = np.empty((3, np.diff(bounds[cuts]).max()))
-    for begin, end in pairwise(cuts.tolist()):
-        part, starts = slice(begin, end), first[begin:end] - first[begin]
-        samples = value[bounds[begin] : bounds[end]].T
-        reference = samples[:, :1]
-        deviation = np.subtract(samples, reference, out=scratch[:, : samples.shape[1]])
-        middle = np.add.reduceat(deviation, starts, axis=1)
+    scratch = np.empty(0)
+    for part, groups in _slabs(bounds):
+        samples = groups.of(value[bounds[part.start] : bounds[part.stop]].T)
+        if scratch.size < samples.size:
+            scratch = np.empty(samples.size)
+        reference = value[bounds[part.start]]
+        deviation = scratch[: samples.size].reshape(samples.shape)
+        np.subtract(samples.T, reference, out=deviation.T)
+        middle = groups.reduced(np.add, deviation)
         middle /= count[part]
-        mean[:, part] = middle + reference
-        deviation -= np.repeat(middle, count[part], axis=1)
+        mean[:, part] = middle + reference[:, None]
+        deviation -= groups.spread(middle)
         if low is not None and high is not None:
-            low[:, part] = np.minimum.reduceat(deviation, starts, axis=1)
-            high[:, part] = np.maximum.reduceat(deviation, starts, axis=1)
+            low[:, part] = groups.reduced(np.minimum, deviation)
+            high[:, part] = groups.reduced(np.maximum, deviation)
         np.multiply(deviation, deviation, out=deviation)
-        square = np.add.reduceat(deviation, starts, axis=1)
+        square = groups.reduced(np.add, deviation)
         # A constant reading has no scatter, although its mean rounds.
         square[square < count[part] * (64 * np.finfo(np.float64).eps * middle) ** 2] = 0.0
         scatter[:, part] = square
     return Moments(count.astype(np.int32), mean, scatter, low, high)
+
+
+@dataclass(frozen=True, slots=True)
+class _Uneven:
+    """Groups of any size, (G,), one after the other."""
+
+    start: IntArray
+    size: IntArray
+
+    def of(self, samples: FloatArray) -> FloatArray:
+        """(3, N) as it is."""
+        return samples
+
+    def reduced(self, ufunc: np.ufunc, samples: FloatArray) -> FloatArray:
+        """(3, G)."""
+        return np.asarray(ufunc.reduceat(samples, self.start, axis=1))
+
+    def spread(self, group: FloatArray) -> FloatArray:
+        """(3, G) → (3, N)."""
+        return np.repeat(group, self.size, axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class _Even:
+    """Groups of one size: sample k of all of them is a row, and whole rows are added."""
+
+    size: int
+
+    def of(self, samples: FloatArray) -> FloatArray:
+        """(3, N) → (3, size, G), a view."""
+        return samples.reshape(3, -1, self.size).transpose(0, 2, 1)
+
+    def reduced(self, ufunc: np.ufunc, samples: FloatArray) -> FloatArray:
+        """(3, G)."""
+        return np.asarray(ufunc.reduce(samples, axis=1))
+
+    def spread(self, group: FloatArray) -> FloatArray:
+        """(3, G) → (3, 1, G)."""
+        return group[:, None]
+
+
+def _slabs(bounds: IntArray) -> Iterator[tuple[slice, _Even | _Uneven]]:
+    """Groups that are reduced at once: about _SLAB samples, or one group."""
+    size = np.diff(bounds)
+    begin, end = _alike(size)
+    cuts = np.searchsorted(bounds, np.arange(0, bounds[-1], _SLAB))
+    for start, stop in pairwise(np.unique([*cuts, begin, end, len(size)]).tolist()):
+        if begin <= start < end:
+            yield slice(start, stop), _Even(int(size[start]))
+        else:
+            part = slice(start, stop)
+            yield part, _Uneven(bounds[part] - bounds[start], size[part])
+
+
+def _alike(size: IntArray) -> tuple[int, int]:
+    """The longest run of groups of one size: most of them where the clock is steady."""
+    change = np.concatenate(([0], np.flatnonzero(np.diff(size)) + 1, [len(size)]))
+    k = int(np.argmax(np.diff(change)))
+    return int(change[k]), int(change[k + 1])
 
 
 def merge(a: Moments, b: Moments) -> Moments:
@@ -119,11 +183,11 @@ class _Arrays:
     def empty(cls, streams: int, bins: int) -> _Arrays:
         all_streams, forces = (streams, 3, bins), (streams // 2, 3, bins)
         return cls(
-            np.zeros((streams, bins), np.int32),
-            np.zeros(all_streams),
-            np.zeros(all_streams, np.float32),
-            np.zeros(forces, np.float32),
-            np.zeros(forces, np.float32),
+            _untouched((streams, bins), np.int32),
+            _untouched(all_streams, np.float64),
+            _untouched(all_streams, np.float32),
+            _untouched(forces, np.float32),
+            _untouched(forces, np.float32),
         )
 
     def of(self, stream: int) -> Moments:
@@ -138,6 +202,14 @@ class _Arrays:
         )
 
 
+def _untouched(shape: tuple[int, ...], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """Zeros whose pages take memory once they are written; numpy's own come in huge pages."""
+    size = math.prod(shape)
+    private = {"flags": mmap.MAP_PRIVATE} if hasattr(mmap, "MAP_PRIVATE") else {}
+    pages = mmap.mmap(-1, max(size * np.dtype(dtype).itemsize, 1), **private)
+    return np.frombuffer(pages, dtype, size).reshape(shape)
+
+
 class Store:
     """Moments by stream and by number of bin; only stretches that hold samples take memory.
 
@@ -146,9 +218,9 @@ class Store:
 
     def __init__(self, streams: int, limit: int) -> None:
         self._streams = streams
-        self._usual = -(-limit // _PAGE) + _SLACK
         self._slot: dict[int, int] = {}  # page → its place in the arrays
-        self._arrays = _Arrays.empty(streams, _FIRST_PAGES * _PAGE)
+        pages = min(-(-limit // _PAGE), _FIRST_PAGES) + _SLACK
+        self._arrays = _Arrays.empty(streams, pages * _PAGE)
 
     @property
     def size(self) -> int:
@@ -232,8 +304,7 @@ class Store:
         needed, capacity = len(self._slot), self._arrays.count.shape[1] // _PAGE
         if needed <= capacity:
             return
-        larger = 4 * capacity if 8 * capacity < self._usual else self._usual
         old = self._arrays
-        self._arrays = _Arrays.empty(self._streams, max(larger, needed + _SLACK) * _PAGE)
+        self._arrays = _Arrays.empty(self._streams, max(2 * capacity, needed + _SLACK) * _PAGE)
         for one in fields(old):
             getattr(self._arrays, one.name)[..., : capacity * _PAGE] = getattr(old, one.name)

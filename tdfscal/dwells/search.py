@@ -91,8 +91,9 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
     moving = _dilated(moving)
     rests = runs(~moving)
     rate = drift_of_rests(forces.value, *rests, bins.width)
-    time = bins.start - bins.start[0]
-    forces = replace(forces, value=forces.value - rate[:, None] * time)
+    if rate.any():
+        time = bins.start - bins.start[0]
+        forces = replace(forces, value=forces.value - rate[:, None] * time)
     louder = louder_rests(forces, moving)
     disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold, louder)
     ringing: list[Ringing] = []
@@ -160,15 +161,16 @@ def search(
     first, last = first[named], last[named]
     chosen = evenly(len(first), some or len(first))
     first, last = first[chosen], last[chosen]
+    clear = first + _kept_clear(field, first, last, after=True)
+    latest = last - _kept_clear(field, first, last, after=False)
+    rests = np.stack([first, last, clear, latest], axis=1)
     for part in _neighbours(first, last):
         bins = slice(int(first[part][0]), int(last[part][-1]))
+        value = np.concatenate([field.positions.value[:, bins], field.forces.value[:, bins]])
         time = field.bins.start[bins] - field.bins.start[bins.start]
-        forces = field.forces.value[:, bins] - (rate - field.rate)[:, None] * time
-        value = np.concatenate([field.positions.value[:, bins], forces])
+        value[axes:] -= (rate - field.rate)[:, None] * time
         stretch = Stretch.of(bins.start, value, field.noise, axes, long_run, field.bins.width)
-        clear = first[part] + _kept_clear(field, first[part], last[part], after=True)
-        latest = last[part] - _kept_clear(field, first[part], last[part], after=False)
-        for begin, end, *inner in np.stack([first[part], last[part], clear, latest], 1).tolist():
+        for begin, end, *inner in rests[part].tolist():
             here = stretch.louder(np.concatenate([still, field.louder.at(begin)]))
             kept, out = _within_rest(field, here, begin, end, inner, rough)
             extents += kept

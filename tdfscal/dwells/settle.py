@@ -194,12 +194,17 @@ def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
     middle = (begin + end) // 2
     lengths = _LENGTHS[: max(((end - begin) // 4).bit_length(), 1)]
     many = len(lengths)
-    head = stretch.mean(begin, begin + lengths) - stretch.mean(middle, end)
-    tail = stretch.mean(end - lengths, end) - stretch.mean(begin, middle)
-    halves = (end - middle, middle - begin)
-    variance = stretch.noise.of_mean(np.concatenate([lengths, halves])) ** 2
+    at = np.concatenate([begin + lengths, end - lengths, (begin, middle, end)]) - stretch.start
+    total = stretch.total[at]
+    windows, (first, half, last) = total[: 2 * many].reshape(2, many, -1), total[2 * many :]
+    windows[0] -= first
+    np.subtract(last, windows[1], out=windows[1])
+    windows /= lengths[:, None]
+    halves = np.stack([(last - half) / (end - middle), (half - first) / (middle - begin)])
+    sizes = np.concatenate([lengths, (end - middle, middle - begin)])
+    variance = stretch.noise.of_mean(sizes) ** 2
     of_window, of_half = variance[:many], variance[many:, None]
-    misfit = stretch.misfit(np.stack([head, tail]), of_window + of_half, _P_MISFIT)
+    misfit = stretch.misfit(windows - halves[:, None], of_window + of_half, _P_MISFIT)
     first = np.where(misfit.any(axis=1), lengths[misfit.argmax(axis=1)], 0)
     return int(first[0]), int(first[1])
 

@@ -87,21 +87,42 @@ def _rational_spectrum(covariance: FloatArray, frequency: FloatArray) -> FloatAr
     return np.asarray(np.maximum(spectrum, 1e-3 * zero))
 
 
-def density(usable: Sequence[Spectrum], stream: int, pooled: FloatArray) -> FloatArray:
+@dataclass(frozen=True, slots=True)
+class Ordinates:
+    """Spectra of several runs together, in the order of frequency.
+
+    frequency : (F,). amplitude : (S, 3, F). covariance : (3, S, 3), weighted by the runs' lengths.
+    length : mean of those, bins.
+    """
+
+    frequency: FloatArray
+    amplitude: FloatArray
+    covariance: FloatArray
+    length: float
+
+
+def together(spectra: Sequence[Spectrum]) -> Ordinates | None:
+    """None where there is too little to see a density in."""
+    if sum(len(one.frequency) for one in spectra) < _SHORTEST_RUN:
+        return None
+    frequency = np.concatenate([one.frequency for one in spectra])
+    order = np.argsort(frequency, kind="stable")
+    amplitude = np.concatenate([one.amplitude for one in spectra], axis=2)[..., order]
+    length = np.array([one.length for one in spectra])
+    covariance = np.average([one.covariance for one in spectra], axis=0, weights=length)
+    return Ordinates(frequency[order], amplitude, covariance, float(length.mean()))
+
+
+def density(found: Ordinates | None, stream: int, pooled: FloatArray) -> FloatArray:
     """(3, 3), spectral density of a stream at frequency zero per sample.
 
-    usable : spectra of dwells with common scatter. pooled : (3,), their sample variance, which
-    stands in where there is too little.
+    found : of dwells with common scatter. pooled : (3,), their sample variance, which stands in
+    where there is too little.
     """
-    if sum(len(one.frequency) for one in usable) < _SHORTEST_RUN:
+    if found is None:
         return np.diag(pooled)
-    frequency = np.concatenate([one.frequency for one in usable])
-    order = np.argsort(frequency, kind="stable")
-    frequency = frequency[order]
-    amplitude = np.concatenate([one.amplitude[stream] for one in usable], axis=1)[:, order]
-    length = np.array([one.length for one in usable])
-    lags = np.array([one.covariance[:, stream] for one in usable])
-    covariance = _autocovariance(np.average(lags, axis=0, weights=length), float(length.mean()))
+    frequency, amplitude = found.frequency, found.amplitude[stream]
+    covariance = _autocovariance(found.covariance[:, stream], found.length)
     level, width = np.zeros(3), np.zeros(3, dtype=np.int64)
     shape = _rational_spectrum(covariance, np.concatenate([[0.0], frequency]))
     shape = np.divide(shape[1:], shape[0], out=np.ones_like(shape[1:]), where=shape[0] > 0)

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.changes import runs
-from tdfscal.dwells.spectrum import Spectrum, density, spectrum
+from tdfscal.dwells.spectrum import Ordinates, Spectrum, density, spectrum, together
 from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
@@ -88,14 +88,18 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
     zero = np.zeros((*shape, 3))
     pooled = np.zeros(shape)
     spectra = _spectra(bins, extents)
+    ordinates: dict[tuple[int, ...], Ordinates | None] = {}
     for stream in range(shape[1] if extents else 0):
         scatter, count = own.scatter[:, stream], own.count[:, stream]
         ratio[:, stream] = _excess_scatter(scatter, count)
         level = _pooled(scatter, count)
         pooled[:, stream] = level * ratio[:, stream]
-        usable = [one for k, one in spectra if (ratio[k, stream] == 1.0).all()]
+        alike = (ratio[:, stream] == 1.0).all(axis=1)
+        usable = tuple(i for i, (k, _) in enumerate(spectra) if alike[k])
+        if usable not in ordinates:  # one for all streams, as a rule
+            ordinates[usable] = together([spectra[i][1] for i in usable])
         root = np.sqrt(ratio[:, stream])
-        common = density(usable, stream, level)
+        common = density(ordinates[usable], stream, level)
         zero[:, stream] = common * root[:, :, None] * root[:, None, :]
     n = np.maximum(own.count, 1)
     # All dwells together: one dwell that sits amid a step shows no scatter, whatever the noise.

@@ -96,11 +96,11 @@ def _writer(path: Path, beside: Path, schema: Any) -> Any:
 def _table(piece: WrenchPiece, schema: Any) -> Any:
     import pyarrow as pa
 
+    from tdfscal.files.arrow import as_arrow
+
     w = piece.wrench
     values = [piece.time, *w.value.T, *w.std.T, *w.raw.T]
-    return pa.table(
-        [pa.array(np.ascontiguousarray(v), mask=_unknown(v)) for v in values], schema=schema
-    )
+    return pa.table([as_arrow(v, _unknown(v)) for v in values], schema=schema)
 
 
 def _unknown(values: np.ndarray[Any, np.dtype[np.float64]]) -> Any:

@@ -65,10 +65,12 @@ def write_parquet(path: Path, log: Log) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    from tdfscal.files.arrow import as_arrow
+
     members = (*AXES, *(f"f{a}" for a in AXES))
     names = [f"{support}.{member}" for support in log.supports for member in members]
     columns = [_clock(log), *_signals(log).T]
-    table = pa.table(dict(zip(["time", *names], map(pa.array, columns), strict=True)))
+    table = pa.table(dict(zip(["time", *names], map(as_arrow, columns), strict=True)))
     pq.write_table(table, path, compression="zstd", write_page_checksum=True)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.files.loginfo.contents import SAMPLES, Contents, Stream, table_contents
 from tdfscal.files.logs.faults import damage
 from tdfscal.files.logs.parquet import open_parquet
@@ -72,7 +73,7 @@ def _sampled(
             first = first or [table.slice(0, 4096)]
             count = min(-(-SAMPLES * len(table) // min(_BATCH, footer.rows)), len(table))
             rows = np.linspace(0, len(table) - 1, count).astype(np.int64)
-            thinned.append(table.take(pa.array(np.unique(rows))))
+            thinned.append(table.take(as_arrow(np.unique(rows))))
     if not thinned:
         return pa.table({}), pa.table({})
     return first[0], pa.concat_tables(thinned)
@@ -94,8 +95,8 @@ def _numbers(column: Any) -> FloatArray | None:
     """A column as float64 seconds or numbers; None where it holds neither."""
     kind = column.type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-        ticks = np.asarray(column.cast(pa.int64()).to_numpy(), dtype=np.float64)
-        return ticks / {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
+        ticks = column.cast(pa.int64()).cast(pa.float64(), safe=False)
+        return as_numpy(ticks) / {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
     if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind):
-        return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+        return as_numpy(column.cast(pa.float64(), safe=False))
     return None

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
+from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.files.loginfo.contents import SAMPLES, Contents, Stream, table_contents
 from tdfscal.files.logs import units
 from tdfscal.files.logs.faults import damage
@@ -141,5 +142,5 @@ def _is_numeric(kind: pa.DataType) -> bool:
 def _numbers(part: pa.Table, k: int, *, thin: bool) -> FloatArray:
     column = part.column(k)
     if thin and len(column) > SAMPLES:
-        column = column.take(pa.array(np.linspace(0, len(column) - 1, SAMPLES).astype(np.int64)))
-    return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
+        column = column.take(as_arrow(np.linspace(0, len(column) - 1, SAMPLES).astype(np.int64)))
+    return as_numpy(column.cast(pa.float64()))

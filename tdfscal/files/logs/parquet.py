@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
+from tdfscal.files.arrow import as_numpy
 from tdfscal.files.logs import units
 from tdfscal.files.logs.faults import damage, one_line
 from tdfscal.files.logs.parquet_footer import MAX_FOOTER, MAX_LIST, Footer, read_footer
@@ -187,12 +188,12 @@ def _piece(
     table: pa.Table, columns: _Columns, request: Request, first_row: int, where: str
 ) -> Piece:
     value: dict[int, FloatArray] = {}
+    vectors = np.empty((len(request.signals), 3, table.num_rows))
     for number, signal in enumerate(request.signals):
-        vector = np.empty((3, table.num_rows))
         for axis, name in enumerate(columns.components[number]):
             column = _numbers(table.column(name), name, first_row, where)
-            np.multiply(column, signal.factor, out=vector[axis])
-        value[number] = vector.T
+            np.multiply(column, signal.factor, out=vectors[number, axis])
+        value[number] = vectors[number].T
     if columns.time is None:
         time = np.arange(first_row, first_row + table.num_rows, dtype=np.float64)
         return (Block("row", time, value),)
@@ -224,8 +225,7 @@ def _numbers(column: Any, name: str, first_row: int, where: str) -> FloatArray:
             hint="a log has no holes; rows count from 0",
         )  # fmt: skip
     numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
-    whole = numbers.chunk(0) if numbers.num_chunks == 1 else numbers.combine_chunks()
-    values: FloatArray = np.asarray(whole.to_numpy(zero_copy_only=False), dtype=np.float64)
+    values = as_numpy(numbers)
     if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
         k = int(np.argmin(np.isfinite(values)))
         raise DataError(

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
 from tdfscal.errors import DataError
 from tdfscal.files.logs.parquet_footer import Part
@@ -60,7 +61,7 @@ def check_pages(path: Path, parts: Sequence[Part]) -> bool:
     """
     checked = True
     together = 0
-    with path.open("rb") as file:
+    with path.open("rb", buffering=0) as file:
         for part in parts:
             largest: dict[bool, int] = {}
             values = 0
@@ -103,7 +104,7 @@ def _check(page: _Page, part: Part) -> None:
         raise ValueError(f"a page of column {part.leaf.path} states sizes that do not add up")
 
 
-def _pages(file: BinaryIO, part: Part) -> Iterator[_Page]:
+def _pages(file: FileIO, part: Part) -> Iterator[_Page]:
     """Go from page to page; a header that statistics make long is read again with more bytes."""
     position = part.begin
     while position < part.end:

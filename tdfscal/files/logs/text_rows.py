@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
+from tdfscal.files.arrow import as_numpy
 from tdfscal.files.logs.text_header import Header, split_cells
 from tdfscal.records import FloatArray
 
@@ -80,12 +81,14 @@ class RowParser:
             return None
         value = np.empty((table.num_columns, table.num_rows))
         for column, values in zip(table.columns, value, strict=True):
+            if column.null_count:
+                return None
             begin = 0
             for chunk in column.chunks:
-                values[begin : begin + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
+                values[begin : begin + len(chunk)] = as_numpy(chunk)
                 begin += len(chunk)
             # The sum is finite where all are, but for magnitudes that no log has.
-            if column.null_count or not np.isfinite(values.sum()):
+            if not np.isfinite(values.sum()):
                 return None
         return Rows(value, whole)
 

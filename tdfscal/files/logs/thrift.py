@@ -32,9 +32,12 @@ class Cursor:
     def fields(self) -> Iterator[tuple[int, int]]:
         """Yield number and type of each field of the struct here; read or skip its value then."""
         field = 0
-        while head := self.byte():
+        data = self._data
+        while head := data[self.position]:
+            self.position += 1
             field = field + (head >> 4) if head >> 4 else self.number()
             yield field, head & 0x0F
+        self.position += 1
 
     def byte(self) -> int:
         """Read one byte."""
@@ -86,10 +89,14 @@ class Cursor:
             raise ValueError(f"type {kind} is not known")
 
     def _varint(self) -> int:
-        value = 0
-        for shift in range(0, 70, 7):
-            byte = self.byte()
+        value = shift = 0
+        position = self.position
+        while shift < 70:
+            byte = self._data[position]
+            position += 1
             value |= (byte & 0x7F) << shift
             if byte < 0x80:
+                self.position = position
                 return value
+            shift += 7
         raise ValueError("a number is too long")
