@@ -125,7 +125,7 @@ def _is_number(cell: str, decimal: str) -> bool:
     return bool(_NUMBER.fullmatch(cell.replace(",", ".") if decimal == "," else cell))
 
 
-def _parsed(block: bytes, width: int, separator: str, decimal: str) -> pa.Table:
+def _parsed(block: bytearray, width: int, separator: str, decimal: str) -> pa.Table:
     names = [str(k) for k in range(width)]
     return pa_csv.read_csv(
         pa.BufferReader(block),

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from contextlib import closing
+from io import BufferedIOBase
 from pathlib import Path
-from typing import BinaryIO, Final, cast
+from typing import Final, cast
 
 import numpy as np
 import pyarrow as pa
@@ -50,7 +51,7 @@ def read_text(
             rows_before, faults = 0, 0
             warnings: list[str] = []
 
-            def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, Rows | None]:
+            def parsed(given: tuple[bytearray, bool]) -> tuple[bytearray, bool, Rows | None]:
                 return (*given, parser.fast(given[0]))
 
             whole_lines = blocks(source, head, newline, header.lines, where)
@@ -79,7 +80,7 @@ def read_text(
     return Outcome("salvaged" if salvage and (faults or warnings) else integrity, tuple(warnings))
 
 
-def open_text(path: Path) -> tuple[BinaryIO, BinaryIO, Integrity]:
+def open_text(path: Path) -> tuple[BufferedIOBase, BufferedIOBase, Integrity]:
     """Open a plain or compressed file by its first bytes, not by its name.
 
     Returns
@@ -90,14 +91,14 @@ def open_text(path: Path) -> tuple[BinaryIO, BinaryIO, Integrity]:
         magic = probe.read(64)
     if magic.startswith(_GZIP):
         raw = path.open("rb")
-        return raw, cast(BinaryIO, pa.input_stream(raw, compression="gzip")), "verified"
+        return raw, cast(BufferedIOBase, pa.input_stream(raw, compression="gzip")), "verified"
     if magic.startswith(_ZSTD):
         try:
             checked = zstandard.get_frame_parameters(magic).has_checksum
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from error
         raw = path.open("rb")
-        stream = cast(BinaryIO, pa.input_stream(raw, compression="zstd"))
+        stream = cast(BufferedIOBase, pa.input_stream(raw, compression="zstd"))
         return raw, stream, "verified" if checked else "unverified"
     raw = path.open("rb")
     return raw, raw, "unverified"
@@ -118,23 +119,28 @@ def decode(head: bytes, where: str) -> str:
 class Source:
     """A stream that may break off where `lost` takes the reason (salvage)."""
 
-    def __init__(self, stream: BinaryIO, lost: list[str] | None) -> None:
+    def __init__(self, stream: BufferedIOBase, lost: list[str] | None) -> None:
         self._stream, self._lost = stream, lost
 
     def read(self, size: int) -> bytes:
         """Read up to `size` bytes; none at the end."""
+        buffer = bytearray(size)
+        return bytes(memoryview(buffer)[: self.readinto(memoryview(buffer))])
+
+    def readinto(self, buffer: memoryview) -> int:
+        """Read up to as many bytes as the buffer has; how many, none at the end."""
         try:
-            return b"" if self._lost else self._stream.read(size)
+            return 0 if self._lost else self._stream.readinto(buffer)
         except (OSError, pa.ArrowException) as error:
             if self._lost is None:
                 raise
             self._lost.append(f"the file is damaged ({one_line(error)}); what follows is lost")
-            return b""
+            return 0
 
 
 def blocks(
     source: Source, head: bytes, newline: bytes, skipped: int, where: str
-) -> Iterator[tuple[bytes, bool]]:
+) -> Iterator[tuple[bytearray, bool]]:
     """Yield blocks of whole lines after the header; False with a last line without an end."""
     start = 0
     for _ in range(skipped):
@@ -143,23 +149,28 @@ def blocks(
             return
         start = found + 1
     rest = head[start:]
-    while data := source.read(_BLOCK):
-        end = data.rfind(newline) + 1
+    while True:
+        block = bytearray(len(rest) + _BLOCK)
+        block[: len(rest)] = rest
+        count = source.readinto(memoryview(block)[len(rest) :])
+        if not count:
+            break
+        del block[len(rest) + count :]
+        end = block.rfind(newline) + 1
+        rest = bytes(memoryview(block)[end:])
         if end:
-            yield b"".join((rest, memoryview(data)[:end])), True
-            rest = data[end:]
-        else:
-            rest += data
-            if len(rest) > 2 * _BLOCK:
-                raise DataError(
-                    f"a line is longer than {2 * _BLOCK >> 20} MiB", where=where,
-                    hint="this is not a table of numbers",
-                )  # fmt: skip
+            del block[end:]
+            yield block, True
+        elif len(rest) > 2 * _BLOCK:
+            raise DataError(
+                f"a line is longer than {2 * _BLOCK >> 20} MiB", where=where,
+                hint="this is not a table of numbers",
+            )  # fmt: skip
     end = rest.rfind(newline) + 1
     if end:
-        yield rest[:end], True
+        yield bytearray(rest[:end]), True
     if rest[end:].strip():
-        yield rest[end:], False
+        yield bytearray(rest[end:]), False
 
 
 def _piece(rows: Rows, header: Header, request: Request, rows_before: int) -> Piece:
