@@ -101,8 +101,7 @@ def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparis
     covariance = first.covariance + second.covariance
     chi2 = float(d.reshape(-1) @ np.linalg.solve(covariance, d.reshape(-1)))
     p_value = float(chi2_sf(chi2, 3 * n))
-    difference = so3.to_rpy(first.rotation) - so3.to_rpy(second.rotation)
-    rpy = np.pi - (np.pi - difference) % (2 * np.pi)
+    rpy = so3.wrapped(so3.to_rpy(first.rotation) - so3.to_rpy(second.rotation))
     std = np.hypot(rpy_std(first), rpy_std(second))
     en = np.abs(rpy) / (K * std)
     verified = bool(np.all(en <= 1)) and p_value >= VERIFIED_P
@@ -137,10 +136,7 @@ def in_order_of(model: Rotations, other: Rotations) -> Rotations:
 
 def rpy_std(rotations: Rotations) -> FloatArray:
     """Standard uncertainty (n, 3), rad, of roll, pitch, yaw."""
-    n = len(rotations.supports)
-    J = so3.rpy_jacobian(rotations.rotation)
-    blocks = rotations.covariance.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
-    return np.asarray(np.sqrt(np.einsum("nij,njk,nik->ni", J, blocks, J)))
+    return np.asarray(np.sqrt(so3.rpy_variance(rotations.rotation, rotations.covariance)))
 
 
 def _require_covariance(name: str, rotations: Rotations) -> None:

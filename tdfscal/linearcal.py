@@ -52,9 +52,7 @@ def evaluate_linear(fit: Fit, rng: np.random.Generator, trials: int) -> Uncertai
         ]
     ).reshape(trials, -1)
     covariance = np.cov(turns, rowvar=False)
-    jac = so3.rpy_jacobian(base)
-    blocks = [covariance[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(rig.n)]
-    rpy_covariance = jac @ np.stack(blocks) @ _T(jac)
+    rpy_covariance = so3.rpy_covariance(base, covariance)
     std = prior_std(rig)
     std[: 3 * rig.n] = 0.0
     return Uncertainty(

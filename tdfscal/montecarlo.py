@@ -136,4 +136,4 @@ def _angles(
 ) -> FloatArray:
     """Deviations (trials, n, 3) of roll, pitch, yaw from the estimate, in (−π, π]."""
     solved, _ = sampler.solve(*sampler.perturb(rng, trials))
-    return np.asarray((so3.to_rpy(solved.rotation) - estimate + np.pi) % (2 * np.pi) - np.pi)
+    return so3.wrapped(so3.to_rpy(solved.rotation) - estimate)

@@ -14,7 +14,7 @@ import numpy as np
 
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import Solution, gauss_newton
+from tdfscal.numerics.least_squares import STEPS, Solution, gauss_newton
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.starts import linear_start
 from tdfscal.statics import (
@@ -35,8 +35,8 @@ from tdfscal.statics import (
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
 _SETTLED = 1e-6
 _PASSES = 40
-#: Iterations on one statistic; and for a look at a start, which settles in ten if it is good.
-_STEPS, _LOOK = 60, 15
+#: Iterations for a look at a start, which settles in ten if it is good.
+_LOOK = 15
 #: Residuals per posture.
 ROWS = 6
 #: Scale of the median residual up to which a start is good, and above which it is lost.
@@ -110,7 +110,7 @@ class Priors:
         if not len(self.angled):
             return residual, self.rows
         # A prior on roll, pitch, yaw about the nominal mounting.
-        turn = (so3.to_rpy(state.rotation) - self.rpy + np.pi) % (2 * np.pi) - np.pi
+        turn = so3.wrapped(so3.to_rpy(state.rotation) - self.rpy)
         jac = np.zeros((3 * state.n, self.rows.shape[1]))
         for i, block in enumerate(so3.rpy_jacobian(state.rotation)):
             jac[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
@@ -139,7 +139,7 @@ def solve_statistic(
     start: State,
     priors: Priors,
     *,
-    iterations: int = _STEPS,
+    iterations: int = STEPS,
 ) -> Solution[State]:
     """Gauss–Newton on the compressed postures and the priors."""
     size, active = layout(rig.n)["tilt"].stop, priors.active

@@ -116,27 +116,18 @@ def evaluate(
     covariance = _corrected(linear, faked_information(fit), _blind_turns(parts, turns))
     # What noise fakes belongs to the noise.
     shares["noise"] = shares["noise"] + (covariance - linear)
-    jac = so3.rpy_jacobian(fit.state.rotation)
-    contributions = {
-        name: np.diagonal(_blocks(jac, share), axis1=1, axis2=2) for name, share in shares.items()
-    }
-    rpy_covariance = _blocks(jac, covariance)
+    R = fit.state.rotation
+    contributions = {name: so3.rpy_variance(R, share) for name, share in shares.items()}
     scaled = birge > 1 or noise_from_residuals
     dof = _effective_dof(fit, parts, contributions, scaled)
     return Uncertainty(
         covariance=covariance,
-        rpy_covariance=rpy_covariance,
+        rpy_covariance=so3.rpy_covariance(R, covariance),
         contributions=contributions,
         parameter_std=_parameter_std(fit, posterior, parts.null),
         effective_dof=dof,
         coverage_factor=coverage_factor(COVERAGE, dof),
     )
-
-
-def _blocks(jac: FloatArray, covariance: FloatArray) -> FloatArray:
-    """J C_ii Jᵀ (n, 3, 3)."""
-    blocks = [covariance[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(len(jac))]
-    return np.asarray(jac @ np.stack(blocks) @ np.swapaxes(jac, 1, 2))
 
 
 def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:

@@ -322,16 +322,14 @@ def _joint_budget(
     both: Joint, own: SelfCalibration, tracker: TrackerCalibration
 ) -> dict[str, FloatArray]:
     """Each method's share: C C_a⁻¹ C, whose sum is C."""
-    C, jac = both.rotations.covariance, so3.rpy_jacobian(both.rotations.rotation)
-    shares = {}
-    for name, cov in (
-        ("self-calibration", own.uncertainty.covariance),
-        ("tracker", tracker.rotations.covariance),
-    ):
-        part = C @ np.linalg.solve(cov, C)
-        blocks = np.stack([part[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(len(jac))])
-        shares[name] = np.diagonal(jac @ blocks @ np.swapaxes(jac, 1, 2), axis1=1, axis2=2)
-    return shares
+    R, C = both.rotations.rotation, both.rotations.covariance
+    return {
+        name: so3.rpy_variance(R, C @ np.linalg.solve(cov, C))
+        for name, cov in (
+            ("self-calibration", own.uncertainty.covariance),
+            ("tracker", tracker.rotations.covariance),
+        )
+    }
 
 
 def _trials(

@@ -15,6 +15,8 @@ S = TypeVar("S")
 #: A step is converged when it changes the whitened residual by less than this many standard
 #: deviations, a millionth of any parameter's own uncertainty; the step after it would be far less.
 TOLERANCE = 1e-6
+#: Steps at most.
+STEPS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ def gauss_newton(
     retract: Callable[[S, FloatArray], S],
     start: S,
     *,
-    iterations: int = 60,
+    iterations: int = STEPS,
 ) -> Solution[S]:
     """Minimise |residual(state)|², where model returns the whitened residual and its Jacobian.
 

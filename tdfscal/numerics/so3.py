@@ -113,6 +113,27 @@ def rpy_jacobian(R: npt.ArrayLike) -> FloatArray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def rpy_covariance(R: npt.ArrayLike, covariance: FloatArray) -> FloatArray:
+    """Covariance (n, 3, 3), rad², of roll, pitch, yaw of each of R (n, 3, 3).
+
+    covariance : (3n, 3n), rad², of the left perturbations δ of all of them.
+    """
+    J = rpy_jacobian(R)
+    own = np.arange(len(J))
+    blocks = covariance.reshape(len(J), 3, len(J), 3)[own, :, own]
+    return np.asarray(J @ blocks @ np.swapaxes(J, 1, 2))
+
+
+def rpy_variance(R: npt.ArrayLike, covariance: FloatArray) -> FloatArray:
+    """Variance (n, 3), rad², of roll, pitch, yaw; see `rpy_covariance`."""
+    return np.asarray(np.diagonal(rpy_covariance(R, covariance), axis1=1, axis2=2))
+
+
+def wrapped(angle: npt.ArrayLike) -> FloatArray:
+    """Angles (...) in rad, less whole turns: in [−π, π)."""
+    return np.asarray((np.asarray(angle, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi)
+
+
 def to_quaternion(R: npt.ArrayLike) -> FloatArray:
     """Unit quaternion (..., 4) as x, y, z, w with w ≥ 0 of R (..., 3, 3)."""
     R = np.asarray(R, dtype=np.float64)

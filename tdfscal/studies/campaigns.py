@@ -115,7 +115,7 @@ def run_block(task: Task) -> dict[str, Errors]:
 
 def _errors(estimate: FloatArray, truth: FloatArray) -> FloatArray:
     """Angles of rotations (..., n, 3, 3) less the true ones (..., n, 3), in (−π, π]."""
-    return np.asarray((so3.to_rpy(estimate) - truth + np.pi) % (2 * np.pi) - np.pi)
+    return so3.wrapped(so3.to_rpy(estimate) - truth)
 
 
 def _self(rig: Rig, campaigns: list[Dwells], truth: Truth) -> Errors:

@@ -45,16 +45,14 @@ def stake(
     """
     n = rig.n
     angles = so3.to_rpy(rotation)
-    turned = so3.rpy_jacobian(rotation)
-    blocks = np.stack([covariance[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(n)])
-    std = np.sqrt(np.diagonal(turned @ blocks @ np.swapaxes(turned, 1, 2), axis1=1, axis2=2))
+    std = np.sqrt(so3.rpy_variance(rotation, covariance))
     single = np.broadcast_to(angles, (n, 3, n, 3)).copy()
     for i in range(n):
         single[i, :, i] += np.diag(std[i])
     values, vectors = np.linalg.eigh(covariance)
     steps = (vectors * np.sqrt(np.maximum(values, 0.0))).T.reshape(3 * n, n, 3)
     R = so3.from_rpy(np.asarray(rpy, dtype=np.float64))
-    off = (angles - rig.nominal_rpy + np.pi) % (2 * np.pi) - np.pi
+    off = so3.wrapped(angles - rig.nominal_rpy)
     alone = rms_error(rig, R, so3.from_rpy(single), rotation, internal)
     together = rms_error(rig, R, so3.exp(steps) @ rotation, rotation, internal)
     return Stake(

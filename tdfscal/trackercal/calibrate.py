@@ -109,9 +109,8 @@ def calibrate_tracker(
     if misalignment > 0:
         shares["misalignment"] = misalignment**2 * np.eye(3 * rig.n)
     covariance = np.sum(list(shares.values()), axis=0)
-    J = so3.rpy_jacobian(X)
-    budget = {name: _variance(J, share) for name, share in shares.items()}
-    rpy, rpy_std = so3.to_rpy(X), np.sqrt(_variance(J, covariance))
+    budget = {name: so3.rpy_variance(X, share) for name, share in shares.items()}
+    rpy, rpy_std = so3.to_rpy(X), np.sqrt(so3.rpy_variance(X, covariance))
     low, high = linear_interval(rpy, rpy_std)
     monte_carlo = None
     if trials > 0:
@@ -123,7 +122,7 @@ def calibrate_tracker(
             session.instrument,
             misalignment,
             (moves.fit.gain[:3], [t.fit.gain[:3] for t in targets]),
-            np.sqrt(_variance(J, linear)),
+            np.sqrt(so3.rpy_variance(X, linear)),
             trials=trials,
             rng=np.random.default_rng(0) if rng is None else rng,
         )
@@ -238,10 +237,3 @@ def _shares(moves: SurveyFit, targets: list[SurveyFit], inflation: float) -> dic
             share = np.einsum("pnj,njk,qnk->pq", gain, cov, gain) * inflation
             shares[name] = shares.get(name, np.zeros((3 * n, 3 * n))) + share
     return shares
-
-
-def _variance(J: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Variance (n, 3) of roll, pitch, yaw from a covariance (3n, 3n) of left perturbations."""
-    n = len(J)
-    blocks = covariance.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
-    return np.asarray(np.einsum("nij,njk,nik->ni", J, blocks, J))

@@ -68,7 +68,7 @@ def simulate_inputs(
         R_s = np.stack([R for R, _ in draws], axis=1)
         tilt = misalignment * rng.standard_normal((count, len(targets), 3))
         X = so3.exp(tilt) @ np.swapaxes(R_b, -1, -2)[:, None] @ R_s
-        angles.append(_wrap(so3.to_rpy(X) - reference))
+        angles.append(so3.wrapped(so3.to_rpy(X) - reference))
         d = np.stack([s for _, s in draws], axis=1) - b[:, None] + tilt @ moves.fit.rotation.T
         linear.append(np.einsum("nij,tnj->tni", to_rpy, d))
     drawn, same_draws = np.concatenate(angles), np.concatenate(linear)
@@ -120,7 +120,3 @@ def _draw(
     rotation = align(seen, known, C, D, survey.group, start=start).rotation
     error = seen - y - (known - x) @ fit.rotation.T
     return rotation, np.einsum("pnj,tnj->tp", gain, error)
-
-
-def _wrap(angle: FloatArray) -> FloatArray:
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -72,6 +72,26 @@ def test_rpy_jacobian_by_complex_step() -> None:
             assert np.allclose(jac[:, j], [roll, pitch, yaw], rtol=1e-12, atol=1e-13)
 
 
+def test_covariance_of_angles_by_differences() -> None:
+    rng = np.random.default_rng(5)
+    R = so3.from_rpy(rng.uniform(-1.2, 1.2, (3, 3)))
+    root = rng.normal(size=(9, 9))
+    h = 1e-6
+    step = h * root.T.reshape(9, 3, 3)  # one column of the root turns all three
+    turned = so3.to_rpy(so3.exp(step) @ R) - so3.to_rpy(so3.exp(-step) @ R)
+    turned /= 2 * h
+    expected = np.einsum("pni,pnj->nij", turned, turned)
+    assert np.allclose(so3.rpy_covariance(R, root @ root.T), expected, rtol=1e-7, atol=1e-8)
+    variance = so3.rpy_variance(R, root @ root.T)
+    assert np.allclose(variance, np.diagonal(expected, axis1=1, axis2=2), rtol=1e-7)
+
+
+def test_wrapped_angles() -> None:
+    turns = 2 * np.pi * np.arange(-3, 4)
+    for angle in (-3.1, -0.2, 0.0, 1.5, 3.1):
+        assert np.allclose(so3.wrapped(angle + turns), angle, rtol=0, atol=4e-15)
+
+
 def test_project_returns_the_nearest_rotation_never_a_mirror() -> None:
     M = RNG.normal(size=(200, 3, 3))
     R = so3.project(M)

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdfscal.files.calibration import Calibration
+from tdfscal.numerics import so3
 from tdfscal.observability import ANGLES
 from tdfscal.reporting.figures.style import BLUE, GREY, INK, Drawing, figure, signed
 
@@ -27,7 +28,7 @@ def draw(c: Calibration) -> Drawing:
 
 def _paint(c: Calibration) -> Figure:
     nominal = np.array([support.nominal_rpy for support in c.rig.supports])
-    turn = 1e3 * ((c.rpy - nominal + np.pi) % (2 * np.pi) - np.pi).ravel()
+    turn = 1e3 * so3.wrapped(c.rpy - nominal).ravel()
     low = 1e3 * np.array([s.rpy_interval.low for s in c.supports]).ravel()
     high = 1e3 * np.array([s.rpy_interval.high for s in c.supports]).ravel()
     value = 1e3 * c.rpy.ravel()

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdfscal.files.calibration import Calibration
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.observability import ANGLES
 from tdfscal.reporting.figures.style import BLUE, GREY, INK, ORANGE, Drawing, figure, legend_above
@@ -37,7 +38,7 @@ def _paint(c: Calibration) -> Figure:
     ax = fig.subplots()
     for alone in c.methods or ():
         marker, colour, shift = _LOOK[alone.method]
-        off = (np.array(alone.rpy) - c.rpy + np.pi) % (2 * np.pi) - np.pi
+        off = so3.wrapped(np.array(alone.rpy) - c.rpy)
         ax.errorbar(
             1e3 * off.ravel(),
             base + shift,
