@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from tdfscal.cli.app import emit
-from tdfscal.cli.places import check_calibration
 from tdfscal.errors import DataError
 from tdfscal.files.inuse import InUse, take
 from tdfscal.files.logs import iter_log
+from tdfscal.files.places import check_calibration
 from tdfscal.files.wrench_writer import check_wrench_path, write_wrenches
 from tdfscal.filtering import Kind, Walk, checked_walk, filtered
 from tdfscal.records import FloatArray, Log

@@ -6,12 +6,12 @@ import sys
 from pathlib import Path
 
 from tdfscal.cli.app import command_line
-from tdfscal.cli.places import check_place
 from tdfscal.cli.progress import reading_bar, stages
 from tdfscal.cli.reporting import page_of
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import dump_calibration, save_calibration
 from tdfscal.files.campaign import find_logs
+from tdfscal.files.places import check_place
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.terminal import show
 from tdfscal.reporting.text import render

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,13 +12,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tdfscal.cli.app import emit
-from tdfscal.cli.places import check_folder
-from tdfscal.cli.rigs import calibrations_named, rig_named
-from tdfscal.cli.studying import survey_of, triple
+from tdfscal.cli.progress import speaker
+from tdfscal.cli.rigs import calibrations_named, rig_named, survey_of
+from tdfscal.cli.studying import triple
 from tdfscal.errors import UsageError
 from tdfscal.files.campaign_writer import LogFormat
 from tdfscal.files.control_logs import write_control_logs
 from tdfscal.files.inuse import calibrated
+from tdfscal.files.places import check_folder
 from tdfscal.files.rig import LoadedRig
 from tdfscal.files.rows_writer import save_rows
 from tdfscal.files.saving import make_folder
@@ -147,7 +147,7 @@ def _arms(
     """Calibrations and machines, the seed of the study itself, and how to speak of it."""
     arm_seed, study_seed = np.random.SeedSequence(choices.seed).spawn(2)
     rng, runs, rig = np.random.default_rng(arm_seed), choices.runs, loaded.rig
-    say = _speaker(choices.quiet)
+    say = speaker(quiet=choices.quiet)
     if not choices.calibrations:
         mounting = MOUNTING
         if choices.mounting is not None:
@@ -172,17 +172,6 @@ def _arms(
 
 def _drifted(arms: Arms, drift: float, rng: np.random.Generator) -> Arms:
     return drifted(arms, drift, rng) if drift else arms
-
-
-def _speaker(quiet: bool) -> Callable[[str], None]:
-    started = time.monotonic()
-
-    def say(text: str) -> None:
-        if not quiet:
-            passed = time.monotonic() - started
-            print(f"[{passed:5.1f} s] {text}", file=sys.stderr, flush=True)
-
-    return say
 
 
 def _write(

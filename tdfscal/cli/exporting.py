@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 from tdfscal.cli.app import emit
-from tdfscal.cli.places import check_place
 from tdfscal.cli.reporting import load
 from tdfscal.errors import UsageError
 from tdfscal.export import FORMATS, certificate
+from tdfscal.files.places import check_place
 from tdfscal.files.saving import write_text
 
 

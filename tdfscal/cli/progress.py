@@ -9,15 +9,21 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
-def stages(*, quiet: bool) -> Callable[[str], None]:
-    """Return what says each stage of a work with the seconds since its start."""
+def speaker(*, quiet: bool) -> Callable[[str], None]:
+    """Return what says a line of progress, headed by the seconds since now."""
     started = time.monotonic()
 
-    def say(stage: str) -> None:
+    def say(text: str) -> None:
         if not quiet:
-            print(f"[{time.monotonic() - started:5.1f} s] {stage} …", file=sys.stderr, flush=True)
+            print(f"[{time.monotonic() - started:5.1f} s] {text}", file=sys.stderr, flush=True)
 
     return say
+
+
+def stages(*, quiet: bool) -> Callable[[str], None]:
+    """Return what says that a stage of a work begins."""
+    say = speaker(quiet=quiet)
+    return lambda stage: say(f"{stage} …")
 
 
 @contextmanager

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tdfscal.cli.app import emit
-from tdfscal.cli.places import check_calibration, check_place
 from tdfscal.cli.progress import stages
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import Calibration, load_calibration, parse_calibration
+from tdfscal.files.places import check_calibration, check_place
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.terminal import show
 

@@ -1,16 +1,18 @@
-"""Which rig a RIG argument names, and which calibrations of it."""
+"""Which rig a RIG argument names, which survey it declares, and which calibrations there are."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from tdfscal.agreement import require_agreement
-from tdfscal.cli.places import check_calibration
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration import Calibration, load_calibration
 from tdfscal.files.campaign import RIG_NAME
+from tdfscal.files.places import check_calibration
 from tdfscal.files.rig import LoadedRig, load_rig
+from tdfscal.simulation import SurveyOptions
 
 
 def rig_named(path: Path) -> LoadedRig:
@@ -39,3 +41,17 @@ def calibrations_named(
         name = path.stem
         named[f"{name}-{len(named) + 1}" if name in (*named, *taken) else name] = loaded
     return named
+
+
+def survey_of(loaded: LoadedRig, distance: float = 5.0) -> SurveyOptions:
+    """Take the survey that the rig file declares, or the paper's."""
+    if not 0.0 < distance < math.inf:
+        raise UsageError(f"the tracker stands {distance:g} m away", hint="give metres above zero")
+    if (files := loaded.tracker) is None:
+        return SurveyOptions(distance=distance)
+    return SurveyOptions(
+        instrument=files.instrument,
+        distance=distance,
+        drawing=files.drawing,
+        body_misalignment=files.misalignment,
+    )

@@ -6,9 +6,10 @@ from pathlib import Path
 
 from tdfscal.cli.app import emit
 from tdfscal.cli.progress import stages
+from tdfscal.cli.rigs import survey_of
 from tdfscal.files.campaign_writer import LogFormat, simulate_to_folder
-from tdfscal.files.rig import LoadedRig, load_rig
-from tdfscal.simulation import Recorder, SurveyOptions
+from tdfscal.files.rig import load_rig
+from tdfscal.simulation import Recorder
 
 
 def run(
@@ -33,7 +34,7 @@ def run(
         folder,
         loaded.rig if loaded else None,
         scenario,
-        survey=_survey(loaded),
+        survey=survey_of(loaded) if loaded else None,
         recorder=Recorder(force_rate=rate, position_rate=rate),
         format=format,
         postures=postures,
@@ -54,14 +55,3 @@ def run(
         )
     else:
         print(f"wrote {folder}: now run  tdfscal calibrate {folder}")
-
-
-def _survey(loaded: LoadedRig | None) -> SurveyOptions | None:
-    """Return the tracker session that the rig file declares."""
-    if loaded is None or (files := loaded.tracker) is None:
-        return None
-    return SurveyOptions(
-        instrument=files.instrument,
-        drawing=files.drawing,
-        body_misalignment=files.misalignment,
-    )

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from tdfscal.cli.app import emit
-from tdfscal.cli.places import check_folder
-from tdfscal.cli.rigs import calibrations_named, rig_named
+from tdfscal.cli.progress import speaker
+from tdfscal.cli.rigs import calibrations_named, rig_named, survey_of
 from tdfscal.errors import UsageError
-from tdfscal.files.rig import LoadedRig
+from tdfscal.files.places import check_folder
 from tdfscal.files.rows_writer import save_rows
 from tdfscal.files.saving import make_folder
 from tdfscal.records import FloatArray
 from tdfscal.reporting import stakes, studies
-from tdfscal.simulation import Options, SurveyOptions
+from tdfscal.simulation import Options
 from tdfscal.studies.accuracy import Setup, accuracy
 from tdfscal.studies.sensitivity import Sweep, sensitivity
 from tdfscal.studies.stakes import stake
@@ -113,14 +112,12 @@ def run_accuracy(
         seed=seed,
     )
     check_folder(folder)
-    started = time.monotonic()
-
-    def progress(done: int) -> None:
-        if not quiet:
-            passed = time.monotonic() - started
-            print(f"[{passed:5.1f} s] {done} of {runs} campaigns", file=sys.stderr, flush=True)
-
-    study = accuracy(setup, workers=workers or os.cpu_count() or 1, progress=progress)
+    say = speaker(quiet=quiet)
+    study = accuracy(
+        setup,
+        workers=workers or os.cpu_count() or 1,
+        progress=lambda done: say(f"{done} of {runs} campaigns"),
+    )
     make_folder(folder)
     tables = {
         "accuracy.csv": studies.accuracy_rows(study),
@@ -140,20 +137,6 @@ def run_accuracy(
     for line in stakes.stated_text(study, stated):
         print(line)
     print(f"\nwrote {len(files)} files to {folder}")
-
-
-def survey_of(loaded: LoadedRig, distance: float = 5.0) -> SurveyOptions:
-    """Take the survey that the rig file declares, or the paper's."""
-    if not 0.0 < distance < np.inf:
-        raise UsageError(f"the tracker stands {distance:g} m away", hint="give metres above zero")
-    if (files := loaded.tracker) is None:
-        return SurveyOptions(distance=distance)
-    return SurveyOptions(
-        instrument=files.instrument,
-        distance=distance,
-        drawing=files.drawing,
-        body_misalignment=files.misalignment,
-    )
 
 
 def triple(text: str, option: str) -> FloatArray:

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.cli.app import command_line, emit
-from tdfscal.cli.places import check_calibration, check_place
 from tdfscal.cli.progress import reading_bar, stages
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import UsageError
 from tdfscal.files.inuse import InUse, take
 from tdfscal.files.logs import iter_log
+from tdfscal.files.places import check_calibration, check_place
 from tdfscal.files.saving import write_text
 from tdfscal.records import InputFile, Log
 from tdfscal.reporting.verdict import document, render

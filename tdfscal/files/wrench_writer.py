@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.files.places import check_place
 from tdfscal.files.saving import replacing
 from tdfscal.wrench import COMPONENTS
 from tdfscal.wrenchlog import WrenchPiece
@@ -31,14 +32,7 @@ def check_wrench_path(path: Path, inputs: Iterable[Path] = ()) -> None:
             where=str(path),
             hint="choose one of them",
         )
-    if not path.absolute().parent.is_dir():
-        raise UsageError(
-            "the folder for the result does not exist", where=str(path), hint="create it first"
-        )
-    if any(path.resolve() == other.resolve() for other in inputs):
-        raise UsageError(
-            "the result would replace an input", where=str(path), hint="choose another name"
-        )
+    check_place(path, inputs)
 
 
 def write_wrenches(

@@ -7,7 +7,7 @@ from typing import Any
 
 from tdfscal.observability import ANGLES
 from tdfscal.records import FloatArray
-from tdfscal.reporting.studies import Row, posture_name
+from tdfscal.reporting.studies import CASE, Row, posture_name
 from tdfscal.reporting.text import table, wrapped
 from tdfscal.studies.accuracy import Accuracy
 from tdfscal.studies.stakes import Stake
@@ -49,12 +49,7 @@ def stake_rows(supports: tuple[str, ...], stakes: Stakes) -> Iterator[Row]:
     """Header and rows of calibrations.csv: what each angle's uncertainty costs by itself."""
     yield (
         "calibration",
-        "posture_roll",
-        "posture_pitch",
-        "posture_yaw",
-        "internal_N",
-        "support",
-        "angle",
+        *CASE,
         "from_nominal_rad",
         "std_rad",
         "force_N",

@@ -17,6 +17,8 @@ SHORT = {"ml": "self, ML", "linear": "self, linear", "tracker": "tracker"}
 COLUMN = {"ml": "ML", "linear": "linear", "tracker": "tracker"}
 
 Row = tuple[str | float | int, ...]
+CASE = ("posture_roll", "posture_pitch", "posture_yaw", "internal_N", "support", "angle")
+"""First columns of a table: which posture, internal forces and installation angle a row is of."""
 
 
 def posture_name(rpy: FloatArray) -> str:
@@ -60,12 +62,7 @@ def sensitivity_text(supports: tuple[str, ...], sweeps: list[Sweep]) -> str:
 def sensitivity_rows(supports: tuple[str, ...], sweeps: list[Sweep]) -> Iterator[Row]:
     """Header and rows of sensitivity.csv."""
     yield (
-        "posture_roll",
-        "posture_pitch",
-        "posture_yaw",
-        "internal_N",
-        "support",
-        "angle",
+        *CASE,
         "deviation_rad",
         "force_error_N",
         "torque_error_Nm",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,3 +36,9 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> Run:
         sys.argv = old
     captured = capsys.readouterr()
     return Run(status, captured.out, captured.err)
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file by its header."""
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from tdfscal.reporting import controlfigures
 from tdfscal.simulation import Recorder, make_rig
 from tdfscal.studies import docking, freespace
 from tdfscal.workflow import calibrate
-from tests.cli.running import run
+from tests.cli.running import rows, run
 
 MOVE = "roll,pitch,yaw,x,y,z,roll,pitch,yaw,x,y,z\n0,0,0,0,0,0,0.01,0,0,0,0,0.002\n"
 
@@ -53,11 +52,6 @@ def shortened(monkeypatch: pytest.MonkeyPatch, setup: type, **shorter: float) ->
         original(self, *args, **{**shorter, **kwargs})
 
     monkeypatch.setattr(setup, "__init__", init)
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def test_docking(

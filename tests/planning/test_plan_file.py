@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tdfscal.cli import main
 from tdfscal.files.campaign_writer import simulate_to_folder
 from tdfscal.files.plan_writer import plan_csv
 from tdfscal.planning import Request, make_plan
 from tdfscal.simulation import Recorder, reference_rig
+from tests.cli.running import run
 
 from .limits import limits
 
@@ -27,15 +26,6 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recorder = Recorder(mean_sd=0.5)
     simulate_to_folder(folder, postures=6, rows="postures", recorder=recorder)
     return folder
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    monkeypatch.setattr(sys, "argv", ["tdfscal", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as leaving:
-        return int(leaving.code or 0)
-    return 0
 
 
 def table(text: str) -> list[dict[str, str]]:
@@ -69,19 +59,20 @@ def test_rows_are_the_plan() -> None:
 def test_command_writes_and_prints(
     campaign: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "plan.csv"
-    assert run(monkeypatch, "plan", campaign, "-o", out, "--postures", "8", *FEW) == 0
-    shown = capsys.readouterr().out
+    seen = run(capsys, "plan", campaign, "-o", out, "--postures", "8", *FEW)
+    assert seen.status == 0
+    shown = seen.out
     assert "to expect of the installation angles" in shown
     assert max(map(len, shown.replace(str(out), "").splitlines())) <= 80
     assert len(table(out.read_text(encoding="utf-8"))) == 8
     again = tmp_path / "again.csv"
     options = ["--postures", "8", *FEW, "--json", "--given", str(campaign)]
-    assert run(monkeypatch, "plan", campaign / "rig.yaml", "-o", again, *options) == 0
-    document = json.loads(capsys.readouterr().out)
+    seen = run(capsys, "plan", campaign / "rig.yaml", "-o", again, *options)
+    assert seen.status == 0
+    document = json.loads(seen.out)
     assert document["given"] == 6
     assert (
         document["noise"] == 0.0
@@ -110,12 +101,11 @@ def test_faults_are_named_and_leave_no_file(
     said: str,
     campaign: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "plan.csv"
-    assert run(monkeypatch, "plan", campaign, "-o", out, *FEW, *options) == status
-    shown = capsys.readouterr()
-    assert said in shown.err
-    assert shown.out == ""
+    seen = run(capsys, "plan", campaign, "-o", out, *FEW, *options)
+    assert seen.status == status
+    assert said in seen.err
+    assert seen.out == ""
     assert not out.exists()

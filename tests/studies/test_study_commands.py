@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tdfscal.cli import main
 from tdfscal.files.campaign_writer import simulate_to_folder
 from tdfscal.simulation import Recorder
+from tests.cli.running import rows, run
 
 
 @pytest.fixture(scope="module")
@@ -22,30 +20,16 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    monkeypatch.setattr(sys, "argv", ["tdfscal", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as leaving:
-        return int(leaving.code or 0)
-    return 0
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
 def test_sensitivity(
     rig: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "out"
     options = ["--rpy", "0.1,0,0", "--squeeze", "0"]
-    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, *options) == 0
-    text = capsys.readouterr().out
+    seen = run(capsys, "study", "sensitivity", rig, "-o", out, *options)
+    assert seen.status == 0
+    text = seen.out
     assert "81.71" in text
     assert max(map(len, text.replace(str(out), "").splitlines())) <= 80
     table = rows(out / "sensitivity.csv")
@@ -55,20 +39,21 @@ def test_sensitivity(
     for name in ("aligned", "tilted"):
         assert (out / f"sensitivity-{name}.png").read_bytes().startswith(b"\x89PNG")
         assert "<svg" in (out / f"sensitivity-{name}.svg").read_text(encoding="utf-8")
-    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, "--rpy", "a,b") == 2
-    assert "--rpy" in capsys.readouterr().err
+    seen = run(capsys, "study", "sensitivity", rig, "-o", out, "--rpy", "a,b")
+    assert seen.status == 2
+    assert "--rpy" in seen.err
 
 
 def test_accuracy(
     rig: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "out"
     options = ["--runs", "4", "--postures", "10", "--seed", "1", "-q", "--json"]
-    assert run(monkeypatch, "study", "accuracy", rig, "-o", out, *options) == 0
-    document = json.loads(capsys.readouterr().out)
+    seen = run(capsys, "study", "accuracy", rig, "-o", out, *options)
+    assert seen.status == 0
+    document = json.loads(seen.out)
     assert document["best"] == "ml"
     assert [method["method"] for method in document["methods"]] == ["ml", "linear", "tracker"]
     assert len(rows(out / "accuracy.csv")) == 3 * 9
@@ -93,26 +78,27 @@ def test_accuracy(
 def test_calibrations_beside_the_studies(
     rig: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     campaign, given = tmp_path / "campaign", tmp_path / "given.yaml"
     simulate_to_folder(campaign, rows="postures", recorder=Recorder(mean_sd=0.1))
-    assert run(monkeypatch, "calibrate", campaign, "--trials", "0", "-o", given) == 0
+    assert run(capsys, "calibrate", campaign, "--trials", "0", "-o", given).status == 0
     out, option = tmp_path / "out", ("--calibration", given, "--json")
-    capsys.readouterr()
-    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, *option) == 0
-    (found,) = json.loads(capsys.readouterr().out)["calibrations"]
+    seen = run(capsys, "study", "sensitivity", rig, "-o", out, *option)
+    assert seen.status == 0
+    (found,) = json.loads(seen.out)["calibrations"]
     assert found["name"] == "given"
     for posture in found["postures"]:
         assert posture["uncalibrated"]["force"] > 10 * posture["calibrated_std"]["force"] > 0
     assert len(rows(out / "calibrations.csv")) == 2 * 9
     options = ("--runs", "2", "--workers", "1", "-q", *option)
-    assert run(monkeypatch, "study", "accuracy", rig, "-o", out, *options) == 0
-    (found,) = json.loads(capsys.readouterr().out)["calibrations"]
+    seen = run(capsys, "study", "accuracy", rig, "-o", out, *options)
+    assert seen.status == 0
+    (found,) = json.loads(seen.out)["calibrations"]
     assert np.shape(found["rpy_std"]) == (3, 3)
     assert found["factor"] > 0.5
     document = given.read_text(encoding="utf-8").replace("ncp1", "other")
     (other := tmp_path / "other.yaml").write_text(document, encoding="utf-8")
-    assert run(monkeypatch, "study", "sensitivity", rig, "-o", out, "--calibration", other) == 2
-    assert "of another rig" in capsys.readouterr().err
+    seen = run(capsys, "study", "sensitivity", rig, "-o", out, "--calibration", other)
+    assert seen.status == 2
+    assert "of another rig" in seen.err
