@@ -195,15 +195,15 @@ def _excesses(found: Signals, limit: FloatArray, louder: Louder | None) -> list[
     axes, bins = found.value.shape
     reach = 2**_SCALES - 1  # bins that the widest difference takes beyond its first
     levels = [np.full(max(bins - 2 ** (scale + 1) + 1, 0), -np.inf) for scale in range(_SCALES)]
-    factors = [None if louder is None else louder.row(axis, bins) for axis in range(axes)]
 
     def exceeded(begin: int) -> None:
-        for axis, factor in enumerate(factors):
+        for axis in range(axes):
             row = found.value[axis, begin : begin + _SPAN + reach]
+            factor = None if louder is None else louder.row(axis, begin, begin + _SPAN)
             for scale, (_, difference) in enumerate(_differences(row)):
                 excess = np.abs(difference[:_SPAN], out=difference[:_SPAN])
                 here = slice(begin, begin + len(excess))
-                excess -= limit[scale, axis] * (1.0 if factor is None else factor[here])
+                excess -= limit[scale, axis] * (1.0 if factor is None else factor[: len(excess)])
                 np.maximum(levels[scale][here], excess, out=levels[scale][here])
 
     in_threads(exceeded, range(0, bins, _SPAN))
@@ -293,14 +293,15 @@ class Louder:
         inside = k >= 0 and bin_ < self.last[k]
         return self.factor[k] if inside else np.ones(self.factor.shape[1])
 
-    def row(self, axis: int, bins: int) -> FloatArray | None:
-        """The factor of one axis at all bins; None where it is 1 throughout."""
-        louder = np.flatnonzero(self.factor[:, axis] > 1.0)
+    def row(self, axis: int, begin: int, end: int) -> FloatArray | None:
+        """The factor of one axis at bins [begin, end); None where it is 1 throughout."""
+        here = (self.last > begin) & (self.first < end)
+        louder = np.flatnonzero(here & (self.factor[:, axis] > 1.0))
         if not len(louder):
             return None
-        row = np.ones(bins)
+        row = np.ones(end - begin)
         for k in louder:
-            row[self.first[k] : self.last[k]] = self.factor[k, axis]
+            row[max(self.first[k] - begin, 0) : self.last[k] - begin] = self.factor[k, axis]
         return row
 
 

@@ -207,18 +207,18 @@ def _kept_clear(field: Field, begin: IntArray, end: IntArray, *, after: bool) ->
     A smooth move begins like t³, unseen at first. It needs as long to stand out of the noise as
     from there to eight times as far.
     """
-    value = field.positions.value
-    bins = value.shape[1]
+    bins = len(field.bins)
     edge, way = (begin, 1) if after else (end - 1, -1)
     held = edge[:, None] + way * np.arange(5)
     outside = edge[:, None] - way * np.arange(-1, _ONSET + 1)
     inside = (held >= 0) & (held < bins)
     known = (outside >= 0) & (outside < bins)
-    some = np.where(inside, value[:, np.clip(held, 0, bins - 1)], 0.0)
-    mean = some.sum(axis=2) / inside.sum(axis=1)
-    away = np.abs(value[:, np.clip(outside, 0, bins - 1)] - mean[..., None])
-    visible = np.maximum(field.visible, np.finfo(np.float64).tiny)
-    excursion = np.where(known, (away / visible[:, None, None]).max(axis=0), 0.0)
+    held, outside = np.clip(held, 0, bins - 1), np.clip(outside, 0, bins - 1)
+    excursion = np.zeros(outside.shape)
+    for value, visible in zip(field.positions.value, field.visible, strict=True):
+        mean = np.where(inside, value[held], 0.0).sum(axis=1) / inside.sum(axis=1)
+        away = np.abs(value[outside] - mean[:, None]) / max(visible, np.finfo(np.float64).tiny)
+        np.maximum(excursion, away, out=excursion, where=known)
     seen, far = excursion > 1.0, excursion > 8.0
     onset = np.where(far.any(axis=1), far.argmax(axis=1) - seen.argmax(axis=1) + 1, 3)
     onset[known.sum(axis=1) <= 2] = 0  # the log begins or ends at rest

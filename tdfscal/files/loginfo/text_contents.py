@@ -56,7 +56,8 @@ def text_contents(path: Path) -> Contents:
                     ]
             parts: list[pa.Table] = []
             count = 0
-            for block, _ in blocks(source, head, newline, skipped, where):
+            for view, _ in blocks(source, head, newline, skipped, where, []):
+                block = bytes(view)
                 count += block.count(newline) + (not block.endswith(newline))
                 glance = block if not parts else block[: block.find(newline, _GLANCE) + 1] or block
                 parts.append(_parsed(glance, len(cells), separator, decimal))
@@ -125,7 +126,7 @@ def _is_number(cell: str, decimal: str) -> bool:
     return bool(_NUMBER.fullmatch(cell.replace(",", ".") if decimal == "," else cell))
 
 
-def _parsed(block: bytearray, width: int, separator: str, decimal: str) -> pa.Table:
+def _parsed(block: bytes, width: int, separator: str, decimal: str) -> pa.Table:
     names = [str(k) for k in range(width)]
     return pa_csv.read_csv(
         pa.BufferReader(block),

@@ -21,6 +21,7 @@ from tdfscal.files.logs.text_rows import RowParser, Rows
 from tdfscal.records import FloatArray, Integrity
 
 _BLOCK: Final = 8 << 20
+_LINE: Final = 1 << 16
 _THREADS: Final = 2
 HEAD: Final = 1 << 18
 _MAX_SAMPLES: Final = 1 << 16
@@ -51,10 +52,11 @@ def read_text(
             rows_before, faults = 0, 0
             warnings: list[str] = []
 
-            def parsed(given: tuple[bytearray, bool]) -> tuple[bytearray, bool, Rows | None]:
+            def parsed(given: tuple[memoryview, bool]) -> tuple[memoryview, bool, Rows | None]:
                 return (*given, parser.fast(given[0]))
 
-            whole_lines = blocks(source, head, newline, header.lines, where)
+            spare: list[bytearray] = []
+            whole_lines = blocks(source, head, newline, header.lines, where, spare)
             with closing(mapped(parsed, whole_lines, _THREADS)) as results:
                 for block, whole, fast in results:
                     if not whole and request.rows == "timeseries":
@@ -64,6 +66,7 @@ def read_text(
                         )
                         continue
                     rows = fast or parser.slow(block, line, salvage=salvage)
+                    spare.append(cast(bytearray, block.obj))
                     piece = _piece(rows, header, request, rows_before)
                     rows_before += rows.count
                     faults += rows.faults
@@ -139,9 +142,17 @@ class Source:
 
 
 def blocks(
-    source: Source, head: bytes, newline: bytes, skipped: int, where: str
-) -> Iterator[tuple[bytearray, bool]]:
-    """Yield blocks of whole lines after the header; False with a last line without an end."""
+    source: Source,
+    head: bytes,
+    newline: bytes,
+    skipped: int,
+    where: str,
+    spare: list[bytearray],
+) -> Iterator[tuple[memoryview, bool]]:
+    """Yield blocks of whole lines after the header; False with a last line without an end.
+
+    spare : takes what a block was read into, from who is done with it, to be used again.
+    """
     start = 0
     for _ in range(skipped):
         found = head.find(newline, start)
@@ -150,17 +161,19 @@ def blocks(
         start = found + 1
     rest = head[start:]
     while True:
-        block = bytearray(len(rest) + _BLOCK)
-        block[: len(rest)] = rest
-        count = source.readinto(memoryview(block)[len(rest) :])
+        room = spare.pop() if spare else bytearray()
+        if len(room) < len(rest) + _BLOCK:
+            room = bytearray(len(rest) + _BLOCK + _LINE)
+        room[: len(rest)] = rest
+        block = memoryview(room)
+        count = source.readinto(block[len(rest) : len(rest) + _BLOCK])
         if not count:
             break
-        del block[len(rest) + count :]
-        end = block.rfind(newline) + 1
-        rest = bytes(memoryview(block)[end:])
+        filled = len(rest) + count
+        end = room.rfind(newline, 0, filled) + 1
+        rest = bytes(block[end:filled])
         if end:
-            del block[end:]
-            yield block, True
+            yield block[:end], True
         elif len(rest) > 2 * _BLOCK:
             raise DataError(
                 f"a line is longer than {2 * _BLOCK >> 20} MiB", where=where,
@@ -168,9 +181,9 @@ def blocks(
             )  # fmt: skip
     end = rest.rfind(newline) + 1
     if end:
-        yield bytearray(rest[:end]), True
+        yield memoryview(bytearray(rest[:end])), True
     if rest[end:].strip():
-        yield bytearray(rest[end:]), False
+        yield memoryview(bytearray(rest[end:])), False
 
 
 def _piece(rows: Rows, header: Header, request: Request, rows_before: int) -> Piece:

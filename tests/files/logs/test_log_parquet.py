@@ -172,6 +172,17 @@ def test_a_unit_stated_twice(
     np.testing.assert_array_equal(read_log([path], None, ONE).force[0].time, [0.0, 1.0, 2.0])
 
 
+@pytest.mark.parametrize("kind", ["duration", "timestamp"])
+def test_a_duration_is_unverified(tmp_path: Path, kind: str) -> None:
+    """The Arrow schema alone states its unit: a bit flipped there makes other seconds, unseen."""
+    times = pa.array([0, 1000, 2000]).cast(getattr(pa, kind)("ms"))
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table(plain(time=times)), path, write_page_checksum=True)
+    log = read_log([path], None, ONE)
+    np.testing.assert_array_equal(log.force[0].time, [0.0, 1.0, 2.0])
+    assert log.inputs[0].integrity == ("unverified" if kind == "duration" else "verified")
+
+
 def test_a_log_of_a_constant_is_no_bomb(tmp_path: Path) -> None:
     columns = {name: np.zeros(50_000) for name in DEFAULT}
     log = read(tmp_path, {"time": np.arange(50_000) * 1e-3} | columns)
