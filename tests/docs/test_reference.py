@@ -11,6 +11,7 @@ import pytest
 import typer.main
 
 from tdfscal.cli import app
+from tdfscal.dwells import DwellOptions
 from tdfscal.errors import (
     DataError,
     NotConvergedError,
@@ -18,6 +19,10 @@ from tdfscal.errors import (
     RigError,
     UsageError,
 )
+from tdfscal.files.logs import clock
+from tdfscal.files.logs.chunk import MAX_CHUNK
+from tdfscal.files.logs.parquet_footer import MAX_FOOTER
+from tdfscal.files.logs.parquet_pages import MAX_PAGES
 from tests.docs.pages import DOCS, key_paths, section, table, text
 
 #: The calibration file embeds a whole rig file, which has a table of its own.
@@ -101,3 +106,18 @@ def test_exit_statuses_are_those_of_the_errors() -> None:
     assert "data" in meaning[DataError.exit_status]
     assert NotIdentifiableError.exit_status == NotConvergedError.exit_status
     assert "determine" in meaning[NotIdentifiableError.exit_status]
+
+
+def test_limits_of_logs() -> None:
+    words = " ".join(section("reference", "## Log files").split())
+    for said in (
+        f"a chunk of more than {MAX_CHUNK >> 20} MiB",
+        f"a footer of more than {MAX_FOOTER >> 20} MiB",
+        f"more than {MAX_PAGES >> 20} MiB together",
+        f"steps back by up to {clock.MAX_STEP_BACK:g} s",
+        f"by more than {clock.MAX_SKEW:g} s are counted",
+        f"Above {DwellOptions().max_bins:,} bins",
+    ):
+        assert said in words
+    assert clock.MAX_DROPPED == 1 / 1000
+    assert clock.GAP == 5
