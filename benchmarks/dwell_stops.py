@@ -70,6 +70,8 @@ KINDS: dict[str, Callable[[Random], Recipe]] = {
         rng, _log(rng, 0.3, 1.0), _log(rng, 0.5, 3.0)),
     "ringing, 1 to 10 Hz": lambda rng: _settling(rng, _log(rng, 1.0, 10.0), _log(rng, 0.1, 1.0)),
     "settling and ringing": lambda rng: _also(_settling(rng, 0.0, _log(rng, 0.2, 1.0)), rng),
+    "positions written to 1 µm": lambda rng: _usual(
+        rng, quantum=1e-6, position_noise=_log(rng, 1e-7, 1e-6), rate=_log(rng, 50, 250)),
 }  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, IntArray, Log, Series
 
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
+_SLOWEST = 2.0  # s
 _PEEK, _PEEK_OF = 2048, 65536  # samples searched for the smallest step of the readings
 
 
@@ -167,6 +168,13 @@ def _opening(pieces: Iterator[Log]) -> tuple[list[Log], FloatArray, float]:
             "most samples of a signal carry one and the same time",
             hint="record with times that resolve the sample interval",
         )
+    if period.max() > _SLOWEST:
+        raise DataError(
+            f"by its times the log has a sample every {period.max():.3g} s; dwells are found where "
+            f"there is one every {_SLOWEST:g} s or oftener",
+            hint="where the times are in ms, us or ns, state `time: {unit: ms}` (or us, ns) in the "
+            "log block of rig.yaml",
+        )
     return held, period, min(float(t[0]) for t in joined)
 
 
@@ -178,7 +186,7 @@ def reduce_to_bins(pieces: Iterable[Log], options: DwellOptions | None = None) -
     Raises
     ------
     DataError
-        for an empty log, times that step back, readings that are not numbers.
+        for an empty log, times that step back or are not in seconds, readings that are not numbers.
     """
     options = options or DwellOptions()
     stream = iter(pieces)

@@ -25,6 +25,7 @@ _BLOCKS, _BLOCK = 16, 2048  # bins
 _SPAN = 2**14  # bins whose differences are taken at once; they stay in the cache
 _ENOUGH = 8_000  # differences that show the noise
 _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
+_P90 = 1.6448536269514722  # 90 % quantile of a size / standard deviation, Gaussian
 _SMOOTH = 2.0 * np.sqrt(2.0 ** (_SCALES - 1))
 _SOME_BENDS = 100
 _BENDS = 10  # second differences that show how loud a rest is
@@ -141,8 +142,7 @@ def difference_noise(found: Signals, marked: BoolArray) -> Noise:
     def measure(axis: int) -> None:
         for scale, (width, difference) in enumerate(_differences(found.value[axis])):
             if len(some[scale]) >= 8:
-                size = np.abs(difference[some[scale]])
-                result[scale, axis] = _MAD * np.median(size, overwrite_input=True)
+                result[scale, axis] = _spread(np.abs(difference[some[scale]]), found.quantum[axis])
             if follow is not None and follow[0] == scale:
                 first, second = difference[follow[1]], difference[follow[1] + width]
                 smooth[axis] = np.median(np.abs(second - first)) < np.median(np.abs(first))
@@ -153,6 +153,16 @@ def difference_noise(found: Signals, marked: BoolArray) -> Noise:
         white = result[scale - 1] / np.sqrt(2.0) if scale else np.zeros(axes)
         result[scale, missing] = white[missing]
     return Noise(result, found.quantum, smooth)
+
+
+def _spread(size: FloatArray, quantum: float) -> float:
+    """Standard deviation of differences of some size (N,).
+
+    Most differences of readings that are coarser than their noise are zero, or one step, whatever
+    the noise: then the larger ones tell.
+    """
+    middle = _MAD * float(np.median(size))
+    return middle if middle >= quantum else max(middle, float(np.quantile(size, 0.9)) / _P90)
 
 
 def mark_changes(

@@ -14,7 +14,7 @@ from tdfscal.dwells.drift import common_drift
 from tdfscal.dwells.offset import motion_offset
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.postures import postures_as_dwells
-from tdfscal.dwells.search import Field, prepare, search, within
+from tdfscal.dwells.search import INTERRUPTED, Field, prepare, search, within
 from tdfscal.dwells.statistics import Extent, Moments, dwell_moments, force_extremes
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
@@ -114,6 +114,7 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
     left_out = left_out + [
         field.out(extents[k].begin, extents[k].end, reason) for k, reason in unsettled.items()
     ]
+    warnings += _interruptions(left_out)
     force = moments.mean[:, n:]
     low, high = force_extremes(bins, extents)
     return Dwells(
@@ -131,6 +132,17 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
         left_out=tuple(sorted(left_out, key=lambda out: out.start)),
         warnings=tuple(warnings),
     )
+
+
+def _interruptions(left_out: list[LeftOut]) -> list[str]:
+    found = [out.start for out in left_out if out.reason.startswith(INTERRUPTED)]
+    if not found:
+        return []
+    places = f"in {len(found)} places, the first" if len(found) > 1 else "once,"
+    return [
+        f"readings leave their level and return within a stop {places} at {min(found):.2f} s: "
+        "look for wrong samples in the log"
+    ]
 
 
 def _drifts(

@@ -118,7 +118,7 @@ def find_ringing(
     long = last - first >= _SHORTEST
     first, last = first[long], last[long]
     noisy = noise > 0
-    if len(first) < _FEWEST or not noisy.any():
+    if len(first) < _FEWEST or not noisy.any() or most < _SHORTEST:
         return None
     some = evenly(len(first), _STOPS)
     scaled = [

@@ -30,6 +30,8 @@ from tdfscal.dwells.settle import Settled, Stretch, one_decay, one_level, restle
 from tdfscal.dwells.statistics import Extent, evenly
 from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
 
+INTERRUPTED = "interrupted"  # begins the reason of what is left out amid a dwell
+
 _SHORTEST = 0.2  # s
 _SHORTEST_BINS = 5
 _MENTIONED = 0.1  # s; shorter moments of rest within a move are not worth a line
@@ -164,27 +166,80 @@ def search(
     clear = first + _kept_clear(field, first, last, after=True)
     latest = last - _kept_clear(field, first, last, after=False)
     rests = np.stack([first, last, clear, latest], axis=1)
-    for part in _neighbours(first, last):
+    for part in _neighbours(first, last, _JOLT / field.bins.width):
         bins = slice(int(first[part][0]), int(last[part][-1]))
         value = np.concatenate([field.positions.value[:, bins], field.forces.value[:, bins]])
         time = field.bins.start[bins] - field.bins.start[bins.start]
         value[axes:] -= (rate - field.rate)[:, None] * time
         stretch = Stretch.of(bins.start, value, field.noise, axes, long_run, field.bins.width)
+        found: list[Extent] = []
         for begin, end, *inner in rests[part].tolist():
             here = stretch.louder(np.concatenate([still, field.louder.at(begin)]))
             kept, out = _within_rest(field, here, begin, end, inner, rough)
-            extents += kept
+            found += kept
             left_out += out
+        stops, out = _whole_stops(field, stretch, found)
+        extents += stops
+        left_out += out
     return extents, left_out
 
 
-def _neighbours(first: IntArray, last: IntArray) -> Iterator[slice]:
-    """Stretches of rest in groups close to each other, to be looked at together."""
-    apart = first[1:] - last[:-1] > last[1:] - first[1:]
+def _whole_stops(
+    field: Field, stretch: Stretch, extents: list[Extent]
+) -> tuple[list[Extent], list[LeftOut]]:
+    """Join dwells of one stop: the NCPs stayed between them, and all levels are what they were.
+
+    Wrong readings of a position part them, as does a hand on the terminal. Two dwells of one stop
+    share the errors of its posture, and would be counted as independent.
+    """
+    still = np.ones(len(field.positions.value))
+    joined: list[Extent] = []
+    out: list[LeftOut] = []
+    for later in extents:
+        earlier = joined[-1] if joined else None
+        if earlier is not None and _stays(field, earlier, later):
+            factor = np.maximum(field.louder.at(earlier.begin), field.louder.at(later.begin))
+            here = stretch.louder(np.concatenate([still, factor]))
+            if one_level(here, earlier.ends[1], later.ends[0], _SAME_LEVEL):
+                joined[-1] = earlier.followed_by(later)
+                reason = f"{INTERRUPTED}: readings leave their level and return"
+                out.append(field.out(earlier.end, later.begin, reason))
+                continue
+        joined.append(later)
+    return joined, out
+
+
+def _stays(field: Field, earlier: Extent, later: Extent) -> bool:
+    """Do the NCPs stay from one dwell to the next, by a third of the readings at least?"""
+    between = slice(earlier.end, later.begin)
+    pause = later.begin - earlier.end
+    if pause > 2 * ((earlier.end - earlier.begin) + (later.end - later.begin)):
+        return False
+    start = field.bins.start[earlier.end - 1 : later.begin + 1]
+    gap = np.diff(start).max() > 1.5 * field.bins.width
+    if gap or (field.bins.count[between] == 0).any():
+        return False
+    last = earlier.ends[1]
+    level = field.positions.value[:, last.begin : last.end].mean(axis=1)
+    away = np.abs(field.positions.value[:, between] - level[:, None])
+    return not pause or bool((np.quantile(away, 1 / 3, axis=1) <= field.visible).all())
+
+
+def _neighbours(first: IntArray, last: IntArray, brief: float) -> Iterator[slice]:
+    """Stretches of rest in groups close to each other, to be looked at together.
+
+    brief : bins; a group does not end at so short a pause, unless it becomes too large.
+    """
+    apart = first[1:] - last[:-1] > np.maximum(last[1:] - first[1:], brief)
     cuts = [0, *(np.flatnonzero(apart) + 1).tolist(), len(first)]
     for begin, end in pairwise(cuts):
-        for k in range(begin, end, _NEIGHBOURS):
-            yield slice(k, min(k + _NEIGHBOURS, end))
+        k = begin
+        while k < end:
+            stop = min(k + _NEIGHBOURS, end)
+            while stop < min(k + 4 * _NEIGHBOURS, end) and first[stop] - last[stop - 1] <= brief:
+                stop += 1
+            yield slice(k, stop)
+            k = stop
 
 
 def _jumps(bins: Bins) -> BoolArray:

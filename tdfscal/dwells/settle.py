@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from tdfscal.dwells.changes import Noise
+from tdfscal.dwells.statistics import Extent
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 _P_MISFIT = 3e-3  # false cut per test
@@ -163,7 +164,7 @@ def settled_part(
     return _without_decay(stretch, Settled(begin, end, 0.0, fitted), visible, shortest, left)
 
 
-def one_level(stretch: Stretch, a: Settled, b: Settled, p: float) -> bool:
+def one_level(stretch: Stretch, a: Settled | Extent, b: Settled | Extent, p: float) -> bool:
     """Are the means of two stretches one level?"""
     difference = stretch.mean(b.begin, b.end) - stretch.mean(a.begin, a.end)
     variance = stretch.noise.of_mean(a.end - a.begin) ** 2

@@ -46,6 +46,21 @@ class Extent:
         """Indices of the bins averaged."""
         return self.begin + np.flatnonzero(self.used)
 
+    @property
+    def ends(self) -> tuple[Extent, Extent]:
+        """The first and the last uninterrupted run of bins averaged."""
+        first, last = runs(self.used)
+        whole = [
+            Extent(self.begin + int(a), self.begin + int(b), self.used[a:b])
+            for a, b in ((first[0], last[0]), (first[-1], last[-1]))
+        ]
+        return whole[0], whole[1]
+
+    def followed_by(self, later: Extent) -> Extent:
+        """One dwell of both; what lies between is not averaged."""
+        between = np.zeros(later.begin - self.end, dtype=np.bool_)
+        return Extent(self.begin, later.end, np.concatenate([self.used, between, later.used]))
+
 
 @dataclass(frozen=True, slots=True)
 class Moments:

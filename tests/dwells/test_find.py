@@ -220,6 +220,59 @@ def test_pieces_give_the_dwells_of_the_whole() -> None:
     np.testing.assert_allclose(whole.force_cov, pieces.force_cov, rtol=1e-4, atol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("rate", [50.0, 200.0])
+@pytest.mark.parametrize("noise", [0.2e-6, 0.3e-6, 0.5e-6])
+def test_coarse_positions_part_no_stop(noise: float, rate: float, seed: int) -> None:
+    """Positions written to 1 µm, which most often repeat the last one, and now and then do not."""
+    recipe = Recipe(rate=rate, position_noise=noise, quantum=1e-6, stops=STOPS, seed=seed)
+    recorded = record(recipe)
+    assert list(stop_of(recorded, find_dwells(recorded.log))) == list(range(len(STOPS)))
+
+
+@pytest.mark.parametrize("wrong", [0.0005, 0.02])
+def test_wrong_positions_part_no_stop(wrong: float) -> None:
+    recorded = record(Recipe(rate=200, stops=STOPS, seed=3))
+    log = recorded.log
+    series = log.position[0]
+    value = series.value.copy()
+    value[np.random.default_rng(1).random(len(value)) < wrong] = 0.0
+    dwells = find_dwells(replace(log, position=(Series(series.time, value), *log.position[1:])))
+    assert list(stop_of(recorded, dwells)) == list(range(len(STOPS)))
+    assert any("leave their level and return" in warning for warning in dwells.warnings)
+    se = np.sqrt(np.diagonal(dwells.force_cov, axis1=2, axis2=3))
+    assert np.abs((dwells.force - recorded.force) / se).max() < 4.5
+
+
+def test_a_move_and_back_joins_nothing() -> None:
+    """The same pose again after a move is a posture of its own."""
+    recorded = record(Recipe(rate=200.0, stops=(4.0,) * 3, move=1.0, seed=2))
+    log, stops = recorded.log, recorded.stops
+    time = log.position[0].time
+
+    def returning(series: Series) -> Series:
+        """From the first stop to the second one for two seconds, and back."""
+        forth = series.value[time < stops[1, 0] + 1.0]
+        value = np.concatenate([forth, forth[::-1]])
+        return Series(np.arange(len(value), dtype=np.float64) / 200.0, value)
+
+    both = [tuple(map(returning, part)) for part in (log.position, log.force)]
+    dwells = find_dwells(replace(log, position=both[0], force=both[1]))
+    assert dwells.end[0] < stops[1, 0]
+    assert dwells.start[-1] > stops[1, 0] + 2.0
+
+
+def test_times_in_milliseconds_are_named() -> None:
+    log = record(Recipe(rate=50, stops=STOPS)).log
+
+    def ms(series: Series) -> Series:
+        return Series(series.time * 1e3, series.value)
+
+    late = replace(log, position=tuple(map(ms, log.position)), force=tuple(map(ms, log.force)))
+    with pytest.raises(DataError, match=r"every 20 s;.*time: \{unit: ms\}"):
+        find_dwells(late)
+
+
 def test_no_dwell_spans_a_gap() -> None:
     log = record(Recipe(stops=STOPS)).log
     middle = record(Recipe(stops=STOPS)).stops[4].mean()
