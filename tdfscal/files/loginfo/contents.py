@@ -80,7 +80,8 @@ class Contents:
     """One file.
 
     columns : those that could be the time. stamped : of MCAP, topics whose messages have a header
-    with a time. decimal : of CSV. joints : of MCAP, names of the elements of a topic's lists.
+    with a time; unusable : of these, why a topic's cannot be used. decimal : of CSV. joints : of
+    MCAP, names of the elements of a topic's lists.
     """
 
     path: Path
@@ -90,6 +91,7 @@ class Contents:
     vectors: tuple[Vector, ...]
     columns: tuple[Column, ...] = ()
     stamped: frozenset[str] = frozenset()
+    unusable: Mapping[str, str] = field(default_factory=dict)
     decimal: Literal[".", ","] = "."
     problems: tuple[str, ...] = ()
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
 
 from tdfscal.files.loginfo.contents import Column, Contents, Vector
+from tdfscal.files.loginfo.plausible import (
+    Finding,
+    distances,
+    force_unit,
+    length_unit,
+    resampled,
+    time_unit,
+)
 from tdfscal.files.logs import units
 from tdfscal.files.logs.message_path import topic_of
-from tdfscal.records import FloatArray, LogMapping, Rig
+from tdfscal.records import LogMapping, Rig
 
 Role = Literal["position", "force", "other"]
 
@@ -26,18 +34,19 @@ _OTHER: Final = frozenset(
     | {"err", "error", "temp", "temperature", "current", "gyro", "mag", "euler"}
 )
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\*")
-_LONGEST: Final = 20.0  # m; hinges further apart are in mm
-_LIGHT: Final = 100.0  # of a terminal's weight in the log's unit; less is kN
 _RIGID: Final = 0.02  # largest relative spread of distances that a rigid terminal leaves
-_STEPS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """mapping : None where no pairs of positions and forces are found. notes : why, and doubts."""
+    """mapping : None where no pairs of positions and forces are found. notes : why, and doubts.
+
+    problems : where what the file says of its units cannot be.
+    """
 
     mapping: LogMapping | None
     notes: tuple[str, ...]
+    problems: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,16 +73,17 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
     pairs, by_rig = _named(pairs, rig)
     notes += by_rig
-    length, why_length = _length_unit(pairs)
-    force, why_force = _force_unit(pairs, rig)
+    length = length_unit([p.position for p in pairs], rig)
+    force = force_unit([p.force for p in pairs], rig)
     on, why_on = _force_on(pairs, rig)
-    notes += [*why_length, *why_force, *why_on, *_rigidity(pairs)]
+    notes += [*length.notes, *force.notes, *why_on, *_rigidity(pairs)]
+    problems = (*length.problems, *force.problems)
     mapping = LogMapping(
         supports=tuple(p.support for p in pairs),
         position=tuple(p.position.fields for p in pairs),
         force=tuple(p.force.fields for p in pairs),
-        length_unit=length,
-        force_unit=force,
+        length_unit=length.unit,
+        force_unit=force.unit,
         force_on=on,
         decimal=contents.decimal,
     )
@@ -81,14 +91,19 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
         topics = {s.name for s in contents.streams}
         fields = [v.fields[0] for p in pairs for v in (p.position, p.force)]
         named = {topic_of(name, topics) for name in fields}
-        source: Literal["header", "log"] = "header" if named <= contents.stamped else "log"
-        return Guess(replace(mapping, time_source=source), tuple(notes))
+        source, why_source = _time_source(named, contents)
+        return Guess(replace(mapping, time_source=source), (*notes, *why_source), problems)
     used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
-    timed, why_time = _time([c for c in contents.columns if c.name not in used])
+    timed = _time([c for c in contents.columns if c.name not in used])
     if timed is None:
-        return Guess(replace(mapping, rows="postures"), (*notes, *why_time))
-    name, unit = timed
-    return Guess(replace(mapping, time_field=name, time_unit=unit), (*notes, *why_time))
+        none = "no column ascends as a time does, so each row is taken for a posture"
+        return Guess(replace(mapping, rows="postures"), (*notes, none), problems)
+    column, unit = timed
+    return Guess(
+        replace(mapping, time_field=column.name, time_unit=_as_unit(unit.unit)),
+        (*notes, *unit.notes),
+        (*problems, *unit.problems),
+    )
 
 
 def words(label: str) -> list[str]:
@@ -184,55 +199,11 @@ def _named(pairs: list[_Pair], rig: Rig | None) -> tuple[list[_Pair], list[str]]
     ]
 
 
-def _resampled(vectors: Sequence[Vector]) -> FloatArray:
-    """(n, N, 3) at common times."""
-    start = max(float(v.time[0]) for v in vectors)
-    end = min(float(v.time[-1]) for v in vectors)
-    t = np.linspace(start, end, 400)
-    return np.stack(
-        [np.column_stack([np.interp(t, v.time, v.value[:, j]) for j in range(3)]) for v in vectors]
-    )
-
-
-def _distances(pairs: Sequence[_Pair]) -> FloatArray:
-    """(N, pairs of supports), in the log's unit."""
-    p = _resampled([q.position for q in pairs])
-    i, j = np.triu_indices(len(p), 1)
-    return np.asarray(np.linalg.norm(p[i] - p[j], axis=2).T)
-
-
-def _length_unit(pairs: Sequence[_Pair]) -> tuple[str, list[str]]:
-    stated = pairs[0].position.unit
-    if stated is not None:
-        return units.canonical(stated), []
-    far = float(np.median(_distances(pairs)))
-    unit = "mm" if far > _LONGEST else "m"
-    return unit, [f"length_unit: {unit}, as the NCPs are {far:.4g} {unit} apart"]
-
-
-def _force_unit(pairs: Sequence[_Pair], rig: Rig | None) -> tuple[str, list[str]]:
-    stated = pairs[0].force.unit
-    if stated is not None:
-        return units.canonical(stated), []
-    sum_ = float(
-        np.median(np.linalg.norm(_resampled([q.force for q in pairs]).sum(axis=0), axis=1))
-    )
-    if rig is not None and np.isfinite(rig.mass.std):
-        weight = float(rig.mass.value) * rig.gravity
-        near = abs(np.log(max(sum_, 1e-9) * 1e3 / weight)) < abs(np.log(max(sum_, 1e-9) / weight))
-        unit = "kN" if near else "N"
-        return unit, [f"force_unit: {unit}, as the forces add up to {sum_:.4g} {unit} "
-                      f"and the terminal weighs {weight:.4g} N"]  # fmt: skip
-    unit = "kN" if sum_ < _LIGHT else "N"
-    return unit, [f"force_unit: {unit}, as the forces add up to {sum_:.4g} {unit}; "
-                  "check it against the weight"]  # fmt: skip
-
-
 def _force_on(
     pairs: Sequence[_Pair], rig: Rig | None
 ) -> tuple[Literal["terminal", "sensor"], list[str]]:
     """The NCPs push the terminal up: a sum that points down is that of the reactions."""
-    forces = _resampled([q.force for q in pairs])
+    forces = resampled([q.force for q in pairs])
     if rig is not None and [p.support for p in pairs] == list(rig.supports):
         from tdfscal.numerics import so3
 
@@ -247,7 +218,7 @@ def _force_on(
 
 
 def _rigidity(pairs: Sequence[_Pair]) -> list[str]:
-    distance = _distances(pairs)
+    distance = distances([p.position for p in pairs])
     mean = distance.mean(axis=0)
     if not mean.all():
         return ["two of the positions are the same throughout"]
@@ -260,28 +231,29 @@ def _rigidity(pairs: Sequence[_Pair]) -> list[str]:
     ]
 
 
-def _time(
-    columns: Sequence[Column],
-) -> tuple[tuple[str, Literal["s", "ms", "us", "ns"]] | None, list[str]]:
+def _time_source(
+    topics: Set[str | None], contents: Contents
+) -> tuple[Literal["header", "log"], list[str]]:
+    """The header's time where every topic has one that can be used."""
+    if not topics <= contents.stamped:
+        return "log", []
+    why = [contents.unusable[t] for t in sorted(contents.unusable) if t in topics]
+    if not why:
+        return "header", []
+    return "log", [f"time source: log, as {'; '.join(why)}"]
+
+
+def _time(columns: Sequence[Column]) -> tuple[Column, Finding] | None:
+    """The column that is best taken for the time, and its unit."""
     if not columns:
-        return None, ["no column ascends as a time does, so each row is taken for a posture"]
+        return None
 
     def rank(column: Column) -> tuple[bool, bool]:
         found = words(column.name)
         return ("time" in found or "timestamp" in found, bool({"t", "stamp", "clock"} & set(found)))
 
     best = max(columns, key=rank)
-    stated = best.unit if best.unit is not None else words(best.name)[-1]
-    for unit in _STEPS:
-        if units.canonical(stated) == unit:
-            return (best.name, _as_unit(unit)), []
-    # Logs have between 1 Hz and 50 kHz; seconds before all.
-    for unit, factor in _STEPS.items():
-        if 2e-5 <= best.step * factor <= 1.0:
-            return (best.name, _as_unit(unit)), [
-                f"time unit: {unit}, as the step of {best.name} is {best.step:.4g} {unit}"
-            ]
-    return (best.name, "s"), [f"the unit of {best.name} is unclear; s is taken"]
+    return best, time_unit(best, (words(best.name) or [""])[-1])
 
 
 def _as_unit(unit: str) -> Literal["s", "ms", "us", "ns"]:

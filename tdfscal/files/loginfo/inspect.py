@@ -14,6 +14,7 @@ from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
 from tdfscal.files.loginfo.contents import Contents
 from tdfscal.files.loginfo.guess import Guess, guess_mapping
+from tdfscal.files.loginfo.plausible import declared_time
 from tdfscal.files.logs import expand, iter_log
 from tdfscal.files.logs.clock import GAP
 from tdfscal.files.logs.formats import kind_of
@@ -86,6 +87,7 @@ def inspect_logs(
         raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
     guess = guess_mapping(contents[0], rig.rig if rig else None)
     problems = [printable(f"{c.path}: {what}") for c in contents for what in c.problems]
+    problems += [printable(f"{contents[0].path}: {what}") for what in guess.problems]
     mapping, source = guess.mapping, "guessed"
     supports = guess.mapping.supports if guess.mapping else ()
     if rig is not None and (rig.log is not None or guess.mapping is None):
@@ -93,6 +95,10 @@ def inspect_logs(
         supports = rig.rig.supports
     if mapping is None:
         return LogInfo(contents, guess, None, "guessed", problems=(*problems, *guess.notes))
+    problems += [
+        printable(f"{c.path}: {what}") for c in contents for what in declared_time(c, mapping)
+        if source == "rig"
+    ]  # fmt: skip
     known: Source = "rig" if source == "rig" else "guessed"
     watch = _Watch(mapping, tuple(supports))
     try:

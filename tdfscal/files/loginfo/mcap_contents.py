@@ -25,6 +25,7 @@ from tdfscal.files.loginfo.contents import (
     axes_of,
     extremes,
 )
+from tdfscal.files.loginfo.stamps import Stamps
 from tdfscal.files.logs.cdr import Gatherer, element_names, layout_of
 from tdfscal.files.logs.chunk import Messages
 from tdfscal.files.logs.container import Container
@@ -81,6 +82,12 @@ class _Topic:
     problem: str | None = None
     joints: tuple[str, ...] = ()
     every: int = 1
+    stamps: Stamps | None = None
+
+    @property
+    def stamped(self) -> bool:
+        """Whether its messages have a header with a time."""
+        return any(leaf.path == _STAMP for leaf in self.leaves)
 
 
 def mcap_contents(path: Path) -> Contents:
@@ -102,6 +109,7 @@ def mcap_contents(path: Path) -> Contents:
     streams: list[Stream] = []
     vectors: list[Vector] = []
     problems: list[str] = []
+    unusable: dict[str, str] = {}
     stamped: set[str] = set()
     for number, topic in topics.items():
         name = topic.channel.topic
@@ -109,13 +117,16 @@ def mcap_contents(path: Path) -> Contents:
         vectors += _vectors(topic)
         if topic.problem:
             problems.append(f"{name}: {topic.problem}")
-        if any(leaf.path == _STAMP for leaf in topic.leaves):
+        if topic.stamped:
             stamped.add(name)
+        if topic.stamps is not None and (why := topic.stamps.unusable()):
+            unusable[name] = why
     empty = {c.topic for c in container.channels.values()} - {s.name for s in streams}
     streams += [Stream(name, "", 0, ()) for name in sorted(empty)]
     return Contents(
         path, "mcap", path.stat().st_size, tuple(sorted(streams, key=lambda s: s.name)),
         tuple(sorted(vectors, key=lambda v: v.fields)), stamped=frozenset(stamped),
+        unusable=unusable,
         problems=tuple(problems), joints={t.channel.topic: t.joints for t in topics.values()
                                           if t.joints},
     )  # fmt: skip
@@ -159,6 +170,9 @@ def _open_cdr(topic: _Topic, schema: Schema, messages: Messages) -> None:
         topic.leaves += _joints(topic, there)
     if paths := _paths(topic.leaves):
         topic.read = Gatherer(types, schema.name, paths)
+    if topic.stamped:
+        gatherer = Gatherer(types, schema.name, [_STAMP, (*_STAMP[:-1], "nanosec")])
+        topic.stamps = Stamps(topic.channel.topic, lambda m: gatherer(m) @ [1.0, 1e-9])
 
 
 def _open_json(topic: _Topic, messages: Messages) -> None:
@@ -179,6 +193,9 @@ def _open_json(topic: _Topic, messages: Messages) -> None:
         topic.leaves += _joints(topic, there)
     if paths := _paths(topic.leaves):
         topic.read = lambda m: read_numbers(m, paths, stamped=False)
+    if topic.stamped:
+        name = topic.channel.topic
+        topic.stamps = Stamps(name, lambda m: read_numbers(m, [], stamped=True)[:, 0])
 
 
 def _joints(topic: _Topic, there: Callable[[MessagePath], bool]) -> list[_Leaf]:
@@ -203,6 +220,11 @@ def _open_protobuf(topic: _Topic, schema: Schema) -> None:
     ]
     if paths := _paths(topic.leaves):
         topic.read = lambda m: protobuf.read_numbers(m, kind, paths, stamped=False)
+    if topic.stamped:
+        name = topic.channel.topic
+        topic.stamps = Stamps(
+            name, lambda m: protobuf.read_numbers(m, kind, [], stamped=True)[:, 0]
+        )
 
 
 def _paths(leaves: Sequence[_Leaf]) -> list[MessagePath]:
@@ -247,6 +269,8 @@ def _look(topic: _Topic, messages: Messages) -> None:
     low, high = int(ticks.min()), int(ticks.max())
     topic.first = low if topic.first is None else min(topic.first, low)
     topic.last = high if topic.last is None else max(topic.last, high)
+    if topic.stamps is not None:
+        topic.stamps.note(messages)
     if topic.read is None:
         return
     step = max(-(-ticks.size // SAMPLES), topic.every)

@@ -12,10 +12,12 @@ from tdfscal.files.hashing import printable
 from tdfscal.files.loginfo.contents import Contents, Stream
 from tdfscal.files.loginfo.inspect import LogInfo, Signal
 from tdfscal.files.loginfo.mapping_text import mapping_block
+from tdfscal.files.logs.text_header import cut
 from tdfscal.records import Dwells
 
 _WIDTH = 80
 _NAME = 34
+_LONGEST_NAME = 200
 _MOST_FIELDS = 60
 
 
@@ -57,7 +59,7 @@ def _file(contents: Contents) -> Iterator[str]:
             yield from _topic(stream)
         shown = stream.fields[:_MOST_FIELDS]
         for field in shown:
-            label = field.name + (f" [{field.unit}]" if field.unit else "")
+            label = cut(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
             row = f"  {label:<{_NAME}} {_short(field.kind):<16}"
             if field.low is not None and field.high is not None:
                 row += f" {field.low:.6g} … {field.high:.6g}"

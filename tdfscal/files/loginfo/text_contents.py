@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
 
@@ -16,7 +17,14 @@ from tdfscal.files.loginfo.contents import SAMPLES, Contents, Stream, table_cont
 from tdfscal.files.logs import units
 from tdfscal.files.logs.faults import damage
 from tdfscal.files.logs.text import HEAD, Source, blocks, decode, open_text
-from tdfscal.files.logs.text_header import SEPARATORS, split_cells, split_label
+from tdfscal.files.logs.text_header import (
+    SEPARATORS,
+    fits_header,
+    row_cells,
+    split_cells,
+    split_label,
+)
+from tdfscal.files.logs.text_rows import ragged
 from tdfscal.records import FloatArray
 
 _SEARCHED: Final = 64
@@ -39,7 +47,7 @@ def text_contents(path: Path) -> Contents:
             source = Source(stream, None)
             head = source.read(HEAD)
             newline = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
-            lines = decode(head, where).splitlines()[:_SEARCHED]
+            lines = decode(head, where).splitlines()[: 2 * _SEARCHED]
             separator, number, cells = _header(lines, where)
             body = [c for line in lines[number + 1 :] for c in split_cells(line, separator)]
             decimal: Literal[".", ","] = (
@@ -48,20 +56,24 @@ def text_contents(path: Path) -> Contents:
             skipped, stated = number + 1, _stated(cells)
             if number + 1 < len(lines):
                 row = [c.strip("[]() ") for c in split_cells(lines[number + 1], separator)]
-                if len(row) == len(cells) and not any(_is_number(c, decimal) for c in row):
+                if fits_header(row, cells) and not any(_is_number(c, decimal) for c in row):
                     skipped += 1
+                    row += [""] * (len(cells) - len(row))
                     stated = [
                         s or (r if units.is_unit(r) else None)
-                        for s, r in zip(stated, row, strict=True)
+                        for s, r in zip(stated, row, strict=False)
                     ]
+            width = row_cells(lines[skipped:], separator, cells)
+            cells, stated = cells[:width], stated[:width]
+            table = _Table(width, separator, decimal)
             parts: list[pa.Table] = []
             count = 0
-            for view, _ in blocks(source, head, newline, skipped, where, []):
+            for view, whole in blocks(source, head, newline, skipped, where, []):
                 block = bytes(view)
                 count += block.count(newline) + (not block.endswith(newline))
                 glance = block if not parts else block[: block.find(newline, _GLANCE) + 1] or block
-                parts.append(_parsed(glance, len(cells), separator, decimal))
-    return _contents(path, cells, stated, parts, count, decimal)
+                parts.append(table.parsed(glance, table.odd if whole else []))
+    return _contents(path, cells, stated, parts, count, decimal, _odd_lines(table))
 
 
 def _contents(
@@ -71,8 +83,8 @@ def _contents(
     parts: list[pa.Table],
     count: int,
     decimal: Literal[".", ","],
+    problems: list[str],
 ) -> Contents:
-    problems: list[str] = []
     names = [split_label(cell)[0] for cell in cells]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -97,18 +109,29 @@ def _contents(
 def _header(lines: list[str], where: str) -> tuple[str, int, list[str]]:
     """Separator, line number and cells of the first line of names above most lines."""
     best: tuple[int, int, str, list[str]] | None = None
+    ragged_at: tuple[int, int, int] | None = None
     for separator in SEPARATORS:
-        split = [split_cells(line, separator) for line in lines]
+        split = [split_cells(line, separator) for line in lines[:_SEARCHED]]
         widths = [len(cells) for cells in split if len(cells) > 1]
         if not widths:
             continue
         width = max(set(widths), key=widths.count)
         number = next(k for k, cells in enumerate(split) if len(cells) == width)
-        if any(_is_number(c, ",") or _is_number(c, ".") for c in split[number]):
-            continue
+        if _has_number(split[number]):
+            # Recorders end their rows with a separator, or the header, and the other not.
+            near = number - 1
+            if near < 0 or abs(len(split[near]) - width) > 1 or _has_number(split[near]):
+                continue
+            if not fits_header(split[number], split[near]):
+                ragged_at = ragged_at or (number, width, len(split[near]))
+                continue
+            number = near
         # Commas within numbers make columns too; the header has none of them then.
         if best is None or width > best[0]:
             best = (width, number, separator, split[number])
+    if best is None and ragged_at is not None:
+        number, width, expected = ragged_at
+        raise ragged(width, expected, f"{where}, line {number + 1}")
     if best is None:
         raise DataError(
             "there is no header line above a table of numbers",
@@ -122,18 +145,57 @@ def _stated(cells: list[str]) -> list[str | None]:
     return [split_label(cell)[1] for cell in cells]
 
 
+def _has_number(cells: list[str]) -> bool:
+    return any(_is_number(c, ",") or _is_number(c, ".") for c in cells)
+
+
 def _is_number(cell: str, decimal: str) -> bool:
     return bool(_NUMBER.fullmatch(cell.replace(",", ".") if decimal == "," else cell))
 
 
-def _parsed(block: bytes, width: int, separator: str, decimal: str) -> pa.Table:
-    names = [str(k) for k in range(width)]
-    return pa_csv.read_csv(
-        pa.BufferReader(block),
-        pa_csv.ReadOptions(column_names=names),
-        pa_csv.ParseOptions(delimiter=separator, invalid_row_handler=lambda row: "skip"),
-        pa_csv.ConvertOptions(decimal_point=decimal),
-    )
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """How to parse the rows: cells in each, separator, decimal.
+
+    odd : takes the numbers of cells of the lines that have others.
+    """
+
+    width: int
+    separator: str
+    decimal: str
+    odd: list[int] = field(default_factory=list)
+
+    def parsed(self, block: bytes, odd: list[int]) -> pa.Table:
+        """Parse whole lines; those with another number of cells are left out, and noted."""
+
+        def leave_out(row: pa_csv.InvalidRow) -> str:
+            odd.append(row.actual_columns)
+            return "skip"
+
+        return pa_csv.read_csv(
+            pa.BufferReader(block),
+            pa_csv.ReadOptions(
+                column_names=[str(k) for k in range(self.width)],
+                # At once, so that no line is longer than what is parsed at a time.
+                block_size=len(block) + 1,
+                # Lines that are left out are decoded, and Latin-1 decodes whatever there is.
+                encoding="utf8" if block.isascii() else "latin1",
+            ),
+            pa_csv.ParseOptions(delimiter=self.separator, invalid_row_handler=leave_out),
+            pa_csv.ConvertOptions(decimal_point=self.decimal),
+        )
+
+
+def _odd_lines(table: _Table) -> list[str]:
+    if not table.odd:
+        return []
+    found = ", ".join(str(n) for n in sorted(set(table.odd))[:3])
+    found += " cell" if found == "1" else " cells"
+    many = "a line has" if len(table.odd) == 1 else f"{len(table.odd)} lines have"
+    return [
+        f"{many} {found} where a row has {table.width}; the file may be damaged there: "
+        "record or export it again"
+    ]
 
 
 def _is_numeric(kind: pa.DataType) -> bool:
@@ -144,4 +206,4 @@ def _numbers(part: pa.Table, k: int, *, thin: bool) -> FloatArray:
     column = part.column(k)
     if thin and len(column) > SAMPLES:
         column = column.take(as_arrow(np.linspace(0, len(column) - 1, SAMPLES).astype(np.int64)))
-    return as_numpy(column.cast(pa.float64()))
+    return as_numpy(column.cast(pa.float64(), safe=False))

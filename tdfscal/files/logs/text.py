@@ -25,6 +25,8 @@ _LINE: Final = 1 << 16
 _THREADS: Final = 2
 HEAD: Final = 1 << 18
 _MAX_SAMPLES: Final = 1 << 16
+_OPENING: Final = 1 << 12
+_CONTROL: Final = bytes({*range(1, 32)} - set(b"\t\n\v\f\r"))
 _GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 
 
@@ -49,7 +51,7 @@ def read_text(
             header = find_header(text, request, where=where)
             parser = RowParser(header, newline, request.decimal, where)
             line = header.lines + 1
-            rows_before, faults = 0, 0
+            rows_before, faults, endless = 0, 0, False
             warnings: list[str] = []
 
             def parsed(given: tuple[memoryview, bool]) -> tuple[memoryview, bool, Rows | None]:
@@ -60,6 +62,7 @@ def read_text(
             with closing(mapped(parsed, whole_lines, _THREADS)) as results:
                 for block, whole, fast in results:
                     if not whole and request.rows == "timeseries":
+                        endless = True
                         warnings.append(
                             f"{where}: the last line has no end and may be cut short; "
                             "it is left out"
@@ -73,6 +76,12 @@ def read_text(
                     line += rows.lines
                     reached(raw.tell())
                     yield from split(piece, _MAX_SAMPLES)
+    if rows_before == 0 and endless:
+        raise DataError(
+            "the only row below the header has no end and may be cut short",
+            where=where,
+            hint="record the log again, or end the line if the row is whole",
+        )
     if rows_before == 0:
         raise DataError(
             "the file has a header and no rows", where=where, hint="record the log again"
@@ -108,15 +117,41 @@ def open_text(path: Path) -> tuple[BufferedIOBase, BufferedIOBase, Integrity]:
 
 
 def decode(head: bytes, where: str) -> str:
-    """Decode the first lines; in the rows only ASCII matters."""
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+    """Decode the first lines; in the rows only ASCII matters.
+
+    Raises
+    ------
+    DataError : the text is UTF-16 or none at all, or its first line has no end.
+    """
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or _every_second_is_nul(head):
         raise DataError("the text is UTF-16", where=where, hint="export it as UTF-8")
+    opening = head[:_OPENING]
+    if len(opening) - len(opening.translate(None, _CONTROL)) > len(opening) // 20:
+        raise DataError(
+            "the file is not text",
+            where=where,
+            hint="export the recording as CSV, or name the file by what it is",
+        )
+    if len(head) >= HEAD and not (b"\n" in head or b"\r" in head):
+        raise DataError(
+            f"the first line is longer than {HEAD >> 10} KiB",
+            where=where,
+            hint="this is not a table of numbers",
+        )
     # The last character may be cut in two by the block's end; it is far below the header.
     whole = head[: max(head.rfind(b"\n"), head.rfind(b"\r")) + 1] or head
     try:
-        return whole.decode("utf-8-sig")
+        text = whole.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return whole.decode("cp1252", errors="replace")
+        text = whole.decode("cp1252", errors="replace")
+    return text.replace("\0", "\ufffd")
+
+
+def _every_second_is_nul(head: bytes) -> bool:
+    """ASCII as UTF-16 without a mark at its start: one of two bytes is NUL, the other is not."""
+    opening = head[:_OPENING]
+    share = [opening[k::2].count(0) / max(len(opening[k::2]), 1) for k in (0, 1)]
+    return min(share) < 0.1 and max(share) > 0.9
 
 
 class Source:

@@ -22,7 +22,8 @@ class Header:
     """How to read the table.
 
     lines : how many lines of the file come before the first row.
-    columns : how many cells a row has.
+    columns : how many cells a row has: as many as names, but for a separator at the end of one of
+    the two; a cell without a name is empty in every row.
     time : column of the time; None where rows are postures and the file has no time.
     components : per signal, the columns of x, y, z.
     factors : per signal, to SI and tdfscal's sign. time_factor : to s.
@@ -66,10 +67,10 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
     DataError : no header, missing or duplicate columns, a unit that contradicts the mapping.
     """
     check_fields_differ(request, where=where)
-    lines = text.splitlines()[:_SEARCHED_LINES]
+    lines = text.splitlines()
     names = [name for signal in request.signals for name in signal.components]
     wanted = {request.time_field, *names}
-    best = _best_line(lines, wanted, request.decimal)
+    best = _best_line(lines[:_SEARCHED_LINES], wanted, request.decimal)
     if best is None:
         raise DataError("the file is empty", where=where, hint="record the log again")
     if best.found == 0 and all(_NUMBER.fullmatch(c) for c in best.cells):
@@ -87,7 +88,7 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
     missing = [n for n in dict.fromkeys([request.time_field, *names]) if n not in by_name]
     missing = [n for n in missing if n not in optional]
     if missing:
-        raise missing_fields(missing, (n for n, _ in labels if n), where=here, kind="column")
+        raise missing_fields(missing, (cut(n) for n, _ in labels if n), where=here, kind="column")
     for name in wanted & by_name.keys():
         if len(by_name[name]) > 1:
             raise DataError(
@@ -114,10 +115,11 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
             )
         sign = -1.0 if signal.factor < 0.0 else 1.0
         factors.append(sign * one.pop())
+    above = best.line + 1 + (1 if row_units else 0)
     return Header(
         separator=best.separator,
-        lines=best.line + 1 + (1 if row_units else 0),
-        columns=len(best.cells),
+        lines=above,
+        columns=row_cells(lines[above:], best.separator, best.cells),
         names=best.cells,
         time=time,
         components=tuple(components),
@@ -148,6 +150,35 @@ def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> _Candida
     return best
 
 
+def row_cells(rows: Sequence[str], separator: str, header: Sequence[str]) -> int:
+    """How many cells the rows below a header have, going by the first of them."""
+    for line in rows:
+        if line.strip():
+            cells = split_cells(line, separator)
+            return len(cells) if fits_header(cells, header) else len(header)
+    return len(header)
+
+
+def fits_header(cells: Sequence[str], header: Sequence[str]) -> bool:
+    """Tell whether a row is as wide as the header, but for a separator at the end of one of them.
+
+    Recorders write such separators in the rows only, or above them only.
+    """
+    match len(cells) - len(header):
+        case 0:
+            return True
+        case 1:
+            return not cells[-1]
+        case -1:
+            return not header[-1]
+    return False
+
+
+def cut(text: str, limit: int = 40) -> str:
+    """Shorten what is quoted of a file."""
+    return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
 def split_cells(line: str, separator: str) -> list[str]:
     """Split one line into its cells, without quotes and outer spaces."""
     if '"' not in line:
@@ -175,7 +206,7 @@ def _units_row(lines: Sequence[str], header: _Candidate, columns: Sequence[int])
     if header.line + 1 >= len(lines):
         return {}
     cells = [c.strip("[]() ") for c in split_cells(lines[header.line + 1], header.separator)]
-    if len(cells) != len(header.cells) or not columns:
+    if not fits_header(cells, header.cells) or not columns:
         return {}
     stated = {c: cells[c] for c in columns if cells[c]}
     if not stated or not all(units.is_unit(unit) for unit in stated.values()):

@@ -13,7 +13,7 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
-from tdfscal.files.logs.text_header import Header, split_cells
+from tdfscal.files.logs.text_header import Header, cut, split_cells
 from tdfscal.records import FloatArray
 
 _PARSER_BLOCK = 1 << 20  # stays in the cache
@@ -59,10 +59,12 @@ class RowParser:
             column_names=names, block_size=_PARSER_BLOCK, use_threads=False
         )
         self._parse = pa_csv.ParseOptions(delimiter=header.separator)
+        # Cells without a name are read too, as nothing but empty ones.
+        nameless = names[len(header.names) :]
         self._convert = pa_csv.ConvertOptions(
-            column_types=dict.fromkeys(wanted, pa.float64()),
-            include_columns=wanted,
-            null_values=[],
+            column_types=dict.fromkeys(wanted, pa.float64()) | dict.fromkeys(nameless, pa.null()),
+            include_columns=[*wanted, *nameless],
+            null_values=[""] if nameless else [],
             decimal_point=decimal,
         )
 
@@ -79,8 +81,8 @@ class RowParser:
         whole = lines + (block[-1:] != self._newline)
         if table.num_rows != whole and table.num_rows != sum(1 for _ in self._lines(block, 0)):
             return None
-        value = np.empty((table.num_columns, table.num_rows))
-        for column, values in zip(table.columns, value, strict=True):
+        value = np.empty((len(self._header.wanted), table.num_rows))
+        for column, values in zip(table.columns, value, strict=False):
             if column.null_count:
                 return None
             begin = 0
@@ -128,10 +130,14 @@ class RowParser:
         cells = split_cells(text, self._header.separator)
         here = f"{self._where}, line {number}"
         if len(cells) != self._header.columns:
+            same = self._header.columns == len(self._header.names)
+            above = "the header" if same else "the first row"
+            raise ragged(len(cells), self._header.columns, here, above)
+        if any(cells[len(self._header.names) :]):
             raise DataError(
-                f"the line has {len(cells)} cells, the header {self._header.columns}",
+                f"{cut(cells[-1])!r} stands in a column that has no name in the header",
                 where=here,
-                hint="the file may be cut short or damaged there; record or export it again",
+                hint="the other rows end with a separator; record or export the file again",
             )
         numbers: dict[int, float] = {}
         for c in sorted(self._header.wanted):
@@ -148,7 +154,7 @@ class RowParser:
         return None
 
     def _fault(self, cell: str, where: str) -> DataError:
-        shown = repr(cell if len(cell) <= 40 else cell[:39] + "…")
+        shown = repr(cut(cell))
         if not cell:
             return DataError("the cell is empty", where=where, hint="a log has no holes")
         swapped = cell.replace(",", ".") if self._decimal == "." else cell
@@ -159,6 +165,15 @@ class RowParser:
         else:
             hint = "each cell must be a finite number"
         return DataError(f"{shown} is not a finite number", where=where, hint=hint)
+
+
+def ragged(cells: int, expected: int, where: str, above: str = "the header") -> DataError:
+    """Build the error for a line with another number of cells than what is above it."""
+    return DataError(
+        f"the line has {cells} cells, {above} {expected}",
+        where=where,
+        hint="the file may be cut short or damaged there; record or export it again",
+    )
 
 
 def _count(block: memoryview, newline: bytes) -> int:

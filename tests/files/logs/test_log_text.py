@@ -13,6 +13,7 @@ import zstandard
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.logs import iter_log, read_log
+from tdfscal.files.logs.text_rows import RowParser
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table, write
 
@@ -239,3 +240,58 @@ def test_mapping_is_checked(tmp_path: Path) -> None:
         read(tmp_path, text(HEADER, *ROWS), replace(MAPPING, force=(("X", "FY", "FZ"),)))
     with pytest.raises(RigError, match="no fields for support b"):
         read_log([write(tmp_path / "l.csv", b"")], MAPPING, ("b",))
+
+
+TRAILING = (
+    text(HEADER, *(f"{row}," for row in ROWS)),
+    text(f"{HEADER},", *ROWS),
+    text(HEADER, "s,m,m,m,N,N,N,", *(f"{row}," for row in ROWS)),
+    text(f"{HEADER},", "s,m,m,m,N,N,N", *ROWS),
+)
+
+
+@pytest.mark.parametrize("content", TRAILING)
+def test_a_separator_at_the_end_of_the_rows_or_of_the_header_only(
+    tmp_path: Path, content: bytes
+) -> None:
+    assert_plain(read(tmp_path, content))
+
+
+def test_a_separator_at_the_end_is_parsed_fast(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(RowParser, "slow")
+    for content in TRAILING:
+        assert_plain(read(tmp_path, content))
+
+
+@pytest.mark.parametrize(
+    ("content", "match"),
+    [
+        (text(HEADER, f"{ROWS[0]},", f"{ROWS[1]},7"), "line 3: '7' stands in a column that has no"),
+        (text(HEADER, f"{ROWS[0]},", ROWS[1]), "line 3: the line has 7 cells, the first row 8"),
+        (text(HEADER, ROWS[0], f"{ROWS[1]},"), "line 3: the line has 8 cells, the header 7"),
+        (text(f"{HEADER},", ROWS[0], f"{ROWS[1]},"), "line 3: the line has 8 cells, the first row"),
+        (text(HEADER, f"{ROWS[0]},", "0.1,1.5,,3.5,4.5,5.5,6.5,"), "column Y: the cell is empty"),
+        (text(HEADER, *(f"{row},7" for row in ROWS)), "line 2: the line has 8 cells, the header 7"),
+        (text(HEADER)[:-1] + b"\n" + ROWS[0].encode(), "the only row below the header has no end"),
+        (text(HEADER, *ROWS).decode().encode("utf-16-le"), "the text is UTF-16"),
+        (text(HEADER, *ROWS).decode().encode("utf-16-be"), "the text is UTF-16"),
+        (b"x," * 200_000, "the first line is longer than 256 KiB"),
+        (bytes(range(256)) * 16, "the file is not text"),
+    ],
+)
+def test_odd_tables_are_refused(tmp_path: Path, content: bytes, match: str) -> None:
+    with pytest.raises(DataError, match=match):
+        read(tmp_path, content)
+
+
+def test_long_names_are_cut_where_they_are_quoted(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no column t") as caught:
+        read(tmp_path, text("x" * 100_000 + ",b", "1,2"))
+    assert len(str(caught.value)) < 500
+
+
+def test_the_slow_path_takes_a_separator_at_the_end(tmp_path: Path) -> None:
+    content = text(HEADER, *(f"{row}," for row in ROWS), "torn")
+    assert_plain(read(tmp_path, content, salvage=True))

@@ -1,0 +1,278 @@
+"""`tdfscal info` on odd logs: units that cannot be, clocks of no use, files of no table."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from tests.cli.running import SAMPLES, run
+
+NAMES, *_ = (SAMPLES / "csv/log.csv").read_text().splitlines()
+ROWS = np.loadtxt(SAMPLES / "csv/log.csv", delimiter=",", skiprows=1)
+POSITIONS = [6 * i + k for i in range(3) for k in (1, 2, 3)]
+
+
+def written(folder: Path, rows: np.ndarray, header: str = NAMES, *, block: bool = False) -> Path:
+    """A folder with a log and the sample's rig file, with its log block or without."""
+    folder.mkdir()
+    document = yaml.safe_load((SAMPLES / "csv/rig.yaml").read_text())
+    document.pop("tracker")
+    if not block:
+        document.pop("log")
+    (folder / "rig.yaml").write_text(yaml.safe_dump(document))
+    lines = [",".join(f"{x:.9g}" for x in row) for row in rows]
+    (folder / "log.csv").write_text("\n".join([header, *lines]) + "\n")
+    return folder
+
+
+def scaled(columns: list[int], factor: float) -> np.ndarray:
+    rows = ROWS.copy()
+    rows[:, columns] *= factor
+    return rows
+
+
+def told(capsys: pytest.CaptureFixture[str], path: Path) -> dict[str, Any]:
+    result = run(capsys, "info", path, "--json")
+    assert result.status == 0, result.err
+    found: dict[str, Any] = json.loads(result.out)
+    return found
+
+
+def test_epoch_nanoseconds(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    folder = written(tmp_path / "ns", ROWS)
+    stamps = 1_750_000_000_000_000_001 + np.rint(ROWS[:, 0] * 1e9).astype(np.int64)
+    header, *lines = (folder / "log.csv").read_text().splitlines()
+    rows = [f"{t},{line.partition(',')[2]}" for t, line in zip(stamps, lines, strict=True)]
+    (folder / "log.csv").write_text("\n".join([header, *rows]) + "\n")
+    found = told(capsys, folder)
+    assert found["mapping"]["log"]["time"] == {"field": "t_s", "unit": "ns"}
+    assert found["problems"] == []
+    assert {round(s["rate"]) for s in found["signals"]} == {50}
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_the_unit_of_time_goes_by_the_interval(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, unit: str, factor: float
+) -> None:
+    folder = written(tmp_path / "alone", scaled([0], factor), NAMES.replace("t_s", "clock"))
+    (folder / "rig.yaml").unlink()
+    found = told(capsys, folder / "log.csv")
+    assert found["mapping"]["log"]["time"] == {"field": "clock", "unit": unit}
+    assert {round(s["rate"]) for s in found["signals"]} == {50}
+    assert any(note.startswith(f"time unit: {unit}, as") for note in found["mapping_notes"])
+
+
+def test_whole_numbers_from_one_to_the_next_are_milliseconds(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    rows = np.repeat(ROWS, 4, axis=0)
+    rows[:, 0] = np.arange(len(rows))
+    found = told(capsys, written(tmp_path / "whole", rows, NAMES.replace("t_s", "time")))
+    assert found["mapping"]["log"]["time"]["unit"] == "ms"
+
+
+def test_a_rig_file_with_the_wrong_unit_of_time(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    found = told(capsys, written(tmp_path / "ms", scaled([0], 1e3), block=True))
+    assert any("`unit: ms` would fit" in problem for problem in found["problems"])
+    found = told(capsys, written(tmp_path / "s", ROWS, block=True))
+    assert found["problems"] == []
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("um", 1e3), ("mm", 1.0), ("m", 1e-3)])
+@pytest.mark.parametrize("known", [True, False])
+def test_the_unit_of_length_goes_by_the_distances(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, unit: str, factor: float, known: bool
+) -> None:
+    folder = written(tmp_path / "length", scaled(POSITIONS, factor))
+    if not known:
+        (folder / "rig.yaml").unlink()
+    found = told(capsys, folder if known else folder / "log.csv")
+    assert found["mapping"]["log"]["length_unit"] == unit
+    assert any("1.039 m" in note for note in found["mapping_notes"]) == (known or unit == "m")
+
+
+@pytest.mark.parametrize(
+    ("length", "force", "said"),
+    [
+        ("µm", "N", "the NCPs are 0.001039 m apart"),
+        ("m", "N", "the NCPs are 1039 m apart"),
+        ("mm", "kN", "the forces add up to 4.912e+06 N"),
+        ("mm", "N", None),
+    ],
+)
+@pytest.mark.parametrize("known", [True, False])
+def test_units_of_the_header_that_cannot_be(
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    length: str,
+    force: str,
+    said: str | None,
+    known: bool,
+) -> None:
+    cells = [
+        f"{name} [{length}]" if "Pos" in name else f"{name} [{force}]" if "_F" in name else name
+        for name in NAMES.split(",")
+    ]
+    folder = written(tmp_path / "units", ROWS, ",".join(cells))
+    if not known:
+        (folder / "rig.yaml").unlink()
+    found = told(capsys, folder if known else folder / "log.csv")
+    assert found["mapping"]["log"]["length_unit"] == {"µm": "um"}.get(length, length)
+    assert found["mapping"]["log"]["force_unit"] == force
+    doubts = [p for p in found["problems"] if "check the header" in p]
+    assert len(doubts) == (said is not None)
+    assert said is None or said in doubts[0]
+
+
+def as_it_is(k: int, t: int) -> int:
+    return t
+
+
+def restamped(
+    target: Path,
+    topic: str,
+    stamp: Callable[[int, int], int],
+    logged: Callable[[int, int], int] = as_it_is,
+) -> Path:
+    """The sample recording with other times on one topic, in ns: of (message, time as it is)."""
+    count = 0
+    with (SAMPLES / "mcap/log.mcap").open("rb") as source, target.open("wb") as sink:
+        writer = Writer(sink)
+        writer.start(profile="ros2", library="tests")
+        ids: dict[str, int] = {}
+        for schema, channel, message in make_reader(source).iter_messages():
+            assert schema is not None
+            if channel.topic not in ids:
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                ids[channel.topic] = writer.register_channel(
+                    channel.topic, channel.message_encoding, kind
+                )
+            data = bytearray(message.data)
+            log_time = message.log_time
+            if channel.topic == topic:
+                sec, nanosec = (int(n) for n in np.frombuffer(data, "<u4", 2, 4))
+                new = stamp(count, sec * 10**9 + nanosec)
+                data[4:12] = np.array(divmod(new, 10**9), "<u4").tobytes()
+                log_time = logged(count, log_time)
+                count += 1
+            writer.add_message(ids[channel.topic], log_time, bytes(data), message.publish_time)
+        writer.finish()  # type: ignore[no-untyped-call]
+    assert count
+    return target
+
+
+@pytest.mark.parametrize(
+    ("stamp", "why"),
+    [
+        (lambda k, t: 0, "are all zero"),
+        (lambda k, t: t // 10**9 * 10**9, "repeat the time of the sample before"),
+        (lambda k, t: t + 3 * 10**9 * (k > 2500), "leave their usual distance to the recorder's"),
+    ],
+)
+def test_header_times_that_cannot_be_used(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, stamp: Callable[[int, int], int], why: str
+) -> None:
+    path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", stamp)
+    found = told(capsys, path)
+    assert found["mapping"]["log"]["time"] == {"source": "log"}
+    note = next(n for n in found["mapping_notes"] if n.startswith("time source: log"))
+    assert why in note
+    assert "/tdfs2/wrench" in note
+    assert found["dwells"]["count"] == 16
+
+
+def test_header_times_off_by_a_constant_are_used(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", lambda k, t: t + 5_000_000)
+    assert told(capsys, path)["mapping"]["log"]["time"] == {"source": "header"}
+
+
+def test_header_times_are_used_where_the_recorder_stalled(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def stalled(k: int, t: int) -> int:
+        return t + max(0, 2600 - k) * 20_000_000 if k >= 2500 else t
+
+    path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", as_it_is, stalled)
+    found = told(capsys, path)
+    assert found["mapping"]["log"]["time"] == {"source": "header"}
+    assert any("by 2 s at most" in problem for problem in found["problems"])
+
+
+def test_a_line_that_is_neither_a_row_nor_utf8(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"t,a\n1,2\n\xb5\n")
+    result = run(capsys, "info", path)
+    assert result.status == 0
+    assert result.err == ""
+    assert "a line has 1 cell where a row has 2" in " ".join(result.out.split())
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (np.random.default_rng(1).bytes(30_000), "the file is not text"),
+        ("t,a\n1,2\n".encode("utf-16-le"), "the text is UTF-16"),
+        ("t,a\n1,2\n".encode("utf-16-be"), "the text is UTF-16"),
+        (b"a,b" * 100_000, "the first line is longer than 256 KiB"),
+        (b"t,a,b\n" + 9 * b"1,2,3,4\n", "line 2: the line has 4 cells, the header 3"),
+    ],
+)
+def test_what_is_no_table(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, content: bytes, said: str
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    result = run(capsys, "info", path)
+    assert result.status == 3
+    assert said in result.err
+    assert "log.csv" in result.err
+    assert len(result.err) < 400
+    assert "\0" not in result.err
+
+
+def test_a_very_long_name_is_cut(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("a" * 100_000 + ",b\n1,2\n")
+    result = run(capsys, "info", path)
+    assert result.status == 0
+    assert len(result.out) < 1000
+
+
+def test_a_very_long_line_has_its_number(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = written(tmp_path / "long", ROWS[:200])
+    with (folder / "log.csv").open("a") as file:
+        file.write("1,2" * 1_700_000 + "\n")
+    found = told(capsys, folder)
+    assert any("line 202: the line has 1700001 cells" in p for p in found["problems"])
+
+
+@pytest.mark.parametrize("where", ["rows", "header"])
+def test_a_separator_at_the_end_of_the_rows_or_of_the_header_only(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, where: str
+) -> None:
+    folder = tmp_path / "mine"
+    shutil.copytree(SAMPLES / "csv", folder)
+    header, *lines = (folder / "log.csv").read_text().splitlines()
+    header, lines = (header, [f"{x}," for x in lines]) if where == "rows" else (f"{header},", lines)
+    (folder / "log.csv").write_text("\n".join([header, *lines]) + "\n")
+    found, plain = told(capsys, folder), told(capsys, SAMPLES / "csv")
+    assert found["problems"] == []
+    for key in ("mapping", "signals", "dwells", "time_offset"):
+        assert found[key] == plain[key]
