@@ -11,6 +11,8 @@ from pathlib import Path
 from tdfscal.errors import UsageError
 from tdfscal.files.faults import nearest
 from tdfscal.files.logs import is_log
+from tdfscal.files.logs.bag import entries_of, refuse_unfinished
+from tdfscal.files.logs.formats import NOWHERE, check_regular
 from tdfscal.files.rig import LoadedRig, load_rig
 
 RIG_NAME = "rig.yaml"
@@ -56,18 +58,22 @@ def resolve(
 def find_logs(paths: Sequence[Path], apart: Iterable[Path] = ()) -> tuple[Path, ...]:
     """Return the logs that the paths name or hold, each once; `apart` are files that are no logs.
 
-    Raises UsageError where a path is missing or a file is no log.
+    Raises UsageError where a path is missing, a file is no log or no regular file, or a subfolder
+    holds recordings without the metadata that lists them, or may not be looked into.
     """
     _require(paths)
-    apart_files = {path.resolve() for path in apart}
+    apart_files = {_real(path) for path in apart}
     found: dict[Path, Path] = {}
+    others: list[Path] = []
     for path in paths:
         if path.is_dir() and not is_log(path):
-            for entry in sorted(path.iterdir(), key=_natural):
-                if _is_recorded(entry) and entry.resolve() not in apart_files:
-                    found.setdefault(entry.resolve(), entry)
+            for entry in sorted(entries_of(path), key=_natural):
+                if _is_recorded(entry) and _real(entry) not in apart_files:
+                    found.setdefault(_real(entry), entry)
+                elif _may_be_recording(entry):
+                    others.append(entry)
         elif is_log(path):
-            found.setdefault(path.resolve(), path)
+            found.setdefault(_real(path), path)
         else:
             kinds = "logs are .csv, .tsv (also .gz, .zst), .parquet, .mcap, or rosbag2 folders"
             raise UsageError(
@@ -75,17 +81,35 @@ def find_logs(paths: Sequence[Path], apart: Iterable[Path] = ()) -> tuple[Path, 
                 where=str(path),
                 hint="name the folder that holds it" if path.name == RIG_NAME else kinds,
             )
+    for folder in others:
+        refuse_unfinished(folder, found.keys())
+    for path in found.values():
+        if not path.is_dir():
+            check_regular(path)
     return tuple(found.values())
 
 
+def _real(path: Path) -> Path:
+    """Where a path leads; unlike `Path.resolve` it takes a link that leads to itself."""
+    return Path(os.path.realpath(path))
+
+
 def _is_recorded(entry: Path) -> bool:
-    return is_log(entry) and not entry.name.startswith(".") and entry.stem != "calibration"
+    apart = entry.name.startswith(".") or entry.stem == "calibration"
+    return not apart and is_log(entry)
+
+
+def _may_be_recording(entry: Path) -> bool:
+    """A subfolder that belongs to the campaign: not hidden, nor a campaign of its own."""
+    if entry.name.startswith(".") or not entry.is_dir():
+        return False
+    return not (entry / RIG_NAME).is_file()
 
 
 def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | None) -> LoadedRig:
     if given is not None:
         return load_rig(given)
-    beside = {(home / RIG_NAME).resolve(): home / RIG_NAME for home in map(_home, paths)}
+    beside = {_real(home / RIG_NAME): home / RIG_NAME for home in map(_home, paths)}
     rigs = [load_rig(path) for path in beside.values() if path.is_file()]
     if not rigs:
         if fallback is not None:
@@ -107,7 +131,8 @@ def _home(path: Path) -> Path:
 
 def _no_rig(paths: Sequence[Path]) -> UsageError:
     home = _home(paths[0])
-    near = nearest(RIG_NAME, [n for n in _names(home) if not _is_calibration(home / n)])
+    others = [name for name in _names(home) if name != RIG_NAME and (home / name).is_file()]
+    near = nearest(RIG_NAME, [name for name in others if not _is_calibration(home / name)])
     return UsageError(
         f"there is no {RIG_NAME}",
         where=str(home),
@@ -131,10 +156,11 @@ def _require(paths: Sequence[Path]) -> None:
     for path in paths:
         if not os.path.lexists(path) or not path.exists():
             near = nearest(path.name, _names(path.absolute().parent))
+            advice = f"the nearest name there is {near}" if near else "check the path"
             raise UsageError(
                 "there is no such file or folder",
                 where=str(path),
-                hint=f"the nearest name there is {near}" if near else "check the path",
+                hint=NOWHERE if path.is_symlink() else advice,
             )
 
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -143,3 +145,86 @@ def test_faulty_rig_file_is_a_rig_error(tmp_path: Path) -> None:
 def test_logs_without_any_rig(tmp_path: Path) -> None:
     home = make(tmp_path, "x.csv", "y.mcap", rig=None)
     assert [path.name for path in find_logs([home])] == ["x.csv", "y.mcap"]
+
+
+@pytest.mark.parametrize("stored", ["second_0.mcap", "second_0.MCAP.zstd", "second_0.db3"])
+def test_recording_that_was_not_finished_is_not_passed_over(tmp_path: Path, stored: str) -> None:
+    home = make(tmp_path, "first.mcap", f"second/{stored}", *SURVEY)
+    match = rf"second: the folder holds {stored} and no metadata\.yaml.*ros2 bag reindex.*\.mcap"
+    for found in (resolve, find_logs):
+        with pytest.raises(UsageError, match=match):
+            found([home])
+    (home / "second" / "metadata.yaml").write_text("x")
+    assert [path.name for path in resolve([home]).logs] == ["first.mcap", "second"]
+
+
+def test_unfinished_recording_alone_is_named(tmp_path: Path) -> None:
+    home = make(tmp_path, "bag/bag_0.mcap")
+    with pytest.raises(UsageError, match=r"bag: the folder holds bag_0\.mcap and no metadata"):
+        resolve([home])
+    files = [home / "bag" / "bag_0.mcap", home / "bag" / "bag_1.mcap"]
+    files[1].write_text("x")
+    with pytest.raises(UsageError, match=r"the folder holds bag_1\.mcap and no metadata"):
+        resolve([home, files[0]])
+    assert resolve([home, *files]).logs == tuple(files)
+    assert resolve(files, home / "rig.yaml").logs == tuple(files)
+
+
+def test_folders_that_are_no_part_of_the_campaign_are_left_alone(tmp_path: Path) -> None:
+    others = ("old/log.csv", ".trash/log.mcap", "notes/a.mcap.txt", "held_out/log.mcap")
+    home = make(tmp_path, "log.mcap", *others, *SURVEY)
+    (home / "held_out" / "rig.yaml").write_text(RIG)  # a campaign of its own
+    campaign = resolve([home])
+    assert campaign.logs == (home / "log.mcap",)
+    assert campaign.surveyed
+
+
+def test_links_that_lead_nowhere_and_pipes_are_named(tmp_path: Path) -> None:
+    home = make(tmp_path / "loop")
+    (home / "log.csv").symlink_to("log.csv")
+    with pytest.raises(UsageError, match=r"log\.csv: .*symbolic links.*leads to no file"):
+        resolve([home])
+    with pytest.raises(UsageError, match=r"log\.csv: there is no such .*leads to no file"):
+        resolve([home / "log.csv"])
+    home = make(tmp_path / "pipe")
+    os.mkfifo(home / "log.csv")
+    for path in (home, home / "log.csv"):
+        with pytest.raises(UsageError, match=r"log\.csv: is no regular file"):
+            resolve([path])
+
+
+def test_rig_and_survey_may_be_links_to_themselves(tmp_path: Path) -> None:
+    home = make(tmp_path / "a", "log.csv")
+    (home / "tracker").mkdir()
+    for name in SURVEY:
+        (home / name).symlink_to(Path(name).name)
+    assert resolve([home]).logs == (home / "log.csv",)
+    home = make(tmp_path / "b", "log.csv", rig=None)
+    (home / "rig.yaml").symlink_to("rig.yaml")
+    with pytest.raises(UsageError, match=r"there is no rig\.yaml\. Name the rig file with --rig"):
+        resolve([home])
+
+
+@pytest.mark.parametrize("mode", [0o000, 0o100, 0o400])
+def test_folder_that_may_not_be_looked_into_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int
+) -> None:
+    home = make(tmp_path, "log.csv", "bag/bag_0.mcap", ".trash/x.mcap")
+    closed = home / "bag"
+    stat, listing = Path.stat, Path.iterdir
+
+    def stat_as_user(path: Path, **options: bool) -> os.stat_result:
+        if path.parent == closed and not mode & 0o100:
+            raise PermissionError(13, "Permission denied", str(path))
+        return stat(path, **options)
+
+    def listing_as_user(path: Path) -> Iterator[Path]:
+        if path == closed and not mode & 0o400:
+            raise PermissionError(13, "Permission denied", str(path))
+        return iter(list(listing(path)))
+
+    # Whoever runs the tests may be allowed everything.
+    monkeypatch.setattr(Path, "stat", stat_as_user)
+    monkeypatch.setattr(Path, "iterdir", listing_as_user)
+    with pytest.raises(UsageError, match=r"bag: the folder cannot be looked into \(Permission"):
+        resolve([home])

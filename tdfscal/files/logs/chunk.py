@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 from array import array
@@ -12,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import lz4.frame
 import numpy as np
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
 from tdfscal.records import IntArray
@@ -247,3 +249,18 @@ def _walk(
             raise ValueError(f"a record of kind {opcode:#04x} has no place in a chunk")
         start = end
     return count
+
+
+class _Exact(io.BytesIO):
+    """Bytes that never come short."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        data = super().read(size)
+        if size is not None and len(data) < size:
+            raise ValueError("a record is shorter than it states")
+        return data
+
+
+def exact(content: bytes) -> ReadDataStream:
+    """Wrap a record's content for the record classes of `mcap`."""
+    return ReadDataStream(_Exact(content))

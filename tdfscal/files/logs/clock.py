@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tdfscal.errors import DataError
@@ -16,6 +18,9 @@ HOPELESS = 100_000
 GAP = 5.0
 """An interval of more than this many median periods is a gap."""
 
+MAX_APART = 1.0
+"""A stream that begins or ends by more than this many seconds apart from the others is reported."""
+
 MAX_SKEW = 0.1
 """A header time that departs by more than this from its usual offset to log time is counted, s."""
 MAX_CLOCK_OFFSET = 1.0
@@ -25,6 +30,13 @@ MAX_CLOCK_OFFSET = 1.0
 _BINS_PER_DECADE = 231
 _LOWEST, _HIGHEST = -10, 6
 _BINS = (_HIGHEST - _LOWEST) * _BINS_PER_DECADE
+
+
+def shown(time: float) -> str:
+    """Write a time in s with the digits that find its place, also in s since 1970."""
+    if abs(time) < 1e6 or not np.isfinite(time):
+        return f"{time:.9g}"
+    return f"{time:.6f}".rstrip("0").rstrip(".")
 
 
 def _level(interval: FloatArray) -> IntArray:
@@ -47,6 +59,7 @@ class Clock:
     def __init__(self, name: str, where: str, rows: Rows, after: float = -np.inf) -> None:
         self.name, self.where, self._rows = name, where, rows
         self._last = after
+        self._first = np.nan
         self._at_start = True
         self._count = 0
         self._duplicates = 0
@@ -123,7 +136,7 @@ class Clock:
         if bad.any():
             k = int(np.argmax(bad))
             raise DataError(
-                f"the time of {self.name} goes from {latest[k]:.9g} s to {time[k]:.9g} s",
+                f"the time of {self.name} goes from {shown(latest[k])} s to {shown(time[k])} s",
                 where=self.where,
                 hint="time must ascend; split the recording where its clock was set anew",
             )
@@ -131,6 +144,8 @@ class Clock:
     def _note(self, time: FloatArray, step: FloatArray) -> None:
         if time.size == 0:
             return
+        if self._at_start:
+            self._first = float(time[0])
         intervals = step[1:] if self._at_start else step
         self._at_start = False
         self._last = float(time[-1])
@@ -146,20 +161,67 @@ class Clock:
         else:
             self._intervals += np.bincount(_level(intervals), minlength=_BINS)
 
-    def _gaps(self) -> list[str]:
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """First and last time, s; None without a sample, or where rows are postures."""
+        if self._at_start or self._rows == "postures":
+            return None
+        return self._first, self._last
+
+    @property
+    def period(self) -> float:
+        """Median interval, s, to about 1 %; 0 below two intervals."""
+        middle = self._middle()
+        return 0.0 if middle is None else 10.0 ** (middle / _BINS_PER_DECADE + _LOWEST)
+
+    def _middle(self) -> int | None:
+        """Which bin the median interval counts in; None below two intervals."""
         total = int(self._intervals.sum())
         if total < 2:
+            return None
+        return int(np.searchsorted(np.cumsum(self._intervals), total / 2.0))
+
+    def _gaps(self) -> list[str]:
+        middle = self._middle()
+        if middle is None:
             return []
-        middle = int(np.searchsorted(np.cumsum(self._intervals), total / 2.0))
         count = int(self._intervals[middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1 :].sum())
         if count == 0:
             return []
-        period = 10.0 ** (middle / _BINS_PER_DECADE + _LOWEST)
         longest, at = self._longest
         return [
             f"{self.where}: {count} gap{'s' if count > 1 else ''} of more than {GAP:g} periods of "
-            f"{period:.2g} s in {self.name}, the longest of {longest:.3g} s at {at:.9g} s"
+            f"{self.period:.2g} s in {self.name}, the longest of {longest:.3g} s at {shown(at)} s"
         ]
+
+
+def apart(clocks: Sequence[Clock], where: str) -> list[str]:
+    """Say which streams of one file begin long after, or end long before, the others.
+
+    Long is more than MAX_APART and more than GAP of the stream's own periods: what a sensor's
+    driver does that starts late or dies.
+    """
+    spans = [(clock, *clock.span) for clock in clocks if clock.span is not None]
+    if len(spans) < 2:
+        return []
+    earliest = min(first for _, first, _ in spans)
+    latest = max(last for _, _, last in spans)
+    late = [(clock, first - earliest) for clock, first, _ in spans]
+    early = [(clock, latest - last) for clock, _, last in spans]
+    return _apart(late, "begin", "after", where) + _apart(early, "end", "before", where)
+
+
+def _apart(distances: Sequence[tuple[Clock, float]], verb: str, way: str, where: str) -> list[str]:
+    found = [(c.name, by) for c, by in distances if by > max(MAX_APART, GAP * c.period)]
+    if not found:
+        return []
+    names = ", ".join(name for name, _ in found)
+    does, most = (f"{verb}s", "") if len(found) == 1 else (verb, "up to ")
+    distance = max(by for _, by in found)
+    return [
+        f"{where}: {names} {does} {most}{distance:.3g} s {way} the others; "
+        "postures without all signals are not used"
+    ]
 
 
 class Skew:

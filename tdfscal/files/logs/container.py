@@ -6,15 +6,14 @@ messages as one that has them. https://mcap.dev/spec
 
 from __future__ import annotations
 
-import io
 import struct
 import zlib
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Schema, Statistics
@@ -23,10 +22,13 @@ from tdfscal.errors import DataError
 from tdfscal.files.logs.chunk import (
     Messages,
     decompressed,
+    exact,
     index_offsets,
     messages_of,
     parse_chunk,
 )
+from tdfscal.files.logs.faults import one_line
+from tdfscal.files.logs.summary import Definitions, repeated_definitions
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _HEAD: Final = struct.Struct("<BQ")
@@ -45,7 +47,9 @@ _IN_SUMMARY: Final = frozenset(
     | {Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
 )
 _PASSED: Final = frozenset({Opcode.ATTACHMENT, Opcode.METADATA})
-_HINT = "copy the recording again; `--salvage` reads what is sound"
+_COMPRESSED: Final = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd"}
+_HINT: Final = "copy the recording again; `calibrate --salvage` reads what is sound"
+_DAMAGE: Final = (ValueError, McapError, struct.error)
 
 
 class TruncatedError(DataError):
@@ -71,6 +75,7 @@ class Container:
     reached: int = 0
     """Bytes of the file that are read."""
     _expanded: int = 0
+    _repeated: Definitions | None = None
     _loose: bool = False
 
     def messages(self) -> Iterator[Messages]:
@@ -82,11 +87,12 @@ class Container:
         """
         with self.path.open("rb") as file:
             stream = _Stream(file, self.path)
-            stream.magic("at its start: this is no MCAP file")
+            stream.opening()
             try:
                 stream.record(frozenset({Opcode.HEADER}))
                 data_crc = yield from self._data_section(stream)
-                self._summary_section(stream, data_crc)
+                with self._noting("the summary is damaged", stream.position):
+                    self._summary_section(stream, data_crc)
             except TruncatedError as error:
                 if not self.salvage:
                     raise
@@ -126,9 +132,12 @@ class Container:
                 self._chunks.append((start, stream.position - start))
                 pending = (start, content)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._define(opcode, content)
+                with self._noting("a schema or channel is damaged", start):
+                    self._define(opcode, content)
             elif opcode == Opcode.DATA_END:
-                stated = DataEnd.read(exact(content)).data_section_crc
+                stated = 0
+                with self._noting("the end of the data section is damaged", start):
+                    stated = DataEnd.read(exact(content)).data_section_crc
                 if stated and stated != crc_before:
                     self._fault("the checksum of the data section does not match", start)
                 return int(stated)
@@ -143,7 +152,7 @@ class Container:
             if chunk.crc == 0:
                 self.checked = False
             messages = messages_of(data, index_offsets(index), self._define, stored=len(content))
-        except (ValueError, McapError, struct.error) as error:
+        except _DAMAGE as error:
             self._fault(f"a chunk is damaged ({error})", start)
             return
         yield self._counted(messages)
@@ -155,17 +164,43 @@ class Container:
         loose.clear()
         try:
             messages = messages_of(data, None, self._define, stored=len(data))
-        except (ValueError, McapError, struct.error) as error:
+        except _DAMAGE as error:
             self._fault(f"a message is damaged ({error})", None)
             return
         yield self._counted(messages)
 
     def _counted(self, messages: Messages) -> Messages:
-        if not messages.counts().keys() <= self.channels.keys():
+        present = messages.counts()
+        if self.salvage:
+            self._recall(present)
+        if not present.keys() <= self.channels.keys():
             self._fault("messages belong to a channel that is not defined", None)
-        for channel, count in messages.counts().items():
+        for channel, count in present.items():
             self.counts[channel] = self.counts.get(channel, 0) + count
         return messages
+
+    def _recall(self, present: Iterable[int]) -> None:
+        """Take from the summary what defines these channels and is lost in its place."""
+        lacking = [number for number in present if not self._defined(number)]
+        if not lacking:
+            return
+        if self._repeated is None:
+            self._repeated = repeated_definitions(self.path)
+        schemas, channels = self._repeated
+        recalled: list[str] = []
+        for number in (n for n in lacking if n in channels):
+            channel = self.channels.setdefault(number, channels[number])
+            if channel.schema_id in schemas:
+                self.schemas.setdefault(channel.schema_id, schemas[channel.schema_id])
+            if self._defined(number):
+                recalled.append(channel.topic)
+        if recalled:
+            topics = ", ".join(sorted(recalled))
+            self.lost.append(f"the definition of {topics} is taken from the summary")
+
+    def _defined(self, number: int) -> bool:
+        channel = self.channels.get(number)
+        return channel is not None and channel.schema_id in (0, *self.schemas)
 
     def _define(self, opcode: int, content: bytes) -> None:
         """Take in a schema or a channel; one that comes again must say the same."""
@@ -201,7 +236,7 @@ class Container:
                 self._define(opcode, content)
         footer = Footer.read(exact(content))
         self._check_footer(footer, start, here, offsets_start, crc_before, content)
-        stream.magic("at its end")
+        stream.closing()
         if not stream.at_end():
             self._fault("bytes follow the end of the recording", stream.position)
         if indexed and sorted(indexed) != self._chunks:
@@ -235,11 +270,20 @@ class Container:
                 None,
             )
 
+    @contextmanager
+    def _noting(self, what: str, position: int) -> Iterator[None]:
+        """Turn what a damaged record raises into a fault."""
+        try:
+            yield
+        except _DAMAGE as error:
+            self._fault(f"{what} ({one_line(error)})", position)
+
     def _fault(self, what: str, position: int | None) -> None:
         place = f" at byte {position}" if position is not None else ""
         if not self.salvage:
             raise DataError(f"{what}{place}", where=str(self.path), hint=_HINT)
-        self.lost.append(f"{what}{place}")
+        if f"{what}{place}" not in self.lost:
+            self.lost.append(f"{what}{place}")
 
 
 class _Stream:
@@ -282,9 +326,24 @@ class _Stream:
                     hint=_HINT,
                 )
 
-    def magic(self, place: str) -> None:
-        """Read the eight bytes that open and close a file."""
-        if self._read(len(_MAGIC), short=True) != _MAGIC:
+    def opening(self) -> None:
+        """Read the mark at the start."""
+        head = self._read(len(_MAGIC), short=True)
+        for magic, kind in _COMPRESSED.items():
+            if head.startswith(magic):
+                raise DataError(
+                    f"the file is compressed with {kind}: MCAP is read as it was recorded",
+                    where=self._where,
+                    hint="decompress it first, with `gunzip` or `zstd -d`",
+                )
+        self._check_mark(head, "at its start: this is no MCAP file")
+
+    def closing(self) -> None:
+        """Read the mark at the end."""
+        self._check_mark(self._read(len(_MAGIC), short=True), "at its end")
+
+    def _check_mark(self, found: bytes, place: str) -> None:
+        if found != _MAGIC:
             raise TruncatedError(f"the file lacks its mark {place}", where=self._where, hint=_HINT)
 
     def at_end(self) -> bool:
@@ -306,18 +365,3 @@ class _Stream:
                 hint=_HINT,
             )
         return data
-
-
-class _Exact(io.BytesIO):
-    """Bytes that never come short."""
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        data = super().read(size)
-        if size is not None and len(data) < size:
-            raise ValueError("a record is shorter than it states")
-        return data
-
-
-def exact(content: bytes) -> ReadDataStream:
-    """Wrap a record's content for the record classes of `mcap`."""
-    return ReadDataStream(_Exact(content))

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.logs.bag import METADATA, Bag, read_bag
+from tdfscal.files.logs.bag import Bag, has_metadata, read_bag
 from tdfscal.files.logs.request import Reader
 from tdfscal.records import LogMapping
 
 _TEXT = (".csv", ".tsv")
 _COMPRESSED = (".gz", ".zst")
+NOWHERE = "it is a link that leads to no file; correct or remove it"
+"""What to do about such a link."""
 
 
 def is_log(path: Path) -> bool:
-    """Tell whether a path looks like a log: by its suffix, or as a rosbag2 folder."""
+    """Tell whether a path looks like a log: by its suffix, or as a rosbag2 folder.
+
+    Raises UsageError for a folder that may not be looked into.
+    """
     if path.is_dir():
-        return (path / METADATA).is_file()
+        return has_metadata(path)
     return _suffix(path) in (*_TEXT, ".parquet", ".mcap")
 
 
@@ -77,7 +83,7 @@ def expand(paths: Sequence[Path]) -> list[Path]:
 
     Raises
     ------
-    UsageError : a path is not there, or is a folder that is no recording.
+    UsageError : a path is not there, is no regular file, or is a folder that is no recording.
     DataError : a rosbag2 folder whose files are not MCAP, or are not there.
     """
     return [path for path, _ in files_of(paths)]
@@ -90,11 +96,38 @@ def files_of(paths: Sequence[Path]) -> list[tuple[Path, Bag | None]]:
         if path.is_dir():
             bag = read_bag(path)
             files += [(file, bag) for file in bag.files]
-        elif path.exists():
-            files.append((path, None))
         else:
-            raise UsageError("there is no such file", where=str(path))
+            check_regular(path)
+            files.append((path, None))
     return files
+
+
+def check_regular(path: Path) -> None:
+    """Refuse what is no regular file before it is opened: a pipe without a writer never answers.
+
+    Raises
+    ------
+    UsageError : there is no such file, it cannot be reached, or it is a pipe or a device.
+    """
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise UsageError(
+            "there is no such file", where=str(path), hint=NOWHERE if path.is_symlink() else None
+        ) from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UsageError(
+            f"the file cannot be opened ({reason})",
+            where=str(path),
+            hint=NOWHERE if path.is_symlink() else "check the path and its permissions",
+        ) from error
+    if not stat.S_ISREG(mode):
+        raise UsageError(
+            "is no regular file but a pipe or a device",
+            where=str(path),
+            hint="write what it gives into a file, and name that",
+        )
 
 
 def _suffix(path: Path) -> str:

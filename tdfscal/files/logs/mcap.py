@@ -16,7 +16,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.logs.bag import Bag
 from tdfscal.files.logs.cdr import Gatherer
 from tdfscal.files.logs.chunk import Messages
-from tdfscal.files.logs.clock import Skew
+from tdfscal.files.logs.clock import Skew, shown
 from tdfscal.files.logs.container import Container
 from tdfscal.files.logs.faults import damage
 from tdfscal.files.logs.json_messages import read_numbers
@@ -80,7 +80,7 @@ def read_mcap(
         raise DataError(
             contradictions[0],
             where=str(path),
-            hint="copy the recording again; `--salvage` reads what is there",
+            hint="copy the recording again; `calibrate --salvage` reads what is there",
         )
     lost = (*container.lost, *topics.lost, *contradictions)
     skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
@@ -140,6 +140,12 @@ class _Topics:
             for number, signal in enumerate(self.request.signals)
             if number not in bound
         ]
+        if missing and (lost := [*self.container.lost, *self.lost]):
+            raise DataError(
+                f"{lost[0]}; what is sound holds no topic for {', '.join(missing)}",
+                where=str(self.container.path),
+                hint="copy the recording again",
+            )
         if missing:
             topics = sorted({c.topic for c in self.container.channels.values()})
             raise missing_fields(missing, topics, where=str(self.container.path), kind="topic for")
@@ -204,7 +210,9 @@ class _Topics:
         """Keep the messages that can be read (only with `salvage`)."""
         if not self.container.salvage:
             raise DataError(
-                what, where=str(self.container.path), hint="`--salvage` leaves such messages out"
+                what,
+                where=str(self.container.path),
+                hint="`calibrate --salvage` leaves such messages out",
             )
         topic = self.container.channels[channel].topic
         width = 3 * len(self._signals[topic])
@@ -231,7 +239,7 @@ class _Topics:
         bad = ~(np.isfinite(value).all(axis=1) & np.isfinite(time))
         if bad.any():
             k = int(np.argmax(bad))
-            raise ValueError(f"at {time[k]:.9g} s it holds a number that is not finite")
+            raise ValueError(f"at {shown(time[k])} s it holds a number that is not finite")
 
     def _decoder(self, channel_id: int) -> Decoder:
         channel = self.container.channels[channel_id]

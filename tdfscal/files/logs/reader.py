@@ -13,7 +13,7 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.hashing import Fingerprint, printable
 from tdfscal.files.logs.ahead import ahead
 from tdfscal.files.logs.bag import Bag
-from tdfscal.files.logs.clock import Clock
+from tdfscal.files.logs.clock import Clock, apart, shown
 from tdfscal.files.logs.formats import files_of, reader_of
 from tdfscal.files.logs.request import Block, Outcome, Piece, Request, make_request
 from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
@@ -162,7 +162,8 @@ def _campaign(
                     yield pending
                 pending = _log(ascending, request)
             warnings = [w for clock in clocks.values() for w in clock.finish()]
-            _check_counts(count, request, path)
+            warnings += apart(tuple(clocks.values()), str(path))
+            _check_counts(count, request, path, outcome)
             entry = fingerprint.result(outcome.integrity)
         row += float(count[0])
         meter.finished(entry.bytes)
@@ -215,8 +216,8 @@ def _ascending(
         clocks[block.clock] = Clock(block.clock, str(path), request.rows, before)
         if block.time.size and block.time[0] < before:
             raise DataError(
-                f"{block.clock} starts at {block.time[0]:.9g} s, before the end of another log "
-                f"at {before:.9g} s",
+                f"{block.clock} starts at {shown(block.time[0])} s, before the end of another log "
+                f"at {shown(before)} s",
                 where=str(path),
                 hint="logs of one campaign follow each other; leave out the one that overlaps",
             )
@@ -237,21 +238,31 @@ def _check_size(block: Block, request: Request, path: Path) -> None:
         if over.size:
             raise DataError(
                 f"the {signal.quantity} of {signal.support} is "
-                f"{np.abs(value[over[0]]).max():.3g} {unit} at {block.time[over[0]]:.6g} s",
+                f"{np.abs(value[over[0]]).max():.3g} {unit} at {shown(block.time[over[0]])} s",
                 where=str(path),
                 hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
                 "the largest value read",
             )
 
 
-def _check_counts(count: np.typing.NDArray[np.int64], request: Request, path: Path) -> None:
+def _check_counts(
+    count: np.typing.NDArray[np.int64], request: Request, path: Path, outcome: Outcome
+) -> None:
     for number, signal in enumerate(request.signals):
-        if count[number] == 0:
+        if count[number]:
+            continue
+        what = (
+            f"there is no sample of the {signal.quantity} of {signal.support} "
+            f"({', '.join(signal.fields)})"
+        )
+        if outcome.integrity == "salvaged" and outcome.warnings:
+            lost = outcome.warnings[0].removeprefix(f"{path}: ")
             raise DataError(
-                f"there is no sample of the {signal.quantity} of {signal.support} "
-                f"({', '.join(signal.fields)})",
+                f"{what} in what is sound of the file; {lost}",
                 where=str(path),
+                hint="copy the recording again",
             )
+        raise DataError(what, where=str(path))
 
 
 def _log(piece: Piece | list[Block], request: Request) -> Log:

@@ -164,11 +164,15 @@ def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
     ("changes", "match"),
     [
         ({"storage_identifier": "sqlite3"}, "stored as sqlite3.*bag convert"),
-        ({"relative_file_paths": ["bag_0.mcap", "bag_2.mcap"]}, r"lacks bag_2\.mcap"),
+        (
+            {"relative_file_paths": ["bag_0.mcap", "bag_2.mcap"]},
+            r"lacks bag_2\.mcap\. Copy",
+        ),
         ({"relative_file_paths": []}, "lacks any file"),
         ({"relative_file_paths": ["bag_0.mcap"] * 2}, "names a file twice"),
         ({"relative_file_paths": [["bag_0.mcap"]]}, "no description of a rosbag2 recording"),
         ({"relative_file_paths": 3}, "no description of a rosbag2 recording"),
+        ({"message_count": "many"}, "no description of a rosbag2 recording"),
         ({"storage_identifier": None}, "no description of a rosbag2 recording"),
         ({"topics_with_message_count": [{"message_count": 3}]}, "no description"),
         ({"files": [{"path": "bag_0.mcap", "message_count": "many"}]}, "no description"),
@@ -192,3 +196,29 @@ def test_metadata_that_grows(tmp_path: Path) -> None:
 def test_a_folder_without_metadata(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no recording"):
         read_log([tmp_path], MAPPING, SUPPORTS)
+
+
+@pytest.mark.parametrize("absent", [None, "topics_with_message_count", "files"])
+def test_the_total_is_checked(tmp_path: Path, absent: str | None) -> None:
+    changes = {"message_count": 99} | ({absent: None} if absent else {})
+    folder = by_hand(tmp_path / "bag", **changes)
+    match = r"bag_1\.mcap: 900 messages are there .* states 99 in all.*`calibrate --salvage`"
+    with pytest.raises(DataError, match=match):
+        read_log([folder], MAPPING, SUPPORTS)
+    log = read_log([folder], MAPPING, SUPPORTS, salvage=True)
+    assert_holds(log, TRUTH)
+    assert [entry.integrity for entry in log.inputs] == ["verified", "salvaged"]
+    assert any("states 99 in all" in warning for warning in log.warnings)
+
+
+def test_no_total_is_no_fault(tmp_path: Path) -> None:
+    folder = by_hand(tmp_path / "bag", message_count=None)
+    assert read_log([folder], MAPPING, SUPPORTS).warnings == ()
+
+
+def test_a_folder_that_a_killed_recorder_leaves(tmp_path: Path) -> None:
+    folder = by_hand(tmp_path / "bag")
+    (folder / "metadata.yaml").unlink()
+    match = r"holds bag_0\.mcap, bag_1\.mcap and no metadata\.yaml.*ros2 bag reindex"
+    with pytest.raises(UsageError, match=match):
+        read_log([folder], MAPPING, SUPPORTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -178,3 +179,15 @@ def test_paths_that_are_no_logs(tmp_path: Path) -> None:
         read([tmp_path])
     with pytest.raises(UsageError, match="no log is given"):
         read([])
+
+
+def test_pipes_and_links_to_themselves_are_not_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(UsageError, match=r"pipe\.csv: is no regular file"):
+        read([tmp_path / "pipe.csv"])
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    with pytest.raises(UsageError, match=r"loop\.csv: the file cannot be opened"):
+        read([tmp_path / "loop.csv"])
+    (tmp_path / "dangling.csv").symlink_to("gone.csv")
+    with pytest.raises(UsageError, match=r"dangling\.csv: there is no such file.* a link"):
+        read([tmp_path / "dangling.csv"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from mcap.writer import Writer
 
 from tdfscal.errors import DataError
 from tdfscal.files.logs import iter_log, read_log
-from tdfscal.files.logs.clock import Clock
+from tdfscal.files.logs.clock import Clock, apart, shown
 from tdfscal.files.logs.summary import announced_topics
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
@@ -167,8 +168,6 @@ PROTOBUF = LogMapping(
 
 @pytest.mark.parametrize("source", ["log", "header"])
 def test_protobuf_messages(tmp_path: Path, source: str) -> None:
-    from dataclasses import replace
-
     content, truth = protobuf_log()
     mapping = replace(PROTOBUF, time_source="header" if source == "header" else "log")
     log = read_log([write(tmp_path / "log.mcap", content)], mapping, SUPPORTS)
@@ -202,3 +201,99 @@ def test_gaps_are_counted_alike_in_even_and_uneven_pieces() -> None:
         found.append(clock.finish())
     assert found[0] == found[1]
     assert "2 gaps of more than 5 periods of 0.01 s in t, the longest of 0.52 s" in found[0][0]
+
+
+def dying(begin: int, end: int, rate: float = 20.0) -> bytes:
+    """Positions of one support for 10 s at `rate`, forces only of samples `begin` to `end`."""
+    target = io.BytesIO()
+    writer = Writer(target)
+    writer.start()
+    kinds = ("geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped")
+    schemas = [writer.register_schema(kind, "ros2msg", definition(kind)) for kind in kinds]
+    point, force = (
+        writer.register_channel(t, "cdr", s) for t, s in zip(("/p", "/f"), schemas, strict=True)
+    )
+    for k in range(round(10.0 * rate) + 1):
+        when = 1_750_000_000.0 + k / rate
+        stamp = round(when * 1e9)
+        writer.add_message(point, stamp, point_stamped(when, (1, 2, 3)), stamp)
+        if begin <= k < end:
+            writer.add_message(force, stamp, wrench_stamped(when, (1, 2, 3)), stamp)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return target.getvalue()
+
+
+def test_a_signal_that_stops_or_starts_apart_from_the_others(tmp_path: Path) -> None:
+    def warnings(begin: int, end: int) -> list[str]:
+        path = write(tmp_path / "log.mcap", dying(begin, end))
+        found = read_log([path], ONE, ("a",)).warnings
+        assert all(str(path) in warning for warning in found)
+        return [warning.removeprefix(f"{path}: ").split(";")[0] for warning in found]
+
+    assert warnings(0, 201) == []
+    assert warnings(20, 181) == []  # 1 s each
+    assert warnings(0, 180) == ["/f ends 1.05 s before the others"]
+    assert warnings(100, 201) == ["/f begins 5 s after the others"]
+    assert warnings(60, 101) == ["/f begins 3 s after the others", "/f ends 5 s before the others"]
+
+
+def test_each_file_of_a_campaign_is_looked_at(tmp_path: Path) -> None:
+    first = write(tmp_path / "a.mcap", dying(0, 101))
+    second = write(tmp_path / "b.mcap", skewed(1_760_000_000.0, set()))
+    found = read_log([first, second], ONE, ("a",)).warnings
+    assert [w for w in found if "the others" in w] == [
+        f"{first}: /f ends 5 s before the others; postures without all signals are not used"
+    ]
+
+
+def clock(name: str, time: np.ndarray, rows: str = "timeseries") -> Clock:
+    made = Clock(name, "log", "postures" if rows == "postures" else "timeseries", after=-5.0)
+    made.ascending(time)
+    return made
+
+
+def test_what_is_long_depends_on_the_stream_s_period() -> None:
+    steady = clock("/p", np.arange(0.0, 100.0, 0.01))
+    for last, said in ((93.0, False), (88.0, True)):  # at 2 s periods, 10 s are allowed
+        slow = clock("/f", np.arange(0.0, last, 2.0))
+        assert bool(apart([steady, slow], "log")) == said
+    early = [clock(name, np.arange(0.0, 45.0, 0.01)) for name in ("/f", "/g")]
+    (warning,) = apart([early[0], steady, early[1]], "log")
+    assert warning.startswith("log: /f, /g end up to 55 s before the others")
+    postures = [clock(n, np.arange(k), "postures") for n, k in (("/f", 5.0), ("/g", 50.0))]
+    assert apart(postures, "log") == []
+    assert apart([clock("column time", np.arange(5.0))], "log") == []
+
+
+def test_times_since_1970_are_written_to_find_the_place(tmp_path: Path) -> None:
+    assert shown(1750000060.25) == "1750000060.25"
+    assert shown(1750000000.0) == "1750000000"
+    assert shown(20.035) == "20.035"
+    assert shown(np.inf) == "inf"
+    time = 1_750_000_000.0 + np.arange(3000, dtype=np.float64) * 0.01
+    time[1000:] += 7.0
+    clock = Clock("t", "log", "timeseries")
+    clock.ascending(time)
+    assert clock.finish()[0].endswith("of 7.01 s at 1750000009.99 s")
+    time[2000:] -= 3.0
+    with pytest.raises(DataError, match=r"goes from 1750000026.99 s to 1750000024 s"):
+        Clock("t", "log", "timeseries").ascending(time)
+
+
+def test_a_message_that_is_not_finite_is_placed(tmp_path: Path) -> None:
+    truth = make_truth(60)
+    truth.force[1, 130, 2] = np.nan
+    path = write(tmp_path / "log.mcap", mcap_bytes(truth))
+    match = r"/ncp2/wrench .*: at 1750000000\.65 s it holds .*`calibrate --salvage` leaves"
+    with pytest.raises(DataError, match=match):
+        read_log([path], MAPPING, SUPPORTS)
+
+
+def test_files_that_overlap_are_placed(tmp_path: Path) -> None:
+    whole = make_truth(60)
+    first = write(tmp_path / "a.mcap", mcap_bytes(whole))
+    later = make_truth(60, start_ns=1_750_000_000_600_000_000)
+    second = write(tmp_path / "b.mcap", mcap_bytes(later))
+    match = r"starts at 1750000000\.6 s, before the end of another log at 1750000001\.1"
+    with pytest.raises(DataError, match=match):
+        read_log([first, second], MAPPING, SUPPORTS)
