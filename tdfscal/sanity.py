@@ -14,14 +14,18 @@ import numpy as np
 from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
-from tdfscal.statics import Postures, forces, gravity, nominal, register
+from tdfscal.statics import Postures, State, forces, gravity, nominal, register
 
 #: Positions and rig file must agree in size within this share, and in shape within the next.
 _SIZE = 0.02
 _SHAPE = 2e-3
 #: Forces and weight must agree within this share; the fit judges the rest far more sharply.
 _WEIGHT = 0.2
-_LENGTHS = {1e-3: "in km", 1e3: "in mm", 1e6: "in µm", 1 / 0.0254: "in inches", 1e2: "in cm"}
+#: Units of length, m: those that a rig file can declare, and others that a recorder may write.
+_DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+_FOREIGN = {"cm": 1e-2, "inches": 0.0254}
+#: A terminal turned further than this from the BCS hints at exchanged names, rad.
+_TURNED = np.pi / 4
 _FORCES = {
     1e3: "in N where kN is declared",
     1e-3: "in kN where N is declared",
@@ -38,19 +42,7 @@ def check_geometry(rig: Rig, position: FloatArray) -> None:
         They differ, or the terminal stands on its head while gravity points along −Z: a unit,
         swapped or mirrored axes, swapped supports, or another rig.
     """
-    p = position - position.mean(axis=1, keepdims=True)
-    r = rig.hinge - rig.hinge.mean(axis=0)
-    size = float(np.median(np.sqrt(np.sum(p**2, axis=(1, 2)) / np.sum(r**2))))
-    if abs(size - 1) > _SIZE:
-        unit = next((name for f, name in _LENGTHS.items() if abs(size / f - 1) < _SIZE), None)
-        raise DataError(
-            f"the NCPs stand {size:.4g} times as far apart as the hinges of rig.yaml"
-            + (f", as if the positions were {unit}" if unit else ""),
-            where="log positions",
-            hint="state the recorder's unit as log.length_unit in rig.yaml"
-            if unit
-            else "check log.length_unit, the position fields and the hinge coordinates",
-        )
+    check_size(rig, position)
     limit = _shape_limit(rig)
     off, up = _misfit(rig.hinge, position)
     if off <= limit and up > 0:
@@ -68,6 +60,80 @@ def check_geometry(rig: Rig, position: FloatArray) -> None:
         if found
         else "check the position fields, the hinges, and that log and rig.yaml belong together",
     )
+
+
+def check_size(rig: Rig, position: FloatArray) -> None:
+    """The first part of `check_geometry`: raise DataError where the unit cannot be right."""
+    p = position - position.mean(axis=1, keepdims=True)
+    r = rig.hinge - rig.hinge.mean(axis=0)
+    size = float(np.median(np.sqrt(np.sum(p**2, axis=(1, 2)) / np.sum(r**2))))
+    if abs(size - 1) <= _SIZE:
+        return
+    units, foreign = _units(size)
+    raise DataError(
+        f"the NCPs stand {size:.4g} times as far apart as the hinges of rig.yaml"
+        + (f", as if the positions were {units}" if units else ""),
+        where="log positions",
+        hint="convert the log: log.length_unit knows m, mm and um"
+        if foreign
+        else "state the recorder's unit as log.length_unit in rig.yaml"
+        if units
+        else "check log.length_unit, the position fields and the hinge coordinates",
+    )
+
+
+def _units(size: float) -> tuple[str, bool]:
+    """Words for the units that make lengths wrong by this factor, and whether none is declarable.
+
+    What is declared is not known here: each is named with the unit that it was taken for.
+    """
+    for table in (_DECLARED, _FOREIGN):
+        found = [
+            f"in {own} where {stated} is declared"
+            for stated, declared in _DECLARED.items()
+            for own, metres in table.items()
+            if abs(size * metres / declared - 1) < _SIZE
+        ]
+        if found:
+            return ", or ".join(found), table is _FOREIGN
+    return "", False
+
+
+def turned(rig: Rig, position: FloatArray) -> str | None:
+    """Warning where the terminal stands far from the BCS's axes; position (K, n, 3) in m.
+
+    On a symmetric rig, supports renamed in a circle look like a terminal that is turned: nothing
+    contradicts it, so that it can only be said.
+    """
+    turn = _turn(rig, position)
+    angle = float(np.linalg.norm(turn))
+    if angle <= _TURNED:
+        return None
+    R, _ = register(rig.hinge, position)
+    always = bool(np.linalg.norm(so3.log(R), axis=1).min() > _TURNED)
+    about = turn / angle
+    axis = int(np.argmax(np.abs(about)))
+    sign = "-" if about[axis] < 0 else ""
+    clear = abs(about[axis]) > np.cos(_TURNED / 2)
+    names = f"about {sign}{'XYZ'[axis]} of the BCS " if clear else ""
+    limit, upright = _shape_limit(rig), []
+    for order in orders(rig.n):
+        off, up = _misfit(rig.hinge, position[:, order])
+        left = float(np.linalg.norm(_turn(rig, position[:, order])))
+        if off <= limit and up > 0 and left <= _TURNED:
+            upright.append((left, renamed(rig, order)))
+    return (
+        f"the terminal stands turned by {np.degrees(angle):.0f}° {names}in "
+        f"{'every posture' if always else 'most postures'}: check "
+        "that the supports' names in the log are right"
+        + (f"; it would stand upright with {min(upright)[1]}" if upright else "")
+    )
+
+
+def _turn(rig: Rig, position: FloatArray) -> FloatArray:
+    """Rotation vector (3,), rad, of the terminal's middle orientation over the postures."""
+    R, _ = register(rig.hinge, position)
+    return np.asarray(so3.log(so3.project(R.mean(axis=0))))
 
 
 def _explanation(rig: Rig, position: FloatArray, limit: float) -> str | None:
@@ -177,14 +243,28 @@ def check_weight(rig: Rig, postures: Postures) -> None:
         A unit, a sign, or a mounting that is not the nominal one.
     """
     start = nominal(rig)
-    weight = start.mass * gravity(start, rig.gravity)
-    total = forces(start, postures.force).sum(axis=1)
-    ratio = float(np.median(-(total @ weight) / (weight @ weight)))
-    allowed = _WEIGHT + 6 * float(rig.mass.std) / float(rig.mass.value)
-    if not abs(ratio - 1) > allowed:
-        return
+    ratio = float(np.median(weight_share(start, rig.gravity, postures.force)))
+    allowed = weight_tolerance(float(rig.mass.std) / float(rig.mass.value))
+    if abs(ratio - 1) > allowed:
+        raise weight_error(ratio, allowed, float(rig.mass.value))
+
+
+def weight_share(state: State, g: float, force: FloatArray) -> FloatArray:
+    """Part (K,) of the weight that the readings (K, n, 3), N, hold up: 1 at rest, untouched."""
+    weight = state.mass * gravity(state, g)
+    total = forces(state, force).sum(axis=1)
+    return np.asarray(-(total @ weight) / (weight @ weight))
+
+
+def weight_tolerance(relative: float) -> float:
+    """How far that part may be from 1; relative : standard uncertainty of the mass."""
+    return _WEIGHT + 6 * relative
+
+
+def weight_error(ratio: float, allowed: float, mass: float) -> DataError:
+    """The error for forces that sum to `ratio` times the weight of `mass`, kg."""
     if abs(ratio + 1) <= allowed:
-        raise DataError(
+        return DataError(
             "the forces sum to the weight with the wrong sign, as if the sensors recorded the "
             "reaction",
             where="log forces",
@@ -192,8 +272,8 @@ def check_weight(rig: Rig, postures: Postures) -> None:
             "sensor is mounted upside down",
         )
     unit = next((name for f, name in _FORCES.items() if abs(abs(ratio) / f - 1) < _WEIGHT), None)
-    raise DataError(
-        f"the forces sum to {ratio:.3g} times the weight of {float(rig.mass.value):.6g} kg"
+    return DataError(
+        f"the forces sum to {ratio:.3g} times the weight of {mass:.6g} kg"
         + (f", as if they were {unit}" if unit else ""),
         where="log forces",
         hint="check log.force_unit, the force fields, the mass, and nominal_rpy",

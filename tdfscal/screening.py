@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.records import BoolArray, Dwells, Rig
+from tdfscal.records import BoolArray, Dwells, FloatArray, Log, Rig
 
 AXES = ("x", "y", "z")
+#: A reading this close to a limit, relative, stands at it.
+_AT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +22,30 @@ class Screened:
     reasons: dict[int, str]
 
 
-def screen(rig: Rig, dwells: Dwells) -> Screened:
+@dataclass(frozen=True, slots=True)
+class Extremes:
+    """Smallest and largest reading of each axis over a whole log, (n, 3), N."""
+
+    low: FloatArray
+    high: FloatArray
+
+
+def extremes(piece: Log, before: Extremes | None = None) -> Extremes:
+    """Extremes of a piece of a log and of what came before it; what is no number is passed over."""
+    low, high = np.full((2, len(piece.force), 3), [[[np.inf]], [[-np.inf]]])
+    if before is not None:
+        low, high = before.low.copy(), before.high.copy()
+    for i, series in enumerate(piece.force):
+        for j, column in enumerate(series.value.T):  # one by one: much faster than along rows
+            low[i, j] = np.fmin.reduce(column, initial=low[i, j])
+            high[i, j] = np.fmax.reduce(column, initial=high[i, j])
+    return Extremes(low, high)
+
+
+def screen(rig: Rig, dwells: Dwells, log: Extremes | None = None) -> Screened:
     """Leave out dwells with a saturated or frozen axis.
+
+    log : of all its readings, to tell an axis that is saturated in every dwell from a dead one.
 
     Raises
     ------
@@ -32,19 +56,13 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     if len(dwells) > 1:
         stuck = (low.min(axis=0) == high.max(axis=0)) & (dwells.count.max(axis=0) > 0)[:, None]
         for i, j in np.argwhere(stuck):
-            raise DataError(
-                f"the {AXES[j]} axis of the sensor of {rig.supports[i]} reads "
-                f"{high[0, i, j]:.6g} N in every posture: it is dead or not connected",
-                where="log forces",
-                hint="check the sensor, its amplifier and the force fields in rig.yaml",
-            )
+            raise _stuck(rig, dwells, int(i), int(j), log)
     reasons: dict[int, str] = {}
     over = (np.maximum(np.abs(low), np.abs(high)) >= rig.capacity) & np.isfinite(rig.capacity)
     for k, i, j in np.argwhere(over):
         reasons.setdefault(
             int(k),
-            f"the {AXES[j]} axis of the sensor of {rig.supports[i]} reaches its capacity of "
-            f"{rig.capacity[i, j]:.6g} N",
+            f"{_axis(rig, i, j)} reaches its capacity of {rig.capacity[i, j]:.6g} N",
         )
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
     still = (low == high) & (dwells.count >= 8)[..., None]
@@ -52,9 +70,53 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     for k, i, j in np.argwhere(still & lively):
         reasons.setdefault(
             int(k),
-            f"the {AXES[j]} axis of the sensor of {rig.supports[i]} is frozen at "
+            f"{_axis(rig, i, j)} is "
+            f"{'saturated' if _at_limit(log, low[k, i, j], i, j) else 'frozen'} at "
             f"{low[k, i, j]:.6g} N",
         )
     keep = np.ones(len(dwells), dtype=bool)
     keep[list(reasons)] = False
     return Screened(keep, reasons)
+
+
+def _axis(rig: Rig, i: int, j: int) -> str:
+    return f"the {AXES[j]} axis of the sensor of {rig.supports[i]}"
+
+
+def _at_limit(log: Extremes | None, value: float, i: int, j: int) -> bool:
+    """Whether an axis that varies over the log stands at the end of what it reads there.
+
+    At zero it does not: that is what an axis reads which is not connected.
+    """
+    if log is None or log.low[i, j] == log.high[i, j] or value == 0:
+        return False
+    return bool(value in (log.low[i, j], log.high[i, j]))
+
+
+def _stuck(rig: Rig, dwells: Dwells, i: int, j: int, log: Extremes | None) -> DataError:
+    """The error for an axis with one reading in every posture: saturated, frozen or dead."""
+    value = float(dwells.force_max[0, i, j])
+    found = f"in all {len(dwells)} postures that could be read"
+    if dwells.left_out:
+        found += f" ({len(dwells.left_out)} more were left out)"
+    moves = log is not None and bool(log.low[i, j] < log.high[i, j])
+    span = f"{log.low[i, j]:.6g} to {log.high[i, j]:.6g} N" if log is not None else ""
+    if abs(value) >= rig.capacity[i, j] * (1 - _AT) or _at_limit(log, value, i, j):
+        return DataError(
+            f"{_axis(rig, i, j)} is saturated: it stands at {value:.6g} N {found}"
+            + (f", and the whole log reads {span}" if span else ""),
+            where="log forces",
+            hint="check the range of the sensor and of its amplifier, and squeeze less",
+        )
+    if moves:
+        return DataError(
+            f"{_axis(rig, i, j)} is frozen: it stands at {value:.6g} N {found}, and the whole log "
+            f"reads {span}",
+            where="log forces",
+            hint="check the sensor, its amplifier and the recorder",
+        )
+    return DataError(
+        f"{_axis(rig, i, j)} reads {value:.6g} N in every posture: it is dead or not connected",
+        where="log forces",
+        hint="check the sensor, its amplifier and the force fields in rig.yaml",
+    )

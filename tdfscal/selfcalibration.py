@@ -78,17 +78,19 @@ def self_calibrate(
     estimator: Estimator = "ml",
     max_trials: int | None = None,
     inputs: tuple[InputFile, ...] = (),
+    extremes: screening.Extremes | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> SelfCalibration:
     """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
 
     max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without.
+    extremes : of the whole log's readings, to tell a saturated sensor from a dead one.
     progress : told the name of each long stage.
 
     Raises
     ------
     DataError
-        The log contradicts the rig file, or a sensor is dead.
+        The log contradicts the rig file, or a sensor is dead or saturated.
     NotIdentifiableError
         The data do not determine an angle.
     NotConvergedError
@@ -101,7 +103,7 @@ def self_calibrate(
             hint="hold each posture for at least two seconds, or check the position fields",
         )
     sanity.check_geometry(rig, dwells.position)
-    screened = screening.screen(rig, dwells)
+    screened = screening.screen(rig, dwells, extremes)
     index = np.flatnonzero(screened.keep)
     if len(index) == 0:
         raise DataError(
@@ -243,6 +245,8 @@ def _warnings(
 ) -> tuple[str, ...]:
     """Collect what the user must know although the result may be good."""
     found = list(dwells.warnings)
+    if turned := sanity.turned(rig, dwells.position):
+        found.append(turned)
     if rig.declared.force_sensitivity > 0:
         found.append(
             "gain and crosstalk of the sensors were decoupled in situ, from a prior of "

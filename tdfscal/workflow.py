@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from tdfscal import screening
 from tdfscal.calibrated import from_fit, independent
 from tdfscal.conformity import assess_stated
 from tdfscal.dwells import find_dwells
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration import Calibration
 from tdfscal.files.campaign import Campaign, resolve
 from tdfscal.files.hashing import input_file
@@ -28,6 +31,10 @@ from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
 Method = Literal["self", "tracker", "joint"]
 Progress = Callable[[str], None]
 
+#: Warnings of a log that an error repeats at most; those of its clocks come first.
+_TOLD = 3
+_CLOCK = re.compile(r"clock|header time|step back|repeat the time")
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -41,16 +48,36 @@ class Outcome:
 
 @dataclass(slots=True)
 class _Passing:
-    """Lets pieces of a log pass and keeps what they say of their files."""
+    """Lets pieces of a log pass and keeps what they say of their files.
+
+    heard : warnings of the log, which the dwells carry too. warnings : those of other files.
+    """
 
     inputs: list[InputFile] = field(default_factory=list)
+    heard: dict[str, None] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    extremes: screening.Extremes | None = None
 
     def watch(self, pieces: Iterator[Log]) -> Iterator[Log]:
         for piece in pieces:
             self.inputs += piece.inputs
-            self.warnings += piece.warnings
+            self.heard |= dict.fromkeys(piece.warnings)
+            self.extremes = screening.extremes(piece, self.extremes)
             yield piece
+
+    @contextmanager
+    def explaining(self) -> Iterator[None]:
+        """Let an error say what the log's warnings told before it."""
+        try:
+            yield
+        except (DataError, NotIdentifiableError, NotConvergedError) as error:
+            told = sorted(self.heard, key=lambda text: _CLOCK.search(text) is None)
+            if not told:
+                raise
+            more = f"; and {len(told) - _TOLD} more" if len(told) > _TOLD else ""
+            look = f"look first at the log: {'; '.join(told[:_TOLD])}{more}"
+            advice = f"{look}. {error.hint[0].upper()}{error.hint[1:]}" if error.hint else look
+            raise type(error)(error.what, where=error.where, hint=advice) from error
 
 
 def calibrate(
@@ -93,17 +120,19 @@ def calibrate(
     own = tracker = None
     if chosen in ("self", "joint"):
         progress("reading the log and finding the dwells")
-        dwells = _dwells(campaign, passing, reading, salvage=salvage)
-        progress(f"calibrating from {len(dwells)} dwells")
-        own = self_calibrate(
-            campaign.rig.rig,
-            dwells,
-            rng=own_rng,
-            estimator=estimator,
-            max_trials=trials,
-            inputs=tuple(passing.inputs),
-            progress=progress,
-        )
+        with passing.explaining():
+            dwells = _dwells(campaign, passing, reading, salvage=salvage)
+            progress(f"calibrating from {len(dwells)} dwells")
+            own = self_calibrate(
+                campaign.rig.rig,
+                dwells,
+                rng=own_rng,
+                estimator=estimator,
+                max_trials=trials,
+                inputs=tuple(passing.inputs),
+                extremes=passing.extremes,
+                progress=progress,
+            )
     if chosen in ("tracker", "joint"):
         progress("calibrating from the tracker's survey")
         tracker, files, notes = _survey(campaign, trials, tracker_rng)
@@ -159,7 +188,9 @@ def _dwells(
         )
     supports = campaign.rig.rig.supports
     pieces = iter_log(campaign.logs, campaign.rig.log, supports, salvage=salvage, progress=reading)
-    return find_dwells(passing.watch(pieces))
+    found = find_dwells(passing.watch(pieces))
+    passing.heard |= dict.fromkeys(found.warnings)
+    return found
 
 
 def _survey(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from tdfscal.files.logs import iter_log
 from tdfscal.files.places import check_calibration
 from tdfscal.files.wrench_writer import check_wrench_path, write_wrenches
 from tdfscal.filtering import Kind, Walk, checked_walk, filtered
+from tdfscal.inspection import Inspection
 from tdfscal.records import FloatArray, Log
 from tdfscal.timebase import Tally, aligned
 from tdfscal.wrench import COMPONENTS
@@ -74,13 +76,17 @@ def run(
         return piece
 
     pieces = map(heard, iter_log(use.campaign.logs, loaded.log, loaded.rig.supports))
-    samples = aligned(pieces, tally)
+    inspection = Inspection(use.given)
+    samples = inspection.watch(aligned(pieces, tally))
     told: list[Walk] = []
     if walk is not None:
         samples = filtered(samples, filter, walk, told.append)
     wrenches = in_motion(use.given, samples) if moving else at_rest(use.given, samples)
     about = _about(use, filter, walk, moving=moving)
-    rows = write_wrenches(output, _some(wrenches, paths), about, totals.add)
+    judged = _judged(wrenches, paths, inspection, notes)
+    # Numbers out of all proportion are refused by name, not warned of by numpy.
+    with np.errstate(all="ignore"):
+        rows = write_wrenches(output, judged, about, totals.add)
     notes += _notes(tally, use)
     result = _summary(use, output, rows, tally, totals, notes, moving=moving)
     result["filter"] = _filter(filter, walk, told[0]) if walk is not None else None
@@ -103,8 +109,14 @@ def _filter(kind: Kind, walk: float, model: Walk) -> dict[str, Any]:
     }
 
 
-def _some(pieces: Any, paths: list[Path]) -> Any:
-    """Pass the pieces on; DataError where there is none."""
+def _judged(
+    pieces: Iterator[WrenchPiece], paths: list[Path], inspection: Inspection, notes: list[str]
+) -> Iterator[WrenchPiece]:
+    """Pass the pieces on; at their end add to the notes what the inspection warns of.
+
+    Raises DataError where there is no piece, or the log contradicts the rig: while the result is
+    not in its place yet.
+    """
     found = False
     for piece in pieces:
         found = True
@@ -115,6 +127,7 @@ def _some(pieces: Any, paths: list[Path]) -> Any:
             where=", ".join(map(str, paths)),
             hint="check that all streams were recorded at the same time",
         )
+    notes += inspection.finish()
 
 
 def _about(use: InUse, kind: Kind, walk: float | None, *, moving: bool) -> dict[str, str]:
@@ -184,6 +197,10 @@ def _summary(
     }
 
 
+def _number(value: float | None, form: str) -> str:
+    return "unknown" if value is None else format(value, form)
+
+
 def _print(result: dict[str, Any]) -> None:
     from tdfscal.reporting.text import table
 
@@ -202,9 +219,9 @@ def _print(result: dict[str, Any]) -> None:
         [
             name,
             "N" if name.startswith("f") else "N·m",
-            f"{result['rms'][name]:.3g}",
-            f"{result['rms_uncalibrated'][name]:.3g}",
-            "unknown" if result["std"][name] is None else f"{result['std'][name]:.2g}",
+            _number(result["rms"][name], ".3g"),
+            _number(result["rms_uncalibrated"][name], ".3g"),
+            _number(result["std"][name], ".2g"),
         ]
         for name in COMPONENTS
     ]

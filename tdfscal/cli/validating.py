@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tdfscal import sanity
 from tdfscal.cli.app import command_line, emit
 from tdfscal.cli.progress import reading_bar, stages
 from tdfscal.dwells import find_dwells
@@ -45,7 +46,6 @@ def run(
     used = {entry.sha256 for entry in use.calibration.inputs}
 
     def heard(piece: Log) -> Log:
-        notes.extend(piece.warnings)
         inputs.extend(piece.inputs)
         for entry in piece.inputs:
             if entry.sha256 in used:
@@ -62,7 +62,9 @@ def run(
         dwells = find_dwells(map(heard, pieces))
     say(f"testing the calibration on {len(dwells)} dwells")
     result = validate(use.given, dwells, rig=loaded.rig, noise=_fit_noise(use))
-    warnings = (*use.warnings, *notes, *result.warnings)
+    # The log's own warnings come with its dwells.
+    turned = sanity.turned(loaded.rig, result.dwells.position)
+    warnings = (*use.warnings, *notes, *result.warnings, *([turned] if turned else []))
     if html is not None:
         from tdfscal.reporting.html import render_validation
         from tdfscal.reporting.validationpage import Origin

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.errors import UsageError
+from tdfscal.errors import DataError, UsageError
 from tdfscal.files.places import check_place
 from tdfscal.files.saving import replacing
 from tdfscal.wrench import COMPONENTS
@@ -46,8 +46,8 @@ def write_wrenches(
     about : what the values are, kept in a Parquet file's metadata. watch : sees each piece after
     it was written. A standard uncertainty that is not known is null (CSV: empty).
 
-    Raises UsageError where the file cannot be written; what the pieces raise passes through, and
-    then no file appears.
+    Raises UsageError where the file cannot be written and DataError where a wrench is no number;
+    what the pieces raise passes through. Then no file appears.
     """
     import pyarrow as pa
 
@@ -58,6 +58,7 @@ def write_wrenches(
         try:
             with _writer(path, beside, schema) as sink:
                 for piece in pieces:
+                    _check_numbers(piece)
                     sink.write_table(_table(piece, schema))
                     rows += piece.time.size
                     watch(piece)
@@ -68,6 +69,17 @@ def write_wrenches(
                 hint="check that there is room",
             ) from fault
     return rows
+
+
+def _check_numbers(piece: WrenchPiece) -> None:
+    """Raise DataError at the first wrench that is no number."""
+    bad = ~np.isfinite(piece.wrench.value.sum(axis=1) + piece.wrench.raw.sum(axis=1))
+    if bad.any():
+        raise DataError(
+            f"the contact wrench at {piece.time[int(np.argmax(bad))]:.9g} s is no number",
+            where="log",
+            hint="check the positions and forces there, and the units of the log block in rig.yaml",
+        )
 
 
 def _writer(path: Path, beside: Path, schema: Any) -> Any:

@@ -1,0 +1,130 @@
+"""What a log's warnings say reaches the user once, and also where the calibration fails."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.workflow import _Passing
+from tests.cli.running import SAMPLES, run
+
+REPEATED = "1 repeat the time of the sample before"
+Change = Callable[[pa.Table], pa.Table]
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    folder = tmp_path / "campaign"
+    folder.mkdir()
+    for name in ("rig.yaml", "log.parquet"):
+        shutil.copy(SAMPLES / "parquet" / name, folder / name)
+    return folder
+
+
+def edit(folder: Path, *changes: Change) -> None:
+    table = pq.read_table(folder / "log.parquet")
+    for change in changes:
+        table = change(table)
+    pq.write_table(table, folder / "log.parquet")
+
+
+def repeated(table: pa.Table) -> pa.Table:
+    return pa.concat_tables([table.slice(0, 101), table.slice(100)])
+
+
+def set_to(name: str, function: Callable[[np.ndarray], np.ndarray]) -> Change:
+    def change(table: pa.Table) -> pa.Table:
+        values = pa.array(function(table[name].to_numpy()))
+        return table.set_column(table.column_names.index(name), name, values)
+
+    return change
+
+
+def test_a_warning_of_the_log_is_stored_and_shown_once(
+    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit(campaign, repeated)
+    target = tmp_path / "c.json"
+    seen = run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-q")
+    assert seen.status == 0, seen.err
+    assert " ".join(seen.out.split()).count(REPEATED) == 1
+    assert sum(REPEATED in w for w in json.loads(target.read_text())["warnings"]) == 1
+    validated = run(capsys, "validate", target, campaign, "-q", "--json")
+    assert sum(REPEATED in w for w in json.loads(validated.out)["warnings"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "said"),
+    [
+        (lambda table: table.slice(0, 150), 4, "do not determine"),
+        (set_to("ncp2.fy", np.zeros_like), 3, "dead"),
+    ],
+)
+def test_a_failure_says_what_the_log_warned_of(
+    campaign: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: Change,
+    status: int,
+    said: str,
+) -> None:
+    edit(campaign, repeated, change)
+    line = ("calibrate", campaign, "-o", tmp_path / "c.yaml", "--trials", 0, "-q")
+    seen = run(capsys, *line)
+    assert (seen.status, seen.out) == (status, "")
+    (message,) = seen.err.splitlines()
+    assert said in message
+    assert "Look first at the log: " in message
+    assert REPEATED in message
+    assert message.endswith(".")
+
+
+def test_clocks_come_first_and_long_lists_are_cut() -> None:
+    heard = ["a gap", "b gap", "the header times of /f are +100 s off the recorder's", "c gap"]
+    passing = _Passing(heard=dict.fromkeys(heard))
+    with (
+        pytest.raises(
+            NotIdentifiableError,
+            match=r"^what\. Look first at the log: the header .*; "
+            r"a gap; b gap; and 1 more\. Do it\.$",
+        ),
+        passing.explaining(),
+    ):
+        raise NotIdentifiableError("what", hint="do it")
+    with pytest.raises(DataError, match=r"^log: what\. Do it\.$"), _Passing().explaining():
+        raise DataError("what", where="log", hint="do it")
+
+
+@pytest.mark.parametrize("capacity", [None, [3000, 300, 5000]])
+@pytest.mark.parametrize(
+    ("name", "limit", "axis"), [("ncp2.fy", 300.0, "y"), ("ncp2.fz", 1650.0, "z")]
+)
+def test_a_clipped_sensor_is_saturated_and_not_dead(
+    campaign: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    capacity: list[float] | None,
+    name: str,
+    limit: float,
+    axis: str,
+) -> None:
+    document = yaml.safe_load((campaign / "rig.yaml").read_text())
+    if capacity:
+        document["supports"][1]["capacity"] = capacity
+    (campaign / "rig.yaml").write_text(yaml.safe_dump(document))
+    edit(campaign, set_to(name, lambda values: np.clip(values, -limit, limit)))
+    line = ("calibrate", campaign, "-o", tmp_path / "c.yaml", "--trials", 0, "-q")
+    seen = run(capsys, *line)
+    assert "dead" not in seen.err + seen.out
+    assert f"the {axis} axis of the sensor of ncp2 is saturated" in seen.err
+    assert f"{limit:g} N in all" in seen.err
+    assert seen.status == 3

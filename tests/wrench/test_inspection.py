@@ -1,0 +1,223 @@
+"""A log that contradicts its rig is refused by `apply`; what may be contact is only said."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from tdfscal.errors import DataError
+from tdfscal.files.calibration import save_calibration
+from tdfscal.files.wrench_writer import write_wrenches
+from tdfscal.inspection import Inspection
+from tdfscal.records import FloatArray
+from tdfscal.simulation import Contact, Faults
+from tdfscal.timebase import Samples
+from tdfscal.workflow import calibrate
+from tdfscal.wrench import Wrenches
+from tdfscal.wrenchlog import WrenchPiece
+from tests.cli.running import SAMPLES, Run, rows, run
+
+from .held_out import HELD, USED, simulated, world
+
+MANY = world(5)
+EACH = 40
+Rewrite = Callable[[str], str]
+
+
+def samples(contact: tuple[float, float, float] | None = None, trial: int = 0) -> Samples:
+    """A log that stands in each held-out posture, touched in all of them or in none."""
+    touched = tuple(Contact(USED + k, contact) for k in range(HELD)) if contact else ()
+    dwells = replace(MANY, batch=simulated(5, Faults(contacts=touched))).held(trial)
+    force = np.repeat(dwells.force, EACH, axis=0)
+    noise = 2.0 * np.random.default_rng(trial).standard_normal(force.shape)
+    time = 0.02 * np.arange(float(len(force)))
+    return Samples(time, np.repeat(dwells.position, EACH, axis=0), force + noise)
+
+
+def inspect(seen: Samples, trial: int = 0, piece: int = 50) -> list[str]:
+    inspection = Inspection(MANY.given[trial])
+    cuts = [seen.rows(slice(a, a + piece)) for a in range(0, seen.time.size, piece)]
+    assert list(inspection.watch(cuts)) == cuts
+    return inspection.finish()
+
+
+def read(seen: Samples, change: Callable[[FloatArray], FloatArray]) -> Samples:
+    return Samples(seen.time, seen.position, change(seen.force))
+
+
+@pytest.mark.parametrize("contact", [None, (300.0, -200.0, 400.0), (0.0, 0.0, 900.0)])
+@pytest.mark.parametrize("trial", range(3))
+def test_contact_throughout_is_nothing_to_remark(
+    contact: tuple[float, float, float] | None, trial: int
+) -> None:
+    assert inspect(samples(contact, trial), trial) == []
+
+
+def test_contact_of_the_weights_order_is_said_but_not_refused() -> None:
+    (note,) = inspect(samples((0.0, 0.0, 4000.0)))
+    assert "unless that is contact" in note
+
+
+def test_pressing_with_twice_the_weight_is_said_but_not_refused() -> None:
+    """The forces' sum is then that of the wrong sign, but the opposite one does not balance it."""
+    (note,) = inspect(samples((2000.0, 0.0, 9800.0)))
+    assert "the median wrench over the log is 1e+04 N" in note
+
+
+@pytest.mark.parametrize("contact", [None, (150.0, 0.0, 250.0)])
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (1e3, "in N where kN is declared"),
+        (1e-3, "forces sum to"),
+        (-1.0, "wrong sign"),
+        (0.0, "forces sum to"),
+    ],
+)
+def test_units_and_signs_are_refused_with_contact_or_without(
+    contact: tuple[float, float, float] | None, factor: float, said: str
+) -> None:
+    with pytest.raises(DataError, match=said):
+        inspect(read(samples(contact), lambda force: factor * force))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda f: f[:, [1, 0, 2]], "the sensors of ncp1 taken from ncp2 and ncp2 taken from ncp1"),
+        (lambda f: f[:, :, [1, 0, 2]], "Fx and Fy of every sensor exchanged"),
+        (lambda f: f * np.array([[1, 1, 1], [1, -1, 1], [1, 1, 1]]), "opposite sign of Fy of ncp2"),
+    ],
+)
+def test_a_wiring_that_explains_the_wrench_is_named(
+    change: Callable[[FloatArray], FloatArray], said: str
+) -> None:
+    (note,) = inspect(read(samples(), change))
+    assert said in note
+
+
+def test_a_long_log_is_thinned_evenly_and_its_pieces_let_go() -> None:
+    seen = samples()
+    inspection = Inspection(MANY.given[0])
+    many = [Samples(seen.time + k * seen.time.size, seen.position, seen.force) for k in range(40)]
+    assert list(inspection.watch(many)) == many
+    kept = inspection._kept
+    assert kept is not None
+    assert 512 <= kept.time.size <= 1024
+    everything = np.concatenate([piece.time for piece in many])
+    assert np.array_equal(
+        kept.time, everything[:: len(everything) // kept.time.size][: len(kept.time)]
+    )
+    assert not any(np.shares_memory(kept.force, piece.force) for piece in many)
+
+
+@pytest.fixture(scope="module")
+def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("inspection") / "cal.yaml"
+    save_calibration(calibrate([SAMPLES / "csv"], trials=0).calibration, target)
+    return target
+
+
+def declared(**values: str) -> Callable[[Path], object]:
+    """A rig file whose log block declares something else."""
+
+    def edit(folder: Path) -> None:
+        document = yaml.safe_load((folder / "rig.yaml").read_text())
+        document["log"].update(values)
+        (folder / "rig.yaml").write_text(yaml.safe_dump(document))
+
+    return edit
+
+
+def circled(folder: Path) -> None:
+    """The recorder's supports 2, 3 and 1 named 1, 2 and 3, with positions and forces."""
+    document = yaml.safe_load((folder / "rig.yaml").read_text())
+    fields = document["log"]["supports"]
+    names = list(fields)
+    document["log"]["supports"] = dict(
+        zip(names, [fields[name] for name in (*names[1:], names[0])], strict=True)
+    )
+    (folder / "rig.yaml").write_text(yaml.safe_dump(document))
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    folder = tmp_path / "campaign"
+    shutil.copytree(SAMPLES / "csv", folder)
+    return folder
+
+
+@pytest.mark.parametrize("older", [True, False])
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        (declared(length_unit="m"), "in mm where m is declared"),
+        (declared(length_unit="um"), "in mm where um is declared"),
+        (declared(force_unit="kN"), "in N where kN is declared"),
+        (declared(force_on="sensor"), "set log.force_on"),
+    ],
+)
+def test_apply_refuses_what_calibrate_refuses(
+    calibration: Path,
+    campaign: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    recwarn: pytest.WarningsRecorder,
+    fault: Callable[[Path], object],
+    said: str,
+    older: bool,
+) -> None:
+    fault(campaign)
+    target = tmp_path / "w.csv"
+    if older:
+        target.write_text("older")
+    for line in (
+        ("apply", calibration, campaign, "-o", target),
+        ("calibrate", campaign, "-o", target.with_suffix(".yaml"), "--trials", 0, "-q"),
+    ):
+        seen = run(capsys, *line)
+        assert (seen.status, seen.out) == (3, ""), seen.err
+        assert said.lower() in seen.err.lower()
+        assert seen.err.count("\n") == 1
+    assert not recwarn.list
+    assert [p.name for p in tmp_path.iterdir() if p.is_file()] == (["w.csv"] if older else [])
+    assert not older or target.read_text() == "older"
+
+
+def test_a_wrench_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    value = np.zeros((3, 6))
+    good = Wrenches(value=value, std=np.full((3, 6), np.inf), raw=value)
+    bad = replace(good, value=np.where(np.arange(3)[:, None] == 1, np.nan, value))
+    time, target = np.array([0.5, 0.75, 1.0]), tmp_path / "w.csv"
+    with pytest.raises(DataError, match=r"at 0\.75 s is no number"):
+        write_wrenches(target, [WrenchPiece(time, good), WrenchPiece(time, bad)], {})
+    assert not list(tmp_path.iterdir())
+    assert write_wrenches(target, [WrenchPiece(time, good)], {}) == 3
+
+
+def test_supports_renamed_in_a_circle_are_said(
+    calibration: Path, campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    circled(campaign)
+    told = "ncp1 taken from ncp3 and ncp2 taken from ncp1 and ncp3 taken from ncp2"
+    target = tmp_path / "c.yaml"
+
+    def heard(seen: Run) -> None:
+        assert seen.status in (0, 1), seen.err
+        (warning,) = (w for w in json.loads(seen.out)["warnings"] if "turned by" in w)
+        assert "about Z of the BCS in every posture" in warning
+        assert told in warning
+
+    heard(run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-q", "--json"))
+    heard(run(capsys, "apply", calibration, campaign, "-o", tmp_path / "w.csv", "--json"))
+    heard(run(capsys, "validate", calibration, campaign, "-q", "--json"))
+    assert len(rows(tmp_path / "w.csv")) > 5000
+    straight = run(capsys, "calibrate", SAMPLES / "csv", "-o", target, "--trials", 0, "--json")
+    assert "turned by" not in straight.out
