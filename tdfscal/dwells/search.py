@@ -211,17 +211,18 @@ def _whole_stops(
 
 def _stays(field: Field, earlier: Extent, later: Extent) -> bool:
     """Do the NCPs stay from one dwell to the next, by a third of the readings at least?"""
-    between = slice(earlier.end, later.begin)
+    value, start = field.positions.value, field.bins.start
     pause = later.begin - earlier.end
-    if pause > 2 * ((earlier.end - earlier.begin) + (later.end - later.begin)):
-        return False
-    start = field.bins.start[earlier.end - 1 : later.begin + 1]
-    gap = np.diff(start).max() > 1.5 * field.bins.width
-    if gap or (field.bins.count[between] == 0).any():
+    if (
+        (np.abs(value[:, later.begin] - value[:, earlier.end - 1]) > field.visible).any()
+        or pause > 2 * ((earlier.end - earlier.begin) + (later.end - later.begin))
+        or np.diff(start[earlier.end - 1 : later.begin + 1]).max() > 1.5 * field.bins.width
+        or (field.bins.count[earlier.end : later.begin] == 0).any()
+    ):
         return False
     last = earlier.ends[1]
-    level = field.positions.value[:, last.begin : last.end].mean(axis=1)
-    away = np.abs(field.positions.value[:, between] - level[:, None])
+    level = value[:, last.begin : last.end].mean(axis=1)
+    away = np.abs(value[:, earlier.end : later.begin] - level[:, None])
     return not pause or bool((np.quantile(away, 1 / 3, axis=1) <= field.visible).all())
 
 

@@ -34,7 +34,7 @@ def parquet_contents(path: Path) -> Contents:
         names = [leaf.path for leaf in footer.leaves]
         sample: dict[str, FloatArray] = {}
         opening: dict[str, FloatArray] = {}
-        with open_parquet(path) as file:
+        with open_parquet(path, footer) as file:
             kinds = [_kind(file, k) for k in range(len(names))]
             twice = sorted({name for name in names if names.count(name) > 1})
             once = [
