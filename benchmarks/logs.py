@@ -234,8 +234,8 @@ def main() -> None:
                 for s, peak in ((s, peak_of(s, folder)) for s in ("csv", "parquet", "mcap"))
             )
             notes = (
-                f"Peak memory on logs ten times as long ({long:g} s), medians of three runs: {shown}; "
-                "goal: 1.2×.\n"
+                f"Peak memory on logs ten times as long ({long:g} s), medians of three runs: "
+                f"{shown}; goal: 1.2×.\n"
             )
     flags = f"--seconds {arguments.seconds:g}" + (" --ten-fold" if arguments.ten_fold else "")
     text = "\n".join(
