@@ -69,18 +69,24 @@ class Validation:
 
 
 def validate(
-    given: Calibrated, dwells: Dwells, *, rig: Rig | None = None, noise: float | None = None
+    given: Calibrated,
+    dwells: Dwells,
+    *,
+    rig: Rig | None = None,
+    noise: float | None = None,
+    extremes: screening.Extremes | None = None,
 ) -> Validation:
     """Test a calibration on static dwells without contact.
 
     rig : the rig of this log, for what it declares; default the calibration's.
     noise : N, standard uncertainty of a reading per axis where neither log nor rig state one.
+    extremes : of the whole log's readings, to tell a saturated sensor from a dead one.
 
     Raises
     ------
     DataError
-        There is no dwell, the positions do not fit the hinges, a sensor is dead, or no noise is
-        stated anywhere.
+        There is no dwell, the positions do not fit the hinges, a sensor is dead or saturated, or no
+        noise is stated anywhere.
     """
     rig = rig or given.rig
     if len(dwells) == 0:
@@ -91,7 +97,7 @@ def validate(
             + _nearest(dwells.left_out),
         )
     sanity.check_geometry(rig, dwells.position)
-    screened = screening.screen(rig, dwells)
+    screened = screening.screen(rig, dwells, extremes)
     used = np.flatnonzero(screened.keep)
     if not used.size:
         raise DataError(

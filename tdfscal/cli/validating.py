@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal import sanity
+from tdfscal import sanity, screening
 from tdfscal.cli.app import command_line, emit
 from tdfscal.cli.progress import reading_bar, stages
 from tdfscal.dwells import find_dwells
@@ -44,8 +44,11 @@ def run(
     notes, inputs = list[str](), list[InputFile]()
 
     used = {entry.sha256 for entry in use.calibration.inputs}
+    extremes: screening.Extremes | None = None
 
     def heard(piece: Log) -> Log:
+        nonlocal extremes
+        extremes = screening.extremes(piece, extremes)
         inputs.extend(piece.inputs)
         for entry in piece.inputs:
             if entry.sha256 in used:
@@ -61,7 +64,7 @@ def run(
         pieces = iter_log(logs, loaded.log, loaded.rig.supports, progress=bar)
         dwells = find_dwells(map(heard, pieces))
     say(f"testing the calibration on {len(dwells)} dwells")
-    result = validate(use.given, dwells, rig=loaded.rig, noise=_fit_noise(use))
+    result = validate(use.given, dwells, rig=loaded.rig, noise=_fit_noise(use), extremes=extremes)
     # The log's own warnings come with its dwells.
     turned = sanity.turned(loaded.rig, result.dwells.position)
     warnings = (*use.warnings, *notes, *result.warnings, *([turned] if turned else []))

@@ -121,10 +121,12 @@ def test_a_clipped_sensor_is_saturated_and_not_dead(
     if capacity:
         document["supports"][1]["capacity"] = capacity
     (campaign / "rig.yaml").write_text(yaml.safe_dump(document))
+    line = ("calibrate", campaign, "--trials", 0, "--allow-rejected", "-o")
+    assert run(capsys, *line, tmp_path / "before.yaml").status in (0, 1)
     edit(campaign, set_to(name, lambda values: np.clip(values, -limit, limit)))
-    line = ("calibrate", campaign, "-o", tmp_path / "c.yaml", "--trials", 0, "-q")
-    seen = run(capsys, *line)
-    assert "dead" not in seen.err + seen.out
-    assert f"the {axis} axis of the sensor of ncp2 is saturated" in seen.err
-    assert f"{limit:g} N in all" in seen.err
-    assert seen.status == 3
+    for command in ((*line, tmp_path / "c.yaml"), ("validate", tmp_path / "before.yaml", campaign)):
+        seen = run(capsys, *command, "-q")
+        assert "dead" not in seen.err + seen.out
+        assert f"the {axis} axis of the sensor of ncp2 is saturated" in seen.err
+        assert f"{limit:g} N in all" in seen.err
+        assert seen.status == 3
