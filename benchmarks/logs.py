@@ -156,21 +156,18 @@ print(json.dumps([took, cpu, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss 
 """
 
 
-def measured(name: str, folder: Path, runs: int = 2) -> tuple[float, float, float, int]:
-    """Seconds (the fastest run) by the clock and of CPU, peak memory in MB, and the count."""
+def measured(name: str, folder: Path) -> tuple[float, float, float, int]:
+    """Seconds by the clock and of CPU, peak memory in MB, and the count."""
     root = str(Path(__file__).parents[1])
-    results = []
-    for _ in range(runs):
-        command = [sys.executable, "-c", MEASURE, name, str(folder), root]
-        out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-        results.append(json.loads(out))
-    took, cpu, peak, count = min(results)
+    command = [sys.executable, "-c", MEASURE, name, str(folder), root]
+    out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    took, cpu, peak, count = json.loads(out)
     return float(took), float(cpu), float(peak), int(count)
 
 
 def peak_of(suffix: str, folder: Path) -> float:
     """Peak memory in MB, the median of three runs: what the allocator keeps varies."""
-    return sorted(measured(f"tdfscal {suffix}", folder, 1)[2] for _ in range(3))[1]
+    return sorted(measured(f"tdfscal {suffix}", folder)[2] for _ in range(3))[1]
 
 
 def made(folder: Path, seconds: float) -> Path:
@@ -197,7 +194,7 @@ def table(folder: Path) -> list[str]:
     ):
         slow = suffix == "mcap"
         rounds = [
-            (measured(plain, folder, 1), measured(f"tdfscal {suffix}", folder, 1))
+            (measured(plain, folder), measured(f"tdfscal {suffix}", folder))
             for _ in range(1 if slow else 5)
         ]
         reference, ours = (min(runs) for runs in zip(*rounds, strict=True))

@@ -109,6 +109,7 @@ def validate(
     found = causes.causes(white)
     single = [cause for cause in found if len(cause.postures) < 2]
     tried = 1 + 2 * rig.n + (len(used) if len(used) > 1 else 0)
+    turned = sanity.turned(rig, dwells.position)
     return Validation(
         rig=rig,
         dwells=dwells,
@@ -123,7 +124,7 @@ def validate(
         search_p=min(1.0, tried * min(cause.p_value for cause in single)),
         causes=found,
         detectable=_detectable(causes.turn_information(white), tried),
-        warnings=(*dwells.warnings, *warnings),
+        warnings=(*dwells.warnings, *warnings, *([turned] if turned else [])),
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal import sanity, screening
+from tdfscal import screening
 from tdfscal.cli.app import command_line, emit
 from tdfscal.cli.progress import reading_bar, stages
 from tdfscal.dwells import find_dwells
@@ -66,8 +66,7 @@ def run(
     say(f"testing the calibration on {len(dwells)} dwells")
     result = validate(use.given, dwells, rig=loaded.rig, noise=_fit_noise(use), extremes=extremes)
     # The log's own warnings come with its dwells.
-    turned = sanity.turned(loaded.rig, result.dwells.position)
-    warnings = (*use.warnings, *notes, *result.warnings, *([turned] if turned else []))
+    warnings = (*use.warnings, *notes, *result.warnings)
     if html is not None:
         from tdfscal.reporting.html import render_validation
         from tdfscal.reporting.validationpage import Origin

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,19 +14,10 @@ import yaml
 
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.workflow import _Passing
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import run
 
 REPEATED = "1 repeat the time of the sample before"
 Change = Callable[[pa.Table], pa.Table]
-
-
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    folder = tmp_path / "campaign"
-    folder.mkdir()
-    for name in ("rig.yaml", "log.parquet"):
-        shutil.copy(SAMPLES / "parquet" / name, folder / name)
-    return folder
 
 
 def edit(folder: Path, *changes: Change) -> None:

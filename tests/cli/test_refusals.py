@@ -18,16 +18,6 @@ from tests.cli.running import SAMPLES, run
 Break = Callable[[Path], object]
 
 
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    """Copy of the sample campaign in Parquet, without the survey."""
-    folder = tmp_path / "campaign"
-    folder.mkdir()
-    for name in ("rig.yaml", "log.parquet"):
-        shutil.copy(SAMPLES / "parquet" / name, folder / name)
-    return folder
-
-
 def edit_rig(change: Callable[[dict[str, Any]], object]) -> Break:
     """A fault in rig.yaml."""
 

@@ -66,10 +66,8 @@ def length_unit(positions: Sequence[Vector], rig: Rig | None) -> Finding:
     apart = far * _si("position", unit)
     if far <= 0.0 or (unit == fitting if known else _within(apart, _APART)):
         return Finding(unit)
-    return Finding(unit, problems=(
-        f"by the header's unit, {unit}, the NCPs are {apart:.4g} m apart{hinges}; {fitting} would "
-        f"fit: check the header{' and the rig file' if known else ''}",
-    ))  # fmt: skip
+    what = f"{unit}, the NCPs are {apart:.4g} m apart{hinges}"
+    return _contradicted(unit, what, fitting, rig=known > 0.0)
 
 
 def force_unit(forces: Sequence[Vector], rig: Rig | None) -> Finding:
@@ -90,10 +88,8 @@ def force_unit(forces: Sequence[Vector], rig: Rig | None) -> Finding:
     total = sum_ * _si("force", unit)
     if sum_ <= 0.0 or (unit == fitting if weight else _within(total, _WEIGHT)):
         return Finding(unit)
-    return Finding(unit, problems=(
-        f"by the header's unit, {unit}, the forces add up to {total:.4g} N{weighs}; {fitting} "
-        f"would fit: check the header{' and the rig file' if weight else ''}",
-    ))  # fmt: skip
+    what = f"{unit}, the forces add up to {total:.4g} N{weighs}"
+    return _contradicted(unit, what, fitting, rig=weight > 0.0)
 
 
 def time_unit(column: Column, suffix: str) -> Finding:
@@ -102,16 +98,12 @@ def time_unit(column: Column, suffix: str) -> Finding:
     step = f"the step of {column.name} is {column.step:.4g}"
     if column.unit is not None and units.factor("time", column.unit) is not None:
         unit = units.canonical(column.unit)
-        if fitting is None or _within(column.step * _si("time", unit), (_INTERVAL[0], _PATIENCE)):
+        if fitting is None or _recordable(column, unit):
             return Finding(unit)
-        return Finding(unit, problems=(
-            f"by the header's unit, {step} {unit}, which is no recorder's interval; {fitting} "
-            "would fit: check the header",
-        ))  # fmt: skip
+        what = f"{step} {unit}, which is no recorder's interval"
+        return _contradicted(unit, what, fitting, rig=False)
     named = units.canonical(suffix)
-    if named in units.known_units("time") and (
-        fitting is None or _within(column.step * _si("time", named), (_INTERVAL[0], _PATIENCE))
-    ):
+    if named in units.known_units("time") and (fitting is None or _recordable(column, named)):
         return Finding(named)
     if fitting is None:
         return Finding("s", (f"the unit of {column.name} is unclear; s is taken",))
@@ -142,14 +134,26 @@ def declared_time(contents: Contents, mapping: LogMapping) -> list[str]:
     # A column that is a time by its type has its own unit.
     if column is None or "time" in kinds[column.name] or kinds[column.name] == "int96":
         return []
-    step = column.step * _si("time", unit)
     fitting = fitting_time_unit(column)
-    if fitting in (None, unit) or _within(step, (_INTERVAL[0], _PATIENCE)):
+    if fitting in (None, unit) or _recordable(column, unit):
         return []
+    step = column.step * _si("time", unit)
     return [
         f"by the mapping's `unit: {unit}` the samples of {column.name} are {step:.4g} s apart, "
         f"which is no recorder's interval; `unit: {fitting}` would fit"
     ]
+
+
+def _contradicted(unit: str, what: str, fitting: str, *, rig: bool) -> Finding:
+    """The header's unit, and why it cannot be; rig : whether the rig file says so."""
+    check = "check the header and the rig file" if rig else "check the header"
+    problem = f"by the header's unit, {what}; {fitting} would fit: {check}"
+    return Finding(unit, problems=(problem,))
+
+
+def _recordable(column: Column, unit: str) -> bool:
+    """Can a log be recorded at the column's step in this unit?"""
+    return _within(column.step * _si("time", unit), (_INTERVAL[0], _PATIENCE))
 
 
 def _between(points: FloatArray) -> FloatArray:
