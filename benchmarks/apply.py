@@ -12,15 +12,15 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from tdfscal.files.calibration import save_calibration
-from tdfscal.files.campaign_writer import LogFormat, simulate_to_folder
-from tdfscal.files.inuse import InUse, take
-from tdfscal.files.logs import iter_log
-from tdfscal.files.wrench_writer import write_wrenches
+from tdfscal.files.calibration.document import save_calibration
+from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
+from tdfscal.files.writers.wrenches import write_wrenches
+from tdfscal.logs import iter_log
 from tdfscal.simulation import Recorder
-from tdfscal.timebase import Tally, aligned
-from tdfscal.workflow import calibrate
-from tdfscal.wrenchlog import at_rest
+from tdfscal.workflows.calibrate import calibrate
+from tdfscal.workflows.calibration_in_use import InUse, take
+from tdfscal.wrench.resampling import Tally, aligned
+from tdfscal.wrench.stream import at_rest
 
 FORMATS: tuple[LogFormat, ...] = ("csv", "mcap", "parquet")
 RECORDER = Recorder(dwell=(8.0, 10.0), move=(4.0, 6.0), force_rate=1000.0, position_rate=1000.0)

@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from mcap.writer import CompressionType
 
 from tdfscal.errors import DataError
-from tdfscal.files.logs import read_log
+from tdfscal.logs import read_log
 from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,

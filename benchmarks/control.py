@@ -10,8 +10,8 @@ import time
 import numpy as np
 
 from tdfscal.simulation import reference_rig
-from tdfscal.studies import docking, freespace
-from tdfscal.studies.controllers import simulated
+from tdfscal.studies import docking, free_space
+from tdfscal.studies.compared_calibrations import simulated
 
 
 def main() -> None:
@@ -33,7 +33,7 @@ def main() -> None:
         )
         seed = np.random.SeedSequence(1)
         start = time.process_time()
-        free = freespace.free_space(freespace.Setup(rig), arms, seed, 1)
+        free = free_space.free_space(free_space.Setup(rig), arms, seed, 1)
         _row("free space", runs, 18 * runs, free.result.steps * 4e-3, time.process_time() - start)
         start = time.process_time()
         dock = docking.docking(docking.Setup(rig), arms, seed, 1)

@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.filtering import WALK, Walk
 from tdfscal.records import FloatArray, Instrument
 from tdfscal.simulation import Options, reference_rig
 from tdfscal.simulation.control.contact import GearPair
-from tdfscal.studies import docking, freespace
-from tdfscal.studies.controllers import SQUEEZE, Arms, drifted, simulated
+from tdfscal.studies import docking, free_space
+from tdfscal.studies.compared_calibrations import SQUEEZE, Arms, drifted, simulated
+from tdfscal.wrench.filtering import WALK, Walk
 
 RUNS, SEED, ENGAGEMENT = 10, 1, 0.06
 DRIFT = 0.5
@@ -108,8 +108,8 @@ def main() -> None:
             cells.append(f"{_mean(force)}, {_mean(torque)}{count}")
         ratio = found.ratio(0, "self", "tracker")
         cells.append(f"{ratio.value:.2f} ± {ratio.std:.2f}")
-        free = freespace.Setup(setup.rig, controller=setup.controller)
-        length = freespace.free_space(free, arms, seed, SEED).length
+        free = free_space.Setup(setup.rig, controller=setup.controller)
+        length = free_space.free_space(free, arms, seed, SEED).length
         cells += [f"{1e3 * length[c, ..., 0].mean():.3f}" for c in (1, 2)]
         print(f"| {what} | " + " | ".join(cells) + " |", flush=True)
 

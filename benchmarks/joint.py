@@ -16,10 +16,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from tdfscal import simulation
-from tdfscal.joint import combine
+from tdfscal.comparison.joint import combine
 from tdfscal.numerics import so3
 from tdfscal.records import Rotations
-from tdfscal.selfcalibration import self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, simulate_survey
 from tdfscal.trackercal import calibrate_tracker
 

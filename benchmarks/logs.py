@@ -135,7 +135,7 @@ def work(name: str, folder: Path) -> int:
             reader = make_reader(file, decoder_factories=[DecoderFactory()])
             return sum(1 for _ in reader.iter_decoded_messages())
     from tdfscal.dwells import find_dwells
-    from tdfscal.files.logs import iter_log
+    from tdfscal.logs import iter_log
 
     suffix = name.removeprefix("tdfscal ")
     mapping = TOPICS if suffix == "mcap" else None
@@ -147,8 +147,8 @@ import json, resource, sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[3])
 from benchmarks.logs import work
-import pyarrow.csv, pyarrow.parquet, tdfscal.dwells, tdfscal.files.logs.text
-import tdfscal.files.logs.parquet, tdfscal.files.logs.mcap
+import pyarrow.csv, pyarrow.parquet, tdfscal.dwells, tdfscal.logs.text.reader
+import tdfscal.logs.parquet.reader, tdfscal.logs.mcap.reader
 start, cpu = time.perf_counter(), time.process_time()
 count = work(sys.argv[1], Path(sys.argv[2]))
 took, cpu = time.perf_counter() - start, time.process_time() - cpu

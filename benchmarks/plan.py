@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.planning import Limits, Plan, Request, make_plan
 from tdfscal.records import Rig
-from tdfscal.robust import fit_robust
+from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
-from tdfscal.statics import postures
 
 TILT, POSTURES, NOISE, CAMPAIGNS = np.deg2rad(6.0), 24, 1.0, 200
 STIFF, SOFT = 2.0e7, 2.0e6

@@ -21,8 +21,8 @@ import numpy as np
 from tdfscal import simulation
 from tdfscal.errors import TdfscalError
 from tdfscal.numerics import so3
-from tdfscal.records import Dwells, FloatArray, Known, Rig
-from tdfscal.selfcalibration import SelfCalibration, self_calibrate
+from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import (
     Contact,
     Crosstalk,
@@ -56,7 +56,7 @@ def declared(**changes: float) -> Rig:
 
 
 def wide_zero(std: float) -> Rig:
-    return replace(RIG, zero=Known(RIG.zero.value, np.full((3, 3), std)))
+    return replace(RIG, zero=UncertainValue(RIG.zero.value, np.full((3, 3), std)))
 
 
 def cases() -> list[Case]:
@@ -88,16 +88,18 @@ def cases() -> list[Case]:
     found.append(
         Case(
             "mass 1 % off",
-            real=replace(RIG, mass=Known(1.01 * mass, RIG.mass.std)),
-            declared=replace(RIG, mass=Known(mass, 0.01 * mass)),
+            real=replace(RIG, mass=UncertainValue(1.01 * mass, RIG.mass.std)),
+            declared=replace(RIG, mass=UncertainValue(mass, 0.01 * mass)),
         )
     )
     off = RIG.barycentre.value + np.array([3e-3, -3e-3, 2.65e-3])
     found.append(
         Case(
             "barycentre 5 mm off",
-            real=replace(RIG, barycentre=Known(off, RIG.barycentre.std)),
-            declared=replace(RIG, barycentre=Known(RIG.barycentre.value, np.full(3, 5e-3))),
+            real=replace(RIG, barycentre=UncertainValue(off, RIG.barycentre.std)),
+            declared=replace(
+                RIG, barycentre=UncertainValue(RIG.barycentre.value, np.full(3, 5e-3))
+            ),
         )
     )
     for tilt in (5e-4, 2e-3):

@@ -20,14 +20,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from tdfscal import simulation
+from tdfscal.model.statics import State, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.records import FloatArray, Known, Rig
-from tdfscal.selfcal import at_state
-from tdfscal.selfcalibration import self_calibrate
+from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.selfcal.covariance import information_root
+from tdfscal.selfcal.estimator import at_state
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options
-from tdfscal.statics import State, postures
-from tdfscal.uncertainty import information_root
 
 SUPPORTS = (3, 4, 6)
 TILTS = (1.0, 5.0, 10.0)
@@ -48,7 +48,7 @@ class Cell:
     def rig(self) -> Rig:
         rig = simulation.make_rig(self.supports)
         zero = np.full((self.supports, 3), self.tare)
-        return replace(rig, zero=Known(np.zeros_like(zero), zero))
+        return replace(rig, zero=UncertainValue(np.zeros_like(zero), zero))
 
     def options(self) -> Options:
         tilt = float(np.deg2rad(self.tilt))

@@ -17,13 +17,13 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from tdfscal import simulation
-from tdfscal.montecarlo import CHUNK, Sampler
+from tdfscal.model.statics import balance, features, features_jacobian, nominal, postures, retract
 from tdfscal.records import FloatArray
-from tdfscal.robust import fit_robust
-from tdfscal.selfcal import Fit, Priors, fit, solve_statistic, statistic
+from tdfscal.selfcal.covariance import information_root
+from tdfscal.selfcal.estimator import Fit, Priors, fit, solve_statistic, statistic
+from tdfscal.selfcal.monte_carlo import CHUNK, Sampler
+from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.simulation import Options
-from tdfscal.statics import balance, features, features_jacobian, nominal, postures, retract
-from tdfscal.uncertainty import information_root
 
 TRIALS, LOOPED = 100_000, 100
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdfscal import workflow
+from tdfscal import logs
 from tdfscal.dwells import DwellOptions, find_dwells
 from tdfscal.errors import TdfscalError
-from tdfscal.files import logs
-from tdfscal.files.calibration import Calibration, load_calibration, save_calibration
-from tdfscal.files.rig import LoadedRig, load_rig
+from tdfscal.files.calibration.document import Calibration, load_calibration, save_calibration
+from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.records import Dwells, Log
-from tdfscal.selfcalibration import Estimator
-from tdfscal.workflow import Method
+from tdfscal.selfcal.pipeline import Estimator
+from tdfscal.workflows.calibrate import Method
+from tdfscal.workflows.calibrate import calibrate as calibrate_campaign
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,12 +51,12 @@ def calibrate(
 ) -> Calibration:
     """Calibrate from a campaign folder, or from logs with a rig file.
 
-    The result may be rejected: look at `.status` and `.quality.reasons`. `workflow.calibrate`
-    takes the same and also returns the records behind the result.
+    The result may be rejected: look at `.status` and `.quality.reasons`.
+    `workflows.calibrate.calibrate` takes the same and also returns the records behind the result.
 
     Raises TdfscalError by cause.
     """
-    return workflow.calibrate(
+    return calibrate_campaign(
         _listed(paths),
         rig=Path(rig) if rig is not None else None,
         method=method,

@@ -16,12 +16,15 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
+#: The installation angles, in the order of every array of them.
+ANGLES = ("roll", "pitch", "yaw")
+
 Rows = Literal["timeseries", "postures"]
 Integrity = Literal["verified", "unverified", "salvaged"]
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class UncertainValue:
     """A quantity known as value ± std: std 0 is known exactly, std ∞ is unknown.
 
     value, std : arrays of one shape.
@@ -32,7 +35,7 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True)
-class Declared:
+class DeclaredUncertainty:
     """Standard uncertainties that the log's own scatter cannot show (rig.yaml, `uncertainty`)."""
 
     positioner: float = 0.0
@@ -71,15 +74,15 @@ class Rig:
     """Magnitude, m/s², along −Z of the BCS."""
     gravity_tilt_std: float
     """rad, per horizontal axis of the BCS."""
-    mass: Known
+    mass: UncertainValue
     """(), kg."""
-    barycentre: Known
+    barycentre: UncertainValue
     """(3,), m, LCS."""
     inertia: FloatArray | None
     """(3, 3), kg m² about the LCS origin; used in motion only."""
     hinge: FloatArray
     """(n, 3), SHC in the LCS, m."""
-    zero: Known
+    zero: UncertainValue
     """(n, 3), N, sensor frames."""
     nominal_rpy: FloatArray
     """(n, 3), rad, roll, pitch, yaw of the nominal mounting."""
@@ -87,7 +90,7 @@ class Rig:
     """(n, 3), rad, prior about the nominal mounting; ∞ where there is none."""
     capacity: FloatArray
     """(n, 3), full scale in N; ∞ where not stated."""
-    declared: Declared
+    declared: DeclaredUncertainty
     acceptance: Acceptance
 
     @property

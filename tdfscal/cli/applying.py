@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.cli.app import emit
 from tdfscal.errors import DataError
-from tdfscal.files.inuse import InUse, take
-from tdfscal.files.logs import iter_log
-from tdfscal.files.places import check_calibration
-from tdfscal.files.wrench_writer import check_wrench_path, write_wrenches
-from tdfscal.filtering import Kind, Walk, checked_walk, filtered
-from tdfscal.inspection import Inspection
+from tdfscal.files.output_places import check_calibration
+from tdfscal.files.writers.wrenches import check_wrench_path, write_wrenches
+from tdfscal.logs import iter_log
 from tdfscal.records import FloatArray, Log
-from tdfscal.timebase import Tally, aligned
-from tdfscal.wrench import COMPONENTS
-from tdfscal.wrenchlog import WrenchPiece, at_rest, in_motion
+from tdfscal.workflows.calibration_in_use import InUse, take
+from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
+from tdfscal.wrench.resampling import Tally, aligned
+from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
 
 
 @dataclass(slots=True)

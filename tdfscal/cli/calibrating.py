@@ -9,14 +9,14 @@ from tdfscal.cli.app import command_line
 from tdfscal.cli.progress import reading_bar, stages
 from tdfscal.cli.reporting import page_of
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration import dump_calibration, save_calibration
-from tdfscal.files.campaign import find_logs
-from tdfscal.files.places import check_place
+from tdfscal.files.calibration.document import dump_calibration, save_calibration
+from tdfscal.files.output_places import check_place
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.terminal import show
 from tdfscal.reporting.text import render
-from tdfscal.selfcalibration import Estimator
-from tdfscal.workflow import Method, calibrate
+from tdfscal.selfcal.pipeline import Estimator
+from tdfscal.workflows.calibrate import Method, calibrate
+from tdfscal.workflows.campaign import find_logs
 
 DEFAULT_OUTPUT = Path("calibration.yaml")
 SUFFIXES = (".yaml", ".yml", ".json")

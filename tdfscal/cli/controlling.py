@@ -16,23 +16,23 @@ from tdfscal.cli.progress import speaker
 from tdfscal.cli.rigs import calibrations_named, rig_named, survey_of
 from tdfscal.cli.studying import triple
 from tdfscal.errors import UsageError
-from tdfscal.files.campaign_writer import LogFormat
-from tdfscal.files.control_logs import write_control_logs
-from tdfscal.files.inuse import calibrated
-from tdfscal.files.places import check_folder
-from tdfscal.files.rig import LoadedRig
-from tdfscal.files.rows_writer import save_rows
+from tdfscal.files.output_places import check_folder
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import make_folder
-from tdfscal.filtering import Walk, checked_walk
+from tdfscal.files.writers.campaign import LogFormat
+from tdfscal.files.writers.control_logs import write_control_logs
+from tdfscal.files.writers.rows import save_rows
 from tdfscal.records import FloatArray, Log, Rig, Series
 from tdfscal.reporting import controlstudies as words
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.simulation import Options
 from tdfscal.simulation.control.runs import Controller
-from tdfscal.studies import docking, freespace
-from tdfscal.studies.controllers import MOUNTING, SQUEEZE, Arms, drifted, given, simulated
+from tdfscal.studies import docking, free_space
+from tdfscal.studies.compared_calibrations import MOUNTING, SQUEEZE, Arms, drifted, given, simulated
+from tdfscal.workflows.calibration_in_use import calibrated
+from tdfscal.wrench.filtering import Walk, checked_walk
 
-_S = TypeVar("_S", docking.DockingStudy, freespace.FreeSpaceStudy)
+_S = TypeVar("_S", docking.DockingStudy, free_space.FreeSpaceStudy)
 #: Tare, s, where the user asks for one.
 TARE = 2.0
 #: Rows of a lane in traces.csv at most, about.
@@ -62,12 +62,12 @@ def run_free_space(rig: Path, folder: Path, choices: Choices, moves: Path | None
     from tdfscal.reporting.controlfigures import free_space_drawings
 
     loaded = rig_named(rig)
-    table = freespace.MOVES.copy() if moves is None else read_moves(moves)
-    setup = freespace.Setup(loaded.rig, controller=_controller(choices), moves=table)
+    table = free_space.MOVES.copy() if moves is None else read_moves(moves)
+    setup = free_space.Setup(loaded.rig, controller=_controller(choices), moves=table)
     check_folder(folder)
     arms, seed, say = _arms(loaded, choices)
     say(f"{len(table)} moves × {choices.runs} runs × {len(arms.arms)} calibrations")
-    study = freespace.free_space(setup, arms, seed, choices.seed)
+    study = free_space.free_space(setup, arms, seed, choices.seed)
     tables = {"deviations.csv": words.free_space_rows(study)}
     files = _write(folder, tables, free_space_drawings(study), study)
     files += _logs(folder, loaded.rig, study, choices.logs)

@@ -9,7 +9,7 @@ from tdfscal.cli.app import emit
 from tdfscal.cli.reporting import load
 from tdfscal.errors import UsageError
 from tdfscal.export import FORMATS, certificate
-from tdfscal.files.places import check_place
+from tdfscal.files.output_places import check_place
 from tdfscal.files.saving import write_text
 
 

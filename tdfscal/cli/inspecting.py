@@ -7,12 +7,13 @@ from pathlib import Path
 
 from tdfscal.cli.app import emit
 from tdfscal.cli.progress import reading_bar
-from tdfscal.files.campaign import RIG_NAME, find_logs
-from tdfscal.files.loginfo import inspect_logs
-from tdfscal.files.loginfo.document import as_document
-from tdfscal.files.loginfo.text import as_text
-from tdfscal.files.logs import expand, is_log
-from tdfscal.files.rig import LoadedRig, load_rig
+from tdfscal.files.rig import RIG_NAME
+from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.logs import expand, is_log
+from tdfscal.logs.description import inspect_logs
+from tdfscal.logs.description.document import as_document
+from tdfscal.reporting.log_description import as_text
+from tdfscal.workflows.campaign import find_logs
 
 
 def run(paths: list[Path], *, rig: Path | None, json: bool, quiet: bool) -> None:

@@ -11,9 +11,8 @@ from tdfscal.cli.app import command_line, emit
 from tdfscal.cli.rigs import rig_named
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import UsageError
-from tdfscal.files.campaign import resolve
-from tdfscal.files.logs import iter_log
-from tdfscal.files.plan_writer import save_plan
+from tdfscal.files.writers.plan import save_plan
+from tdfscal.logs import iter_log
 from tdfscal.planning import (
     Limits,
     Objective,
@@ -22,9 +21,10 @@ from tdfscal.planning import (
     plan_for_target,
     travel_limits,
 )
-from tdfscal.planning.given import recorded, scatter_of
+from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.reporting.planning import plan_document, plan_text
-from tdfscal.selfcal import Fit
+from tdfscal.selfcal.estimator import Fit
+from tdfscal.workflows.campaign import resolve
 
 DEFAULT_POSTURES = 24
 DEFAULT_NOISE = 1.0

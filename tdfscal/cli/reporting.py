@@ -9,8 +9,8 @@ from pathlib import Path
 from tdfscal.cli.app import emit
 from tdfscal.cli.progress import stages
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration import Calibration, load_calibration, parse_calibration
-from tdfscal.files.places import check_calibration, check_place
+from tdfscal.files.calibration.document import Calibration, load_calibration, parse_calibration
+from tdfscal.files.output_places import check_calibration, check_place
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.terminal import show
 
@@ -50,7 +50,7 @@ def run(
 
 def compare(files: list[Path], *, json: bool) -> None:
     """Compare the first calibration with each of the others, in the order given."""
-    from tdfscal.comparison import compare_pair
+    from tdfscal.comparison.compatibility import compare_pair
     from tdfscal.reporting.several import comparison_document
     from tdfscal.reporting.several_text import render_comparison
 

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from tdfscal.agreement import require_agreement
+from tdfscal.checks.same_rig import require_agreement
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration import Calibration, load_calibration
-from tdfscal.files.campaign import RIG_NAME
-from tdfscal.files.places import check_calibration
-from tdfscal.files.rig import LoadedRig, load_rig
+from tdfscal.files.calibration.document import Calibration, load_calibration
+from tdfscal.files.output_places import check_calibration
+from tdfscal.files.rig import RIG_NAME
+from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.simulation import SurveyOptions
 
 

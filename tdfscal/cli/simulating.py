@@ -7,8 +7,8 @@ from pathlib import Path
 from tdfscal.cli.app import emit
 from tdfscal.cli.progress import stages
 from tdfscal.cli.rigs import survey_of
-from tdfscal.files.campaign_writer import LogFormat, simulate_to_folder
-from tdfscal.files.rig import load_rig
+from tdfscal.files.rig.reading import load_rig
+from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.simulation import Recorder
 
 

@@ -13,15 +13,15 @@ from tdfscal.cli.app import emit
 from tdfscal.cli.progress import speaker
 from tdfscal.cli.rigs import calibrations_named, rig_named, survey_of
 from tdfscal.errors import UsageError
-from tdfscal.files.places import check_folder
-from tdfscal.files.rows_writer import save_rows
+from tdfscal.files.output_places import check_folder
 from tdfscal.files.saving import make_folder
+from tdfscal.files.writers.rows import save_rows
 from tdfscal.records import FloatArray
 from tdfscal.reporting import stakes, studies
 from tdfscal.simulation import Options
 from tdfscal.studies.accuracy import Setup, accuracy
 from tdfscal.studies.sensitivity import Sweep, sensitivity
-from tdfscal.studies.stakes import stake
+from tdfscal.studies.wrench_error import stake
 
 
 def run_sensitivity(

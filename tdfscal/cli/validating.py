@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal import screening
+from tdfscal.checks import faulty_sensors
 from tdfscal.cli.app import command_line, emit
 from tdfscal.cli.progress import reading_bar, stages
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import UsageError
-from tdfscal.files.inuse import InUse, take
-from tdfscal.files.logs import iter_log
-from tdfscal.files.places import check_calibration, check_place
+from tdfscal.files.output_places import check_calibration, check_place
 from tdfscal.files.saving import write_text
+from tdfscal.logs import iter_log
 from tdfscal.records import InputFile, Log
 from tdfscal.reporting.verdict import document, render
-from tdfscal.validation import validate
+from tdfscal.validation.residual_wrench import validate
+from tdfscal.workflows.calibration_in_use import InUse, take
 
 
 def run(
@@ -44,11 +44,11 @@ def run(
     notes, inputs = list[str](), list[InputFile]()
 
     used = {entry.sha256 for entry in use.calibration.inputs}
-    extremes: screening.Extremes | None = None
+    extremes: faulty_sensors.Extremes | None = None
 
     def heard(piece: Log) -> Log:
         nonlocal extremes
-        extremes = screening.extremes(piece, extremes)
+        extremes = faulty_sensors.extremes(piece, extremes)
         inputs.extend(piece.inputs)
         for entry in piece.inputs:
             if entry.sha256 in used:

@@ -9,13 +9,13 @@ from itertools import chain
 import numpy as np
 from scipy.special import ndtri
 
+from tdfscal.dwells.averaged_postures import postures_as_dwells
 from tdfscal.dwells.bins import Bins, reduce_to_bins
-from tdfscal.dwells.drift import common_drift
-from tdfscal.dwells.offset import motion_offset
+from tdfscal.dwells.clock_offset import motion_offset
+from tdfscal.dwells.common_drift import common_drift
+from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes
 from tdfscal.dwells.options import DwellOptions
-from tdfscal.dwells.postures import postures_as_dwells
 from tdfscal.dwells.search import INTERRUPTED, Field, prepare, search, within
-from tdfscal.dwells.statistics import Extent, Moments, dwell_moments, force_extremes
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 from scipy.special import fdtrc
 
-from tdfscal.dwells.statistics import evenly
+from tdfscal.dwells.dwell_means import evenly
 from tdfscal.records import FloatArray, IntArray
 
 _FALSE_ALARM = 1e-6  # per log and shape

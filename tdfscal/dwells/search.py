@@ -10,7 +10,7 @@ from itertools import pairwise, zip_longest
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.dwells.changes import (
+from tdfscal.dwells.change_points import (
     Louder,
     Noise,
     Signals,
@@ -23,11 +23,11 @@ from tdfscal.dwells.changes import (
     together,
     without_creep,
 )
-from tdfscal.dwells.drift import drift_of_rests
+from tdfscal.dwells.common_drift import drift_of_rests
+from tdfscal.dwells.dwell_means import Extent, evenly
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.ringing import Ringing, find_ringing
-from tdfscal.dwells.settle import Settled, Stretch, one_decay, one_level, restless, settled_part
-from tdfscal.dwells.statistics import Extent, evenly
+from tdfscal.dwells.settling import Settled, Stretch, one_decay, one_level, restless, settled_part
 from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
 
 INTERRUPTED = "interrupted"  # begins the reason of what is left out amid a dwell

@@ -9,7 +9,7 @@ from tdfscal.export.cheader import c_header
 from tdfscal.export.csvtable import csv_table
 from tdfscal.export.ros import ros_transforms
 from tdfscal.export.urdf import urdf
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 
 FORMATS: dict[str, Callable[[Calibration, str], str]] = {
     "urdf": urdf,

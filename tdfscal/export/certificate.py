@@ -9,9 +9,9 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from tdfscal.export.words import number, origin
-from tdfscal.files.calibration import Calibration
-from tdfscal.files.calibrationmodel import SupportResult
-from tdfscal.observability import ANGLES
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parts import SupportResult
+from tdfscal.records import ANGLES
 
 DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
 LATEST = "3.3.0"

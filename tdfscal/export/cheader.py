@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.export.words import number, origin
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
 
 _FUNCTION = """\

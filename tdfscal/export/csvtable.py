@@ -8,7 +8,7 @@ import io
 import numpy as np
 
 from tdfscal.export.words import number
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 
 _AXES = "xyz"
 

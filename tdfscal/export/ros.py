@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tdfscal.export.words import child, frame, number, origin
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.saving import to_yaml
 
 _PUBLISHER = "ros2 run tf2_ros static_transform_publisher"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from xml.sax.saxutils import quoteattr
 
 from tdfscal.export.words import child, frame, number, origin
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 
 
 def urdf(c: Calibration, parent: str = "bcs") -> str:

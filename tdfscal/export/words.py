@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
 

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from tdfscal.errors import TdfscalError, UsageError
-from tdfscal.files.scalars import plain_scalar, shorten
+from tdfscal.files.yaml.scalars import plain_scalar, shorten
 
 
 @contextlib.contextmanager

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.model.statics import gravity, nominal
 from tdfscal.numerics import so3
 from tdfscal.planning.limits import Limits, displacement
-from tdfscal.planning.loads import carrying, internal_modes
+from tdfscal.planning.static_loads import carrying, internal_modes
 from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.statics import gravity, nominal
 
 #: Share of a sensor's capacity that a plan uses.
 _OF_CAPACITY = 0.9

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from tdfscal.planning.candidates import Candidates
-from tdfscal.planning.information import Forecast
 from tdfscal.planning.limits import Limits
+from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import FloatArray, IntArray, Rig
 
 Objective = Literal["angles", "wrench"]

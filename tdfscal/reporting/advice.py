@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 
 _ANGLES = ("roll", "pitch", "yaw")
 #: A source worth naming contributes at least this share of the angles' variance.
@@ -46,8 +46,8 @@ def advise(c: Calibration) -> tuple[str, ...]:
 
 def _mend(c: Calibration) -> tuple[str, ...]:
     """What may have caused each reason of the gate."""
-    from tdfscal.gate import REJECTED_MAX
-    from tdfscal.joint import CONSISTENT_P
+    from tdfscal.acceptance.gate import REJECTED_MAX
+    from tdfscal.comparison.joint import CONSISTENT_P
 
     limits, fit, found = c.rig.acceptance, c.fit, []
     if np.any(c.rpy_std > limits.angle_std):

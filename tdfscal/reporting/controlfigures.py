@@ -21,7 +21,7 @@ from tdfscal.reporting.figures.style import (
 )
 from tdfscal.simulation.control.runs import PHASES
 from tdfscal.studies.docking import DockingStudy
-from tdfscal.studies.freespace import FreeSpaceStudy
+from tdfscal.studies.free_space import FreeSpaceStudy
 
 #: Colour, line and marker of each calibration: each tells them apart on its own.
 _MARKS = (

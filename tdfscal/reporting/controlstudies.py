@@ -10,11 +10,11 @@ import numpy as np
 
 from tdfscal.records import FloatArray
 from tdfscal.reporting.text import table, wrapped
-from tdfscal.studies import docking, freespace
+from tdfscal.studies import docking, free_space
 from tdfscal.studies.docking import DockingStudy
-from tdfscal.studies.freespace import FreeSpaceStudy
+from tdfscal.studies.free_space import FreeSpaceStudy
 from tdfscal.studies.ratios import Ratio
-from tdfscal.wrench import COMPONENTS
+from tdfscal.wrench.contact_wrench import COMPONENTS
 
 Row = tuple[str | float | int, ...]
 Study = DockingStudy | FreeSpaceStudy
@@ -59,7 +59,7 @@ def free_space_text(study: FreeSpaceStudy) -> str:
     lines += ["", "Deviation of the final pose, mean and standard deviation; the paper's means"]
     rows = []
     for c, arm in enumerate(study.arms.arms):
-        paper = freespace.PAPER.get(arm.name)
+        paper = free_space.PAPER.get(arm.name)
         mm, mrad = 1e3 * length[c, ..., 0], 1e3 * length[c, ..., 1]
         rows.append(
             [
@@ -77,7 +77,7 @@ def free_space_text(study: FreeSpaceStudy) -> str:
     lines += [*table(header, rows), "", "Ratios of the means ± standard error"]
     lines += table(
         ["", "position", "paper", "posture", "paper"],
-        _ratio_rows(study, freespace.PAPER),
+        _ratio_rows(study, free_space.PAPER),
     )
     lines += ["", *wrapped(FREE_SPACE_NOTE, "", "")]
     return "\n".join(lines) + "\n"
@@ -301,11 +301,11 @@ def free_space_document(study: FreeSpaceStudy, files: list[str]) -> dict[str, An
                 "angle_error": arm.angle_error,
                 "position": _moments(length[c, ..., 0]),
                 "posture": _moments(length[c, ..., 1]),
-                "paper": _paper(freespace.PAPER.get(arm.name), 1e-3),
+                "paper": _paper(free_space.PAPER.get(arm.name), 1e-3),
             }
             for c, arm in enumerate(study.arms.arms)
         ],
-        "ratios": _ratios(study, freespace.PAPER, ("position", "posture")),
+        "ratios": _ratios(study, free_space.PAPER, ("position", "posture")),
         "note": FREE_SPACE_NOTE,
         "files": files,
     }

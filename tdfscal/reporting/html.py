@@ -10,13 +10,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup
 
 from tdfscal import __version__
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures.style import Drawing, to_svg
 from tdfscal.reporting.page import compose
 from tdfscal.reporting.several import Several, put_side_by_side, several_drawings
 from tdfscal.reporting.validationpage import Origin, compose_validation
-from tdfscal.validation import Validation
+from tdfscal.validation.residual_wrench import Validation
 
 
 def render_page(calibration: Calibration) -> str:

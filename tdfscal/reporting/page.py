@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import drawings
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import SHOWN

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.observability import ANGLES
 from tdfscal.planning import Forecast, Plan
+from tdfscal.records import ANGLES
 from tdfscal.reporting.text import table, wrapped
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from tdfscal.comparison import ANGLES, Comparison, History, compare
-from tdfscal.files.calibration import Calibration
+from tdfscal.comparison.compatibility import ANGLES, Comparison, History, compare
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.summary import METHODS
 from tdfscal.reporting.tables import Table
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tdfscal.comparison import ANGLES, Comparison
+from tdfscal.comparison.compatibility import ANGLES, Comparison
 from tdfscal.reporting.several import Several
 from tdfscal.reporting.text import table, wrapped
 

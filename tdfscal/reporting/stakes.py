@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from tdfscal.observability import ANGLES
-from tdfscal.records import FloatArray
+from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.studies import CASE, Row, posture_name
 from tdfscal.reporting.text import table, wrapped
 from tdfscal.studies.accuracy import Accuracy
-from tdfscal.studies.stakes import Stake
+from tdfscal.studies.wrench_error import Stake
 
 Stakes = Mapping[str, list[Stake]]
 """Name of a calibration → its stakes, one per posture and internal force."""

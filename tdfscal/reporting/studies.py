@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.observability import ANGLES
-from tdfscal.records import FloatArray
+from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.text import table, wrapped
 from tdfscal.studies.accuracy import Accuracy, angle_names
 from tdfscal.studies.sensitivity import Sweep

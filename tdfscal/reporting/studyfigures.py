@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tdfscal.observability import ANGLES
+from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.style import (
     BLUE,
     GREEN,

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.clock import clock
+from tdfscal.reporting.figures.log_time import clock
 
 METHODS = {
     "self": "self-calibration",

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.summary import summarise
 from tdfscal.reporting.text import WIDTH, render
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.summary import Summary, summarise
 
 WIDTH = 80

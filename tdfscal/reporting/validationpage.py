@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal import __version__
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import InputFile
 from tdfscal.reporting.figures.residuals import paint
 from tdfscal.reporting.figures.style import Drawing
@@ -16,7 +16,7 @@ from tdfscal.reporting.page import Headline, Page, Section
 from tdfscal.reporting.summary import METHODS
 from tdfscal.reporting.tables import Table
 from tdfscal.reporting.verdict import describe, lengths, postures, reasons, totals
-from tdfscal.validation import POWER, Validation
+from tdfscal.validation.residual_wrench import POWER, Validation
 
 #: At most as many postures are listed one by one.
 _LISTED = 40

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.causes import Cause
 from tdfscal.records import FloatArray
-from tdfscal.reporting.clock import origin_of
+from tdfscal.reporting.figures.log_time import origin_of
 from tdfscal.reporting.text import table, wrapped
-from tdfscal.validation import FALSE_ALARM, POWER, Validation
-from tdfscal.wrench import COMPONENTS
+from tdfscal.validation.causes import Cause
+from tdfscal.validation.residual_wrench import FALSE_ALARM, POWER, Validation
+from tdfscal.wrench.contact_wrench import COMPONENTS
 
 #: At most as many postures are listed one by one.
 _LISTED = 12

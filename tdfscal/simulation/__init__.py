@@ -16,10 +16,10 @@ from tdfscal.simulation.faults import (
     Jolt,
     ZeroShift,
 )
-from tdfscal.simulation.means import Batch, simulate_dwells
 from tdfscal.simulation.options import Options, Recorder, SurveyOptions
+from tdfscal.simulation.posture_means import Batch, simulate_dwells
 from tdfscal.simulation.postures import Postures, internal_part
-from tdfscal.simulation.rigs import make_rig, reference_rig
+from tdfscal.simulation.reference_rig import make_rig, reference_rig
 from tdfscal.simulation.scenarios import SCENARIOS, Run, run
 from tdfscal.simulation.survey import Survey, measure, simulate_survey
 from tdfscal.simulation.truth import Truth, draw_truths

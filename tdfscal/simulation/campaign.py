@@ -9,7 +9,9 @@ import numpy as np
 from tdfscal.records import FloatArray, Log, Rig, Series
 from tdfscal.simulation import faults
 from tdfscal.simulation.equilibrium import Load, settle
-from tdfscal.simulation.motion import (
+from tdfscal.simulation.options import Options
+from tdfscal.simulation.postures import Postures, Stage, reading, set_stage, stand
+from tdfscal.simulation.time_course import (
     Moment,
     Timeline,
     between,
@@ -17,8 +19,6 @@ from tdfscal.simulation.motion import (
     sensor_noise,
     shaking,
 )
-from tdfscal.simulation.options import Options
-from tdfscal.simulation.postures import Postures, Stage, reading, set_stage, stand
 from tdfscal.simulation.truth import Truth
 
 
@@ -54,7 +54,7 @@ def simulate_campaign(rig: Rig, options: Options, rng: np.random.Generator) -> C
     stage_rng, record_rng = rng.spawn(2)
     stage = set_stage(rig, options, stage_rng, 1)
     if options.rows == "postures":
-        from tdfscal.simulation.means import record_means
+        from tdfscal.simulation.posture_means import record_means
 
         batch = record_means(rig, options, stage, record_rng)
         log, dwells = batch.log(0), batch.dwells(0)

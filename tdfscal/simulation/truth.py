@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from tdfscal.errors import RigError
-from tdfscal.records import FloatArray, Known, Rig
+from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.simulation import faults, rotations
 from tdfscal.simulation.options import Options, carriage_stiffness
 
@@ -47,7 +47,7 @@ class Truth:
         return Truth(*(np.asarray(getattr(self, f.name)[index]) for f in fields(self)))
 
 
-def _draw(known: Known, unknown: float | FloatArray, unit: FloatArray) -> FloatArray:
+def _draw(known: UncertainValue, unknown: float | FloatArray, unit: FloatArray) -> FloatArray:
     width = np.where(np.isinf(known.std), unknown, known.std)
     return np.asarray(known.value + width * unit, dtype=np.float64)
 

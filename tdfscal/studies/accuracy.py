@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tdfscal.errors import NotConvergedError, UsageError
-from tdfscal.observability import ANGLES
-from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.records import ANGLES, FloatArray, IntArray, Rig
 from tdfscal.simulation import Options, SurveyOptions
-from tdfscal.studies.campaigns import BLOCK, METHODS, Errors, Task, commanded, run_blocks
+from tdfscal.studies.simulated_campaigns import BLOCK, METHODS, Errors, Task, commanded, run_blocks
 
 NAMES = {
     "ml": "self-calibration, maximum likelihood",

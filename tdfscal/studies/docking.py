@@ -17,7 +17,7 @@ from tdfscal.simulation.control.reference import advance, require_within
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
 from tdfscal.simulation.control.servo import draw_errors
 from tdfscal.simulation.equilibrium import Pose
-from tdfscal.studies.controllers import Arms, tiled
+from tdfscal.studies.compared_calibrations import Arms, tiled
 from tdfscal.studies.ratios import Ratio, ratio
 
 _A = TypeVar("_A", FloatArray, BoolArray)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from tdfscal.trackercal.axes import AxisFault, AxisTest
-from tdfscal.trackercal.calibrate import TrackerCalibration, calibrate_tracker
-from tdfscal.trackercal.matching import MatchedPoints, match_points
-from tdfscal.trackercal.montecarlo import MonteCarlo
-from tdfscal.trackercal.registering import PointRegistration, register
-from tdfscal.trackercal.survey import RejectedPoint
+from tdfscal.trackercal.best_fit import PointRegistration, register
+from tdfscal.trackercal.judged_registration import RejectedPoint
+from tdfscal.trackercal.monte_carlo import MonteCarlo
+from tdfscal.trackercal.pipeline import TrackerCalibration, calibrate_tracker
+from tdfscal.trackercal.point_matching import MatchedPoints, match_points
+from tdfscal.trackercal.positioner_axes import AxisFault, AxisTest
 
 __all__ = [
     "AxisFault",

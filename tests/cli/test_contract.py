@@ -15,7 +15,7 @@ import pytest
 import typer.main
 
 from tdfscal.cli import app
-from tdfscal.studies import docking, freespace
+from tdfscal.studies import docking, free_space
 from tests.cli import world
 from tests.cli.running import Run, run
 from tests.docs.pages import table
@@ -167,7 +167,7 @@ def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.chdir(home)
     monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
     monkeypatch.setattr(docking, "docking", once("docking", docking.docking))
-    monkeypatch.setattr(freespace, "free_space", once("free space", freespace.free_space))
+    monkeypatch.setattr(free_space, "free_space", once("free space", free_space.free_space))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from tdfscal.files.logs import read_log
-from tdfscal.files.rig import load_rig
+from tdfscal.files.rig.reading import load_rig
+from tdfscal.logs import read_log
 from tests.cli.running import SAMPLES, run
 
 LOGS = [SAMPLES / "csv/log.csv", SAMPLES / "parquet/log.parquet", SAMPLES / "mcap/log.mcap"]

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from tdfscal.errors import DataError, NotIdentifiableError
-from tdfscal.workflow import _Passing
+from tdfscal.workflows.calibrate import _Passing
 from tests.cli.running import run
 
 REPEATED = "1 repeat the time of the sample before"

@@ -11,12 +11,12 @@ import numpy as np
 import pyarrow.csv as pa_csv
 import pytest
 
-from tdfscal.files.calibration import save_calibration
-from tdfscal.files.campaign_writer import simulate_to_folder
+from tdfscal.files.calibration.document import save_calibration
+from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.reporting import controlfigures
 from tdfscal.simulation import Recorder, make_rig
-from tdfscal.studies import docking, freespace
-from tdfscal.workflow import calibrate
+from tdfscal.studies import docking, free_space
+from tdfscal.workflows.calibrate import calibrate
 from tests.cli.running import rows, run
 
 MOVE = "roll,pitch,yaw,x,y,z,roll,pitch,yaw,x,y,z\n0,0,0,0,0,0,0.01,0,0,0,0,0.002\n"
@@ -92,7 +92,7 @@ def test_the_logs_of_a_run_are_those_of_any_recorder(
     form: str,
 ) -> None:
     """`info` finds every stream, and `apply` finds the wrench that the controller saw."""
-    shortened(monkeypatch, freespace.Setup, duration=1.0, rest=3.0)
+    shortened(monkeypatch, free_space.Setup, duration=1.0, rest=3.0)
     if form != "csv":  # figures take their time, and do not depend on the logs
         monkeypatch.setattr(controlfigures, "free_space_drawings", lambda study: ())
     out, target = tmp_path / "out", tmp_path / "wrench.csv"

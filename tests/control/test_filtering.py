@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.filtering import Causal, Smoother, Walk, filtered, measured_noise
 from tdfscal.records import FloatArray
-from tdfscal.timebase import Samples
+from tdfscal.wrench.filtering import Causal, Smoother, Walk, filtered, measured_noise
+from tdfscal.wrench.resampling import Samples
 
 WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
 each = pytest.mark.parametrize("walk", WALKS)

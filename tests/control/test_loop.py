@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.filtering import Causal, Walk
 from tdfscal.simulation import Load, Pose, rotations, settle
 from tdfscal.simulation.control.contact import Bore, GearPair
 from tdfscal.simulation.control.impedance import (
@@ -23,6 +22,7 @@ from tdfscal.simulation.control.runs import Controller, Docking, Machines
 from tdfscal.simulation.control.sensors import Sensing, WrenchObserver, perfect, uncalibrated
 from tdfscal.simulation.control.servo import Servo, draw_errors
 from tdfscal.simulation.control.terminal import Terminal
+from tdfscal.wrench.filtering import Causal, Walk
 from tests.control.benches import HOME, IDEAL, SHORT, dock, poses, truths
 from tests.simulation.rigs import exact_rig, loose_rig
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.calibrated import independent
 from tdfscal.errors import UsageError
+from tdfscal.model.calibrated import independent
 from tdfscal.numerics import so3
 from tdfscal.simulation import make_rig, reference_rig
 from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.simulation.control.sensors import Sensing
-from tdfscal.studies import docking, freespace
-from tdfscal.studies.controllers import Arms, given, simulated
+from tdfscal.studies import docking, free_space
+from tdfscal.studies.compared_calibrations import Arms, given, simulated
 from tdfscal.studies.ratios import ratio
 
 RIG = reference_rig()
@@ -41,10 +41,10 @@ def test_ratio_and_its_standard_error() -> None:
 
 def test_free_space_ranks_the_calibrations(arms: Arms) -> None:
     assert [arm.name for arm in arms.arms] == ["none", "tracker", "self", "perfect"]
-    setup = freespace.Setup(
-        RIG, controller=SILENT, moves=freespace.MOVES[[0, 3]], duration=2.0, rest=8.0
+    setup = free_space.Setup(
+        RIG, controller=SILENT, moves=free_space.MOVES[[0, 3]], duration=2.0, rest=8.0
     )
-    study = freespace.free_space(setup, arms, np.random.SeedSequence(1), 1)
+    study = free_space.free_space(setup, arms, np.random.SeedSequence(1), 1)
     none, tracker, own, perfect = study.length.mean(axis=(1, 2))
     assert np.all(none > tracker)
     assert np.all(tracker > own)
@@ -58,14 +58,14 @@ def test_taring_hides_what_a_calibration_would_take_away(arms: Arms) -> None:
     """Along a straight line nothing but internal forces changes after the tare."""
     tracker = []
     for tare in (0.0, 0.5):
-        setup = freespace.Setup(
+        setup = free_space.Setup(
             RIG,
             controller=replace(SILENT, tare=tare),
-            moves=freespace.MOVES[:1],
+            moves=free_space.MOVES[:1],
             duration=2.0,
             rest=4.0,
         )
-        study = freespace.free_space(setup, arms, np.random.SeedSequence(1), 1)
+        study = free_space.free_space(setup, arms, np.random.SeedSequence(1), 1)
         tracker.append(study.length[1, ..., 0].mean())
     assert tracker[1] < 0.2 * tracker[0]
 

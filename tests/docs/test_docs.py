@@ -14,7 +14,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from tdfscal.cli import main
-from tdfscal.files.rig import parse_rig
+from tdfscal.files.rig.reading import parse_rig
 from tests.docs.pages import DOCS, PAGES, anchors, blocks, commands, links, table, text
 
 RUNNABLE = ("tutorial", "howto")

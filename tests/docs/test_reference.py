@@ -19,10 +19,10 @@ from tdfscal.errors import (
     RigError,
     UsageError,
 )
-from tdfscal.files.logs import clock
-from tdfscal.files.logs.chunk import MAX_CHUNK
-from tdfscal.files.logs.parquet_footer import MAX_FOOTER
-from tdfscal.files.logs.parquet_pages import MAX_PAGES
+from tdfscal.logs import clock
+from tdfscal.logs.mcap.chunk import MAX_CHUNK
+from tdfscal.logs.parquet.footer import MAX_FOOTER
+from tdfscal.logs.parquet.pages import MAX_PAGES
 from tests.docs.pages import DOCS, key_paths, section, table, text
 
 #: The calibration file embeds a whole rig file, which has a table of its own.

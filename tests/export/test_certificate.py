@@ -11,7 +11,7 @@ import pytest
 from tdfscal.errors import UsageError
 from tdfscal.export.certificate import certificate
 from tdfscal.export.schemacheck import check, schema_version
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tests.export.rules import write_schemas
 from tests.reporting.samples import NASTY, changed, run, sample, saved
 

@@ -13,14 +13,14 @@ import pytest
 import yaml
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.calibration import (
+from tdfscal.files.calibration.document import (
     Calibration,
     dump_calibration,
     load_calibration,
     parse_calibration,
     save_calibration,
 )
-from tdfscal.files.rig import parse_rig
+from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import replacing, to_yaml, write_text
 from tests.files.sample_documents import NAMES, RIG, SCALED_CONVENTION, calibration
 

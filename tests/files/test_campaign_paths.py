@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tdfscal.errors import RigError, UsageError
-from tdfscal.files.campaign import find_logs, resolve
-from tdfscal.files.rig import parse_rig
+from tdfscal.files.rig.reading import parse_rig
+from tdfscal.workflows.campaign import find_logs, resolve
 from tests.files.sample_documents import RIG
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from tdfscal.files.loginfo.inspect import inspect_logs
-from tdfscal.files.logs import read_log
+from tdfscal.logs import read_log
+from tdfscal.logs.description.describe import inspect_logs
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import STORE, definition, wrench_stamped, write
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError, RigError, UsageError
-from tdfscal.files.rig import default_mapping, load_rig, parse_rig, rig_from_document
-from tdfscal.records import Declared, Instrument
+from tdfscal.files.rig.reading import default_mapping, load_rig, parse_rig, rig_from_document
+from tdfscal.records import DeclaredUncertainty, Instrument
 from tests.files.sample_documents import RIG
 
 FIELD = Path(__file__).parents[2] / ".." / "shared" / "field_logs"
@@ -56,7 +56,7 @@ def test_every_key_arrives(tmp_path: Path) -> None:
     assert rig.zero.std.tolist() == [[0.5] * 3, [math.inf] * 3, [math.inf] * 3]
     assert rig.rpy_std.tolist() == [[math.inf] * 3, [0.1] * 3, [math.inf] * 3]
     assert rig.capacity.tolist() == [[3000, 3000, 5000], [math.inf] * 3, [math.inf] * 3]
-    assert rig.declared == Declared(positioner=1e-5, hinge=2e-5)
+    assert rig.declared == DeclaredUncertainty(positioner=1e-5, hinge=2e-5)
     gate = rig.acceptance
     assert (gate.angle_std, gate.identifiable, gate.birge_max) == (5e-3, 0.04, 1.5)
     assert (gate.contact_force, gate.contact_torque) == (5.0, 3.0)
@@ -82,7 +82,7 @@ def test_defaults_of_the_contract() -> None:
     loaded = parse_rig(MINIMAL.encode(), "rig.yaml")
     rig = loaded.rig
     assert (loaded.log, loaded.tracker, rig.inertia) == (None, None, None)
-    assert (rig.gravity, float(rig.mass.std), rig.declared) == (9.80665, 0.0, Declared())
+    assert (rig.gravity, float(rig.mass.std), rig.declared) == (9.80665, 0.0, DeclaredUncertainty())
     assert np.all(np.isinf(rig.zero.std))
     assert np.all(np.isinf(rig.rpy_std))
     assert np.all(np.isinf(rig.capacity))

@@ -10,8 +10,8 @@ import jsonschema
 import pytest
 import yaml
 
-from tdfscal.files.calibration import Calibration, dump_calibration
-from tdfscal.files.rig import parse_rig
+from tdfscal.files.calibration.document import Calibration, dump_calibration
+from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.schema import schemas, write_schemas
 from tests.files.sample_documents import RIG, calibration
 

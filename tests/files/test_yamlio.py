@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdfscal.errors import DataError, RigError, TdfscalError
-from tdfscal.files.calibration import parse_calibration
-from tdfscal.files.rig import parse_rig
+from tdfscal.files.calibration.document import parse_calibration
+from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import to_json, to_yaml
-from tdfscal.files.scalars import plain_scalar
-from tdfscal.files.yamlio import Format, parse_document, read_document
+from tdfscal.files.yaml.reading import Format, parse_document, read_document
+from tdfscal.files.yaml.scalars import plain_scalar
 from tests.files.sample_documents import RIG
 
 

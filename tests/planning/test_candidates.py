@@ -10,8 +10,8 @@ import pytest
 from tdfscal.errors import UsageError
 from tdfscal.planning.candidates import draw
 from tdfscal.planning.limits import check_limits, displacement, travel_limits
-from tdfscal.planning.loads import carrying, internal_modes
-from tdfscal.records import Declared
+from tdfscal.planning.static_loads import carrying, internal_modes
+from tdfscal.records import DeclaredUncertainty
 from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
 
 from .limits import limits
@@ -41,7 +41,7 @@ def test_carrying_forces_balance_the_weight_and_are_the_smallest() -> None:
 
 
 def test_forces_are_those_of_the_simulated_machine() -> None:
-    exact = make_rig(mass_std=0.0, barycentre_std=0.0, zero_std=0.0, declared=Declared())
+    exact = make_rig(mass_std=0.0, barycentre_std=0.0, zero_std=0.0, declared=DeclaredUncertainty())
     rig = replace(exact, rpy_std=np.zeros((3, 3)))
     stiffness = 2e9  # so stiff that the terminal does not sink
     pool = draw(rig, limits(rig, stiffness=stiffness), 20, RNG(2))
@@ -53,7 +53,7 @@ def test_forces_are_those_of_the_simulated_machine() -> None:
 
 
 def test_every_limit_is_kept() -> None:
-    rig = make_rig(4, declared=Declared(positioner=1e-5, force_noise=0.1))
+    rig = make_rig(4, declared=DeclaredUncertainty(positioner=1e-5, force_noise=0.1))
     rig = replace(rig, capacity=np.full((4, 3), [300.0, 300.0, 1800.0]))
     bounds = limits(rig, squeeze=400.0, travel=0.04, force=1500.0, stiffness=2e6)
     pool = draw(rig, bounds, 400, RNG(4))

@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from tdfscal.model.statics import layout
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import draw, hanging
-from tdfscal.planning.information import Sight, forecast, wrench_rows
-from tdfscal.planning.loads import internal_modes
-from tdfscal.records import Declared, FloatArray, Known, Rig
+from tdfscal.planning.predicted_information import Sight, forecast, wrench_rows
+from tdfscal.planning.static_loads import internal_modes
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.simulation import make_rig, reference_rig
-from tdfscal.statics import layout
 
 from .limits import limits
 
@@ -21,7 +21,7 @@ RNG = np.random.default_rng
 
 
 def test_scatter_is_the_expectation_over_random_internal_forces() -> None:
-    rig = make_rig(declared=Declared(positioner=1e-5, force_noise=0.1))
+    rig = make_rig(declared=DeclaredUncertainty(positioner=1e-5, force_noise=0.1))
     bounds = limits(rig, stiffness=2e7)
     sight = Sight.of(rig, 1.0)
     pool = draw(rig, bounds, 1, RNG(0))
@@ -70,7 +70,7 @@ def test_wrench_rows_are_the_derivative_of_the_contact_wrench() -> None:
             off[i, j] = step
             slope = (contact(rig, R, load, X, off) - base) / step
             assert np.allclose(-W[:, column["zero"] + 3 * i + j], slope, atol=1e-6)
-    heavier = replace(rig, mass=Known(rig.mass.value + step, rig.mass.std))
+    heavier = replace(rig, mass=UncertainValue(rig.mass.value + step, rig.mass.std))
     slope = (contact(heavier, R, load, X, z) - base) / step
     assert np.allclose(-W[:, column["mass"]], slope, atol=1e-5)
 
@@ -84,6 +84,6 @@ def test_more_is_known_of_more_postures_and_never_less_than_the_priors_say() -> 
         for count in (6, 12, 24, 40)
     ]
     assert all((more < fewer).all() for fewer, more in pairwise(std))
-    known = replace(rig, zero=Known(rig.zero.value, np.zeros((3, 3))))
+    known = replace(rig, zero=UncertainValue(rig.zero.value, np.zeros((3, 3))))
     tared = Sight.of(known, 1.0)
     assert (forecast(tared, pool, bounds, tared.prior()).rpy_std < std[-1]).all()

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.planning import Forecast, Plan, Request, make_plan, plan_for_target
-from tdfscal.planning.given import recorded, scatter_of
+from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import Rig
-from tdfscal.robust import fit_robust
+from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
-from tdfscal.statics import postures
 
 from .limits import limits
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal.files.campaign_writer import simulate_to_folder
-from tdfscal.files.plan_writer import plan_csv
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.files.writers.plan import plan_csv
 from tdfscal.planning import Request, make_plan
 from tdfscal.simulation import Recorder, reference_rig
 from tests.cli.running import run

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from tdfscal.cli import main
-from tdfscal.files.calibration import Calibration, save_calibration
-from tdfscal.files.results import Provenance, from_joint, from_self, from_tracker
-from tdfscal.files.rig import LoadedRig, parse_rig
-from tdfscal.joint import combine
+from tdfscal.comparison.joint import combine
+from tdfscal.files.calibration.document import Calibration, save_calibration
+from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
+from tdfscal.files.rig.reading import LoadedRig, parse_rig
 from tdfscal.records import Dwells, InputFile, Rotations
-from tdfscal.selfcalibration import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, simulate_dwells, simulate_survey
 from tdfscal.trackercal import calibrate_tracker
 

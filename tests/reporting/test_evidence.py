@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.files.calibration import Calibration, dump_calibration, parse_calibration
+from tdfscal.files.calibration.document import Calibration, dump_calibration, parse_calibration
 from tests.reporting.samples import Sample, changed, sample, surveyed
 
 

@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import drawings, style
 from tdfscal.reporting.figures.rig import clear_view, magnification
 from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tdfscal.cli.reporting import page_of
-from tdfscal.files.calibration import Calibration, load_calibration
+from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.reporting.html import render_page
 from tests.reporting.samples import NASTY, changed, run, sample, saved, surveyed
 

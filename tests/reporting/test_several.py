@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import DataError
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.html import render_several
 from tdfscal.reporting.several import letter, put_side_by_side
 from tdfscal.reporting.several_text import render_several as as_text

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.clock import clock
+from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.html import render_page
 from tdfscal.reporting.summary import summarise
 from tdfscal.reporting.terminal import show, show_on

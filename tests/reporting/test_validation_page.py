@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.files.inuse import calibrated
 from tdfscal.records import InputFile
 from tdfscal.reporting.html import render_validation
 from tdfscal.reporting.validationpage import Origin
 from tdfscal.reporting.verdict import render
-from tdfscal.validation import Validation, validate
+from tdfscal.validation.residual_wrench import Validation, validate
+from tdfscal.workflows.calibration_in_use import calibrated
 from tests.reporting.samples import sample
 from tests.reporting.test_page import read
 

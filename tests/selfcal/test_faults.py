@@ -10,7 +10,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.errors import DataError
-from tdfscal.records import Known, Rig
+from tdfscal.records import Rig, UncertainValue
 from tdfscal.simulation import Contact, Crosstalk, DeadAxis, Drift, Faults, Gain, Jolt, Options
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study
 
@@ -54,9 +54,11 @@ def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[list[s
             "gain or crosstalk of ncp3",
         ),
         (RIG, Faults(drifts=(Drift(0, (4.0, -4.0, 4.0)),)), "the zero of ncp1 drifts"),
-        (replace(RIG, mass=Known(np.asarray(503.0), RIG.mass.std)), Faults(), "the mass"),
+        (replace(RIG, mass=UncertainValue(np.asarray(503.0), RIG.mass.std)), Faults(), "the mass"),
         (
-            replace(RIG, barycentre=Known(np.array([0.006, -0.006, 0.25]), RIG.barycentre.std)),
+            replace(
+                RIG, barycentre=UncertainValue(np.array([0.006, -0.006, 0.25]), RIG.barycentre.std)
+            ),
             Faults(),
             "the barycentre",
         ),
@@ -99,7 +101,7 @@ def test_saturated_postures_are_named() -> None:
 
 def test_a_dead_axis_is_refused_by_name() -> None:
     from tdfscal.dwells import find_dwells
-    from tdfscal.selfcalibration import self_calibrate
+    from tdfscal.selfcal.pipeline import self_calibrate
 
     options = with_faults(Faults(dead_axes=(DeadAxis(1, 0),)), replace(SQUEEZED, postures=5))
     campaign = simulation.simulate_campaign(RIG, options, np.random.default_rng(7))
@@ -113,7 +115,7 @@ def test_a_jolt_does_not_reach_the_angles() -> None:
 
     from tdfscal.dwells import find_dwells
     from tdfscal.numerics import so3
-    from tdfscal.selfcalibration import self_calibrate
+    from tdfscal.selfcal.pipeline import self_calibrate
 
     options = with_faults(Faults(jolts=(Jolt(6, (200.0, -100.0, 300.0)),)))
     campaign = simulation.simulate_campaign(RIG, options, np.random.default_rng(8))
@@ -132,7 +134,7 @@ def test_averaged_postures_without_a_noise_take_it_from_the_residuals() -> None:
 
     from tdfscal.dwells import find_dwells
     from tdfscal.numerics import so3
-    from tdfscal.selfcalibration import self_calibrate
+    from tdfscal.selfcal.pipeline import self_calibrate
 
     bare = replace(RIG, declared=replace(RIG.declared, force_noise=0.0))
     batch = simulation.simulate_dwells(bare, SQUEEZED, np.random.default_rng(9), 10)

@@ -10,8 +10,8 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.numerics import so3
-from tdfscal.records import Dwells, FloatArray, IntArray, Known, Rig
-from tdfscal.selfcalibration import self_calibrate
+from tdfscal.records import Dwells, FloatArray, IntArray, Rig, UncertainValue
+from tdfscal.selfcal.pipeline import self_calibrate
 from tests.selfcal.campaigns import SQUEEZED
 
 RIG = replace(
@@ -50,7 +50,7 @@ def test_names_and_order_of_the_supports() -> None:
         RIG,
         supports=("c", "a", "b"),
         hinge=RIG.hinge[order],
-        zero=Known(RIG.zero.value[order], RIG.zero.std[order]),
+        zero=UncertainValue(RIG.zero.value[order], RIG.zero.std[order]),
         nominal_rpy=RIG.nominal_rpy[order],
         rpy_std=RIG.rpy_std[order],
         capacity=RIG.capacity[order],
@@ -64,7 +64,7 @@ def test_origin_of_the_lcs() -> None:
     rig = replace(
         RIG,
         hinge=RIG.hinge + shift,
-        barycentre=Known(RIG.barycentre.value + shift, RIG.barycentre.std),
+        barycentre=UncertainValue(RIG.barycentre.value + shift, RIG.barycentre.std),
     )
     assert np.abs(angles(rig, DWELLS) - REFERENCE).max() < CLOSE
 
@@ -93,8 +93,8 @@ def test_units_of_force() -> None:
     tenth, declared = 0.1, RIG.declared
     rig = replace(
         RIG,
-        mass=Known(tenth * RIG.mass.value, tenth * RIG.mass.std),
-        zero=Known(tenth * RIG.zero.value, tenth * RIG.zero.std),
+        mass=UncertainValue(tenth * RIG.mass.value, tenth * RIG.mass.std),
+        zero=UncertainValue(tenth * RIG.zero.value, tenth * RIG.zero.std),
         declared=replace(declared, force_noise=tenth * declared.force_noise),
     )
     dwells = replace(
@@ -113,7 +113,7 @@ def test_units_of_length() -> None:
     rig = replace(
         RIG,
         hinge=half * RIG.hinge,
-        barycentre=Known(half * RIG.barycentre.value, half * RIG.barycentre.std),
+        barycentre=UncertainValue(half * RIG.barycentre.value, half * RIG.barycentre.std),
         declared=replace(
             declared,
             hinge=half * declared.hinge,

@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.batch import Equations, Perturbed, Trials
-from tdfscal.numerics import so3
-from tdfscal.records import Declared, FloatArray, Known, Rig
-from tdfscal.simulation import Options, Recorder
-from tdfscal.statics import (
+from tdfscal.model.batch import Equations, Perturbed, Trials
+from tdfscal.model.statics import (
     State,
     balance,
     features,
@@ -23,8 +20,11 @@ from tdfscal.statics import (
     postures,
     retract,
 )
+from tdfscal.numerics import so3
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
+from tdfscal.simulation import Options, Recorder
 
-EXACT = Declared()
+EXACT = DeclaredUncertainty()
 
 
 def exact_rig(n: int = 3) -> Rig:
@@ -170,10 +170,10 @@ def test_batch_equals_the_model() -> None:
 
 def test_weight_of_a_known_prior_is_a_known_parameter() -> None:
     """std 0 drops the column: nothing but rotations is active on an exact rig."""
-    from tdfscal.selfcal import Priors
+    from tdfscal.selfcal.estimator import Priors
 
-    known = Known(np.zeros((3, 3)), np.zeros((3, 3)))
+    known = UncertainValue(np.zeros((3, 3)), np.zeros((3, 3)))
     rig = replace(exact_rig(), zero=known)
-    rig = replace(rig, mass=Known(rig.mass.value, np.asarray(0.0)))
-    rig = replace(rig, barycentre=Known(rig.barycentre.value, np.zeros(3)))
+    rig = replace(rig, mass=UncertainValue(rig.mass.value, np.asarray(0.0)))
+    rig = replace(rig, barycentre=UncertainValue(rig.barycentre.value, np.zeros(3)))
     assert Priors(rig).active.sum() == 9

@@ -9,9 +9,9 @@ import pytest
 from scipy import stats
 
 from tdfscal import simulation
+from tdfscal.model.statics import postures
+from tdfscal.selfcal.initial_guess import linear_data, linear_rotations
 from tdfscal.simulation import Faults, Gain, Options
-from tdfscal.starts import linear_data, linear_rotations
-from tdfscal.statics import postures
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study, turns
 
 #: A test fails by chance once in this many times the number of its checks.

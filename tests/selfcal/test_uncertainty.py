@@ -10,17 +10,17 @@ from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.montecarlo import Sampler, simulate
 from tdfscal.numerics import so3
-from tdfscal.records import Declared, Known
-from tdfscal.selfcal import fit
+from tdfscal.records import DeclaredUncertainty, UncertainValue
+from tdfscal.selfcal.covariance import evaluate, information_root
+from tdfscal.selfcal.estimator import fit
+from tdfscal.selfcal.monte_carlo import Sampler, simulate
 from tdfscal.simulation import Options, Recorder
-from tdfscal.uncertainty import evaluate, information_root
 from tests.selfcal.campaigns import SQUEEZED, calibrated
 
 RIG = replace(
     simulation.reference_rig(),
-    declared=Declared(1e-5, 2e-5, 5e-5, 0.1, 1e-3, 0.05),
+    declared=DeclaredUncertainty(1e-5, 2e-5, 5e-5, 0.1, 1e-3, 0.05),
     gravity_tilt_std=2e-4,
 )
 BATCH = simulation.simulate_dwells(RIG, SQUEEZED, np.random.default_rng(11), 2)
@@ -128,7 +128,7 @@ def test_adaptive_stop_and_validation() -> None:
 
 def test_vertical_loads_show_no_yaw_however_many_postures() -> None:
     """Only noise would seem to know the yaw, and it is not believed."""
-    soft = replace(RIG, declared=Declared(force_noise=0.1))
+    soft = replace(RIG, declared=DeclaredUncertainty(force_noise=0.1))
     options = Options(postures=200, stiffness=1.0, recorder=Recorder(mean_sd=0.5))
     options = replace(options, stiffness=np.diag([1e3, 1e3, 1e9]), travel=0.0)
     batch = simulation.simulate_dwells(soft, options, np.random.default_rng(0), 1)
@@ -140,9 +140,9 @@ def test_mass_barycentre_and_zeros_all_unknown_leave_the_angles_seen() -> None:
     """Theory, section 4: three directions are unseen, and they never reach the angles."""
     free = replace(
         simulation.reference_rig(),
-        mass=Known(np.asarray(500.0), np.asarray(np.inf)),
-        barycentre=Known(np.array([0, 0, 0.25]), np.full(3, np.inf)),
-        zero=Known(np.zeros((3, 3)), np.full((3, 3), np.inf)),
+        mass=UncertainValue(np.asarray(500.0), np.asarray(np.inf)),
+        barycentre=UncertainValue(np.array([0, 0, 0.25]), np.full(3, np.inf)),
+        zero=UncertainValue(np.zeros((3, 3)), np.full((3, 3), np.inf)),
     )
     batch = simulation.simulate_dwells(free, Options(squeeze=300.0), np.random.default_rng(6), 1)
     result = calibrated(batch, free, 0)

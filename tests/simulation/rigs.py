@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import gammaincc
 
-from tdfscal.records import Declared, FloatArray, Known, Rig
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.simulation import Options, Recorder, make_rig
 
 SILENT = Recorder(
@@ -17,14 +17,16 @@ SILENT = Recorder(
 
 def exact_rig(n: int = 3) -> Rig:
     """Every quantity known exactly, NCPs that repeat exactly, no force noise."""
-    rig = make_rig(n, mass_std=0.0, barycentre_std=0.0, zero_std=0.0, declared=Declared())
+    rig = make_rig(
+        n, mass_std=0.0, barycentre_std=0.0, zero_std=0.0, declared=DeclaredUncertainty()
+    )
     return replace(rig, rpy_std=np.zeros((n, 3)))
 
 
 def loose_rig() -> Rig:
     """Every quantity uncertain, some unknown, every scatter declared."""
     rig = make_rig(
-        declared=Declared(
+        declared=DeclaredUncertainty(
             positioner=1.0e-5,
             hinge=2.0e-5,
             datum=5.0e-5,
@@ -36,7 +38,7 @@ def loose_rig() -> Rig:
     return replace(
         rig,
         gravity_tilt_std=5.0e-4,
-        barycentre=Known(np.array([0.01, -0.02, 0.25]), np.array([1e-3, 2e-3, 0.0])),
+        barycentre=UncertainValue(np.array([0.01, -0.02, 0.25]), np.array([1e-3, 2e-3, 0.0])),
         nominal_rpy=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.5708], [0.1, 0.0, -2.0]]),
     )
 

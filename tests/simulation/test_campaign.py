@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.records import Declared, FloatArray, Log
+from tdfscal.records import DeclaredUncertainty, FloatArray, Log
 from tdfscal.simulation import (
     Campaign,
     Options,
@@ -65,7 +65,7 @@ def test_reading_is_the_force_in_the_sensors_axes() -> None:
 
 
 def test_zero_and_sensitivity_enter_the_reading() -> None:
-    rig = replace(loose_rig(), declared=Declared(force_sensitivity=0.01))
+    rig = replace(loose_rig(), declared=DeclaredUncertainty(force_sensitivity=0.01))
     campaign = simulate_campaign(rig, still(postures=2), np.random.default_rng(1))
     truth = campaign.truth
     for i in range(3):
@@ -75,7 +75,7 @@ def test_zero_and_sensitivity_enter_the_reading() -> None:
 
 
 def test_servo_shows_commands_and_nothing_else() -> None:
-    rig = replace(exact_rig(), declared=Declared(positioner=1e-5, hinge=2e-5))
+    rig = replace(exact_rig(), declared=DeclaredUncertainty(positioner=1e-5, hinge=2e-5))
     campaign = simulate_campaign(rig, still(postures=3), np.random.default_rng(2))
     for k in range(3):
         p = positions(campaign.log)[at_rest(campaign, k)]
@@ -118,7 +118,7 @@ def test_move_is_of_minimum_jerk() -> None:
 
 
 def test_settled_means_agree_with_the_truth() -> None:
-    rig = replace(exact_rig(), declared=Declared(positioner=1e-5))
+    rig = replace(exact_rig(), declared=DeclaredUncertainty(positioner=1e-5))
     options = Options(rpy=np.zeros((3, 3)), postures=12)
     campaign = simulate_campaign(rig, options, np.random.default_rng(5))
     unit = []
@@ -207,7 +207,7 @@ def test_given_commands_are_driven() -> None:
 
 
 def test_datum_errors_strain_the_terminal_only_where_asked() -> None:
-    rig = replace(exact_rig(), declared=Declared(datum=1e-4))
+    rig = replace(exact_rig(), declared=DeclaredUncertainty(datum=1e-4))
     clean = simulate_campaign(exact_rig(), still(postures=3), np.random.default_rng(15))
     taught = simulate_campaign(rig, still(postures=3), np.random.default_rng(15))
     options = still(postures=3, datum_strain=True)
@@ -219,7 +219,7 @@ def test_datum_errors_strain_the_terminal_only_where_asked() -> None:
 
 
 def test_dwell_means_have_the_stated_scatter() -> None:
-    rig = replace(exact_rig(), declared=Declared(force_noise=0.4))
+    rig = replace(exact_rig(), declared=DeclaredUncertainty(force_noise=0.4))
     recorder = Recorder(mean_sd=0.3)
     batch = simulate_dwells(
         rig, Options(recorder=recorder, rpy=np.zeros((3, 3))), np.random.default_rng(16), 50

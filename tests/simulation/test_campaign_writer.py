@@ -15,9 +15,9 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from tdfscal.errors import UsageError
-from tdfscal.files.campaign_writer import LogFormat, simulate_to_folder, write_campaign
-from tdfscal.files.log_writers import point_files
-from tdfscal.files.rig import load_rig
+from tdfscal.files.rig.reading import load_rig
+from tdfscal.files.writers import point_files
+from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder, write_campaign
 from tdfscal.records import Acceptance, FloatArray
 from tdfscal.simulation import Campaign, Options, Recorder, reference_rig, simulate_campaign
 

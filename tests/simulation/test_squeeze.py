@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.records import Declared, FloatArray
+from tdfscal.records import DeclaredUncertainty, FloatArray
 from tdfscal.simulation import Campaign, Options, internal_part, simulate_campaign
 
 from .rigs import chi2_p, exact_rig, plausible, still
@@ -65,7 +65,7 @@ def test_squeeze_goes_through_the_carriages_stiffness() -> None:
 
 @pytest.mark.parametrize("n", [3, 4])
 def test_natural_internal_forces_have_the_stated_size(n: int) -> None:
-    rig = replace(exact_rig(n), declared=Declared(positioner=1.0e-5))
+    rig = replace(exact_rig(n), declared=DeclaredUncertainty(positioner=1.0e-5))
     campaign = simulate_campaign(rig, still(postures=100, internal=150.0), np.random.default_rng(4))
     assert campaign.truth.stiffness[0] == pytest.approx(1.5e7 * np.eye(3))
     natural = internal_part(arms(campaign), campaign.force)

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import RigError, UsageError
-from tdfscal.records import Declared, Known
+from tdfscal.records import DeclaredUncertainty, UncertainValue
 from tdfscal.simulation import Options, draw_truths, make_rig
 
 from .rigs import chi2_p, exact_rig, loose_rig, plausible
@@ -90,7 +90,7 @@ def test_what_is_known_exactly_is_exact() -> None:
 
 def test_one_uncertainty_more_leaves_the_other_draws_alone() -> None:
     rig = make_rig()
-    other = replace(rig, mass=Known(rig.mass.value, np.array(0.0)), gravity_tilt_std=1e-3)
+    other = replace(rig, mass=UncertainValue(rig.mass.value, np.array(0.0)), gravity_tilt_std=1e-3)
     one = draw_truths(rig, Options(), np.random.default_rng(6), 2)
     two = draw_truths(other, Options(), np.random.default_rng(6), 2)
     np.testing.assert_array_equal(one.hinge, two.hinge)
@@ -98,7 +98,7 @@ def test_one_uncertainty_more_leaves_the_other_draws_alone() -> None:
 
 
 def test_infinite_scatter_is_refused() -> None:
-    rig = make_rig(declared=Declared(force_noise=np.inf))
+    rig = make_rig(declared=DeclaredUncertainty(force_noise=np.inf))
     with pytest.raises(RigError, match="force_noise"):
         draw_truths(rig, Options(), np.random.default_rng(0), 1)
 

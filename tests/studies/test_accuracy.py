@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.linearcal import fit_linear
+from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.reporting.studies import accuracy_text
-from tdfscal.selfcalibration import self_calibrate
+from tdfscal.selfcal.linear_method import fit_linear
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, reference_rig, simulate_dwells
-from tdfscal.statics import postures
 from tdfscal.studies.accuracy import Accuracy, MethodResult, Setup, accuracy
-from tdfscal.studies.campaigns import METHODS, Task, commanded, run_block
+from tdfscal.studies.simulated_campaigns import METHODS, Task, commanded, run_block
 
 RIG = reference_rig()
 OPTIONS = Options(squeeze=200.0)

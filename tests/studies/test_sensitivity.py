@@ -10,7 +10,7 @@ import pytest
 
 from tdfscal.errors import UsageError
 from tdfscal.numerics import so3
-from tdfscal.records import Known
+from tdfscal.records import UncertainValue
 from tdfscal.reporting.studies import sensitivity_document
 from tdfscal.simulation import make_rig, reference_rig
 from tdfscal.studies.sensitivity import jacobian, sensitivity
@@ -56,7 +56,9 @@ def test_internal_forces_by_random_draws() -> None:
 
 
 def test_a_mounting_turned_by_a_quarter_exchanges_roll_and_pitch() -> None:
-    rig = replace(reference_rig(), barycentre=Known(np.array([0.05, 0.02, 0.25]), np.zeros(3)))
+    rig = replace(
+        reference_rig(), barycentre=UncertainValue(np.array([0.05, 0.02, 0.25]), np.zeros(3))
+    )
     turned = replace(rig, nominal_rpy=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, np.pi / 2], [0, 0, 0]]))
     plain, other = (sensitivity(r, np.zeros(3), points=5) for r in (rig, turned))
     # Rz(90°) Ry(β) Rx(α): a small roll is then a turn about y, a small pitch one about −x.

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal.files.campaign_writer import simulate_to_folder
+from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.simulation import Recorder
 from tests.cli.running import rows, run
 

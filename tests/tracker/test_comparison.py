@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.comparison import compare, compare_pair
+from tdfscal.comparison.compatibility import compare, compare_pair
+from tdfscal.comparison.joint import combine
 from tdfscal.errors import DataError
-from tdfscal.joint import combine
 from tdfscal.records import FloatArray, Rotations
 
 from .world import chi2_bounds, error_vector

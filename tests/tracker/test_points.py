@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.points import read_point_file, read_points, read_tracker_session
-from tdfscal.files.points_model import PointFile
+from tdfscal.files.points.model import PointFile
 from tdfscal.records import Instrument
 
 PLAIN = "group,point,x,y,z\nncp1,P1,1,2,3\nncp1,P2,4,5,6\n"

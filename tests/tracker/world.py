@@ -9,13 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal.records import (
     Acceptance,
-    Declared,
+    DeclaredUncertainty,
     FloatArray,
     Instrument,
-    Known,
     PointSet,
     Rig,
     TrackerSession,
+    UncertainValue,
 )
 
 PAPER = Instrument(range=10e-6, range_ppm=5.0, angle_arcsec=2.0)
@@ -58,15 +58,15 @@ def make_rig(n: int = 3, positioner: float = 10e-6) -> Rig:
         supports=tuple(f"ncp{i + 1}" for i in range(n)),
         gravity=9.80665,
         gravity_tilt_std=0.0,
-        mass=Known(np.array(500.0), np.array(0.0)),
-        barycentre=Known(np.zeros(3), np.zeros(3)),
+        mass=UncertainValue(np.array(500.0), np.array(0.0)),
+        barycentre=UncertainValue(np.zeros(3), np.zeros(3)),
         inertia=None,
         hinge=0.6 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1),
-        zero=Known(np.zeros((n, 3)), np.zeros((n, 3))),
+        zero=UncertainValue(np.zeros((n, 3)), np.zeros((n, 3))),
         nominal_rpy=np.zeros((n, 3)),
         rpy_std=np.full((n, 3), np.inf),
         capacity=np.full((n, 3), np.inf),
-        declared=Declared(positioner=positioner),
+        declared=DeclaredUncertainty(positioner=positioner),
         acceptance=Acceptance(),
     )
 

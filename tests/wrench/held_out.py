@@ -7,13 +7,14 @@ from functools import cache
 
 import numpy as np
 
-from tdfscal.calibrated import Calibrated, from_fit
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal import best_start
+from tdfscal.selfcal.covariance import evaluate, information_root, quality
+from tdfscal.selfcal.estimator import best_start
+from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.simulation import Batch, Faults, Options, make_rig, simulate_dwells
-from tdfscal.statics import postures
-from tdfscal.uncertainty import evaluate, information_root, quality
 
 USED = 24
 HELD = 5

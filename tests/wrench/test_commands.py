@@ -15,10 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from tdfscal.files.calibration import load_calibration, save_calibration
-from tdfscal.files.campaign_writer import write_campaign
-from tdfscal.files.inuse import calibrated
-from tdfscal.filtering import Walk
+from tdfscal.files.calibration.document import load_calibration, save_calibration
+from tdfscal.files.writers.campaign import write_campaign
 from tdfscal.records import Log, Rig, Series
 from tdfscal.simulation import (
     Campaign,
@@ -29,7 +27,9 @@ from tdfscal.simulation import (
     make_rig,
     simulate_campaign,
 )
-from tdfscal.workflow import calibrate
+from tdfscal.workflows.calibrate import calibrate
+from tdfscal.workflows.calibration_in_use import calibrated
+from tdfscal.wrench.filtering import Walk
 from tests.cli.running import run
 
 USED, HELD = 16, 4

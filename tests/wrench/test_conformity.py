@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tdfscal.conformity import COVERAGE, assess, coverage_radius, exceeding, within
-from tdfscal.wrench import wrenches
+from tdfscal.acceptance.conformity import COVERAGE, assess, coverage_radius, exceeding, within
+from tdfscal.wrench.contact_wrench import wrenches
 
 from .held_out import RIG, world
 
@@ -78,7 +78,7 @@ def test_open_parameters_never_conform_to_a_limit() -> None:
 
 
 def test_the_posture_is_at_rest() -> None:
-    from tdfscal.conformity import _standing
+    from tdfscal.acceptance.conformity import _standing
 
     position, reading = _standing(GIVEN, (0.05, -0.03, 0.2))
     value = wrenches(GIVEN, np.zeros(1), position, reading).value

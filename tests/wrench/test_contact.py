@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tdfscal.calibrated import Calibrated
-from tdfscal.motion import motion, poses
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.statics import balance, gravity, postures, register, retract
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Contact, Faults
-from tdfscal.statics import balance, gravity, postures, register, retract
-from tdfscal.wrench import contact_wrench, covariance, jacobian, to_lcs, wrenches
+from tdfscal.wrench.contact_wrench import contact_wrench, covariance, jacobian, to_lcs, wrenches
+from tdfscal.wrench.kinematics import motion, poses
 
 from .held_out import HELD, RIG, USED, World, simulated, world
 

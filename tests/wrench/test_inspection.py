@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 import yaml
 
+from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.errors import DataError
-from tdfscal.files.calibration import save_calibration
-from tdfscal.files.wrench_writer import write_wrenches
-from tdfscal.inspection import Inspection
+from tdfscal.files.calibration.document import save_calibration
+from tdfscal.files.writers.wrenches import write_wrenches
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Contact, Faults
-from tdfscal.timebase import Samples
-from tdfscal.workflow import calibrate
-from tdfscal.wrench import Wrenches
-from tdfscal.wrenchlog import WrenchPiece
+from tdfscal.workflows.calibrate import calibrate
+from tdfscal.wrench.contact_wrench import Wrenches
+from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.stream import WrenchPiece
 from tests.cli.running import SAMPLES, Run, rows, run
 
 from .held_out import HELD, USED, simulated, world

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.records import FloatArray, Log, Series
-from tdfscal.timebase import Samples, Tally, aligned
-from tdfscal.wrenchlog import WrenchPiece, at_rest, in_motion
+from tdfscal.wrench.resampling import Samples, Tally, aligned
+from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
 
 from .held_out import RIG, world
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tdfscal.calibrated import Calibrated, independent
 from tdfscal.errors import DataError
-from tdfscal.records import Dwells, Known
+from tdfscal.model.calibrated import Calibrated, independent
+from tdfscal.model.statics import layout
+from tdfscal.records import Dwells, UncertainValue
 from tdfscal.simulation import Contact, Faults, ZeroShift
-from tdfscal.statics import layout
-from tdfscal.validation import POWER, Validation, validate
+from tdfscal.validation.residual_wrench import POWER, Validation, validate
 
 from .held_out import HELD, RIG, USED, part, simulated, turned, world
 
@@ -161,7 +161,7 @@ def alone(given: Calibrated) -> Calibrated:
         given.rig,
         given.state.rotation,
         given.covariance[turns, turns],
-        zero=Known(given.state.zero, std[place["zero"]].reshape(3, 3)),
-        mass=Known(given.state.mass, std[place["mass"]][0]),
-        barycentre=Known(given.state.barycentre, std[place["barycentre"]]),
+        zero=UncertainValue(given.state.zero, std[place["zero"]].reshape(3, 3)),
+        mass=UncertainValue(given.state.mass, std[place["mass"]][0]),
+        barycentre=UncertainValue(given.state.barycentre, std[place["barycentre"]]),
     )

@@ -86,9 +86,9 @@ def _text(path: Path) -> str:
 
 
 def _from_json(text: str, source: str) -> PointSet:
-    from tdfscal.files.faults import checked
-    from tdfscal.files.points_model import PointFile
-    from tdfscal.files.yamlio import parse_document
+    from tdfscal.files.model_errors import checked
+    from tdfscal.files.points.model import PointFile
+    from tdfscal.files.yaml.reading import parse_document
 
     file = checked(PointFile, parse_document(text.encode(), source, DataError), DataError)
     if not file.points:

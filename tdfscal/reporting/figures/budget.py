@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdfscal.files.calibration import Calibration
-from tdfscal.files.calibrationmodel import Budget
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parts import Budget
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures.style import FILLS, HATCHES, INK, Drawing, figure
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tdfscal.comparison import ANGLES, History, K
+from tdfscal.comparison.compatibility import ANGLES, History, K
 from tdfscal.reporting.figures.style import BLUE, GREY, INK, PALE, RED, Drawing, figure
 
 #: Days between first and last from which the axis is time, not order.

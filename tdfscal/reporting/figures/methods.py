@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.observability import ANGLES
+from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.style import BLUE, GREY, INK, ORANGE, Drawing, figure, legend_above
 
 _NAMES = {"self": "self-calibration", "tracker": "laser tracker"}

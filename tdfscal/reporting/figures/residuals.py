@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures.style import (
     BLUE,

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from tdfscal.files.calibration import Calibration
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures.style import BLUE, GREEN, GREY, INK, ORANGE, Drawing, figure

@@ -7,10 +7,10 @@ import textwrap
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdfscal.files.calibration import Calibration
-from tdfscal.files.calibrationmodel import RejectedPosture
-from tdfscal.files.evidencemodel import PostureTable
-from tdfscal.reporting.clock import clock
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.evidence_model import PostureTable
+from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.reporting.figures.log_time import clock
 from tdfscal.reporting.figures.style import FILLS, GREY, INK, PALE, RED, Drawing, figure, raster
 
 SHOWN = 8

@@ -8,11 +8,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from tdfscal.files.calibration import Calibration
-from tdfscal.files.calibrationmodel import MonteCarloResult
-from tdfscal.files.evidencemodel import Histogram
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.evidence_model import Histogram
+from tdfscal.files.calibration.parts import MonteCarloResult
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.observability import ANGLES
+from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.style import INK, ORANGE, Drawing, figure
 
 

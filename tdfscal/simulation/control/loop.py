@@ -6,8 +6,8 @@ import numpy as np
 
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.simulation import rotations
-from tdfscal.simulation.control.book import Book
 from tdfscal.simulation.control.impedance import require_stable, transition
+from tdfscal.simulation.control.recording import Book
 from tdfscal.simulation.control.reference import Reference, follow
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
 from tdfscal.simulation.control.sensors import Sensors, WrenchObserver

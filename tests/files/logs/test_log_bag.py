@@ -13,8 +13,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.loginfo.inspect import inspect_logs
-from tdfscal.files.logs import is_log, read_log
+from tdfscal.logs import is_log, read_log
+from tdfscal.logs.description.describe import inspect_logs
 from tests.files.logs.log_making import (
     MAPPING,
     STORE,

@@ -30,8 +30,8 @@ READ = """
 import re, resource, sys
 from pathlib import Path
 from tdfscal.errors import TdfscalError
-from tdfscal.files.loginfo.inspect import inspect_logs
-from tdfscal.files.logs import iter_log
+from tdfscal.logs.description.describe import inspect_logs
+from tdfscal.logs import iter_log
 from tests.files.logs.log_making import JSON_MAPPING, LOG_TIME, SUPPORTS
 path = Path(sys.argv[1])
 mapping = {".mcap": JSON_MAPPING if "json" in path.name else LOG_TIME}.get(path.suffix)

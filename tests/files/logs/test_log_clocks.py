@@ -13,9 +13,9 @@ import pytest
 from mcap.writer import Writer
 
 from tdfscal.errors import DataError
-from tdfscal.files.logs import iter_log, read_log
-from tdfscal.files.logs.clock import Clock, apart, shown
-from tdfscal.files.logs.summary import announced_topics
+from tdfscal.logs import iter_log, read_log
+from tdfscal.logs.clock import Clock, apart, shown
+from tdfscal.logs.mcap.summary import announced_topics
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
@@ -85,11 +85,11 @@ def test_progress_ascends_to_one(
     truth = make_truth(400)
     path = tmp_path / f"log.{suffix}"
     if suffix == "mcap":
-        monkeypatch.setattr("tdfscal.files.logs.mcap._ENOUGH", 64)
+        monkeypatch.setattr("tdfscal.logs.mcap.reader._ENOUGH", 64)
         path.write_bytes(mcap_bytes(truth))
     elif suffix == "csv":
-        monkeypatch.setattr("tdfscal.files.logs.text.HEAD", 1 << 13)
-        monkeypatch.setattr("tdfscal.files.logs.text._BLOCK", 1 << 13)
+        monkeypatch.setattr("tdfscal.logs.text.reader.HEAD", 1 << 13)
+        monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", 1 << 13)
         table(truth).to_csv(path, index=False)
     else:
         table(truth).to_parquet(path, row_group_size=50)

@@ -16,11 +16,11 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import Nodetype
 
 from tdfscal.errors import DataError
-from tdfscal.files.logs import read_log
-from tdfscal.files.logs.cdr import Gatherer
-from tdfscal.files.logs.chunk import messages_of
-from tdfscal.files.logs.message_path import Path as MessagePath
-from tdfscal.files.logs.ros_types import definitions
+from tdfscal.logs import read_log
+from tdfscal.logs.mcap.cdr import Gatherer
+from tdfscal.logs.mcap.chunk import messages_of
+from tdfscal.logs.mcap.ros_types import definitions
+from tdfscal.logs.message_path import Path as MessagePath
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     JSON_MAPPING,

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tdfscal.errors import DataError
-from tdfscal.files.logs import iter_log, read_log
+from tdfscal.logs import iter_log, read_log
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table
 

@@ -12,7 +12,7 @@ import pytest
 import zstandard
 
 from tdfscal.errors import DataError
-from tdfscal.files.logs import read_log
+from tdfscal.logs import read_log
 from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,

@@ -12,8 +12,8 @@ import pytest
 import zstandard
 
 from tdfscal.errors import DataError, RigError
-from tdfscal.files.logs import iter_log, read_log
-from tdfscal.files.logs.text_rows import RowParser
+from tdfscal.logs import iter_log, read_log
+from tdfscal.logs.text.rows import RowParser
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table, write
 

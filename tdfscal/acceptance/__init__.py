@@ -1,0 +1,1 @@
+"""May this result steer a machine: the gate, and conformity of the contact wrench."""

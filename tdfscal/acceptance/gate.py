@@ -1,0 +1,57 @@
+"""The quality gate: may this result steer a machine?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tdfscal.acceptance.conformity import Conformity
+from tdfscal.records import ANGLES, FloatArray, InputFile, Rig
+
+#: More postures rejected than this, and it is not the postures that are wrong (theory, section 3).
+REJECTED_MAX = 0.10
+
+
+def judge(
+    rig: Rig,
+    std: FloatArray,
+    birge: float,
+    *,
+    used: int = 0,
+    rejected: int = 0,
+    inputs: Sequence[InputFile] = (),
+    suspicions: Sequence[str] = (),
+    conformity: Conformity | None = None,
+) -> tuple[str, ...]:
+    """Reasons to reject a result with standard uncertainties std (n, 3) in rad; none: accepted.
+
+    used, rejected : numbers of postures. inputs : a salvaged one is never accepted.
+    suspicions : harmful ones, in words. conformity : of the contact wrench, where the rig
+    file states a limit.
+    """
+    limits, reasons = rig.acceptance, []
+    for i, j in np.argwhere(~(std <= limits.angle_std)):
+        reasons.append(
+            f"{ANGLES[j]} of {rig.supports[i]} has a standard uncertainty of "
+            f"{1e3 * std[i, j]:.2g} mrad, above the limit of {1e3 * limits.angle_std:.2g} mrad"
+        )
+    if birge > limits.birge_max:
+        reasons.append(
+            f"the residuals are {birge:.2g} times what the stated uncertainties explain, above "
+            f"the limit of {limits.birge_max:.2g}"
+        )
+    if rejected > REJECTED_MAX * (used + rejected):
+        reasons.append(
+            f"{rejected} of {used + rejected} postures had to be rejected, above the limit of "
+            f"{REJECTED_MAX:.0%}"
+        )
+    reasons += [
+        f"{entry.path} is damaged and was read only as far as it is sound"
+        for entry in inputs
+        if entry.integrity == "salvaged"
+    ]
+    reasons += suspicions
+    if conformity is not None:
+        reasons += conformity.reasons
+    return tuple(reasons)

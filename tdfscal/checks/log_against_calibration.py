@@ -1,0 +1,164 @@
+"""Does a log fit the calibration that it is used with? Looked at while it streams.
+
+In use there may be contact, so that no wrench is wrong by itself. What no contact explains is
+refused; what might be contact or a fault of the wiring is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from tdfscal.checks import log_against_rig
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.statics import layout
+from tdfscal.records import FloatArray
+from tdfscal.wrench.contact_wrench import contact_wrench, single, wrenches
+from tdfscal.wrench.kinematics import rotations
+from tdfscal.wrench.resampling import Samples
+
+#: Samples kept of a whole log at most, and the fewest that judge a piece of it.
+_KEPT = 1024
+_FEW = 16
+#: Forces this many times the weight, or this share of it, are no contact.
+_HUGE, _TINY = 100.0, 0.01
+#: Forces of the wrong sign: the share of samples that show the right one by chance at most, and
+#: what the opposite sign leaves of the wrench at most, by the weight and its lever.
+_CHANCE, _BALANCED = 0.01, 0.1
+#: Another wiring that makes the wrench this many times smaller is named.
+_BETTER = 5.0
+#: Standard uncertainties beyond which a wrench is there.
+_CLEAR = 6.0
+
+
+class Inspection:
+    """Keeps evenly spaced samples of a log that passes, and judges them at its end."""
+
+    def __init__(self, given: Calibrated) -> None:
+        self._given = given
+        self._stride = 1
+        self._passed = 0
+        self._kept: Samples | None = None
+
+    def watch(self, pieces: Iterable[Samples]) -> Iterator[Samples]:
+        """Pass the pieces on.
+
+        Raises
+        ------
+        DataError
+            The positions of a piece cannot be in the unit that is declared.
+        """
+        for piece in pieces:
+            self._keep(piece)
+            if piece.time.size >= _FEW:
+                some = piece.position[:: max(1, piece.time.size // _KEPT)]
+                log_against_rig.check_size(self._given.rig, some)
+            yield piece
+
+    def _keep(self, piece: Samples) -> None:
+        part = piece.rows(slice(-self._passed % self._stride, None, self._stride))
+        self._passed += piece.time.size
+        # Joined is copied: a view would hold the whole piece in memory.
+        kept = _joined([part] if self._kept is None else [self._kept, part])
+        while kept.time.size > _KEPT:
+            # All that is kept lies on multiples of the stride: every second one stays.
+            kept = kept.rows(slice(None, None, 2))
+            self._stride *= 2
+        self._kept = kept
+
+    def finish(self) -> list[str]:
+        """Judge what has passed, and return warnings.
+
+        Raises
+        ------
+        DataError
+            The positions do not fit the hinges, or the forces have another unit or sign.
+        """
+        if self._kept is None:
+            return []
+        given, seen = self._given, self._kept
+        log_against_rig.check_geometry(given.rig, seen.position)
+        _check_forces(given, seen)
+        notes = (log_against_rig.turned(given.rig, seen.position), _doubt(given, seen))
+        return [note for note in notes if note]
+
+
+def _joined(parts: list[Samples]) -> Samples:
+    return Samples(
+        np.concatenate([part.time for part in parts]),
+        np.concatenate([part.position for part in parts]),
+        np.concatenate([part.force for part in parts]),
+    )
+
+
+def _mass_std(given: Calibrated) -> float:
+    """Relative standard uncertainty of the mass, ∞ where it is open."""
+    place = layout(given.rig.n)["mass"].start
+    if given.open[place]:
+        return np.inf
+    return float(np.sqrt(given.covariance[place, place]) / given.state.mass)
+
+
+def _check_forces(given: Calibrated, seen: Samples) -> None:
+    """Raise DataError where unit or sign contradict the weight, whatever is touched."""
+    state, g = given.state, given.rig.gravity
+    allowed, mass = log_against_rig.weight_tolerance(_mass_std(given)), float(state.mass)
+    if not np.isfinite(allowed):
+        return
+    load = float(np.median(np.linalg.norm(seen.force, axis=2).sum(axis=1))) / (mass * g)
+    if load < _TINY:  # the zeros would hide what little there is
+        bare = replace(state, zero=np.zeros_like(state.zero))
+        rest = float(np.median(log_against_rig.weight_share(bare, g, seen.force)))
+        raise log_against_rig.weight_error(rest, allowed, mass)
+    share = log_against_rig.weight_share(state, g, seen.force)
+    ratio = float(np.median(share))
+    # Who presses with twice the weight turns the sign too, but hardly all the time, nor in balance.
+    reaction = (
+        abs(ratio + 1) <= allowed
+        and np.mean(np.abs(share - 1) <= allowed) < _CHANCE
+        and _sizes(given, seen, [-seen.force])[0] < _BALANCED
+    )
+    if abs(ratio) > _HUGE or reaction:
+        raise log_against_rig.weight_error(ratio, allowed, mass)
+
+
+def _doubt(given: Calibrated, seen: Samples) -> str | None:
+    """Warning of a wrench that another wiring explains, or that is of the weight's order."""
+    found = wrenches(given, seen.time, seen.position, seen.force)
+    rewired = list(log_against_rig.rewired(given.rig, single(given, seen.position, seen.force)))
+    words = [text for text, _ in rewired]
+    words.append("log.force_on set to the other value")
+    readings = [other.force for _, other in rewired]
+    here, *left = _sizes(given, seen, [seen.force, *readings, -seen.force])
+    best = int(np.argmin(left))
+    force = float(np.median(np.linalg.norm(found.value[:, :3], axis=1)))
+    torque = float(np.median(np.linalg.norm(found.value[:, 3:], axis=1)))
+    median = f"the median wrench over the log is {force:.3g} N and {torque:.3g} N·m"
+    if left[best] * _BETTER < here:
+        return (
+            f"{median}, and {here / left[best]:.2g} times smaller with {words[best]}: check the "
+            "log block in rig.yaml, and the cabling"
+        )
+    weight = float(given.state.mass) * given.rig.gravity
+    std = float(np.median(np.linalg.norm(found.std[:, :3], axis=1)))
+    if force > max(weight * log_against_rig.weight_tolerance(_mass_std(given)), _CLEAR * std):
+        return (
+            f"{median}, {force / weight:.2g} times the weight in force: unless that is contact, "
+            "check log.force_unit, log.force_on, the force fields and the cabling"
+        )
+    return None
+
+
+def _sizes(given: Calibrated, seen: Samples, readings: list[FloatArray]) -> list[float]:
+    """Median size of the wrench of each of several readings (N, n, 3), N, at rest.
+
+    Forces by the weight, moments by the weight at the hinges' mean distance from their middle.
+    """
+    state, g = given.state, given.rig.gravity
+    arm = np.linalg.norm(state.hinge - state.hinge.mean(axis=0), axis=1).mean()
+    scale = float(state.mass) * g * np.repeat([1.0, arm], 3)
+    turn = rotations(state.hinge, seen.position - state.datum)
+    found = (contact_wrench(state, g, turn, reading) / scale for reading in readings)
+    return [float(np.median(np.linalg.norm(wrench, axis=1))) for wrench in found]

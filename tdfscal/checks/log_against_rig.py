@@ -1,0 +1,280 @@
+"""Do the log and the rig file speak of the same machine? Units, axes, signs, names.
+
+These checks come before any estimate: a mislabelled log must not become a plausible calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import permutations, product
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.model.statics import Postures, State, forces, gravity, nominal, register
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray, Rig
+
+#: Positions and rig file must agree in size within this share, and in shape within the next.
+_SIZE = 0.02
+_SHAPE = 2e-3
+#: Forces and weight must agree within this share; the fit judges the rest far more sharply.
+_WEIGHT = 0.2
+#: Units of length, m: those that a rig file can declare, and others that a recorder may write.
+_DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+_FOREIGN = {"cm": 1e-2, "inches": 0.0254}
+#: A terminal turned further than this from the BCS hints at exchanged names, rad.
+_TURNED = np.pi / 4
+_FORCES = {
+    1e3: "in N where kN is declared",
+    1e-3: "in kN where N is declared",
+    1 / 9.80665: "in kgf",
+}
+
+
+def check_geometry(rig: Rig, position: FloatArray) -> None:
+    """Compare the hinge distances in the log, position (K, n, 3) in m, with the rig file's.
+
+    Raises
+    ------
+    DataError
+        They differ, or the terminal stands on its head while gravity points along −Z: a unit,
+        swapped or mirrored axes, swapped supports, or another rig.
+    """
+    check_size(rig, position)
+    limit = _shape_limit(rig)
+    off, up = _misfit(rig.hinge, position)
+    if off <= limit and up > 0:
+        return
+    wrong = (
+        f"the NCP positions miss the hinge pattern of rig.yaml by {1e3 * off:.3g} mm"
+        if off > limit
+        else "the terminal stands on its head in the log: its z axis points downwards"
+    )
+    found = _explanation(rig, position, limit)
+    raise DataError(
+        wrong + (f"; it would fit with {found}" if found else ""),
+        where="log positions",
+        hint="correct the position fields of the log block in rig.yaml"
+        if found
+        else "check the position fields, the hinges, and that log and rig.yaml belong together",
+    )
+
+
+def check_size(rig: Rig, position: FloatArray) -> None:
+    """The first part of `check_geometry`: raise DataError where the unit cannot be right."""
+    p = position - position.mean(axis=1, keepdims=True)
+    r = rig.hinge - rig.hinge.mean(axis=0)
+    size = float(np.median(np.sqrt(np.sum(p**2, axis=(1, 2)) / np.sum(r**2))))
+    if abs(size - 1) <= _SIZE:
+        return
+    units, foreign = _units(size)
+    raise DataError(
+        f"the NCPs stand {size:.4g} times as far apart as the hinges of rig.yaml"
+        + (f", as if the positions were {units}" if units else ""),
+        where="log positions",
+        hint="convert the log: log.length_unit knows m, mm and um"
+        if foreign
+        else "state the recorder's unit as log.length_unit in rig.yaml"
+        if units
+        else "check log.length_unit, the position fields and the hinge coordinates",
+    )
+
+
+def _units(size: float) -> tuple[str, bool]:
+    """Words for the units that make lengths wrong by this factor, and whether none is declarable.
+
+    What is declared is not known here: each is named with the unit that it was taken for.
+    """
+    for table in (_DECLARED, _FOREIGN):
+        found = [
+            f"in {own} where {stated} is declared"
+            for stated, declared in _DECLARED.items()
+            for own, metres in table.items()
+            if abs(size * metres / declared - 1) < _SIZE
+        ]
+        if found:
+            return ", or ".join(found), table is _FOREIGN
+    return "", False
+
+
+def turned(rig: Rig, position: FloatArray) -> str | None:
+    """Warning where the terminal stands far from the BCS's axes; position (K, n, 3) in m.
+
+    On a symmetric rig, supports renamed in a circle look like a terminal that is turned: nothing
+    contradicts it, so that it can only be said.
+    """
+    turn = _turn(rig, position)
+    angle = float(np.linalg.norm(turn))
+    if angle <= _TURNED:
+        return None
+    R, _ = register(rig.hinge, position)
+    always = bool(np.linalg.norm(so3.log(R), axis=1).min() > _TURNED)
+    about = turn / angle
+    axis = int(np.argmax(np.abs(about)))
+    sign = "-" if about[axis] < 0 else ""
+    clear = abs(about[axis]) > np.cos(_TURNED / 2)
+    names = f"about {sign}{'XYZ'[axis]} of the BCS " if clear else ""
+    limit, upright = _shape_limit(rig), []
+    for order in orders(rig.n):
+        off, up = _misfit(rig.hinge, position[:, order])
+        left = float(np.linalg.norm(_turn(rig, position[:, order])))
+        if off <= limit and up > 0 and left <= _TURNED:
+            upright.append((left, renamed(rig, order)))
+    return (
+        f"the terminal stands turned by {np.degrees(angle):.0f}° {names}in "
+        f"{'every posture' if always else 'most postures'}: check "
+        "that the supports' names in the log are right"
+        + (f"; it would stand upright with {min(upright)[1]}" if upright else "")
+    )
+
+
+def _turn(rig: Rig, position: FloatArray) -> FloatArray:
+    """Rotation vector (3,), rad, of the terminal's middle orientation over the postures."""
+    R, _ = register(rig.hinge, position)
+    return np.asarray(so3.log(so3.project(R.mean(axis=0))))
+
+
+def _explanation(rig: Rig, position: FloatArray, limit: float) -> str | None:
+    """Words for the rearrangement that fits upright with the terminal least turned."""
+    fitting = []
+    for text, candidate in _rearranged(rig, position):
+        off, up = _misfit(rig.hinge, candidate)
+        if off <= limit and up > 0:
+            R, _ = register(rig.hinge, candidate)
+            fitting.append((float(np.median(np.linalg.norm(so3.log(R), axis=1))), text))
+    return min(fitting)[1] if fitting else None
+
+
+def _shape_limit(rig: Rig) -> float:
+    radius = float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
+    stated = np.sqrt(rig.declared.hinge**2 + rig.declared.datum**2 + rig.declared.positioner**2)
+    return _SHAPE * radius + 6 * float(stated)
+
+
+def _misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:
+    """Medians over the postures: rms distance after registration in m, and height of LCS z."""
+    R, T = register(hinge, position)
+    off = position - (np.einsum("kab,nb->kna", R, hinge) + T[:, None])
+    rms = np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
+    return float(np.median(rms)), float(np.median(R[:, 2, 2]))
+
+
+def _rearranged(rig: Rig, position: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """Positions with supports exchanged, or axes exchanged and mirrored, each with its words."""
+    for order in orders(rig.n):
+        yield f"the positions of {renamed(rig, order)}", position[:, order]
+    # A proper rotation of the axes always fits: only mirrors leave a trace.
+    for axes, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        if np.linalg.det(np.eye(3)[list(axes)] * np.array(signs)) < 0:
+            names = ", ".join(
+                f"{'-' if s < 0 else ''}{'XYZ'[a]}" for a, s in zip(axes, signs, strict=True)
+            )
+            yield f"the axes read as {names}", position[..., list(axes)] * np.array(signs)
+
+
+def orders(n: int) -> Iterator[list[int]]:
+    """Ways to exchange supports other than the given one: all for up to four, pairs beyond."""
+    if n <= 4:
+        yield from (list(p) for p in permutations(range(n)) if list(p) != list(range(n)))
+        return
+    for i in range(n):
+        for j in range(i):
+            order = list(range(n))
+            order[i], order[j] = j, i
+            yield order
+
+
+def rewired(rig: Rig, seen: Postures) -> Iterator[tuple[str, Postures]]:
+    """Postures as they would be with the forces' fields named otherwise, each with its words.
+
+    Sensors exchanged; two axes of a sensor, or of all, exchanged, or one of opposite sign. What
+    only turns a sensor's axes is not among them: that is a mounting.
+    """
+    for order in orders(rig.n):
+        yield (
+            f"the sensors of {renamed(rig, order)}",
+            replace(seen, force=seen.force[:, order], force_cov=seen.force_cov[:, order]),
+        )
+    everyone = "every sensor"
+    for name in (*rig.supports, everyone):
+        here = np.array([name in (support, everyone) for support in rig.supports])
+        for words, mirror in _mirrors():
+            M = np.where(here[:, None, None], mirror, np.eye(3))
+            yield (
+                words.format(name),
+                replace(
+                    seen,
+                    force=(M @ seen.force[..., None])[..., 0],
+                    force_cov=M @ seen.force_cov @ np.swapaxes(M, 1, 2),
+                ),
+            )
+
+
+def _mirrors() -> Iterator[tuple[str, FloatArray]]:
+    """Axes exchanged or of opposite sign, as words with a place for whose, and matrices (3, 3)."""
+    eye = np.eye(3)
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        order = list(range(3))
+        order[a], order[b] = b, a
+        yield f"F{'xyz'[a]} and F{'xyz'[b]} of {{}} exchanged", eye[order]
+    for a in range(3):
+        yield (
+            f"the opposite sign of F{'xyz'[a]} of {{}}",
+            eye * np.where(np.arange(3) == a, -1.0, 1.0),
+        )
+
+
+def renamed(rig: Rig, order: list[int]) -> str:
+    """Words for an exchange of supports."""
+    moved = [
+        f"{rig.supports[i]} taken from {rig.supports[j]}" for i, j in enumerate(order) if i != j
+    ]
+    return " and ".join(moved)
+
+
+def check_weight(rig: Rig, postures: Postures) -> None:
+    """Compare the sum of the forces at the nominal mounting with the weight.
+
+    Raises
+    ------
+    DataError
+        A unit, a sign, or a mounting that is not the nominal one.
+    """
+    start = nominal(rig)
+    ratio = float(np.median(weight_share(start, rig.gravity, postures.force)))
+    allowed = weight_tolerance(float(rig.mass.std) / float(rig.mass.value))
+    if abs(ratio - 1) > allowed:
+        raise weight_error(ratio, allowed, float(rig.mass.value))
+
+
+def weight_share(state: State, g: float, force: FloatArray) -> FloatArray:
+    """Part (K,) of the weight that the readings (K, n, 3), N, hold up: 1 at rest, untouched."""
+    weight = state.mass * gravity(state, g)
+    total = forces(state, force).sum(axis=1)
+    return np.asarray(-(total @ weight) / (weight @ weight))
+
+
+def weight_tolerance(relative: float) -> float:
+    """How far that part may be from 1; relative : standard uncertainty of the mass."""
+    return _WEIGHT + 6 * relative
+
+
+def weight_error(ratio: float, allowed: float, mass: float) -> DataError:
+    """The error for forces that sum to `ratio` times the weight of `mass`, kg."""
+    if abs(ratio + 1) <= allowed:
+        return DataError(
+            "the forces sum to the weight with the wrong sign, as if the sensors recorded the "
+            "reaction",
+            where="log forces",
+            hint="set log.force_on in rig.yaml to the other value, or state nominal_rpy where a "
+            "sensor is mounted upside down",
+        )
+    unit = next((name for f, name in _FORCES.items() if abs(abs(ratio) / f - 1) < _WEIGHT), None)
+    return DataError(
+        f"the forces sum to {ratio:.3g} times the weight of {mass:.6g} kg"
+        + (f", as if they were {unit}" if unit else ""),
+        where="log forces",
+        hint="check log.force_unit, the force fields, the mass, and nominal_rpy",
+    )

@@ -1,0 +1,1 @@
+"""Two or more calibrations of one rig: compatibility, and both methods together."""

@@ -1,0 +1,114 @@
+"""Offset between the clocks of positions and forces, from the moves between dwells.
+
+In a move both pass from one level to the next in step. Projected onto their own change, each runs
+from 0 to 1; when they pass the same levels tells their offset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.dwells.bins import Bins
+from tdfscal.dwells.dwell_means import evenly
+from tdfscal.records import Dwells, FloatArray
+
+_LEVELS = np.array([0.25, 0.5, 0.75])
+_CLEAR = 40.0  # change / noise of a bin's mean, from which a move shows its time
+_LONGEST = 60.0  # s; a longer way from dwell to dwell is no single move
+_MARGIN = 0.5  # s looked at beyond the dwells' edges
+_FEWEST, _MOST = 5, 100  # moves
+_MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
+
+LARGE = 0.02
+"""s; an offset beyond this, and beyond five standard errors, is worth a warning."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """seconds : time of the forces less that of the positions for one and the same motion.
+
+    std : standard error, s, from the scatter of the moves. moves : how many showed it.
+    """
+
+    seconds: float
+    std: float
+    moves: int
+
+    @property
+    def large(self) -> bool:
+        """Beyond `LARGE`, and not by chance."""
+        return abs(self.seconds) > max(LARGE, 5.0 * self.std)
+
+    def __str__(self) -> str:
+        if abs(self.seconds) < 3.0 * self.std:
+            return (
+                f"no offset of the forces against the positions is seen: "
+                f"{self.seconds * 1e3:.0f} ms, standard error {self.std * 1e3:.0f} ms, "
+                f"{self.moves} moves"
+            )
+        late = "later" if self.seconds > 0 else "earlier"
+        return (
+            f"the forces follow the motion {abs(self.seconds) * 1e3:.0f} ms {late} than the "
+            f"positions (standard error {self.std * 1e3:.1f} ms, {self.moves} moves)"
+        )
+
+
+def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
+    """Estimate the offset between positions and forces; None where too few moves show it.
+
+    bins : of the whole log. dwells : found in it.
+    """
+    n = len(bins.supports)
+    found = []
+    for k in evenly(max(len(dwells) - 1, 0), _MOST):
+        if dwells.start[k + 1] - dwells.end[k] > _LONGEST:
+            continue
+        position = _passing(
+            bins, slice(0, n), dwells.position[k : k + 2], dwells.end[k], dwells.start[k + 1]
+        )
+        force = _passing(
+            bins, slice(n, 2 * n), dwells.force[k : k + 2], dwells.end[k], dwells.start[k + 1]
+        )
+        if position is not None and force is not None:
+            found.append(float(np.mean(force - position)))
+    if len(found) < _FEWEST:
+        return None
+    middle = float(np.median(found))
+    spread = 1.4826 * float(np.median(np.abs(np.array(found) - middle)))
+    std = _MEDIAN * spread / np.sqrt(len(found))
+    return Offset(middle, float(np.hypot(std, 0.1 * bins.period.max())), len(found))
+
+
+def _passing(
+    bins: Bins, streams: slice, level: FloatArray, end: float, start: float
+) -> FloatArray | None:
+    """Times (3,), s, at which the streams pass the levels on the way; None where it is unclear.
+
+    level : (2, n, 3), before and after. end, start : s, of the dwells about the move.
+    """
+    first, last = np.searchsorted(bins.start, [end - _MARGIN, start + _MARGIN])
+    mean = bins.mean[first:last, streams]
+    known = (bins.count[first:last, streams] > 0).all(axis=1)
+    if known.sum() < 4:
+        return None
+    change = level[1] - level[0]
+    size = float((change**2).sum())
+    if size == 0.0:
+        return None
+    share = ((mean[known] - level[0]) * change).sum(axis=(1, 2)) / size
+    time = bins.start[first:last][known] + 0.5 * bins.width
+    still = time < end
+    noise = float(np.std(share[still])) if still.sum() > 3 else np.inf
+    if noise * _CLEAR > 1.0:
+        return None
+    times = []
+    for one in _LEVELS:
+        across = np.flatnonzero(np.diff(np.sign(share - one)) != 0)
+        if len(across) != 1:
+            return None
+        a = int(across[0])
+        part = (one - share[a]) / (share[a + 1] - share[a])
+        times.append(time[a] + part * (time[a + 1] - time[a]))
+    return np.array(times)

@@ -1,0 +1,272 @@
+"""Mean of each dwell and the covariance of that mean, from bins.
+
+Var(mean) = L / N, with N samples and L the spectral density of the noise at frequency zero, in
+units of a sample's variance: L = σ² for white noise, σ² (1+φ)/(1−φ) for a first-order
+autoregression. L belongs to the noise process, so it is estimated once per axis from all dwells
+together (`spectrum`); a short dwell alone says next to nothing about it. A dwell whose scatter is
+clearly larger than that of most keeps its own: its L is scaled by the ratio of the variances.
+
+Readings coarser than their own noise hide an error that no scatter shows; its variance,
+q²/12 · exp(−4π²s²/q²) with resolution q and noise s (the first harmonic of the rounding error),
+is added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from tdfscal.dwells.bins import Bins
+from tdfscal.dwells.change_points import runs
+from tdfscal.dwells.noise_spectrum import Ordinates, Spectrum, density, spectrum, together
+from tdfscal.numerics.threads import in_threads
+from tdfscal.records import BoolArray, FloatArray, IntArray
+
+Real = TypeVar("Real", bound=np.floating)
+
+_LARGER = 4.0  # standard deviations of log-variance beyond which a dwell keeps its own scatter
+_SPECTRA = 100  # dwells, evenly over the log, that the spectrum is taken from
+_ROWS = 2**12  # bins taken at once; they stay in the cache
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """One dwell: bins [begin, end) of which `used` (end − begin,) are averaged."""
+
+    begin: int
+    end: int
+    used: BoolArray
+
+    @property
+    def rows(self) -> IntArray:
+        """Indices of the bins averaged."""
+        return self.begin + np.flatnonzero(self.used)
+
+    @property
+    def ends(self) -> tuple[Extent, Extent]:
+        """The first and the last uninterrupted run of bins averaged."""
+        first, last = runs(self.used)
+        whole = [
+            Extent(self.begin + int(a), self.begin + int(b), self.used[a:b])
+            for a, b in ((first[0], last[0]), (first[-1], last[-1]))
+        ]
+        return whole[0], whole[1]
+
+    def followed_by(self, later: Extent) -> Extent:
+        """One dwell of both; what lies between is not averaged."""
+        between = np.zeros(later.begin - self.end, dtype=np.bool_)
+        return Extent(self.begin, later.end, np.concatenate([self.used, between, later.used]))
+
+
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """Per dwell and stream: mean (K, S, 3), cov of the mean (K, S, 3, 3), count and effective
+    (K, S); drift (K, S, 3), change over the dwell by the fitted line, with drift_std;
+    bow (K, S, 3), the quadratic term in standard deviations; density (K, S, 3), variance of a
+    sample as it counts in a long mean.
+    """
+
+    mean: FloatArray
+    cov: FloatArray
+    count: IntArray
+    effective: FloatArray
+    drift: FloatArray
+    drift_std: FloatArray
+    bow: FloatArray
+    density: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Own:
+    """What dwells show by themselves, (K, S, 3): see `Moments`.
+
+    scatter : sample variance. length : 1 / standard deviation of the drift for noise of variance 1.
+    """
+
+    mean: FloatArray
+    scatter: FloatArray
+    count: IntArray  # (K, S)
+    drift: FloatArray
+    length: FloatArray
+    bow: FloatArray
+
+
+def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
+    """Statistics of K dwells. Each stream's axes in the unit of the stream."""
+    shape = (len(extents), bins.count.shape[1], 3)
+    own = _own(bins, extents)
+    ratio = np.ones(shape)
+    zero = np.zeros((*shape, 3))
+    pooled = np.zeros(shape)
+    spectra = _spectra(bins, extents)
+    ordinates: dict[tuple[int, ...], Ordinates | None] = {}
+    for stream in range(shape[1] if extents else 0):
+        scatter, count = own.scatter[:, stream], own.count[:, stream]
+        ratio[:, stream] = _excess_scatter(scatter, count)
+        level = _pooled(scatter, count)
+        pooled[:, stream] = level * ratio[:, stream]
+        alike = (ratio[:, stream] == 1.0).all(axis=1)
+        usable = tuple(i for i, (k, _) in enumerate(spectra) if alike[k])
+        if usable not in ordinates:  # one for all streams, as a rule
+            ordinates[usable] = together([spectra[i][1] for i in usable])
+        root = np.sqrt(ratio[:, stream])
+        common = density(ordinates[usable], stream, level)
+        zero[:, stream] = common * root[:, :, None] * root[:, None, :]
+    n = np.maximum(own.count, 1)
+    # All dwells together: one dwell that sits amid a step shows no scatter, whatever the noise.
+    typical = own.scatter.mean(axis=0) if extents else np.zeros(shape[1:])
+    rounding = _rounding(typical, bins.quantum)
+    variance = np.asarray(np.diagonal(zero, axis1=2, axis2=3))
+    total = variance.sum(axis=2)
+    share = np.divide(pooled.sum(axis=2), total, out=np.ones(shape[:2]), where=total > 0)
+    sd = np.sqrt(variance)
+    return Moments(
+        mean=own.mean,
+        cov=zero / n[:, :, None, None] + rounding[..., None] * np.eye(3),
+        count=own.count,
+        effective=np.clip(n * share, 1.0, n),
+        drift=own.drift,
+        drift_std=sd / own.length,
+        bow=np.divide(own.bow, sd, out=np.zeros(shape), where=sd > 0),
+        density=variance,
+    )
+
+
+def force_extremes(bins: Bins, extents: Sequence[Extent]) -> tuple[FloatArray, FloatArray]:
+    """Smallest and largest sample of each dwell's forces, (K, n, 3) each, N."""
+    n = bins.low.shape[1]
+    low, high = np.zeros((len(extents), n, 3)), np.zeros((len(extents), n, 3))
+    for part in _portions(extents):
+        rows, first, _ = _together([extents[k] for k in part])
+        middle = _taken(bins.mean, rows)[n:]
+        least = np.fmin.reduceat(middle + _taken(bins.low, rows), first, axis=2)
+        most = np.fmax.reduceat(middle + _taken(bins.high, rows), first, axis=2)
+        low[part], high[part] = least.transpose(2, 0, 1), most.transpose(2, 0, 1)
+    return low, high
+
+
+def evenly(count: int, most: int) -> IntArray:
+    """At most so many of 0 … count − 1, evenly spread."""
+    if count <= most:
+        return np.arange(count)
+    return np.linspace(0, count - 1, most).round().astype(np.int64)
+
+
+def _spectra(bins: Bins, extents: Sequence[Extent]) -> list[tuple[int, Spectrum]]:
+    """(dwell, spectrum) of uninterrupted runs."""
+    found = []
+    for k in evenly(len(extents), _SPECTRA):
+        extent = extents[k]
+        for first, last in zip(*runs(extent.used), strict=True):
+            one = spectrum(bins, slice(int(extent.begin + first), int(extent.begin + last)))
+            if one is not None:
+                found.append((int(k), one))
+    return found
+
+
+def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
+    shape = (len(extents), bins.count.shape[1], 3)
+    mean, scatter, drift, bow = (np.zeros(shape) for _ in range(4))
+    length, count = np.ones(shape), np.zeros(shape[:2], dtype=np.int64)
+
+    def measure(part: list[int]) -> None:
+        rows, first, size = _together([extents[k] for k in part])
+
+        def total(x: FloatArray) -> FloatArray:
+            return np.asarray(np.add.reduceat(x, first, axis=-1))
+
+        def spread(x: FloatArray | IntArray) -> FloatArray:
+            return np.repeat(x, size, axis=-1)
+
+        # (S, 1, R) and (S, 3, R), or (S, ..., K) of the dwells.
+        w = bins.count.T[:, None, rows].astype(np.float64)
+        x = np.where(w > 0, _taken(bins.mean, rows), 0.0)
+        reference = np.maximum.reduceat(x, first, axis=-1)
+        x -= spread(reference)
+        n = total(w)
+        offset = total(w * x) / n
+        x -= spread(offset)
+        wx = w * x
+        square = total(wx * x) + total(_taken(bins.scatter, rows).astype(np.float64))
+        # Line and bow: weighted orthogonal polynomials of the time as a fraction of the dwell.
+        begin = rows[first]
+        whole = rows[first + size - 1] - begin + 1
+        t = (rows - spread(begin)) / spread(whole)
+        line = t - spread(total(w * t) / n)
+        line2 = total(w * line**2)
+        curve = line**2 - spread(line2 / n)
+        curve = curve - line * spread(total(w * line * curve) / line2)
+        for result, found in (
+            (mean, reference + offset),
+            (scatter, square / np.maximum(n - 1.0, 1.0)),
+            (drift, total(wx * line) / line2),
+            (length, np.sqrt(line2)),
+            (bow, total(wx * curve) / np.sqrt(total(w * curve**2))),
+        ):
+            result[part] = found.transpose(2, 0, 1)
+        count[part] = n[:, 0].T
+
+    in_threads(measure, _portions(extents))
+    return _Own(mean, scatter, count, drift, length, bow)
+
+
+def _together(extents: Sequence[Extent]) -> tuple[IntArray, IntArray, IntArray]:
+    """Bins of several dwells one after the other; where each dwell begins among them; its bins."""
+    rows = [extent.rows for extent in extents]
+    size = np.array([len(one) for one in rows])
+    return np.concatenate(rows), np.cumsum(size) - size, size
+
+
+def _taken(x: npt.NDArray[Real], rows: IntArray) -> npt.NDArray[Real]:
+    """(S, 3, R) of (B, S, 3)."""
+    return x.transpose(1, 2, 0)[..., rows]
+
+
+def _portions(extents: Sequence[Extent]) -> Iterator[list[int]]:
+    """Dwells in groups of limited size."""
+    part: list[int] = []
+    size = 0
+    for k, extent in enumerate(extents):
+        part.append(k)
+        size += int(extent.used.sum())
+        if size >= _ROWS:
+            yield part
+            part, size = [], 0
+    if part:
+        yield part
+
+
+def _rounding(scatter: FloatArray, quantum: FloatArray) -> FloatArray:
+    """(S, 3), variance of the mean that rounding to multiples of quantum adds."""
+    step = quantum**2
+    noise = np.maximum(scatter - step / 12.0, 0.0)
+    relative = np.divide(noise, step, out=np.full(scatter.shape, np.inf), where=step > 0)
+    return np.asarray(step / 12.0 * np.exp(-4.0 * np.pi**2 * relative))
+
+
+def _pooled(scatter: FloatArray, count: IntArray) -> FloatArray:
+    """(3,), the sample variance that most dwells have: weighted mean of the compatible ones."""
+    middle = np.median(scatter, axis=0)
+    weight = count[:, None] * (_log_ratio(scatter, middle, count) <= _LARGER)
+    total = np.maximum(weight.sum(axis=0), 1)
+    return np.asarray(np.where(weight.any(axis=0), (weight * scatter).sum(axis=0) / total, middle))
+
+
+def _log_ratio(scatter: FloatArray, middle: FloatArray, count: IntArray) -> FloatArray:
+    """log(variance / middle) in standard deviations, as spread among the dwells or as sampled."""
+    tiny = np.finfo(np.float64).tiny
+    log = np.log(np.maximum(scatter, tiny)) - np.log(np.maximum(middle, tiny))
+    sampled = np.sqrt(2.0 / np.maximum(count - 1, 1))[:, None]
+    spread = 1.4826 * np.median(np.abs(log), axis=0)
+    return np.asarray(log / np.maximum(sampled, spread))
+
+
+def _excess_scatter(scatter: FloatArray, count: IntArray) -> FloatArray:
+    """(K, 3), variance relative to the pooled one: 1 where compatible or smaller, else its own."""
+    pooled = _pooled(scatter, count)
+    larger = (_log_ratio(scatter, pooled, count) > _LARGER) & (pooled > 0)
+    return np.divide(scatter, pooled, out=np.ones_like(scatter), where=larger)

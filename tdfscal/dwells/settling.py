@@ -1,0 +1,305 @@
+"""Settling: how much to cut from the ends of a stretch that still rings or already moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+
+import numpy as np
+from scipy.special import chdtri
+
+from tdfscal.dwells.change_points import Noise
+from tdfscal.dwells.dwell_means import Extent
+from tdfscal.records import BoolArray, FloatArray, IntArray
+
+_P_MISFIT = 3e-3  # false cut per test
+_P_DECAY = 1e-4  # false decay per stretch
+_SLOWEST = 10.0  # s; a time constant beyond is called drift
+_BIAS = 0.5  # largest bias of the mean / its standard error where the stop is long enough
+_WANDER = 5.0  # standard deviations
+_STEP = 50  # a cut advances by at least this fraction of what is left
+_CONSTANTS = 24  # time constants tried
+_LENGTHS = 2 ** np.arange(40)
+_USUAL = 1024  # bins; shapes of decays up to this length are kept for the next stop
+
+
+Left = Callable[[IntArray, int], FloatArray]
+"""Starts (S,) and end of a mean, in bins → bias that the force axes may have, (S, A), N."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decay:
+    """amplitude · e^{−(t − begin)/τ}: begin, tau in bins, amplitude (A,) of the force axes in N."""
+
+    begin: int
+    tau: float
+    amplitude: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """A settled stretch [begin, end) in bins; ratio: bias to expect / standard error, worst axis.
+
+    decay : what settled before it, where that was seen.
+    """
+
+    begin: int
+    end: int
+    ratio: float = 0.0
+    decay: Decay | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A stretch of bins, with what is needed to compare the means of its parts.
+
+    start : its first bin; all bins are numbered over the log. value : (A, B), positions first.
+    total : (B + 1, A), prefix sums about a common origin. noise : of A axes. forces : the first
+    axis that settles (those before are positions). long_run : (A,), standard deviation of a bin
+    as it counts in a long mean: Var(mean of T bins) = long_run² / T. width : s.
+    tolerance : (A,), difference of means that resolution and rounding explain.
+    """
+
+    start: int
+    value: FloatArray
+    total: FloatArray
+    noise: Noise
+    forces: int
+    long_run: FloatArray
+    width: float
+    tolerance: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        start: int,
+        value: FloatArray,
+        noise: Noise,
+        forces: int,
+        long_run: FloatArray,
+        width: float,
+    ) -> Stretch:
+        """With the prefix sums of value."""
+        origin = value.mean(axis=1)
+        total = np.zeros((value.shape[1] + 1, len(value)))
+        np.cumsum(value.T - origin, axis=0, out=total[1:])
+        scale = np.abs(total).max(axis=0) + np.abs(origin)
+        tolerance = 1.001 * noise.quantum + 64 * np.finfo(np.float64).eps * scale
+        return cls(start, value, total, noise, forces, long_run, width, tolerance)
+
+    def mean(self, begin: IntArray | int, end: IntArray | int) -> FloatArray:
+        """Means about the origin, (..., A)."""
+        length = np.asarray(end - begin)[..., None]
+        total = self.total[end - self.start] - self.total[begin - self.start]
+        return np.asarray(total / length)
+
+    @property
+    def force(self) -> slice:
+        """The axes that settle."""
+        return slice(self.forces, None)
+
+    def louder(self, factor: FloatArray) -> Stretch:
+        """With the noise of each axis (A,) times a factor."""
+        if np.all(factor == 1.0):
+            return self
+        return replace(self, noise=self.noise.times(factor), long_run=self.long_run * factor)
+
+    def misfit(self, difference: FloatArray, variance: FloatArray, p: float) -> BoolArray:
+        """Does a difference of means (..., A) contradict the noise, with false alarm p?
+
+        Positions and forces apart; the sum of squares sees what all axes share, the largest one
+        what a single axis has.
+        """
+        excess = np.maximum(np.abs(difference) - self.tolerance, 0.0)
+        if variance.all():
+            z2 = excess**2 / variance
+        else:
+            z2 = np.divide(excess**2, variance, out=np.zeros_like(excess), where=variance > 0)
+            z2[(variance == 0) & (excess > 0)] = np.inf
+        positions, forces = z2[..., : self.forces], z2[..., self.forces :]
+        return np.logical_or(_too_large(positions, p), _too_large(forces, p))
+
+
+def _too_large(z2: FloatArray, p: float) -> BoolArray:
+    """Squares of standard normal axes (..., A) whose sum or largest one is improbable."""
+    total, largest = _limits(z2.shape[-1], p)
+    return np.asarray((z2.sum(axis=-1) > total) | (z2.max(axis=-1) > largest))
+
+
+@cache
+def _limits(axes: int, p: float) -> tuple[float, float]:
+    return float(chdtri(axes, p)), float(chdtri(1, p / axes))
+
+
+def settled_part(
+    stretch: Stretch,
+    begin: int,
+    end: int,
+    origin: int,
+    shortest: int,
+    *,
+    left: Sequence[Left],
+    rough: bool,
+) -> Settled | None:
+    """Cut both ends of [begin, end) until they fit the rest; None where nothing is left.
+
+    origin : bin where the NCPs came to rest. shortest : bins. left : bias that ringing may leave.
+    rough : leave it at what is seen, without extrapolating a decay.
+    """
+    at_begin = True
+    while end - begin >= shortest:
+        head, tail = _misfits(stretch, begin, end)
+        at_begin = at_begin and head > 0  # once it fits, only the end is cut
+        if at_begin:
+            begin += max(1, head // 2, (end - begin) // _STEP)
+        elif tail:
+            end -= max(1, tail // 2, (end - begin) // _STEP)
+        else:
+            break
+    if end - begin < shortest:
+        return None
+    visible = begin - (begin - origin) // 2
+    fitted = None if rough else _fit_decay(stretch, visible, end)
+    return _without_decay(stretch, Settled(begin, end, 0.0, fitted), visible, shortest, left)
+
+
+def one_level(stretch: Stretch, a: Settled | Extent, b: Settled | Extent, p: float) -> bool:
+    """Are the means of two stretches one level?"""
+    difference = stretch.mean(b.begin, b.end) - stretch.mean(a.begin, a.end)
+    variance = stretch.noise.of_mean(a.end - a.begin) ** 2
+    variance = variance + stretch.noise.of_mean(b.end - b.begin) ** 2
+    return not bool(stretch.misfit(difference, variance, p))
+
+
+def restless(stretch: Stretch, part: Settled) -> bool:
+    """Does the level wander more than the noise: an oscillation below the threshold of a change?"""
+    for scale in range(len(stretch.noise.difference)):
+        width = 2**scale
+        start = np.arange(part.begin, part.end - 2 * width + 1, max(width // 2, 1))
+        if len(start) < 2:
+            break
+        difference = stretch.mean(start + width, start + 2 * width)
+        difference = difference - stretch.mean(start, start + width)
+        excess = np.maximum(np.abs(difference) - stretch.tolerance, 0.0)[:, stretch.force]
+        variance = 2.0 * stretch.noise.of_mean(width)[stretch.force] ** 2
+        z2 = np.divide(excess**2, variance, out=np.zeros_like(excess), where=variance > 0)
+        independent = max((part.end - part.begin) / (2.0 * width), 1.0) * z2.shape[1]
+        if z2.mean() > 1.0 + _WANDER * np.sqrt(2.0 / independent):
+            return True
+    return False
+
+
+def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
+    """Shortest windows at the begin and at the end that do not fit the other half; 0 if all do."""
+    middle = (begin + end) // 2
+    lengths = _LENGTHS[: max(((end - begin) // 4).bit_length(), 1)]
+    many = len(lengths)
+    at = np.concatenate([begin + lengths, end - lengths, (begin, middle, end)]) - stretch.start
+    total = stretch.total[at]
+    windows, (first, half, last) = total[: 2 * many].reshape(2, many, -1), total[2 * many :]
+    windows[0] -= first
+    np.subtract(last, windows[1], out=windows[1])
+    windows /= lengths[:, None]
+    halves = np.stack([(last - half) / (end - middle), (half - first) / (middle - begin)])
+    sizes = np.concatenate([lengths, (end - middle, middle - begin)])
+    variance = stretch.noise.of_mean(sizes) ** 2
+    of_window, of_half = variance[:many], variance[many:, None]
+    misfit = stretch.misfit(windows - halves[:, None], of_window + of_half, _P_MISFIT)
+    first = np.where(misfit.any(axis=1), lengths[misfit.argmax(axis=1)], 0)
+    return int(first[0]), int(first[1])
+
+
+def _without_decay(
+    stretch: Stretch, part: Settled, visible: int, shortest: int, left: Sequence[Left]
+) -> Settled:
+    """Cut further until what remains of a decay shifts no mean by more than a fraction of its se.
+
+    A tail too small to see in itself still shifts a long mean, so the decay is measured where it
+    is visible: y = c + a e^{−t/τ} from bin `visible` on, one τ for all axes, and extrapolated.
+    """
+    if part.decay is None and not left:
+        return part
+    long_run = stretch.long_run[stretch.force]
+    start = np.arange(part.begin, max(part.end - shortest, part.begin) + 1)
+    length = part.end - start
+    square = np.zeros(len(start))
+    if part.decay is not None:
+        tau = part.decay.tau
+        size = np.abs(part.decay.amplitude)
+        worst = np.divide(size, long_run, out=np.zeros_like(size), where=long_run > 0).max()
+        # Σ e^{−t/τ} over [start, end), over the standard error of a sum of as many bins.
+        decay = np.exp(-(start - visible) / tau) * -np.expm1(-length / tau) / -np.expm1(-1.0 / tau)
+        square += (worst * decay) ** 2 / length
+    for bias_of in left:
+        bias = bias_of(start, part.end)
+        relative = np.divide(bias, long_run, out=np.zeros_like(bias), where=long_run > 0)
+        square += relative.max(axis=1) ** 2 * length
+    ratio = np.sqrt(square)
+    # Least mean square error of the mean, (1 + ratio²) / length, among the starts that will do.
+    error = np.where(ratio <= max(_BIAS, ratio.min()), (1.0 + square) / length, np.inf)
+    best = int(np.argmin(error))
+    return replace(part, begin=int(start[best]), ratio=float(ratio[best]))
+
+
+def one_decay(stretch: Stretch, earlier: Settled, later: Settled) -> bool:
+    """Is the earlier level what the decay that ends in the later one had then?
+
+    A decay slow enough looks like a level for a while.
+    """
+    if later.decay is None:
+        return False
+    seen = stretch.mean(earlier.begin, earlier.end) - stretch.mean(later.begin, later.end)
+    middle = 0.5 * (earlier.begin + earlier.end)
+    expected = np.exp((later.decay.begin - middle) / later.decay.tau) * later.decay.amplitude
+    scale = stretch.long_run[stretch.force]
+    seen, expected = (
+        np.divide(x, scale, out=np.zeros_like(x), where=scale > 0)
+        for x in (seen[stretch.force], expected)
+    )
+    across, share = seen @ expected, expected @ expected
+    return bool(across > 0.9 * np.sqrt((seen @ seen) * share) and 0.5 < across / share < 2.0)
+
+
+def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:
+    """The decay in bins [begin, end); None where there is none that the noise does not explain."""
+    value = stretch.value[stretch.force, begin - stretch.start : end - stretch.start]
+    long_run = stretch.long_run[stretch.force]
+    noisy = long_run > 0
+    length = value.shape[1]
+    if length < 8 or not noisy.any():
+        return None
+    scaled = (value[noisy] - value[noisy].mean(axis=1, keepdims=True)) / long_run[noisy, None]
+    longest = min(_SLOWEST / stretch.width, 2.0 * length)
+    tau, shapes, size = (_kept_decays if length <= _USUAL else _decays)(1.0, longest, length)
+    least = chdtri(int(noisy.sum()), _P_DECAY)
+    gain = ((scaled @ shapes.T) ** 2).sum(axis=0)
+    best = int(np.argmax(gain))
+    if gain[best] < 0.8 * least:  # no refinement gains more
+        return None
+    shorter, longer = tau[max(best - 1, 0)], tau[min(best + 1, _CONSTANTS - 1)]
+    tau, shapes, size = _decays(float(shorter), float(longer), length)
+    gain = ((scaled @ shapes.T) ** 2).sum(axis=0)
+    best = int(np.argmax(gain))
+    # Vibration leaves more in a window of this length than in a long one.
+    window = max(int(tau[best]), 1)
+    sigma = stretch.noise.of_mean(window)[stretch.force][noisy] * np.sqrt(window)
+    excess = max(float(np.median(sigma / long_run[noisy])), 1.0)
+    if gain[best] < excess**2 * least:
+        return None
+    centred = value - value.mean(axis=1, keepdims=True)
+    return Decay(begin, float(tau[best]), np.asarray(centred @ shapes[best] / size[best]))
+
+
+def _decays(shortest: float, longest: float, length: int) -> tuple[FloatArray, ...]:
+    """Time constants (τ,) in steps of one factor, e^{−t/τ} less its mean over `length` bins and
+    divided by its size, (τ, length), and that size, (τ,).
+    """
+    tau = shortest * (longest / shortest) ** np.linspace(0.0, 1.0, _CONSTANTS)
+    shape = np.exp(-np.arange(length) / tau[:, None])
+    shape -= shape.mean(axis=1, keepdims=True)
+    size = np.sqrt((shape**2).sum(axis=1))
+    return tau, shape / size[:, None], size
+
+
+_kept_decays = lru_cache(maxsize=8)(_decays)

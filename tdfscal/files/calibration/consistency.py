@@ -1,0 +1,64 @@
+"""A calibration file says the same thing several times; these checks compare."""
+
+from __future__ import annotations
+
+from collections.abc import Sized
+
+import numpy as np
+
+from tdfscal.files.calibration.parts import SupportResult
+from tdfscal.files.field_types import fault
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray
+
+SAME = 1e-9
+"""Two statements of one rotation agree within this, per matrix element."""
+SAME_STD = 1e-6
+"""Two statements of one standard uncertainty agree within this, relative."""
+GIMBAL_LOCK = 1e-6
+"""cos(pitch) below which roll and yaw are one turn and have no uncertainty of their own."""
+_HINT = "the file was altered; calibrate again"
+
+
+def check_covariance(matrix: FloatArray) -> None:
+    """Refuse a matrix that is not symmetric and positive semidefinite to rounding."""
+    place = ("covariance", "matrix")
+    unit = matrix / (np.abs(matrix).max() or 1.0)
+    if not np.allclose(unit, unit.T, rtol=0, atol=1e-12):
+        raise fault("is not symmetric", *place, hint=_HINT)
+    if np.linalg.eigvalsh(unit)[0] < -1e-12:
+        raise fault("is not positive semidefinite", *place, hint=_HINT)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def check_rotation(support: SupportResult, covariance: FloatArray, index: int) -> None:
+    """Refuse a support whose rotation, angles, quaternion and uncertainties disagree.
+
+    covariance : (3, 3), rad², of the support's rotation, perturbed in the BCS.
+    """
+    place = ("supports", index)
+    R = np.array(support.rotation)
+    if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) or np.linalg.det(R) < 0:
+        raise fault("is not a rotation: not orthonormal, or det ≠ +1", *place, "rotation")
+    if not np.allclose(so3.from_rpy(support.rpy), R, rtol=0, atol=SAME):
+        raise fault("is not the angles of `rotation`", *place, "rpy", hint=_HINT)
+    if not np.allclose(_from_quaternion(support.quaternion_xyzw), R, rtol=0, atol=SAME):
+        raise fault("is not the quaternion of `rotation`", *place, "quaternion_xyzw", hint=_HINT)
+    if np.hypot(R[0, 0], R[1, 0]) > GIMBAL_LOCK:
+        J = so3.rpy_jacobian(R)
+        std = np.sqrt(np.maximum(np.diagonal(J @ covariance @ J.T), 0.0))
+        if not np.allclose(support.rpy_std, std, rtol=SAME_STD, atol=0):
+            raise fault("does not follow from the covariance", *place, "rpy_std", hint=_HINT)
+
+
+def check_shape(rows: Sized, n: int, name: str, *place: str | int) -> None:
+    """Refuse a table, of the Monte Carlo or at another place, that has not one row per support."""
+    if len(rows) != n:
+        where = place or ("monte_carlo",)
+        raise fault(f"must have a row per support, {n}, got {len(rows)}", *where, name)
+
+
+def _from_quaternion(q: tuple[float, float, float, float]) -> FloatArray:
+    """Rotation of q = (x, y, z, w); no rotation where q is not of unit length."""
+    v, w = np.array(q[:3]), np.float64(q[3])
+    return np.asarray((w**2 - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * so3.hat(v))

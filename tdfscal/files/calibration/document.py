@@ -1,0 +1,261 @@
+"""The calibration file: what was found, how well, from what, under which convention."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self, assert_never
+
+import numpy as np
+from pydantic import Field, StringConstraints, model_validator
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.calibration.consistency import check_covariance, check_rotation, check_shape
+from tdfscal.files.calibration.evidence_model import MethodAngles, PostureTable
+from tdfscal.files.calibration.parameters import Parameters, check_parameters
+from tdfscal.files.calibration.parts import (
+    CALIBRATION_FORMAT,
+    CONVENTION,
+    CONVENTION_WITH_SENSITIVITY,
+    COVARIANCE_DEFINITION,
+    Budget,
+    ConformityResult,
+    Convention,
+    Covariance,
+    FitResult,
+    Input,
+    MonteCarloResult,
+    ObservabilityResult,
+    QualityResult,
+    Software,
+    StabilityResult,
+    SupportResult,
+    TerminalResult,
+    TrackerStatistics,
+    ValidationResult,
+)
+from tdfscal.files.field_types import Count, FreeText, Strict, Text, fault
+from tdfscal.files.model_errors import checked, require_format
+from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
+from tdfscal.files.saving import to_json, to_yaml, write_text
+from tdfscal.files.yaml.reading import Document, Format, parse_document, read_document
+from tdfscal.records import FloatArray, Rotations
+
+Instant = Annotated[
+    str,
+    StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
+]
+"""UTC, ISO 8601."""
+
+AXES = ("rx", "ry", "rz")
+
+
+class Calibration(Strict):
+    """The installation rotations of a rig's sensors, with all that belongs to them.
+
+    The fields are those of the file; arrays may be given as numpy arrays. n supports; rotations
+    take a sensor's frame to the BCS.
+    """
+
+    format: Literal["tdfscal-calibration/1"]
+    status: Literal["accepted", "rejected"]
+    method: Literal["self", "tracker", "joint"]
+    estimator: Literal["ml", "linear"] | None = None
+    created: Instant
+    rig: EmbeddedRig
+    software: Software
+    command: FreeText
+    seed: Count
+    inputs: tuple[Input, ...]
+    convention: Convention
+    supports: tuple[SupportResult, ...] = Field(min_length=3)
+    covariance: Covariance
+    parameters: Parameters | None = None
+    terminal: TerminalResult
+    fit: FitResult | None = None
+    observability: ObservabilityResult | None = None
+    budget: Budget | None = None
+    monte_carlo: MonteCarloResult | None = None
+    validation: ValidationResult | None = None
+    stability: StabilityResult | None = None
+    conformity: ConformityResult | None = None
+    tracker: TrackerStatistics | None = None
+    postures: PostureTable | None = None
+    methods: tuple[MethodAngles, ...] | None = None
+    quality: QualityResult = QualityResult()
+    warnings: tuple[Text, ...] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        self._check_status()
+        self._check_names()
+        check_covariance(self.rotation_covariance)
+        if self.parameters is not None:
+            check_parameters(self.parameters, self.support_names, self.rotation_covariance)
+        for index, support in enumerate(self.supports):
+            block = slice(3 * index, 3 * index + 3)
+            check_rotation(support, self.rotation_covariance[block, block], index)
+        if self.monte_carlo is not None:
+            for name in ("rpy_std", "low", "high"):
+                check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
+            if self.monte_carlo.histogram is not None:
+                check_shape(self.monte_carlo.histogram.counts, len(self.supports), "histogram")
+        for index, alone in enumerate(self.methods or ()):
+            for name in ("rpy", "rpy_std"):
+                check_shape(getattr(alone, name), len(self.supports), name, "methods", index)
+        return self
+
+    def _check_status(self) -> None:
+        if (self.status == "accepted") == bool(self.quality.reasons):
+            raise fault(f"is `{self.status}` against `quality.reasons`", "status")
+        if self.method == "self" and self.estimator is None:
+            raise fault("lacks `estimator`, which the method `self` has")
+        if self.method == "tracker" and self.estimator is not None:
+            raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
+        if self.method == "self" and (self.fit is None or self.observability is None):
+            raise fault("lacks `fit` or `observability`, which the method `self` has")
+        scaled = any(support.sensitivity is not None for support in self.supports)
+        if self.convention != (CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION):
+            given = "some supports" if scaled else "no support"
+            raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
+
+    def _check_names(self) -> None:
+        names = self.support_names
+        if names != tuple(support.name for support in self.rig.supports):
+            raise fault("are not those of the embedded rig, in its order", "supports")
+        if self.covariance.parameters != parameter_names(names):
+            raise fault(
+                f"must be {names[0]}.rx, {names[0]}.ry and so on, in the order of the supports",
+                *("covariance", "parameters"),
+            )
+        size = 3 * len(names)
+        rows = self.covariance.matrix
+        if len(rows) != size or any(len(row) != size for row in rows):
+            raise fault(f"must have {size} rows of {size} numbers", "covariance", "matrix")
+
+    @property
+    def support_names(self) -> tuple[str, ...]:
+        """Names of the supports, in order."""
+        return tuple(support.name for support in self.supports)
+
+    @property
+    def rotation(self) -> FloatArray:
+        """(n, 3, 3), sensor frame → BCS."""
+        return np.array([support.rotation for support in self.supports])
+
+    @property
+    def rpy(self) -> FloatArray:
+        """(n, 3), roll, pitch, yaw, rad."""
+        return np.array([support.rpy for support in self.supports])
+
+    @property
+    def rpy_std(self) -> FloatArray:
+        """(n, 3), standard uncertainties of roll, pitch, yaw, rad."""
+        return np.array([support.rpy_std for support in self.supports])
+
+    @property
+    def rotation_covariance(self) -> FloatArray:
+        """(3n, 3n), rad², of d with R_true = exp([d]×) · rotation, d in the BCS."""
+        return np.array(self.covariance.matrix)
+
+    @property
+    def zero(self) -> FloatArray:
+        """(n, 3), zero offsets, N, sensor frames."""
+        return np.array([support.zero for support in self.supports])
+
+    @property
+    def zero_std(self) -> FloatArray:
+        """(n, 3), standard uncertainties of the zero offsets, N; ∞ where they are open."""
+        return np.array(
+            [[np.inf if s is None else s for s in support.zero_std] for support in self.supports]
+        )
+
+    @property
+    def sensitivity(self) -> FloatArray:
+        """(n, 3, 3), I + S; the identity where none was estimated."""
+        identity = tuple(map(tuple, np.eye(3).tolist()))
+        return np.array([support.sensitivity or identity for support in self.supports])
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What is odd about the file itself, beside the result's own warnings."""
+        if not self.rig.edited:
+            return ()
+        return (
+            "the rig that this file embeds was edited after the calibration: the result does not "
+            "belong to it",
+        )
+
+    def rotations(self) -> Rotations:
+        """Return the rotations with their covariance as a record."""
+        return Rotations(self.support_names, self.rotation, self.rotation_covariance)
+
+    def loaded_rig(self, source: Path | str = "calibration") -> LoadedRig:
+        """Return the embedded rig; source is where this calibration was read, for messages."""
+        return embedded_rig(self.rig, Path(source))
+
+
+def parameter_names(supports: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of the covariance's rows: `ncp1.rx`, `ncp1.ry`, `ncp1.rz`, `ncp2.rx` …."""
+    return tuple(f"{name}.{axis}" for name in supports for axis in AXES)
+
+
+def load_calibration(path: Path | str) -> Calibration:
+    """Read and check a calibration file, JSON where its suffix is .json, else YAML.
+
+    Raises DataError for what is no calibration file, is of a newer format, or contradicts itself,
+    and UsageError where the file cannot be read.
+    """
+    return _from_document(read_document(Path(path), DataError))
+
+
+def parse_calibration(raw: bytes, source: str) -> Calibration:
+    """Check the bytes of a calibration file, JSON or YAML; source names it in messages."""
+    form: Format = "json" if raw.lstrip().startswith(b"{") else "yaml"
+    return _from_document(parse_document(raw, source, DataError, form))
+
+
+def dump_calibration(calibration: Calibration, form: Format) -> str:
+    """Return the text of a calibration file in full double precision."""
+    content = calibration.model_dump(mode="json", exclude_none=True)
+    match form:
+        case "json":
+            return to_json(content)
+        case "yaml":
+            return to_yaml(content)
+        case _:
+            assert_never(form)
+
+
+def save_calibration(calibration: Calibration, path: Path | str) -> None:
+    """Write a calibration file, whole or not at all: .json, or .yaml and .yml.
+
+    Raises UsageError for another suffix or where it cannot be written.
+    """
+    forms: dict[str, Format] = {".json": "json", ".yaml": "yaml", ".yml": "yaml"}
+    form = forms.get(Path(path).suffix.lower())
+    if form is None:
+        raise UsageError(
+            "a calibration file's name ends in .json, .yaml or .yml",
+            where=str(path),
+            hint="choose one of them",
+        )
+    write_text(Path(path), dump_calibration(calibration, form))
+
+
+def _from_document(document: Document) -> Calibration:
+    require_format(document, CALIBRATION_FORMAT, DataError)
+    return checked(Calibration, document, DataError)
+
+
+__all__ = [
+    "CALIBRATION_FORMAT",
+    "CONVENTION",
+    "CONVENTION_WITH_SENSITIVITY",
+    "COVARIANCE_DEFINITION",
+    "Calibration",
+    "dump_calibration",
+    "load_calibration",
+    "parameter_names",
+    "parse_calibration",
+    "save_calibration",
+]

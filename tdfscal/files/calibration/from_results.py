@@ -1,0 +1,399 @@
+"""From a result's records to the calibration file's model, for each method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from tdfscal import __version__
+from tdfscal.acceptance.conformity import Conformity
+from tdfscal.comparison.joint import Joint
+from tdfscal.files.calibration import evidence
+from tdfscal.files.calibration.document import Calibration, parameter_names
+from tdfscal.files.calibration.parameters import parameters_document
+from tdfscal.files.calibration.parts import (
+    CALIBRATION_FORMAT,
+    CONVENTION,
+    CONVENTION_WITH_SENSITIVITY,
+    COVARIANCE_DEFINITION,
+)
+from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.model.statics import State, layout, symmetric
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.records import ANGLES, FloatArray, InputFile
+from tdfscal.selfcal.covariance import COVERAGE
+from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.monte_carlo import MonteCarlo
+from tdfscal.selfcal.observability import Observability
+from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
+from tdfscal.trackercal import TrackerCalibration
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where a result comes from."""
+
+    rig: LoadedRig
+    inputs: tuple[InputFile, ...]
+    command: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Angles:
+    """Rotations (n, 3, 3), their covariance (3n, 3n), and intervals (n, 3), rad."""
+
+    rotation: FloatArray
+    covariance: FloatArray
+    std: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def from_self(
+    result: SelfCalibration, origin: Provenance, notes: Sequence[str] = ()
+) -> Calibration:
+    """Return the calibration file of a self-calibration."""
+    return _calibration(
+        origin,
+        method="self",
+        estimator=result.estimator,
+        reasons=result.reasons,
+        warnings=(*notes, *result.warnings),
+        angles=_self_angles(result),
+        parameters=parameters_document(from_fit(result.fit, result.uncertainty.covariance)),
+        budget=result.uncertainty.contributions,
+        **_self_parts(result, origin, result.fit.state, result.uncertainty.parameter_std),
+    )
+
+
+def from_tracker(
+    result: TrackerCalibration, origin: Provenance, reasons: Sequence[str], notes: Sequence[str]
+) -> Calibration:
+    """Return the calibration file of a laser-tracker calibration."""
+    rig, trials = origin.rig.rig, result.monte_carlo
+    return _calibration(
+        origin,
+        method="tracker",
+        reasons=reasons,
+        warnings=(*notes, *result.warnings),
+        angles=_tracker_angles(result),
+        budget=result.budget,
+        zero=rig.zero.value,
+        zero_std=rig.zero.std,
+        terminal=_terminal(rig.mass.value, rig.mass.std, rig.barycentre.value, rig.barycentre.std),
+        monte_carlo=_trials(
+            trials,
+            origin.seed,
+            result.rpy_std,
+            validated=trials is not None and trials.linear_interval_validated,
+        ),
+        tracker=_tracker_statistics(result),
+    )
+
+
+def from_joint(
+    both: Joint,
+    own: SelfCalibration,
+    tracker: TrackerCalibration,
+    origin: Provenance,
+    reasons: Sequence[str],
+    notes: Sequence[str],
+) -> Calibration:
+    """Return the calibration file of both methods together.
+
+    Zeros, mass and barycentre are those of the self-calibration, moved by their correlation with
+    the rotations that the tracker has moved.
+    """
+    given = from_fit(own.fit, both.rotations.covariance, both.rotations.rotation)
+    half = float(normal_quantile(0.5 + COVERAGE / 2)) * both.rpy_std
+    angles = _Angles(
+        both.rotations.rotation,
+        both.rotations.covariance,
+        both.rpy_std,
+        both.rpy - half,
+        both.rpy + half,
+    )
+    std = np.where(given.open, np.inf, np.sqrt(np.diagonal(given.covariance)))
+    # An open parameter of the self-calibration stays open: rotations alone do not fix it.
+    std = np.where(np.isinf(own.uncertainty.parameter_std), np.inf, std)
+    parts = _self_parts(own, origin, given.state, std) | {"monte_carlo": None}
+    return _calibration(
+        origin,
+        method="joint",
+        estimator=own.estimator,
+        reasons=reasons,
+        warnings=(*notes, *own.warnings, *tracker.warnings),
+        angles=angles,
+        parameters=parameters_document(given),
+        budget=_joint_budget(both, own, tracker),
+        tracker=_tracker_statistics(tracker)
+        | {
+            "consistency_p_value": both.test.p_value,
+            "largest_en": float(np.abs(both.test.en).max()),
+        },
+        methods=evidence.methods(own, tracker),
+        **parts,
+    )
+
+
+def _calibration(
+    origin: Provenance,
+    *,
+    method: str,
+    reasons: Sequence[str],
+    warnings: Sequence[str],
+    angles: _Angles,
+    budget: Mapping[str, FloatArray],
+    zero: FloatArray,
+    zero_std: FloatArray,
+    sensitivity: FloatArray | None = None,
+    **parts: Any,
+) -> Calibration:
+    names = origin.rig.rig.supports
+    rpy, quaternion = so3.to_rpy(angles.rotation), so3.to_quaternion(angles.rotation)
+    supports = [
+        {
+            "name": name,
+            "rotation": angles.rotation[i],
+            "rpy": rpy[i],
+            "rpy_std": angles.std[i],
+            "rpy_interval": {"coverage": COVERAGE, "low": angles.low[i], "high": angles.high[i]},
+            "quaternion_xyzw": quaternion[i],
+            "zero": zero[i],
+            "zero_std": _open(zero_std[i]),
+            "sensitivity": None if sensitivity is None else sensitivity[i],
+        }
+        for i, name in enumerate(names)
+    ]
+    document = {
+        "format": CALIBRATION_FORMAT,
+        "status": "rejected" if reasons else "accepted",
+        "method": method,
+        "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "rig": {**origin.rig.document, "sha256": origin.rig.sha256},
+        "software": {"name": "tdfscal", "version": __version__},
+        "command": origin.command,
+        "seed": origin.seed,
+        "inputs": [
+            {"path": f.path, "sha256": f.sha256, "bytes": f.bytes, "integrity": f.integrity}
+            for f in origin.inputs
+        ],
+        "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
+        "supports": supports,
+        "covariance": {
+            "parameters": parameter_names(names),
+            "definition": COVARIANCE_DEFINITION,
+            "matrix": (angles.covariance + angles.covariance.T) / 2,
+        },
+        "budget": _budget(names, budget),
+        "quality": {"reasons": tuple(reasons)},
+        "warnings": tuple(warnings),
+    }
+    return Calibration.model_validate(document | parts)
+
+
+def _self_parts(
+    result: SelfCalibration, origin: Provenance, state: State, std: FloatArray
+) -> dict[str, Any]:
+    """Everything but the angles and their budget; std (P,) of the state's parameters."""
+    n, place, trials = state.n, layout(state.n), result.monte_carlo
+    declared = result.rig.declared.force_sensitivity > 0
+    return {
+        "zero": state.zero,
+        "zero_std": std[place["zero"]].reshape(n, 3),
+        "sensitivity": np.eye(3) + symmetric(state.sensitivity) if declared else None,
+        "terminal": _terminal(
+            state.mass, std[place["mass"]][0], state.barycentre, std[place["barycentre"]]
+        ),
+        "fit": _fit(result),
+        "postures": evidence.postures(result),
+        "observability": _observability(result.observability) | {"loads": evidence.loads(result)},
+        "monte_carlo": _trials(
+            trials,
+            origin.seed,
+            result.uncertainty.rpy_std,
+            validated=trials is not None and trials.validated,
+        ),
+        "validation": _validation(result),
+        "stability": asdict(result.stability),
+        "conformity": _conformity(result.conformity),
+    }
+
+
+def _terminal(
+    mass: FloatArray, mass_std: FloatArray, bary: FloatArray, bary_std: FloatArray
+) -> dict[str, Any]:
+    return {
+        "mass": {"value": float(mass), "std": _open(np.reshape(mass_std, 1))[0]},
+        "barycenter": {"value": bary, "std": _open(bary_std)},
+    }
+
+
+def _open(std: FloatArray) -> list[float | None]:
+    """Standard uncertainties as the file writes them: nothing where there is none."""
+    return [float(s) if np.isfinite(s) else None for s in std]
+
+
+def _self_angles(result: SelfCalibration) -> _Angles:
+    spread, rpy = result.uncertainty, so3.to_rpy(result.fit.state.rotation)
+    low = rpy - spread.coverage_factor * spread.rpy_std
+    high = rpy + spread.coverage_factor * spread.rpy_std
+    trials = result.monte_carlo
+    if trials is not None and not trials.validated:
+        low, high = trials.low, trials.high
+    return _Angles(result.fit.state.rotation, spread.covariance, spread.rpy_std, low, high)
+
+
+def _tracker_angles(result: TrackerCalibration) -> _Angles:
+    found = result.rotations
+    low, high = result.low, result.high
+    if result.monte_carlo is not None and not result.monte_carlo.linear_interval_validated:
+        low, high = result.monte_carlo.low, result.monte_carlo.high
+    return _Angles(found.rotation, found.covariance, result.rpy_std, low, high)
+
+
+def _fit(result: SelfCalibration) -> dict[str, Any]:
+    stats, dwells = result.quality, result.dwells
+    return {
+        "postures": len(dwells) - len(result.rejected),
+        "rejected": [
+            {"index": k, "start": dwells.start[k], "end": dwells.end[k], "reason": reason}
+            for k, reason in sorted(result.rejected.items())
+        ],
+        "chi2": stats.chi2,
+        "dof": stats.dof,
+        "p_value": stats.p_value,
+        "birge": stats.birge,
+        "rms_force": stats.rms_force,
+        "rms_moment": stats.rms_moment,
+        "iterations": result.fit.iterations,
+        "converged": result.fit.converged,
+    }
+
+
+def _observability(seen: Observability) -> dict[str, Any]:
+    weakest = seen.weakest
+    return {
+        "verdict": seen.verdict,
+        "weakest": {
+            "name": weakest.name,
+            "std": weakest.std,
+            "cause": "the smallest load across the direction of this turn",
+        },
+        "angles": [
+            {
+                "support": a.support,
+                "angle": a.angle,
+                "std": a.std,
+                "prior_std": _open(np.array([a.prior_std]))[0],
+                "identified": a.identified,
+            }
+            for a in seen.angles
+        ],
+        "correlations": [{"a": c.a, "b": c.b, "value": c.value} for c in seen.correlations],
+    }
+
+
+def _budget(names: Sequence[str], shares: Mapping[str, FloatArray]) -> dict[str, Any]:
+    """Variances by source; sources that contribute nothing anywhere are left out."""
+    sources = [source for source, variance in shares.items() if np.any(variance > 0)]
+    return {
+        "sources": sources,
+        "angles": [
+            {
+                "support": name,
+                "angle": angle,
+                "variance": {source: float(max(0.0, shares[source][i, j])) for source in sources},
+            }
+            for i, name in enumerate(names)
+            for j, angle in enumerate(ANGLES)
+        ],
+    }
+
+
+def _joint_budget(
+    both: Joint, own: SelfCalibration, tracker: TrackerCalibration
+) -> dict[str, FloatArray]:
+    """Each method's share: C C_a⁻¹ C, whose sum is C."""
+    R, C = both.rotations.rotation, both.rotations.covariance
+    return {
+        name: so3.rpy_variance(R, C @ np.linalg.solve(cov, C))
+        for name, cov in (
+            ("self-calibration", own.uncertainty.covariance),
+            ("tracker", tracker.rotations.covariance),
+        )
+    }
+
+
+def _trials(
+    trials: MonteCarlo | TrackerMonteCarlo | None,
+    seed: int,
+    rpy_std: FloatArray,
+    *,
+    validated: bool,
+) -> dict[str, Any] | None:
+    """Monte Carlo of either method."""
+    if trials is None:
+        return None
+    return {
+        "trials": trials.trials,
+        "seed": seed,
+        "rpy_std": trials.std,
+        "low": trials.low,
+        "high": trials.high,
+        "tolerance": float(trials.tolerance.min()),
+        "linear_interval_validated": validated,
+        "histogram": evidence.histogram(trials.sample, rpy_std),
+    }
+
+
+def _validation(result: SelfCalibration) -> dict[str, Any]:
+    check = result.validation
+    rms = zip(check.before.rms(), check.after.rms(), strict=True)
+    top = zip(check.before.largest(), check.after.largest(), strict=True)
+    parts = [
+        {"rms_before": rb, "rms_after": ra, "max_before": mb, "max_after": ma}
+        for (rb, ra), (mb, ma) in zip(rms, top, strict=True)
+    ]
+    return {
+        "method": "leave one posture out",
+        "postures": len(check.index),
+        "force": parts[0],
+        "moment": parts[1],
+    }
+
+
+def _conformity(judged: Conformity | None) -> dict[str, Any] | None:
+    if judged is None:
+        return None
+    parts = {
+        part.quantity: {
+            "expanded_uncertainty": part.expanded,
+            "limit": part.limit if np.isfinite(part.limit) else None,
+            "probability_exceeding": part.exceeding,
+            "conforms": part.conforms,
+        }
+        for part in (judged.force, judged.torque)
+    }
+    return {"rpy": judged.rpy, **parts}
+
+
+def _tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
+    return {
+        "chi2": result.chi2,
+        "dof": result.dof,
+        "p_value": result.p_value,
+        "birge": result.birge,
+        "points": len(result.point_names),
+        "rejected": [point.name for point in result.rejected],
+        "coplanar_targets": list(result.coplanar_targets),
+        "rms_residual": float(np.sqrt(np.mean(np.sum(result.residual**2, axis=1)))),
+        "residuals": evidence.survey_residuals(result),
+    }

@@ -1,0 +1,117 @@
+"""The calibration file's optional block of all parameters together, and its way to the records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator
+
+from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy
+from tdfscal.model.statics import deviation, layout, nominal, retract
+from tdfscal.records import FloatArray, Rig
+
+if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
+    from tdfscal.model.calibrated import Calibrated
+
+ParametersDefinition = Literal[
+    "value: estimate − stated value of the embedded rig, rotations 0; matrix: covariance, "
+    "rotations as in `covariance`; SI units"
+]
+DEFINITION: ParametersDefinition = (
+    "value: estimate − stated value of the embedded rig, rotations 0; matrix: covariance, "
+    "rotations as in `covariance`; SI units"
+)
+_COMPONENTS = {
+    "rotation": ("rx", "ry", "rz"),
+    "zero": ("zero.x", "zero.y", "zero.z"),
+    "sensitivity": tuple(f"sensitivity.{c}" for c in ("xx", "yy", "zz", "yz", "xz", "xy")),
+    "mass": ("mass",),
+    "barycentre": ("barycenter.x", "barycenter.y", "barycenter.z"),
+    "hinge": ("hinge.x", "hinge.y", "hinge.z"),
+    "datum": ("datum.x", "datum.y", "datum.z"),
+    "tilt": ("gravity.tilt_x", "gravity.tilt_y"),
+}
+_OF_THE_RIG = ("mass", "barycentre", "tilt")
+
+
+class Parameters(Strict):
+    """Every parameter that was free, with the covariance of all of them together."""
+
+    definition: ParametersDefinition
+    parameters: Annotated[tuple[Text, ...], BeforeValidator(from_numpy)]
+    value: Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]
+    matrix: Matrix
+
+
+def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of all parameters (P,) in the order of `statics.layout`."""
+    names: list[str] = []
+    for group in layout(len(supports)):
+        owners = ("",) if group in _OF_THE_RIG else tuple(f"{name}." for name in supports)
+        names += [owner + part for owner in owners for part in _COMPONENTS[group]]
+    return tuple(names)
+
+
+def parameters_document(given: Calibrated) -> dict[str, Any]:
+    """The block of a calibration whose covariance is joint."""
+    names = np.array(parameter_order(given.rig.supports))
+    used = np.flatnonzero(np.diagonal(given.covariance))
+    start = replace(nominal(given.rig), rotation=given.state.rotation)
+    return {
+        "definition": DEFINITION,
+        "parameters": tuple(names[used].tolist()),
+        "value": deviation(given.state, start)[used],
+        "matrix": given.covariance[np.ix_(used, used)],
+    }
+
+
+def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibrated:
+    """Read the block back; rotation (n, 3, 3) as the file gives it."""
+    place = _places(block, rig.supports)
+    from tdfscal.model.calibrated import Calibrated
+
+    size = layout(rig.n)["tilt"].stop
+    step, covariance = np.zeros(size), np.zeros((size, size))
+    step[place] = block.value
+    covariance[np.ix_(place, place)] = block.matrix
+    start = replace(nominal(rig), rotation=rotation)
+    return Calibrated(
+        rig=rig,
+        state=replace(retract(start, step), rotation=rotation),
+        covariance=covariance,
+        open=np.zeros(size, dtype=np.bool_),
+        joint=True,
+    )
+
+
+def check_parameters(
+    block: Parameters, supports: tuple[str, ...], rotation_covariance: FloatArray
+) -> None:
+    """Raise the model's fault where the block contradicts itself or the rotations' covariance."""
+    place = _places(block, supports)
+    matrix = np.array(block.matrix)
+    if matrix.shape != (len(place), len(place)) or len(block.value) != len(place):
+        raise fault(f"must have {len(place)} rows of {len(place)} numbers", "parameters", "matrix")
+    scale = np.sqrt(np.diagonal(matrix).clip(1e-300))
+    unit = matrix / np.outer(scale, scale)
+    if np.abs(unit - unit.T).max() > 1e-9 or np.linalg.eigvalsh(unit)[0] < -1e-9:
+        raise fault("is no covariance", "parameters", "matrix")
+    turns = len(rotation_covariance)
+    own = matrix[:turns, :turns]
+    same = place[:turns] == list(range(turns)) and own.shape == rotation_covariance.shape
+    if not same or np.abs(own - rotation_covariance).max() > 1e-9 * np.abs(own).max():
+        raise fault("does not begin with `covariance`", "parameters", "matrix")
+
+
+def _places(block: Parameters, supports: tuple[str, ...]) -> list[int]:
+    order: Mapping[str, int] = {name: k for k, name in enumerate(parameter_order(supports))}
+    for name in block.parameters:
+        if name not in order:
+            raise fault(f"names no parameter of this rig: {name}", "parameters", "parameters")
+    place = [order[name] for name in block.parameters]
+    if place != sorted(set(place)):
+        raise fault("are not in their order, each once", "parameters", "parameters")
+    return place

@@ -1,0 +1,309 @@
+"""The parts of the calibration file `tdfscal-calibration/1` as models.
+
+Everything is finite; None stands for a standard uncertainty that does not exist because the data
+and the rig leave the quantity open.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BeforeValidator, JsonValue, model_validator
+
+from tdfscal.files.calibration.evidence_model import Histogram, SensorLoad
+from tdfscal.files.field_types import (
+    Correlation,
+    Count,
+    Coverage,
+    Flag,
+    FreeText,
+    Matrix,
+    Matrix3,
+    Name,
+    NotNegative,
+    NotNegativeVector,
+    Number,
+    Positive,
+    PositiveCount,
+    Probability,
+    Sha256,
+    Strict,
+    Text,
+    Vector,
+    Vectors,
+    fault,
+    finite_json,
+    from_numpy,
+)
+from tdfscal.records import Integrity
+
+CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
+
+Convention = Literal[
+    "F_bcs = rotation · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
+    "F_bcs = rotation · sensitivity⁻¹ · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
+]
+CONVENTION: Convention = (
+    "F_bcs = rotation · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
+)
+CONVENTION_WITH_SENSITIVITY: Convention = (
+    "F_bcs = rotation · sensitivity⁻¹ · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
+)
+CovarianceDefinition = Literal["R_true = exp([d]x) · rotation, d in the BCS, rad"]
+COVARIANCE_DEFINITION: CovarianceDefinition = "R_true = exp([d]x) · rotation, d in the BCS, rad"
+
+Angle = Literal["roll", "pitch", "yaw"]
+OpenStd = NotNegative | None
+OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(from_numpy)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], BeforeValidator(from_numpy)]
+Texts = tuple[Text, ...]
+
+
+class Software(Strict):
+    """The program that wrote the file."""
+
+    name: Text
+    version: Text
+
+
+class Input(Strict):
+    """A file that went into the result."""
+
+    path: FreeText
+    sha256: Sha256
+    bytes: Count
+    integrity: Integrity
+
+
+class Interval(Strict):
+    """Coverage interval of roll, pitch, yaw, rad."""
+
+    coverage: Coverage
+    low: Vector
+    high: Vector
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if any(low > high for low, high in zip(self.low, self.high, strict=True)):
+            raise fault("an interval's low end is above its high end")
+        return self
+
+
+class SupportResult(Strict):
+    """One sensor: rotation to the BCS, roll, pitch, yaw in rad, zero offset in N."""
+
+    name: Name
+    rotation: Matrix3
+    rpy: Vector
+    rpy_std: NotNegativeVector
+    rpy_interval: Interval
+    quaternion_xyzw: Quaternion
+    zero: Vector
+    zero_std: OpenStds
+    sensitivity: Matrix3 | None = None
+
+
+class Covariance(Strict):
+    """Covariance (3n, 3n) in rad² of the rotations of all supports together."""
+
+    parameters: Texts
+    definition: CovarianceDefinition
+    matrix: Matrix
+
+
+class MassResult(Strict):
+    """kg."""
+
+    value: Positive
+    std: OpenStd = None
+
+
+class BarycenterResult(Strict):
+    """m, LCS."""
+
+    value: Vector
+    std: OpenStds
+
+
+class TerminalResult(Strict):
+    """Mass and barycentre after the adjustment."""
+
+    mass: MassResult
+    barycenter: BarycenterResult
+
+
+class RejectedPosture(Strict):
+    """A posture left out of the fit, with its time in s."""
+
+    index: Count
+    start: Number | None = None
+    end: Number | None = None
+    reason: Text
+
+
+class FitResult(Strict):
+    """How the model fits: rms_force in N, rms_moment in N·m."""
+
+    postures: Count
+    rejected: tuple[RejectedPosture, ...] = ()
+    chi2: NotNegative
+    dof: Count
+    p_value: Probability
+    birge: NotNegative
+    rms_force: NotNegative
+    rms_moment: NotNegative
+    iterations: Count
+    converged: Flag
+
+
+class AngleSeen(Strict):
+    """What the data say of one angle, rad; prior_std None where there is no prior."""
+
+    support: Name
+    angle: Angle
+    std: NotNegative
+    prior_std: OpenStd = None
+    identified: Flag
+
+
+class WeakestAngle(Strict):
+    """The angle with the largest standard uncertainty, rad."""
+
+    name: Text
+    std: OpenStd = None
+    cause: Text
+
+
+class WeakAngle(WeakestAngle):
+    """An angle that the data do not determine, and what to do."""
+
+    advice: Text
+
+
+class CloseCouple(Strict):
+    """Two angles whose errors go together."""
+
+    a: Text
+    b: Text
+    value: Correlation
+
+
+class ObservabilityResult(Strict):
+    """The verdict in words and numbers."""
+
+    verdict: Text
+    weakest: WeakestAngle | None = None
+    angles: tuple[AngleSeen, ...]
+    weak: tuple[WeakAngle, ...] = ()
+    correlations: tuple[CloseCouple, ...] = ()
+    loads: tuple[SensorLoad, ...] | None = None
+
+
+class AngleBudget(Strict):
+    """Variance of one angle by source, rad²."""
+
+    support: Name
+    angle: Angle
+    variance: dict[Text, NotNegative]
+
+
+class Budget(Strict):
+    """Contribution of each source to each angle's variance."""
+
+    sources: Texts
+    angles: tuple[AngleBudget, ...]
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        for index, angle in enumerate(self.angles):
+            if set(angle.variance) != set(self.sources):
+                raise fault("does not name the sources listed", "angles", index, "variance")
+        return self
+
+
+class MonteCarloResult(Strict):
+    """Standard deviation and interval ends of roll, pitch, yaw per support, rad."""
+
+    trials: PositiveCount
+    seed: Count
+    rpy_std: Vectors
+    low: Vectors
+    high: Vectors
+    tolerance: NotNegative
+    linear_interval_validated: Flag
+    histogram: Histogram | None = None
+
+
+class ResidualWrench(Strict):
+    """Residual of held-out postures without and with the calibration: N or N·m."""
+
+    rms_before: NotNegative
+    rms_after: NotNegative
+    max_before: NotNegative
+    max_after: NotNegative
+
+
+class ValidationResult(Strict):
+    """Cross-validation: the contact wrench of postures held out, which should be zero."""
+
+    method: Text
+    postures: Count
+    force: ResidualWrench
+    moment: ResidualWrench
+
+
+class ChangeResult(Strict):
+    """A change of the unexplained wrench, N and N·m, and the chance that it is noise."""
+
+    force: NotNegative
+    moment: NotNegative
+    p_value: Probability
+
+
+class StabilityResult(Strict):
+    """Drift over the campaign; repeatability and hysteresis where postures were visited again."""
+
+    drift: ChangeResult
+    returns: Count
+    repeat: ChangeResult | None = None
+    hysteresis: ChangeResult | None = None
+
+
+class LimitedResult(Strict):
+    """A contact force or torque, N or N·m: expanded uncertainty (k = 2), limit, and their verdict.
+
+    Decision rule: guard band, |deviation| + U ≤ limit (JCGM 106).
+    """
+
+    expanded_uncertainty: NotNegative
+    limit: NotNegative | None = None
+    probability_exceeding: Probability
+    conforms: Flag
+
+
+class ConformityResult(Strict):
+    """The contact wrench's uncertainty at a posture against the rig file's limits."""
+
+    rpy: Vector
+    force: LimitedResult
+    torque: LimitedResult
+
+
+class QualityResult(Strict):
+    """Why the gate rejects the result; no reason where it accepts."""
+
+    reasons: Texts = ()
+
+
+def _finite(given: dict[str, Any]) -> dict[str, Any]:
+    if not finite_json(given):
+        raise fault("holds a number that is not finite")
+    return given
+
+
+TrackerStatistics = Annotated[
+    dict[str, JsonValue],
+    BeforeValidator(lambda given: dict(given) if isinstance(given, dict) else given),
+    AfterValidator(_finite),
+]
+"""χ², degrees of freedom, p-value, Birge ratio, number of points … of the tracker's survey."""

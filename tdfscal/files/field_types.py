@@ -1,0 +1,165 @@
+"""The kinds of value that the file models are made of: finite numbers, vectors, names, text.
+
+Numbers are strict (no bool, NaN or ∞), but text that is a number is read as one, since some
+parsers hand on `1e-5` as text; numpy arrays are taken as lists.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    StringConstraints,
+    WithJsonSchema,
+)
+from pydantic_core import PydanticCustomError
+
+from tdfscal.files.yaml.scalars import plain_scalar
+
+UNKNOWN = "unknown"
+"""How a file writes an infinite standard uncertainty, since JSON has no infinity."""
+
+
+class Strict(BaseModel):
+    """A part of a file: frozen, and no key that is not declared."""
+
+    # A part is checked within its file, so that only the files' own validators need building.
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, protected_namespaces=(), defer_build=True
+    )
+
+
+def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticCustomError:
+    """Return an error that a validator raises: what is wrong, at which place below it, what to do.
+
+    The message is shown as it stands, so it carries no braces.
+    """
+    context: dict[str, Any] = {"place": place, "hint": hint}
+    return PydanticCustomError("tdfscal", "{said}", {"said": message, **context})
+
+
+def _from_text(value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    try:
+        read = plain_scalar(value.strip())
+    except OverflowError as error:
+        raise fault(str(error), hint="check the number") from error
+    return read if isinstance(read, (int, float)) and not isinstance(read, bool) else value
+
+
+def from_numpy(value: Any) -> Any:
+    """Return numpy arrays and scalars as lists and numbers, all else as it is."""
+    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+
+
+def _std_from_text(value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    read = math.inf if value == UNKNOWN else _from_text(value)
+    if isinstance(read, str):
+        raise fault(f"must be a number or `{UNKNOWN}`, got {value!r:.40}", hint="correct the value")
+    return read
+
+
+def _std(value: float) -> float:
+    if math.isnan(value) or value < 0:
+        raise fault(
+            f"a standard uncertainty must be 0 or above, got {value:g}",
+            hint="0 is known exactly, `unknown` is not known",
+        )
+    return value
+
+
+def _three(value: Any) -> Any:
+    value = from_numpy(value)
+    if not isinstance(value, (list, tuple)) or len(value) != 3:
+        got = f"{len(value)} of them" if isinstance(value, (list, tuple)) else f"{value!r:.40}"
+        raise fault(f"must be a list of three, got {got}", hint="write [.., .., ..]")
+    return value
+
+
+def _three_stds(value: Any) -> Any:
+    value = from_numpy(value)
+    return _three(value if isinstance(value, (list, tuple)) else [value] * 3)
+
+
+def finite_json(value: Any) -> bool:
+    """Tell whether a nested value holds no NaN or infinity."""
+    if isinstance(value, dict):
+        return all(map(finite_json, value.values()))
+    if isinstance(value, (list, tuple)):
+        return all(map(finite_json, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def written_std(value: float) -> float | str:
+    """Return an infinite standard uncertainty as `unknown`, any other as it is."""
+    return UNKNOWN if math.isinf(value) else value
+
+
+_STD_SCHEMA = {"anyOf": [{"type": "number", "minimum": 0}, {"enum": [UNKNOWN, ".inf"]}]}
+_STD_SCHEMA_3 = {
+    "anyOf": [
+        *_STD_SCHEMA["anyOf"],
+        {"type": "array", "items": _STD_SCHEMA, "minItems": 3, "maxItems": 3},
+    ]
+}
+
+_before = BeforeValidator(lambda value: _from_text(from_numpy(value)))
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before]
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before]
+Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1), _before]
+Coverage = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1), _before]
+Correlation = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1, le=1), _before]
+PositiveCount = Annotated[int, Field(strict=True, gt=0), BeforeValidator(from_numpy)]
+Count = Annotated[int, Field(strict=True, ge=0), BeforeValidator(from_numpy)]
+Flag = Annotated[bool, Field(strict=True), BeforeValidator(from_numpy)]
+
+Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three)]
+PositiveVector = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
+NotNegativeVector = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(_three)]
+Vectors = Annotated[tuple[Vector, ...], BeforeValidator(from_numpy)]
+Matrix = Annotated[
+    tuple[Annotated[tuple[Number, ...], BeforeValidator(from_numpy)], ...],
+    BeforeValidator(from_numpy),
+]
+Matrix3 = Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_three)]
+
+Std = Annotated[
+    float,
+    Field(strict=True),
+    BeforeValidator(lambda value: _std_from_text(from_numpy(value))),
+    AfterValidator(_std),
+    PlainSerializer(written_std, return_type=float | str),
+    WithJsonSchema(_STD_SCHEMA),
+]
+"""A standard uncertainty; ∞ is unknown."""
+
+Stds = Annotated[tuple[Std, Std, Std], BeforeValidator(_three_stds), WithJsonSchema(_STD_SCHEMA_3)]
+"""Three of them; a single one stands for all three."""
+
+Text = Annotated[
+    str,
+    StringConstraints(strict=True, min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$"),
+]
+"""One line of text."""
+
+FreeText = Annotated[str, StringConstraints(strict=True, min_length=1)]
+"""Text as it comes, such as a file's name."""
+
+Name = Annotated[
+    str, StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=64)
+]
+"""A support's name; it is part of field and parameter names such as `ncp1.rx`."""
+
+Sha256 = Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9a-f]{64}$")]

@@ -1,6 +1,0 @@
-"""Reading recorded logs: CSV, Parquet and MCAP through one door."""
-
-from tdfscal.files.logs.formats import expand, is_log
-from tdfscal.files.logs.reader import concatenate, iter_log, read_log
-
-__all__ = ["concatenate", "expand", "is_log", "iter_log", "read_log"]

@@ -1,0 +1,172 @@
+"""From what a model refuses to one paragraph: place, cause, advice."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from tdfscal.errors import TdfscalError
+from tdfscal.files.field_types import UNKNOWN
+from tdfscal.files.yaml.events import Place
+from tdfscal.files.yaml.reading import Document
+from tdfscal.files.yaml.scalars import shorten
+
+Model = TypeVar("Model", bound=BaseModel)
+
+SHOWN = 3
+"""Faults that one message lists."""
+
+
+def checked(model: type[Model], document: Document, error: type[TdfscalError]) -> Model:
+    """Return the document as a model. Raises `error` with the first faults, each with its place."""
+    try:
+        return model.model_validate(document.content)
+    except ValidationError as refused:
+        faults = refused.errors(include_url=False)
+    raise _paragraph(model, document, faults, error)
+
+
+def require_format(document: Document, expected: str, error: type[TdfscalError]) -> None:
+    """Check that the document is a mapping whose `format` is the expected `kind/version`."""
+    content = document.content
+    kind, version = expected.rsplit("/", 1)
+    thing = f"{kind.removeprefix('tdfscal-')} file"
+    hint = f"the file begins with `format: {expected}`"
+    if content is None:
+        raise error("is empty", where=document.source, hint=hint)
+    if not isinstance(content, dict):
+        kind_found = "a list" if isinstance(content, list) else "a single value"
+        raise error(f"is {kind_found}, not a {thing}", where=document.source, hint=hint)
+    if "format" not in content:
+        near = nearest("format", list(content))
+        hint = f"rename `{shorten(near)}` to `format`" if near else hint
+        raise error(f"is not a {thing}: it has no `format`", where=document.source, hint=hint)
+    found = content["format"]
+    if found == expected:
+        return
+    where = document.where(("format",))
+    shown = shorten(str(found))
+    if isinstance(found, str) and found.startswith(f"{kind}/"):
+        number = found.removeprefix(f"{kind}/")
+        if number.isdecimal() and int(number[:9]) > int(version):
+            raise error(
+                f"is of the newer format {shown}; this program reads {expected}",
+                where=where,
+                hint="update tdfscal",
+            )
+    raise error(
+        f"is not a {thing}: its format is `{shown}`, not `{expected}`", where=where, hint=hint
+    )
+
+
+def nearest(name: str, known: list[str], cutoff: float = 0.6) -> str | None:
+    """Return the known name most like `name`, None where none resembles it."""
+    folded = {key.lower(): key for key in reversed(known)}
+    found = difflib.get_close_matches(name.lower(), list(folded), n=1, cutoff=cutoff)
+    return folded[found[0]] if found else None
+
+
+def _paragraph(
+    model: type[BaseModel],
+    document: Document,
+    faults: list[ErrorDetails],
+    error: type[TdfscalError],
+) -> TdfscalError:
+    # A misspelt key comes first: what is missing is mostly what it should have been.
+    ordered = sorted(faults, key=lambda fault: fault["type"] != "extra_forbidden")
+    told = [_told(model, document.content, fault) for fault in ordered]
+    first_place, first, hint = told[0]
+    also = [
+        f"also {document.where(place).removeprefix(document.source).lstrip(', ')}: {what}"
+        for place, what, _ in told[1:SHOWN]
+    ]
+    if len(told) > SHOWN:
+        also.append(f"and {len(told) - SHOWN} more")
+    return error("; ".join([first, *also]), where=document.where(first_place), hint=hint)
+
+
+def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
+    """Return place, what and hint of one fault."""
+    context = fault.get("ctx", {})
+    place = (*fault["loc"], *context.get("place", ()))
+    kind = fault["type"]
+    if kind == "extra_forbidden":
+        return place, *_unknown_key(model, place)
+    if kind == "missing":
+        return place[:-1], f"lacks `{place[-1]}`", _MISSING.get(place[-1], f"add `{place[-1]}`")
+    # A value that stands for a mapping (`mass: 500`) has no such place in the file.
+    while place and not _exists(content, place):
+        place = place[:-1]
+    what = _PHRASES.get(kind) or str(fault["msg"]).replace("Input should", "must", 1)
+    if kind != "tdfscal":
+        what = f"{what[0].lower()}{what[1:]}, got {shorten(repr(fault['input']))}"
+    return place, what, context.get("hint") or _HINTS.get(kind, "correct the value")
+
+
+_MISSING: dict[str | int, str] = {
+    "std": f"add `std`; for what is known exactly write the bare value, else `std: {UNKNOWN}`",
+}
+_PHRASES = {
+    "string_pattern_mismatch": "has a character that is not allowed here",
+    "string_too_short": "is empty",
+    "float_type": "must be a number",
+    "string_type": "must be text",
+    "model_type": "must be a mapping of keys and values",
+}
+_HINTS = {
+    "finite_number": f"write a number; only standard uncertainties may be `{UNKNOWN}` or .inf",
+    "float_type": "write a number",
+    "greater_than": "check sign and unit",
+    "greater_than_equal": "check sign and unit",
+    "literal_error": "use a value that is named here",
+    "model_type": "write a mapping of keys and values",
+    "string_type": "write text; put a number that is a name in quotes",
+    "string_pattern_mismatch": "use letters, digits, `_` and `-`",
+    "list_type": "write a list",
+    "too_short": "add what is missing",
+}
+
+
+def _unknown_key(model: type[BaseModel], place: Place) -> tuple[str, str]:
+    key, known = str(place[-1]), _known_keys(model, place[:-1])
+    near = nearest(key, known)
+    hint = "rename or remove it"
+    if near is None:
+        near = nearest(key, known, cutoff=0.0) or known[0]
+        hint = f"remove it; known here are {', '.join(known)}"
+    return f"unknown key `{shorten(key)}`, the nearest known key is `{near}`", hint
+
+
+def _known_keys(model: type[BaseModel], place: Place) -> list[str]:
+    """Keys of the model that stands at a place below `model`."""
+    here: Any = model
+    for part in place:
+        if isinstance(part, str) and _is_model(here) and part in here.model_fields:
+            here = here.model_fields[part].annotation
+        # Else an index or a free key: the model is within the annotation of the collection.
+        here = next(_models_in(here), here)
+    return list(here.model_fields) if _is_model(here) else list(model.model_fields)
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _models_in(annotation: Any) -> Iterator[Any]:
+    if _is_model(annotation):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models_in(argument)
+
+
+def _exists(content: Any, place: Place) -> bool:
+    for part in place:
+        try:
+            content = content[part]
+        except (KeyError, IndexError, TypeError):
+            return False
+    return True

@@ -1,0 +1,229 @@
+"""Reading rig.yaml: from the file to the resolved records."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tdfscal.errors import DataError, RigError
+from tdfscal.files.field_types import Sha256
+from tdfscal.files.model_errors import checked, require_format
+from tdfscal.files.rig.model import RIG_FORMAT, RigFile, TrackerBlock
+from tdfscal.files.yaml.reading import Document, parse_document, read_document
+from tdfscal.records import (
+    Acceptance,
+    DeclaredUncertainty,
+    Instrument,
+    LogMapping,
+    Rig,
+    UncertainValue,
+)
+
+_HASHES = frozenset({"sha256", "content_sha256"})
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerFiles:
+    """A laser-tracker survey as the rig file declares it; its point files are not read yet.
+
+    drawing : m, standard uncertainty of the nominal points. misalignment : rad, of the sensor's
+    body against its sensing axes, per axis. length_unit : where a point file names none.
+    """
+
+    instrument: Instrument
+    drawing: float
+    misalignment: float
+    length_unit: str | None
+    nominal: Path
+    targets: Path
+    servo: Path
+    moves: Path
+
+    @property
+    def paths(self) -> tuple[Path, Path, Path, Path]:
+        """The four point files."""
+        return self.nominal, self.targets, self.servo, self.moves
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedRig:
+    """A rig file, resolved.
+
+    log : None where the file has no log block. tracker : None where it declares no survey, or
+    where the rig was read back from a calibration file, which does not carry the survey's files.
+    path : where it was read. sha256 : of the rig file. document : the rig with its defaults filled
+    in, as plain JSON values, to be embedded in a calibration file.
+    """
+
+    rig: Rig
+    log: LogMapping | None
+    tracker: TrackerFiles | None
+    path: Path
+    sha256: str
+    document: Mapping[str, Any]
+
+
+class EmbeddedRig(RigFile):
+    """A resolved rig within a calibration file.
+
+    sha256 : of the file it came from. content_sha256 : of this copy, so that an edited one is
+    noticed; none in files of old.
+    """
+
+    sha256: Sha256
+    content_sha256: Sha256 | None = None
+
+    @property
+    def edited(self) -> bool:
+        """Whether this copy is not the one that was written with the result."""
+        # Without defaults that a later version may add: the file does not state them.
+        own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+        return self.content_sha256 not in (None, _content_sha256(own))
+
+
+def load_rig(path: Path | str) -> LoadedRig:
+    """Read and check a rig file.
+
+    Raises RigError for anything wrong in it and UsageError where it cannot be read.
+    """
+    return _from_document(read_document(Path(path), RigError), Path(path))
+
+
+def parse_rig(raw: bytes, source: str) -> LoadedRig:
+    """Check the bytes of a rig file; the paths in it are relative to the folder of `source`."""
+    return _from_document(parse_document(raw, source, RigError), Path(source))
+
+
+def rig_from_document(document: Mapping[str, Any], source: Path | str) -> LoadedRig:
+    """Return the rig that a calibration file embeds. Raises DataError where it is not one.
+
+    source : the calibration file, for messages.
+    """
+    embedded = Document(dict(document), {}, f"{source}, rig", "", 0)
+    return embedded_rig(checked(EmbeddedRig, embedded, DataError), Path(source))
+
+
+def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
+    """Resolve a rig that was read as part of a calibration file."""
+    return LoadedRig(
+        rig=_rig(rig),
+        log=_mapping(rig),
+        tracker=None,
+        path=source,
+        sha256=rig.sha256,
+        document=rig.model_dump(mode="json", exclude_none=True),
+    )
+
+
+def default_mapping(supports: tuple[str, ...]) -> LogMapping:
+    """Return the mapping of a log whose fields are `time` and `<name>.x .y .z .fx .fy .fz`."""
+    return LogMapping(
+        supports=supports,
+        position=tuple(tuple(f"{name}.{axis}" for axis in "xyz") for name in supports),
+        force=tuple(tuple(f"{name}.f{axis}" for axis in "xyz") for name in supports),
+    )
+
+
+def _from_document(document: Document, path: Path) -> LoadedRig:
+    require_format(document, RIG_FORMAT, RigError)
+    file = checked(RigFile, document, RigError)
+    return LoadedRig(
+        rig=_rig(file),
+        log=_mapping(file),
+        tracker=_tracker(file.tracker, path.parent) if file.tracker else None,
+        path=path,
+        sha256=document.sha256,
+        document=_with_hashes(file, document.sha256),
+    )
+
+
+def _with_hashes(file: RigFile, sha256: str) -> dict[str, Any]:
+    """The rig as it is embedded in a calibration file."""
+    content = file.model_dump(mode="json", exclude_none=True)
+    return {**content, "sha256": sha256, "content_sha256": _content_sha256(content)}
+
+
+def _content_sha256(document: Mapping[str, Any]) -> str:
+    """SHA-256 of an embedded rig's values, whatever their order and notation."""
+    values = {key: value for key, value in document.items() if key not in _HASHES}
+    text = json.dumps(values, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _rig(file: RigFile) -> Rig:
+    supports, acceptance = file.supports, file.acceptance
+    contact = acceptance.contact
+    inertia = file.terminal.inertia
+    return Rig(
+        name=file.name,
+        supports=tuple(support.name for support in supports),
+        gravity=file.gravity.magnitude,
+        gravity_tilt_std=file.gravity.tilt_std,
+        mass=_known(file.terminal.mass.value, file.terminal.mass.std),
+        barycentre=_known(file.terminal.barycenter.value, file.terminal.barycenter.std),
+        inertia=None if inertia is None else np.array(inertia),
+        hinge=np.array([support.hinge for support in supports]),
+        zero=_known(
+            [support.zero.value for support in supports], [support.zero.std for support in supports]
+        ),
+        nominal_rpy=np.array([support.nominal_rpy for support in supports]),
+        rpy_std=np.array([support.rpy_std for support in supports]),
+        capacity=np.array([support.capacity or (np.inf,) * 3 for support in supports]),
+        declared=DeclaredUncertainty(**dict(file.uncertainty)),
+        acceptance=Acceptance(
+            angle_std=acceptance.angle_std,
+            identifiable=acceptance.identifiable,
+            birge_max=acceptance.birge_max,
+            contact_force=contact.force if contact else None,
+            contact_torque=contact.torque if contact else None,
+            contact_rpy=contact.rpy if contact else (0.0, 0.0, 0.0),
+        ),
+    )
+
+
+def _known(value: npt.ArrayLike, std: npt.ArrayLike) -> UncertainValue:
+    return UncertainValue(np.array(value, dtype=np.float64), np.array(std, dtype=np.float64))
+
+
+def _mapping(file: RigFile) -> LogMapping | None:
+    block = file.log
+    if block is None:
+        return None
+    supports = tuple(support.name for support in file.supports)
+    named = default_mapping(supports)
+    if block.supports is not None:
+        fields = [block.supports[name] for name in supports]
+        position, force = (tuple(f.position for f in fields), tuple(f.force for f in fields))
+        named = dataclasses.replace(named, position=position, force=force)
+    return dataclasses.replace(
+        named,
+        rows=block.rows,
+        time_field=block.time.field,
+        time_unit=block.time.unit,
+        time_source=block.time.source,
+        length_unit=block.length_unit,
+        force_unit=block.force_unit,
+        force_on=block.force_on,
+        decimal=block.decimal,
+    )
+
+
+def _tracker(block: TrackerBlock, folder: Path) -> TrackerFiles:
+    return TrackerFiles(
+        instrument=Instrument(**dict(block.instrument)),
+        drawing=block.drawing,
+        misalignment=block.misalignment,
+        length_unit=block.length_unit,
+        nominal=folder / block.targets.nominal,
+        targets=folder / block.targets.measured,
+        servo=folder / block.moves.servo,
+        moves=folder / block.moves.measured,
+    )

@@ -1,0 +1,1 @@
+"""Everything that is written but a calibration: logs, campaigns, plans, contact wrenches."""

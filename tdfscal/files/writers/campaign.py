@@ -1,0 +1,208 @@
+"""Simulated campaigns as folders: rig.yaml, a log, tracker files, truth.yaml."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.files.writers import documents, mcap_log, point_files, table_log
+from tdfscal.records import Log, Rig, Rows
+from tdfscal.simulation import (
+    Campaign,
+    Options,
+    Recorder,
+    Run,
+    Survey,
+    SurveyOptions,
+    reference_rig,
+    run,
+)
+
+LogFormat = Literal["csv", "parquet", "mcap"]
+
+_WRITERS: dict[LogFormat, Callable[[Path, Log], None]] = {
+    "csv": table_log.write_csv,
+    "parquet": table_log.write_parquet,
+    "mcap": mcap_log.write_mcap,
+}
+_BLOCKS: dict[LogFormat, Callable[[Log], dict[str, Any] | None]] = {
+    "csv": table_log.csv_block,
+    "parquet": table_log.parquet_block,
+    "mcap": mcap_log.mcap_block,
+}
+_OURS = (
+    "rig.yaml",
+    "truth.yaml",
+    "log.csv",
+    "log.parquet",
+    "log.mcap",
+    "tracker/nominal.csv",
+    "tracker/targets.csv",
+    "tracker/servo.csv",
+    "tracker/moves.csv",
+)
+
+
+def simulate_to_folder(
+    folder: Path,
+    rig: Rig | None = None,
+    scenario: str = "self",
+    *,
+    format: LogFormat = "csv",
+    postures: int = 24,
+    tilt_deg: float = 5.0,
+    squeeze: float = 200.0,
+    seed: int = 0,
+    recorder: Recorder | None = None,
+    survey: SurveyOptions | None = None,
+    rows: Rows = "timeseries",
+    overwrite: bool = False,
+) -> Run:
+    """Simulate a scenario on a rig (default: the reference rig) and write its campaign folder.
+
+    tilt_deg : largest lean of a posture, degrees. squeeze : commanded internal forces, N, as
+    `Options.squeeze`. recorder : rates, timing and noise; 100 Hz throughout by default.
+    survey : the tracker session; by default 12 moves per NCP with the paper's tracker, 5 m away.
+    The same arguments and seed give the same bytes; another format gives the same numbers.
+
+    Raises UsageError for an unknown scenario or format, impossible numbers, or a folder that is
+    not empty (unless overwrite); RigError and NotConvergedError as `simulate_campaign`.
+    """
+    _check_format(format)
+    _check_folder(folder, overwrite)
+    options = Options(
+        postures=postures,
+        tilt=float(np.deg2rad(tilt_deg)),
+        squeeze=squeeze,
+        rows=rows,
+        recorder=recorder or Recorder(),
+    )
+    if seed < 0:
+        raise UsageError(f"the seed is {seed}", hint="give a whole number from 0 up")
+    played = run(rig or reference_rig(), scenario, options, np.random.default_rng(seed), survey)
+    write_run(played, folder, format=format, seed=seed, overwrite=overwrite)
+    return played
+
+
+def write_run(
+    played: Run,
+    folder: Path,
+    *,
+    format: LogFormat,
+    seed: int | None = None,
+    overwrite: bool = False,
+) -> tuple[Path, ...]:
+    """Write a played scenario; see `write_campaign`."""
+    story: dict[str, Any] = {"name": played.scenario}
+    if seed is not None:
+        story["seed"] = seed
+    if played.campaign is not None:
+        return write_campaign(
+            played.campaign,
+            folder,
+            format=format,
+            session=played.survey,
+            scenario=story,
+            overwrite=overwrite,
+        )
+
+    def fill(into: Path) -> None:
+        point_files.write_session(into / "tracker", played.survey.session)
+        block = documents.tracker_block(played.survey)
+        documents.write_yaml(into / "rig.yaml", documents.rig_document(played.rig, tracker=block))
+        documents.write_yaml(
+            into / "truth.yaml",
+            documents.truth_document(played.rig, played.truth, story, played.survey),
+        )
+
+    return _write_folder(folder, fill, overwrite)
+
+
+def write_campaign(
+    campaign: Campaign,
+    folder: Path,
+    *,
+    format: LogFormat,
+    session: Survey | None = None,
+    scenario: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+) -> tuple[Path, ...]:
+    """Write rig.yaml, log.csv | .parquet | .mcap, truth.yaml and, with a session, tracker/*.csv.
+
+    The log holds the campaign's doubles to the last bit (CSV: positions in mm, to one rounding).
+    Nothing appears before all of it is written. With overwrite, a campaign that stands in the
+    folder is replaced and other files are left alone. Returns the files.
+
+    Raises UsageError for an unknown format, signals that do not fit it, or a folder that is not
+    empty.
+    """
+    _check_format(format)
+
+    def fill(into: Path) -> None:
+        _WRITERS[format](into / f"log.{format}", campaign.log)
+        tracker = None
+        if session is not None:
+            point_files.write_session(into / "tracker", session.session)
+            tracker = documents.tracker_block(session)
+        documents.write_yaml(
+            into / "rig.yaml",
+            documents.rig_document(campaign.rig, _BLOCKS[format](campaign.log), tracker),
+        )
+        story = {**(scenario or {}), "options": documents.options_document(campaign.options)}
+        truth = documents.truth_document(campaign.rig, campaign.truth, story, session)
+        truth["postures"] = documents.dwell_document(
+            campaign.start, campaign.end, campaign.force, campaign.postures.pose.rotation
+        )
+        documents.write_yaml(into / "truth.yaml", truth)
+
+    return _write_folder(folder, fill, overwrite)
+
+
+def _check_format(format: str) -> None:
+    if format not in get_args(LogFormat):
+        raise UsageError(
+            f"there is no log format {format!r}",
+            hint=f"choose from {', '.join(get_args(LogFormat))}",
+        )
+
+
+def _check_folder(folder: Path, overwrite: bool) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise UsageError("this is a file, not a folder", where=str(folder))
+    if not overwrite and folder.is_dir() and any(folder.iterdir()):
+        raise UsageError(
+            "the folder is not empty",
+            where=str(folder),
+            hint="name a new folder, or ask for it to be overwritten",
+        )
+
+
+def _write_folder(folder: Path, fill: Callable[[Path], None], overwrite: bool) -> tuple[Path, ...]:
+    """Fill a folder beside the target, then move its files into place."""
+    _check_folder(folder, overwrite)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        try:
+            fill(beside)
+            made = [name for name in _OURS if (beside / name).is_file()]
+            for name in _OURS:
+                if name not in made:
+                    (folder / name).unlink(missing_ok=True)
+            for name in made:
+                target = folder / name
+                target.parent.mkdir(parents=True, exist_ok=True)
+                (beside / name).replace(target)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
+    except OSError as error:
+        raise UsageError(
+            f"the campaign cannot be written ({error.strerror or error})", where=str(folder)
+        ) from error
+    return tuple(folder / name for name in made)

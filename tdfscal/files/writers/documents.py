@@ -1,0 +1,157 @@
+"""rig.yaml and truth.yaml as plain structures, and how they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdfscal.files.saving import to_yaml
+from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.simulation import Options, Survey, Truth
+
+TRACKER_BLOCK = {
+    "length_unit": "mm",
+    "targets": {"nominal": "tracker/nominal.csv", "measured": "tracker/targets.csv"},
+    "moves": {"servo": "tracker/servo.csv", "measured": "tracker/moves.csv"},
+}
+
+
+def rig_document(
+    rig: Rig,
+    log: Mapping[str, Any] | None = None,
+    tracker: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The rig file (`tdfscal-rig/1`) of a rig, with its `log` and `tracker` blocks."""
+    terminal: dict[str, Any] = {"mass": _known(rig.mass), "barycenter": _known(rig.barycentre)}
+    if rig.inertia is not None:
+        terminal["inertia"] = rig.inertia.tolist()
+    document: dict[str, Any] = {
+        "format": "tdfscal-rig/1",
+        "name": rig.name,
+        "gravity": {"magnitude": rig.gravity, "tilt_std": rig.gravity_tilt_std},
+        "terminal": terminal,
+        "supports": [_support(rig, i) for i in range(rig.n)],
+        "uncertainty": asdict(rig.declared),
+    }
+    if log is not None:
+        document["log"] = dict(log)
+    if tracker is not None:
+        document["tracker"] = dict(tracker)
+    document["acceptance"] = _acceptance(rig)
+    return document
+
+
+def tracker_block(survey: Survey) -> dict[str, Any]:
+    """The rig file's `tracker` block for the point files of a survey."""
+    block: dict[str, Any] = {
+        "instrument": asdict(survey.session.instrument),
+        "drawing": survey.session.drawing,
+    }
+    if survey.misalignment > 0.0:
+        block["misalignment"] = survey.misalignment
+    return {**block, **TRACKER_BLOCK}
+
+
+def _known(known: UncertainValue) -> dict[str, Any]:
+    return {"value": known.value.tolist(), "std": known.std.tolist()}
+
+
+def _support(rig: Rig, i: int) -> dict[str, Any]:
+    support: dict[str, Any] = {
+        "name": rig.supports[i],
+        "hinge": rig.hinge[i].tolist(),
+        "zero": {"value": rig.zero.value[i].tolist(), "std": rig.zero.std[i].tolist()},
+        "nominal_rpy": rig.nominal_rpy[i].tolist(),
+    }
+    if np.any(np.isfinite(rig.rpy_std[i])):
+        std = rig.rpy_std[i].tolist()
+        support["rpy_std"] = std[0] if len(set(std)) == 1 else std
+    if np.any(np.isfinite(rig.capacity[i])):
+        support["capacity"] = rig.capacity[i].tolist()
+    return support
+
+
+def _acceptance(rig: Rig) -> dict[str, Any]:
+    limits = rig.acceptance
+    block: dict[str, Any] = {
+        "angle_std": limits.angle_std,
+        "identifiable": limits.identifiable,
+        "birge_max": limits.birge_max,
+    }
+    stated = {"force": limits.contact_force, "torque": limits.contact_torque}
+    contact = {name: limit for name, limit in stated.items() if limit is not None}
+    if contact:
+        block["contact"] = {**contact, "rpy": list(limits.contact_rpy)}
+    return block
+
+
+def truth_document(
+    rig: Rig, truth: Truth, scenario: Mapping[str, Any], survey: Survey | None = None
+) -> dict[str, Any]:
+    """truth.yaml: what an estimate is to be judged by, and how the campaign was made."""
+    document: dict[str, Any] = {
+        "format": "tdfscal-truth/1",
+        "convention": "F_bcs = rotation · (I + sensitivity)⁻¹ (F_sensor − zero); "
+        "rotation = Rz(yaw)·Ry(pitch)·Rx(roll); hinge centre = servo + datum + deflection",
+        "scenario": dict(scenario),
+        "supports": [
+            {
+                "name": name,
+                "rotation": truth.rotation[i].tolist(),
+                "rpy": truth.rpy[i].tolist(),
+                "zero": truth.zero[i].tolist(),
+                "sensitivity": truth.sensitivity[i].tolist(),
+                "hinge": truth.hinge[i].tolist(),
+                "datum": truth.datum[i].tolist(),
+                "stiffness": truth.stiffness[i].tolist(),
+            }
+            for i, name in enumerate(rig.supports)
+        ],
+        "terminal": {"mass": float(truth.mass), "barycenter": truth.barycentre.tolist()},
+        "gravity": truth.gravity.tolist(),
+    }
+    if survey is not None:
+        document["tracker"] = {
+            "rotation": survey.rotation.tolist(),
+            "translation": survey.translation.tolist(),
+            "body": survey.body.tolist(),
+            "offset": survey.offset.tolist(),
+        }
+    return document
+
+
+def plain(value: object) -> Any:
+    """Options, faults and their like as structures that YAML knows."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value
+
+
+def options_document(options: Options) -> dict[str, Any]:
+    """All options of a campaign, faults included."""
+    return {key: plain(value) for key, value in asdict(options).items()}
+
+
+def dwell_document(
+    start: FloatArray, end: FloatArray, force: FloatArray, rotation: FloatArray
+) -> list[dict[str, Any]]:
+    """Per posture: the true dwell (s), forces (N, BCS) and commanded rotation."""
+    return [
+        {"start": s, "end": e, "force": f, "rotation": r}
+        for s, e, f, r in zip(
+            start.tolist(), end.tolist(), force.tolist(), rotation.tolist(), strict=True
+        )
+    ]
+
+
+def write_yaml(path: Path, document: Mapping[str, Any]) -> None:
+    """Plain YAML, keys in the order given, doubles to the last bit."""
+    path.write_text(to_yaml(dict(document)), encoding="utf-8", newline="\n")

@@ -1,0 +1,114 @@
+"""Contact wrenches as a growing table, CSV or Parquet, whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.output_places import check_place
+from tdfscal.files.saving import replacing
+from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.stream import WrenchPiece
+
+SUFFIXES = (".csv", ".parquet")
+COLUMNS = (
+    "time",
+    *COMPONENTS,
+    *(f"u_{name}" for name in COMPONENTS),
+    *(f"raw_{name}" for name in COMPONENTS),
+)
+"""time in s; the contact wrench, its standard uncertainties, the uncalibrated wrench; N, N·m."""
+
+
+def check_wrench_path(path: Path, inputs: Iterable[Path] = ()) -> None:
+    """Raise UsageError where wrenches cannot be written there; inputs are not to be replaced."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            "a file of contact wrenches ends in .csv or .parquet",
+            where=str(path),
+            hint="choose one of them",
+        )
+    check_place(path, inputs)
+
+
+def write_wrenches(
+    path: Path,
+    pieces: Iterable[WrenchPiece],
+    about: Mapping[str, str],
+    watch: Callable[[WrenchPiece], None] = lambda piece: None,
+) -> int:
+    """Write the pieces as they come and return the number of rows.
+
+    about : what the values are, kept in a Parquet file's metadata. watch : sees each piece after
+    it was written. A standard uncertainty that is not known is null (CSV: empty).
+
+    Raises UsageError where the file cannot be written and DataError where a wrench is no number;
+    what the pieces raise passes through. Then no file appears.
+    """
+    import pyarrow as pa
+
+    check_wrench_path(path)
+    schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
+    rows = 0
+    with replacing(path) as beside:
+        try:
+            with _writer(path, beside, schema) as sink:
+                for piece in pieces:
+                    _check_numbers(piece)
+                    sink.write_table(_table(piece, schema))
+                    rows += piece.time.size
+                    watch(piece)
+        except OSError as fault:
+            raise UsageError(
+                f"cannot be written: {fault.strerror or fault}",
+                where=str(path),
+                hint="check that there is room",
+            ) from fault
+    return rows
+
+
+def _check_numbers(piece: WrenchPiece) -> None:
+    """Raise DataError at the first wrench that is no number."""
+    bad = ~np.isfinite(piece.wrench.value.sum(axis=1) + piece.wrench.raw.sum(axis=1))
+    if bad.any():
+        raise DataError(
+            f"the contact wrench at {piece.time[int(np.argmax(bad))]:.9g} s is no number",
+            where="log",
+            hint="check the positions and forces there, and the units of the log block in rig.yaml",
+        )
+
+
+def _writer(path: Path, beside: Path, schema: Any) -> Any:
+    if path.suffix.lower() == ".csv":
+        from pyarrow import csv
+
+        return csv.CSVWriter(beside, schema, write_options=csv.WriteOptions(quoting_style="none"))
+    from pyarrow import parquet
+
+    return parquet.ParquetWriter(
+        beside,
+        schema,
+        compression="zstd",
+        use_dictionary=False,
+        write_statistics=False,
+        write_page_checksum=True,
+    )
+
+
+def _table(piece: WrenchPiece, schema: Any) -> Any:
+    import pyarrow as pa
+
+    from tdfscal.files.arrow import as_arrow
+
+    w = piece.wrench
+    values = [piece.time, *w.value.T, *w.std.T, *w.raw.T]
+    return pa.table([as_arrow(v, _unknown(v)) for v in values], schema=schema)
+
+
+def _unknown(values: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
+    finite = np.isfinite(values)
+    return None if finite.all() else ~finite

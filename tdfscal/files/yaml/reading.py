@@ -1,0 +1,165 @@
+"""YAML and JSON documents with the place of every value, read within stated limits."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NoReturn
+
+from tdfscal.errors import TdfscalError, UsageError
+from tdfscal.files.yaml.events import MAX_DEPTH, Place, YamlBuilder
+from tdfscal.files.yaml.scalars import decimal, integer, shorten
+
+Format = Literal["json", "yaml"]
+
+MAX_BYTES = 4_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A parsed file.
+
+    content : dict, list, str, float, int, bool or None, nested. lines : place → line, from 1; empty
+    for JSON. source : the file's name for messages. sha256, bytes : of the file as it lies there.
+    """
+
+    content: Any
+    lines: Mapping[Place, int]
+    source: str
+    sha256: str
+    bytes: int
+
+    def where(self, place: Place = ()) -> str:
+        """File, line and place in it: `rig.yaml, line 12, supports[1].hinge`."""
+        known = next((place[:k] for k in range(len(place), 0, -1) if place[:k] in self.lines), None)
+        line = f"line {self.lines[known]}" if known else ""
+        return ", ".join(part for part in (self.source, line, dotted(place)) if part)
+
+
+def dotted(place: Place) -> str:
+    """`('supports', 1, 'hinge')` → `supports[1].hinge`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{shorten(part)}" for part in place)
+    return "".join(parts).removeprefix(".")
+
+
+def read_document(path: Path, error: type[TdfscalError]) -> Document:
+    """Read a YAML or JSON file (JSON where the suffix is .json).
+
+    Raises UsageError where there is no such file or it cannot be read, and `error` for what is
+    wrong in it.
+    """
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as fault:
+        raise _unreadable(path, fault) from fault
+    return parse_document(
+        raw, str(path), error, "json" if path.suffix.lower() == ".json" else "yaml"
+    )
+
+
+def parse_document(
+    raw: bytes, source: str, error: type[TdfscalError], form: Format = "yaml"
+) -> Document:
+    """Parse the bytes of a document; source names it in messages.
+
+    Raises `error` for anything that is not one well-formed document within the limits.
+    """
+    if len(raw) > MAX_BYTES:
+        raise error(
+            f"is larger than {MAX_BYTES // 1_000_000} MB",
+            where=source,
+            hint="such a file is small: check that it is the one you mean",
+        )
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        line = raw[: fault.start].count(b"\n") + 1
+        raise error(
+            f"byte 0x{raw[fault.start]:02x} is not UTF-8 text",
+            where=f"{source}, line {line}",
+            hint="save the file as UTF-8",
+        ) from fault
+    if form == "json":
+        return _document(_parse_json(text, source, error), {}, source, raw)
+    builder = YamlBuilder(source, error)
+    return _document(builder.build(text), builder.lines, source, raw)
+
+
+def _document(content: Any, lines: Mapping[Place, int], source: str, raw: bytes) -> Document:
+    return Document(content, lines, source, hashlib.sha256(raw).hexdigest(), len(raw))
+
+
+def _unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
+    where = shorten(str(path), 300)
+    if isinstance(fault, FileNotFoundError):
+        return UsageError("there is no such file", where=where, hint="check the path")
+    if isinstance(fault, IsADirectoryError):
+        return UsageError("is a folder, not a file", where=where, hint="name a file in it")
+    reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else "no file's name"
+    return UsageError(f"cannot be read: {reason}", where=where, hint="check the path")
+
+
+def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
+    def fail(what: str, hint: str) -> NoReturn:
+        raise error(what, where=source, hint=hint)
+
+    def constant(name: str) -> NoReturn:
+        fail(f"{name} is not JSON", "leave the value out or write null")
+
+    def number(convert: Callable[[str], float]) -> Callable[[str], float]:
+        def converted(digits: str) -> float:
+            try:
+                return convert(digits)
+            except OverflowError as fault:
+                fail(str(fault), "check the number")
+
+        return converted
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        content: dict[str, Any] = {}
+        for key, value in pairs:
+            if key in content:
+                fail(f"the key `{shorten(key)}` occurs twice in one object", "keep one of them")
+            content[key] = value
+        return content
+
+    try:
+        content = json.loads(
+            text,
+            parse_constant=constant,
+            parse_float=number(decimal),
+            parse_int=number(integer),
+            object_pairs_hook=unique,
+        )
+    except json.JSONDecodeError as fault:
+        raise error(
+            f"is not JSON: {fault.msg}",
+            where=f"{source}, line {fault.lineno}, column {fault.colno}",
+            hint="correct the syntax there",
+        ) from fault
+    except RecursionError:
+        too_deep = True
+    else:
+        too_deep = _deeper_than(MAX_DEPTH, content)
+    if too_deep:
+        fail(f"is nested deeper than {MAX_DEPTH} levels", "check that it is the file you mean")
+    return content
+
+
+def _deeper_than(limit: int, content: Any) -> bool:
+    level = [content] if isinstance(content, (dict, list)) else []
+    for _ in range(limit):
+        level = [child for value in level for child in _collections_in(value)]
+        if not level:
+            return False
+    return True
+
+
+def _collections_in(value: Any) -> list[Any]:
+    if isinstance(value, dict):
+        value = list(value.values())
+    return [child for child in value if isinstance(child, (dict, list))]

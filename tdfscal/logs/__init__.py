@@ -1,0 +1,6 @@
+"""Reading recorded logs: CSV, Parquet and MCAP through one door."""
+
+from tdfscal.logs.formats import expand, is_log
+from tdfscal.logs.reader import concatenate, iter_log, read_log
+
+__all__ = ["concatenate", "expand", "is_log", "iter_log", "read_log"]

@@ -1,0 +1,1 @@
+"""Folders of ROS 2 recordings."""

@@ -1,0 +1,194 @@
+"""rosbag2 folders: their files, and the counts of messages that metadata.yaml states."""
+
+from __future__ import annotations
+
+import re
+import stat
+from collections import Counter
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.yaml.reading import read_document
+
+METADATA: Final = "metadata.yaml"
+_STORED: Final = re.compile(r"(?i).+\.(mcap|db3)(\.(zstd|zst|gz))?")
+
+
+@dataclass(slots=True)
+class Bag:
+    """A recording of one or several files.
+
+    topics : messages of each topic in all files, as the recorder has written them; None where that
+    is not stated. total : of all topics in all files, likewise. stated : messages of each file as
+    the recorder has received them, which are more where it could not keep pace.
+    """
+
+    folder: Path
+    files: tuple[Path, ...]
+    topics: Mapping[str, int] | None
+    total: int | None
+    stated: Mapping[Path, int]
+    _found: dict[Path, Mapping[str, int]] = field(default_factory=dict)
+
+    def check(self, path: Path, found: Mapping[str, int]) -> tuple[list[str], list[str]]:
+        """Note the messages of a file that is read, by topic.
+
+        Returns
+        -------
+        contradictions, warnings : between what is stated and what is there. Those of the topics
+        and of the total come with the last file.
+        """
+        self._found[path] = found
+        contradictions: list[str] = []
+        warnings: list[str] = []
+        there = sum(found.values())
+        if (stated := self.stated.get(path, there)) != there:
+            text = f"{there} messages are there where {METADATA} states {stated}"
+            if self.topics is None:
+                contradictions.append(text)
+            else:
+                warnings.append(f"{text}: the recorder has lost some")
+        if len(self._found) == len(set(self.files)):
+            contradictions += self._in_all()
+        return contradictions, warnings
+
+    def _in_all(self) -> list[str]:
+        """Compare what is stated of all files with what is found, now that all are read."""
+        found: Counter[str] = Counter()
+        for counts in self._found.values():
+            found.update(counts)
+        contradictions = [
+            f"{found[topic]} messages of {topic} are there where {METADATA} states {count}"
+            for topic, count in (self.topics or {}).items()
+            if found[topic] != count
+        ]
+        if self.total is not None and found.total() != self.total:
+            contradictions.append(
+                f"{found.total()} messages are there where {METADATA} states {self.total} in all"
+            )
+        return contradictions
+
+
+def refuse_unfinished(folder: Path, named: Set[Path] = frozenset()) -> None:
+    """Refuse a folder that holds recordings without the metadata that would list them.
+
+    A recorder that is killed leaves such a folder. What the folder should hold is then not known.
+    named : files, links resolved, that are taken by their own names.
+
+    Raises
+    ------
+    UsageError : naming the folder, and what to do; or it cannot be looked into.
+    """
+    if has_metadata(folder):
+        return
+    stored = [path.name for path in _stored(folder) if path.resolve() not in named]
+    if not stored:
+        return
+    shown = ", ".join(stored[:3]) + (", …" if len(stored) > 3 else "")
+    raise UsageError(
+        f"the folder holds {shown} and no {METADATA}: its recording was not finished",
+        where=str(folder),
+        hint=f"write its {METADATA} with `ros2 bag reindex`, or name the .mcap files themselves",
+    )
+
+
+def _stored(folder: Path) -> list[Path]:
+    entries = sorted(entries_of(folder))
+    return [entry for entry in entries if _STORED.fullmatch(entry.name) and entry.is_file()]
+
+
+def has_metadata(folder: Path) -> bool:
+    """Tell whether a folder is a rosbag2 recording.
+
+    Raises UsageError where it may not be looked into.
+    """
+    try:
+        return stat.S_ISREG((folder / METADATA).stat().st_mode)
+    except PermissionError as error:
+        raise _closed(folder, error) from error
+    except (OSError, ValueError):
+        return False
+
+
+def entries_of(folder: Path) -> list[Path]:
+    """List a folder. Raises UsageError where that is not allowed."""
+    try:
+        return list(folder.iterdir())
+    except OSError as error:
+        raise _closed(folder, error) from error
+
+
+def _closed(folder: Path, error: OSError) -> UsageError:
+    return UsageError(
+        f"the folder cannot be looked into ({error.strerror})",
+        where=str(folder),
+        hint="make it readable, or name the logs themselves",
+    )
+
+
+def read_bag(folder: Path) -> Bag:
+    """Read the metadata of a rosbag2 folder.
+
+    Raises
+    ------
+    UsageError : the folder is no recording.
+    DataError : its metadata is damaged, its files are not MCAP, or are not there.
+    """
+    where = str(folder / METADATA)
+    refuse_unfinished(folder)
+    if not has_metadata(folder):
+        raise UsageError(
+            f"the folder is no recording: it has no {METADATA}",
+            where=str(folder),
+            hint="name the log files",
+        )
+    content = read_document(folder / METADATA, DataError).content
+    try:
+        information = content["rosbag2_bagfile_information"]
+        storage = information["storage_identifier"]
+        names = [_typed(name, str) for name in _typed(information["relative_file_paths"], list)]
+        topics = _topics(information.get("topics_with_message_count"))
+        total = information.get("message_count")
+        total = None if total is None else _typed(total, int)
+        stated = {
+            folder / _typed(one["path"], str): _typed(one["message_count"], int)
+            for one in _typed(information.get("files") or [], list)
+        }
+    except (KeyError, TypeError, AttributeError) as error:
+        raise DataError("this is no description of a rosbag2 recording", where=where) from error
+    if storage != "mcap":
+        raise DataError(
+            f"the recording is stored as {storage}",
+            where=where,
+            hint="convert it to MCAP with `ros2 bag convert`",
+        )
+    files = tuple(folder / name for name in names)
+    absent = [path.name for path in files if not path.is_file()]
+    if absent or not files:
+        raise DataError(
+            f"the recording lacks {', '.join(absent) or 'any file'}",
+            where=where,
+            hint="copy the folder again, or name the .mcap files that are there",
+        )
+    if len(set(files)) < len(files):
+        raise DataError("the recording names a file twice", where=where)
+    return Bag(folder, files, topics, total, stated)
+
+
+def _topics(listed: Any) -> dict[str, int] | None:
+    if listed is None:
+        return None
+    counts: Counter[str] = Counter()
+    for one in _typed(listed, list):
+        name = _typed(one["topic_metadata"]["name"], str)
+        counts[name] += _typed(one["message_count"], int)
+    return dict(counts)
+
+
+def _typed(value: Any, kind: type) -> Any:
+    if not isinstance(value, kind):
+        raise TypeError
+    return value

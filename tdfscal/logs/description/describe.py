@@ -1,0 +1,203 @@
+"""Everything that can be said of some logs before anything is calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from tdfscal.dwells import Offset, dwells_of_bins, find_dwells, motion_offset, reduce_to_bins
+from tdfscal.errors import DataError, TdfscalError
+from tdfscal.files.hashing import printable
+from tdfscal.files.rig.reading import LoadedRig, default_mapping
+from tdfscal.logs import expand, iter_log
+from tdfscal.logs.clock import GAP
+from tdfscal.logs.contents import Contents
+from tdfscal.logs.description.mapping_guess import Guess, guess_mapping
+from tdfscal.logs.description.plausible_units import declared_time
+from tdfscal.logs.formats import kind_of
+from tdfscal.records import Dwells, InputFile, Log, LogMapping, Series
+
+Source = Literal["rig", "guessed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One vector signal as it is read with the mapping.
+
+    fields : in the file. count : samples. start, end : s. rate : Hz, None below two samples.
+    gaps : intervals of more than five periods; longest : s, the longest interval.
+    """
+
+    support: str
+    quantity: Literal["position", "force"]
+    fields: tuple[str, ...]
+    count: int
+    start: float
+    end: float
+    rate: float | None
+    gaps: int
+    longest: float
+
+
+@dataclass(frozen=True, slots=True)
+class LogInfo:
+    """What is in some logs.
+
+    mapping : with which the signals were read: the rig's, or the guess. guess : for the first file.
+    problems : what keeps the logs from being used, or wants a look.
+    """
+
+    contents: tuple[Contents, ...]
+    guess: Guess
+    mapping: LogMapping | None
+    source: Source
+    signals: tuple[Signal, ...] = ()
+    inputs: tuple[InputFile, ...] = ()
+    dwells: Dwells | None = None
+    offset: Offset | None = None
+    problems: tuple[str, ...] = ()
+
+
+def inspect_logs(
+    paths: Sequence[Path],
+    rig: LoadedRig | None = None,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> LogInfo:
+    """Look through logs: contents, a guessed mapping, clocks, dwells.
+
+    Parameters
+    ----------
+    paths : CSV, Parquet, MCAP files or rosbag2 folders; several are one campaign.
+    rig : names the supports; its log block is used where it has one.
+    progress : told the share that is read, from 0 to 1.
+
+    Raises
+    ------
+    UsageError : a path is not there or is no log.
+    DataError : a file cannot be read at all. What can be looked at but not used is no error here:
+        `problems` says what is wrong.
+    """
+    contents = tuple(_contents(path) for path in expand(paths))
+    if not contents:
+        raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
+    guess = guess_mapping(contents[0], rig.rig if rig else None)
+    problems = [printable(f"{c.path}: {what}") for c in contents for what in c.problems]
+    problems += [printable(f"{contents[0].path}: {what}") for what in guess.problems]
+    mapping, source = guess.mapping, "guessed"
+    supports = guess.mapping.supports if guess.mapping else ()
+    if rig is not None and (rig.log is not None or guess.mapping is None):
+        mapping, source = rig.log or default_mapping(rig.rig.supports), "rig"
+        supports = rig.rig.supports
+    if mapping is None:
+        return LogInfo(contents, guess, None, "guessed", problems=(*problems, *guess.notes))
+    problems += [
+        printable(f"{c.path}: {what}") for c in contents for what in declared_time(c, mapping)
+        if source == "rig"
+    ]  # fmt: skip
+    known: Source = "rig" if source == "rig" else "guessed"
+    watch = _Watch(mapping, tuple(supports))
+    try:
+        pieces = watch.passing(iter_log(paths, mapping, supports, progress=progress))
+        if mapping.rows == "postures":
+            dwells, offset = find_dwells(pieces), None
+        else:
+            bins = reduce_to_bins(pieces)
+            dwells = dwells_of_bins(bins)
+            offset = motion_offset(bins, dwells)
+    except TdfscalError as error:
+        return LogInfo(contents, guess, mapping, known, watch.signals(),
+                       problems=(*problems, *watch.warnings, printable(str(error))))  # fmt: skip
+    problems += [*watch.warnings, *dwells.warnings]
+    if not len(dwells):
+        problems.append("no dwell is found: the NCPs never rest, or the forces never settle")
+    return LogInfo(
+        contents, guess, mapping, known, watch.signals(), tuple(watch.inputs), dwells, offset,
+        tuple(dict.fromkeys(problems)),
+    )  # fmt: skip
+
+
+def _contents(path: Path) -> Contents:
+    match kind_of(path):
+        case "parquet":
+            from tdfscal.logs.parquet.contents import parquet_contents
+
+            return parquet_contents(path)
+        case "mcap":
+            from tdfscal.logs.mcap.contents import mcap_contents
+
+            return mcap_contents(path)
+        case "text":
+            from tdfscal.logs.text.contents import text_contents
+
+            return text_contents(path)
+
+
+@dataclass(slots=True)
+class _Pace:
+    """Times of one stream, piece by piece."""
+
+    count: int = 0
+    start: float = np.nan
+    end: float = np.nan
+    period: float | None = None
+    gaps: int = 0
+    longest: float = 0.0
+
+    def note(self, series: Series) -> None:
+        time = series.time
+        if not time.size:
+            return
+        step = np.diff(time, prepend=self.end) if self.count else np.diff(time)
+        if step.size:
+            if self.period is None:
+                self.period = float(np.median(step))
+            self.gaps += int((step > GAP * self.period).sum())
+            self.longest = max(self.longest, float(step.max()))
+        if not self.count:
+            self.start = float(time[0])
+        self.end = float(time[-1])
+        self.count += time.size
+
+
+@dataclass(slots=True)
+class _Watch:
+    """Lets pieces pass and notes their clocks."""
+
+    mapping: LogMapping
+    supports: tuple[str, ...]
+    inputs: list[InputFile] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    paces: list[_Pace] = field(default_factory=list)
+
+    def passing(self, pieces: Iterator[Log]) -> Iterator[Log]:
+        for piece in pieces:
+            streams = (*piece.position, *piece.force)
+            self.paces = self.paces or [_Pace() for _ in streams]
+            for pace, series in zip(self.paces, streams, strict=True):
+                pace.note(series)
+            self.inputs += piece.inputs
+            self.warnings += piece.warnings
+            yield piece
+
+    def signals(self) -> tuple[Signal, ...]:
+        result = []
+        n = len(self.supports)
+        for k, pace in enumerate(self.paces):
+            name = self.supports[k % n]
+            index = self.mapping.supports.index(name)
+            quantity: Literal["position", "force"] = "position" if k < n else "force"
+            fields = self.mapping.position if k < n else self.mapping.force
+            span = pace.end - pace.start
+            rate = (pace.count - 1) / span if pace.count > 1 and span > 0 else None
+            result.append(
+                Signal(
+                    name, quantity, fields[index], pace.count, pace.start, pace.end, rate,
+                    pace.gaps, pace.longest,
+                )
+            )  # fmt: skip
+        return tuple(result)

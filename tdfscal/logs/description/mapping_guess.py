@@ -1,0 +1,272 @@
+"""Which fields are the positions and forces of which support, by names and plausibility."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence, Set
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from tdfscal.logs import units
+from tdfscal.logs.contents import Column, Contents, Vector
+from tdfscal.logs.description.plausible_units import (
+    Finding,
+    distances,
+    force_unit,
+    length_unit,
+    resampled,
+    time_unit,
+)
+from tdfscal.logs.message_path import topic_of
+from tdfscal.records import LogMapping, Rig
+
+Role = Literal["position", "force", "other"]
+
+_FORCE: Final = frozenset({"f", "force", "forces", "tdfs", "load", "loadcell", "wrench", "sensor"})
+_POSITION: Final = frozenset({"p", "pos", "position", "positions", "ncp", "actpos", "point", "xyz"})
+_POSITION_PART: Final = ("pos", "point")
+_OTHER: Final = frozenset(
+    {"m", "t", "torque", "torques", "moment", "moments", "v", "vel", "velocity", "a", "acc"}
+    | {"accel", "acceleration", "angular", "orientation", "rot", "rotation", "rpy", "angle", "w"}
+    | {"cmd", "command", "commanded", "set", "setpoint", "target", "ref", "reference", "demand"}
+    | {"err", "error", "temp", "temperature", "current", "gyro", "mag", "euler"}
+)
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\*")
+_RIGID: Final = 0.02  # largest relative spread of distances that a rigid terminal leaves
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """mapping : None where no pairs of positions and forces are found. notes : why, and doubts.
+
+    problems : where what the file says of its units cannot be.
+    """
+
+    mapping: LogMapping | None
+    notes: tuple[str, ...]
+    problems: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    support: str
+    position: Vector
+    force: Vector
+
+
+def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
+    """Guess the `log:` block of a file never seen before.
+
+    rig : gives the supports their names, and decides what names leave open.
+    """
+    vectors = [v for v in contents.vectors if v.time.size]
+    positions = [v for v in vectors if _role(v) == "position"]
+    forces = [v for v in vectors if _role(v) == "force"]
+    notes: list[str] = []
+    pairs = _paired(positions, forces)
+    if len(pairs) < 3:
+        found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
+        none = f"no mapping is guessed: {found}; three of each are needed"
+        return Guess(None, (none, *_joints(contents)))
+    pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
+    pairs, by_rig = _named(pairs, rig)
+    notes += by_rig
+    length = length_unit([p.position for p in pairs], rig)
+    force = force_unit([p.force for p in pairs], rig)
+    on, why_on = _force_on(pairs, rig)
+    notes += [*length.notes, *force.notes, *why_on, *_rigidity(pairs)]
+    problems = (*length.problems, *force.problems)
+    mapping = LogMapping(
+        supports=tuple(p.support for p in pairs),
+        position=tuple(p.position.fields for p in pairs),
+        force=tuple(p.force.fields for p in pairs),
+        length_unit=length.unit,
+        force_unit=force.unit,
+        force_on=on,
+        decimal=contents.decimal,
+    )
+    if contents.format == "mcap":
+        topics = {s.name for s in contents.streams}
+        fields = [v.fields[0] for p in pairs for v in (p.position, p.force)]
+        named = {topic_of(name, topics) for name in fields}
+        source, why_source = _time_source(named, contents)
+        return Guess(replace(mapping, time_source=source), (*notes, *why_source), problems)
+    used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
+    timed = _time([c for c in contents.columns if c.name not in used])
+    if timed is None:
+        none = "no column ascends as a time does, so each row is taken for a posture"
+        return Guess(replace(mapping, rows="postures"), (*notes, none), problems)
+    column, unit = timed
+    return Guess(
+        replace(mapping, time_field=column.name, time_unit=_as_unit(unit.unit)),
+        (*notes, *unit.notes),
+        (*problems, *unit.problems),
+    )
+
+
+def words(label: str) -> list[str]:
+    """Words of a name, small: TDFS_F*1 → tdfs, f, *, 1."""
+    return [w.lower() for w in _WORD.findall(label)]
+
+
+def _role(vector: Vector) -> Role:
+    """What a vector's name says; the words nearest to its end say it best."""
+    if vector.unit is not None:
+        for role in ("position", "force"):
+            if units.factor(role, vector.unit) is not None:
+                return "position" if role == "position" else "force"
+        return "other"
+    found = words(vector.label)
+    joints = vector.kind.rpartition(" ")[2] if len(vector.fields) == 3 else ""
+    if joints == "effort":
+        return "force"
+    if joints == "velocity":
+        return "other"
+    if set(found) & _OTHER and found[-1:] != ["force"]:
+        return "other"
+    for word in reversed(found):
+        if word in _FORCE:
+            return "force"
+        if word in _POSITION or word.startswith(_POSITION_PART) or word.endswith(_POSITION_PART):
+            return "position"
+    if "Wrench" in vector.kind or "Force" in vector.kind:
+        return "force"
+    if joints == "position":
+        return "position"
+    # A bare axis letter, `ncp1.x`, `X1`: a position.
+    return "position" if [w for w in found if not w.isdigit()][-1:] == ["*"] else "other"
+
+
+def _joints(contents: Contents) -> list[str]:
+    """What to write where the joints' names do not say which are x, y and z of an NCP."""
+    notes = []
+    for topic, names in contents.joints.items():
+        shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+        x, y, z = (*names[:3], "…", "…", "…")[:3]
+        notes.append(
+            f"the joints of {topic} are {shown}; where three of them move an NCP along x, y and z, "
+            f"write position: [{topic}.position[{x}], {topic}.position[{y}], "
+            f"{topic}.position[{z}]]"
+        )
+    return notes
+
+
+def _key(vector: Vector) -> list[str]:
+    """What a name says of the support: its numbers, else its words that name no quantity."""
+    found = words(vector.label)
+    numbers = [w for w in found if w.isdigit()]
+    general = {"*", "geometry", "msgs", "msg", *_FORCE, *_POSITION}
+    return numbers or [w for w in found if w not in general and not w.endswith(_POSITION_PART)]
+
+
+def _paired(positions: Sequence[Vector], forces: Sequence[Vector]) -> list[_Pair]:
+    """Pair by equal keys where these are unique, else by their order."""
+    keys_p = [tuple(_key(v)) for v in positions]
+    keys_f = [tuple(_key(v)) for v in forces]
+    common = [k for k in keys_p if keys_p.count(k) == 1 and keys_f.count(k) == 1 and k]
+    if len(common) >= 3:
+        return [
+            _Pair(f"ncp{k[0]}" if len(k) == 1 and k[0].isdigit() else "_".join(k),
+                  positions[keys_p.index(k)], forces[keys_f.index(k)])
+            for k in common
+        ]  # fmt: skip
+    if len(positions) == len(forces):
+        return [
+            _Pair(f"ncp{i + 1}", p, f)
+            for i, (p, f) in enumerate(zip(positions, forces, strict=True))
+        ]
+    return []
+
+
+def _named(pairs: list[_Pair], rig: Rig | None) -> tuple[list[_Pair], list[str]]:
+    """Give the pairs the rig's names: those in the fields' names, else in order."""
+    if rig is None:
+        return pairs, []
+    by_name = {}
+    for name in rig.supports:
+        hits = [p for p in pairs if name.lower() in p.position.label.lower() or p.support == name]
+        if len(hits) == 1:
+            by_name[name] = hits[0]
+    if len(by_name) == rig.n:
+        return [replace(p, support=name) for name, p in by_name.items()], []
+    if len(pairs) == rig.n:
+        named = [replace(p, support=n) for n, p in zip(rig.supports, pairs, strict=True)]
+        return named, ["the supports are matched with the rig's in order; check them"]
+    return pairs, [
+        f"the log has {len(pairs)} supports, the rig {rig.n}; the names are not the rig's"
+    ]
+
+
+def _force_on(
+    pairs: Sequence[_Pair], rig: Rig | None
+) -> tuple[Literal["terminal", "sensor"], list[str]]:
+    """The NCPs push the terminal up: a sum that points down is that of the reactions."""
+    forces = resampled([q.force for q in pairs])
+    if rig is not None and [p.support for p in pairs] == list(rig.supports):
+        from tdfscal.numerics import so3
+
+        forces = np.einsum("nij,nkj->nki", so3.from_rpy(rig.nominal_rpy), forces)
+    total = forces.sum(axis=0).mean(axis=0)
+    on: Literal["terminal", "sensor"] = "terminal" if total[2] > 0 else "sensor"
+    which = "up" if on == "terminal" else "down"
+    note = f"force_on: {on}, as the forces' sum points {which} along the sensors' z"
+    if abs(total[2]) < 0.5 * float(np.linalg.norm(total)):
+        note += "; it is far from vertical, so check this"
+    return on, [note]
+
+
+def _rigidity(pairs: Sequence[_Pair]) -> list[str]:
+    distance = distances([p.position for p in pairs])
+    mean = distance.mean(axis=0)
+    if not mean.all():
+        return ["two of the positions are the same throughout"]
+    spread = float(np.max(np.std(distance, axis=0) / mean))
+    if spread < _RIGID:
+        return []
+    return [
+        f"the distances between the positions vary by {100 * spread:.1f} %: they may be something "
+        "else than hinges of one rigid terminal"
+    ]
+
+
+def _time_source(
+    topics: Set[str | None], contents: Contents
+) -> tuple[Literal["header", "log"], list[str]]:
+    """The header's time where every topic has one that can be used."""
+    if not topics <= contents.stamped:
+        return "log", []
+    why = [contents.unusable[t] for t in sorted(contents.unusable) if t in topics]
+    if not why:
+        return "header", []
+    return "log", [f"time source: log, as {'; '.join(why)}"]
+
+
+def _time(columns: Sequence[Column]) -> tuple[Column, Finding] | None:
+    """The column that is best taken for the time, and its unit."""
+    if not columns:
+        return None
+
+    def rank(column: Column) -> tuple[bool, bool]:
+        found = words(column.name)
+        return ("time" in found or "timestamp" in found, bool({"t", "stamp", "clock"} & set(found)))
+
+    best = max(columns, key=rank)
+    return best, time_unit(best, (words(best.name) or [""])[-1])
+
+
+def _as_unit(unit: str) -> Literal["s", "ms", "us", "ns"]:
+    match unit:
+        case "ms":
+            return "ms"
+        case "us":
+            return "us"
+        case "ns":
+            return "ns"
+    return "s"
+
+
+def _natural(label: str) -> list[tuple[int, int, str]]:
+    parts = re.split(r"(\d+)", label)
+    return [(1, int(p), "") if p.isdecimal() else (0, 0, p) for p in parts]

@@ -1,0 +1,188 @@
+"""Units by plausibility: what hinges' distances, weights and sample intervals can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tdfscal.logs import units
+from tdfscal.logs.contents import Column, Contents, Vector
+from tdfscal.logs.text.header import split_label
+from tdfscal.records import FloatArray, LogMapping, Rig
+
+_APART: Final = (0.01, 100.0)  # m, between which hinges of any rig are apart
+_LONGEST: Final = 20.0  # m; hinges further apart are in a smaller unit
+_LIGHT: Final = 100.0  # of a terminal's weight in the log's unit; less is kN
+_WEIGHT: Final = (1.0, 1e6)  # N, between which any terminal weighs
+_INTERVAL: Final = (2e-5, 1.0)  # s, between which recorders take samples
+_WHOLE: Final = 0.1  # s; whole numbers that step by more are no seconds
+_PATIENCE: Final = 2.0  # s; an interval that is longer is not that of a recording
+_SHORTEST: Final = 5.0  # s; no campaign is shorter
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A unit to propose. notes : why. problems : why what the file itself says cannot be."""
+
+    unit: str
+    notes: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+
+
+def resampled(vectors: Sequence[Vector]) -> FloatArray:
+    """(n, N, 3) at common times."""
+    start = max(float(v.time[0]) for v in vectors)
+    end = min(float(v.time[-1]) for v in vectors)
+    t = np.linspace(start, end, 400)
+    return np.stack(
+        [np.column_stack([np.interp(t, v.time, v.value[:, j]) for j in range(3)]) for v in vectors]
+    )
+
+
+def distances(positions: Sequence[Vector]) -> FloatArray:
+    """(N, pairs of supports), in the log's unit."""
+    return _between(resampled(positions))
+
+
+def length_unit(positions: Sequence[Vector], rig: Rig | None) -> Finding:
+    """The unit in which the NCPs are as far apart as the rig's hinges, or as hinges can be."""
+    far = _middle(distances(positions))
+    known = 0.0
+    if rig is not None and rig.n == len(positions):
+        known = _middle(_between(rig.hinge[:, None, :]))
+    if known > 0.0:
+        fitting = _nearest("position", far, known)
+    else:
+        fitting = next((u for u in ("m", "mm") if far * _si("position", u) <= _LONGEST), "um")
+    stated = positions[0].unit
+    hinges = f" and the rig's hinges {known:.4g} m" if known else ""
+    if stated is None:
+        why = f"length_unit: {fitting}, as the NCPs are {far:.4g} {fitting} apart{hinges}"
+        return Finding(fitting, (why,))
+    unit = units.canonical(stated)
+    apart = far * _si("position", unit)
+    if far <= 0.0 or (unit == fitting if known else _within(apart, _APART)):
+        return Finding(unit)
+    what = f"{unit}, the NCPs are {apart:.4g} m apart{hinges}"
+    return _contradicted(unit, what, fitting, rig=known > 0.0)
+
+
+def force_unit(forces: Sequence[Vector], rig: Rig | None) -> Finding:
+    """The unit in which the forces add up to the terminal's weight, or to what can be one."""
+    sum_ = _middle(np.linalg.norm(resampled(forces).sum(axis=0), axis=1))
+    weight = 0.0
+    if rig is not None and np.isfinite(rig.mass.std):
+        weight = float(rig.mass.value) * rig.gravity
+    light = "kN" if sum_ < _LIGHT else "N"
+    fitting = _nearest("force", sum_, weight) if weight > 0.0 else light
+    stated = forces[0].unit
+    weighs = f" and the terminal weighs {weight:.4g} N" if weight else ""
+    if stated is None:
+        check = weighs or "; check it against the weight"
+        why = f"force_unit: {fitting}, as the forces add up to {sum_:.4g} {fitting}{check}"
+        return Finding(fitting, (why,))
+    unit = units.canonical(stated)
+    total = sum_ * _si("force", unit)
+    if sum_ <= 0.0 or (unit == fitting if weight else _within(total, _WEIGHT)):
+        return Finding(unit)
+    what = f"{unit}, the forces add up to {total:.4g} N{weighs}"
+    return _contradicted(unit, what, fitting, rig=weight > 0.0)
+
+
+def time_unit(column: Column, suffix: str) -> Finding:
+    """The unit in which the samples' interval is a recorder's; suffix: the name's last word."""
+    fitting = fitting_time_unit(column)
+    step = f"the step of {column.name} is {column.step:.4g}"
+    if column.unit is not None and units.factor("time", column.unit) is not None:
+        unit = units.canonical(column.unit)
+        if fitting is None or _recordable(column, unit):
+            return Finding(unit)
+        what = f"{step} {unit}, which is no recorder's interval"
+        return _contradicted(unit, what, fitting, rig=False)
+    named = units.canonical(suffix)
+    if named in units.known_units("time") and (fitting is None or _recordable(column, named)):
+        return Finding(named)
+    if fitting is None:
+        return Finding("s", (f"the unit of {column.name} is unclear; s is taken",))
+    doubt = f", though its name says {named}" if named in units.known_units("time") else ""
+    return Finding(fitting, (f"time unit: {fitting}, as {step} {fitting}{doubt}",))
+
+
+def fitting_time_unit(column: Column) -> str | None:
+    """The first of s, ms, us, ns in which the column can be a recording's time, if any."""
+    whole = bool((column.value == np.rint(column.value)).all())
+    span = float(column.value[-1] - column.value[0])
+    for unit in units.known_units("time"):
+        factor = _si("time", unit)
+        longest = _WHOLE if whole and unit == "s" else _INTERVAL[1]
+        long_enough = unit == "s" or span * factor >= _SHORTEST
+        if long_enough and _within(column.step * factor, (_INTERVAL[0], longest)):
+            return unit
+    return None
+
+
+def declared_time(contents: Contents, mapping: LogMapping) -> list[str]:
+    """Say where a mapping's unit of time makes of a table something that no recorder writes."""
+    if mapping.rows != "timeseries":
+        return []
+    name, unit = split_label(mapping.time_field)[0], mapping.time_unit
+    column = next((c for c in contents.columns if c.name in (name, mapping.time_field)), None)
+    kinds = {f.name: f.kind for stream in contents.streams for f in stream.fields}
+    # A column that is a time by its type has its own unit.
+    if column is None or "time" in kinds[column.name] or kinds[column.name] == "int96":
+        return []
+    fitting = fitting_time_unit(column)
+    if fitting in (None, unit) or _recordable(column, unit):
+        return []
+    step = column.step * _si("time", unit)
+    return [
+        f"by the mapping's `unit: {unit}` the samples of {column.name} are {step:.4g} s apart, "
+        f"which is no recorder's interval; `unit: {fitting}` would fit"
+    ]
+
+
+def _contradicted(unit: str, what: str, fitting: str, *, rig: bool) -> Finding:
+    """The header's unit, and why it cannot be; rig : whether the rig file says so."""
+    check = "check the header and the rig file" if rig else "check the header"
+    problem = f"by the header's unit, {what}; {fitting} would fit: {check}"
+    return Finding(unit, problems=(problem,))
+
+
+def _recordable(column: Column, unit: str) -> bool:
+    """Can a log be recorded at the column's step in this unit?"""
+    return _within(column.step * _si("time", unit), (_INTERVAL[0], _PATIENCE))
+
+
+def _between(points: FloatArray) -> FloatArray:
+    """Distances (N, pairs) of points (n, N, 3)."""
+    i, j = np.triu_indices(len(points), 1)
+    return np.asarray(np.linalg.norm(points[i] - points[j], axis=2).T)
+
+
+def _middle(value: FloatArray) -> float:
+    """Median of what is finite; 0 where nothing is."""
+    finite = value[np.isfinite(value)]
+    return float(np.median(finite)) if finite.size else 0.0
+
+
+def _nearest(quantity: units.Quantity, value: float, known: float) -> str:
+    """The unit in which a value comes nearest to what it should be, by ratio."""
+
+    def off(unit: str) -> float:
+        return abs(float(np.log(max(value, 1e-9) * _si(quantity, unit) / known)))
+
+    return min(units.known_units(quantity), key=off)
+
+
+def _si(quantity: units.Quantity, unit: str) -> float:
+    factor = units.factor(quantity, unit)
+    if factor is None:
+        raise ValueError(unit)
+    return factor
+
+
+def _within(value: float, limits: tuple[float, float]) -> bool:
+    return limits[0] <= value <= limits[1]

@@ -1,0 +1,367 @@
+"""The MCAP container: its records in file order, every length and checksum checked.
+
+Read front to back, so that a recording without summary, index or chunks reads to the same
+messages as one that has them. https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Schema, Statistics
+
+from tdfscal.errors import DataError
+from tdfscal.logs.damage import one_line
+from tdfscal.logs.mcap.chunk import (
+    Messages,
+    decompressed,
+    exact,
+    index_offsets,
+    messages_of,
+    parse_chunk,
+)
+from tdfscal.logs.mcap.summary import Definitions, repeated_definitions
+
+_MAGIC: Final = b"\x89MCAP0\r\n"
+_HEAD: Final = struct.Struct("<BQ")
+_MAX_RECORD: Final = 128 << 20
+_ALWAYS: Final = 1 << 30
+_MAX_EXPANSION: Final = 1000  # beyond that
+_PIECE: Final = 1 << 20
+_LOOSE_BYTES: Final = 4 << 20
+_PRIVATE: Final = 0x80
+_IN_DATA: Final = frozenset(
+    {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX}
+    | {Opcode.ATTACHMENT, Opcode.METADATA, Opcode.DATA_END}
+)
+_IN_SUMMARY: Final = frozenset(
+    {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX}
+    | {Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
+)
+_PASSED: Final = frozenset({Opcode.ATTACHMENT, Opcode.METADATA})
+_COMPRESSED: Final = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd"}
+_HINT: Final = "copy the recording again; `calibrate --salvage` reads what is sound"
+_DAMAGE: Final = (ValueError, McapError, struct.error)
+
+
+class TruncatedError(DataError):
+    """The file ends, or stops making sense, before its end: what comes after cannot be read."""
+
+
+@dataclass(slots=True)
+class Container:
+    """One MCAP file while it is read; what it says of itself fills in on the way.
+
+    channels, schemas : by id, as met so far. counts : messages by channel, as met.
+    lost : what could not be read (only with `salvage`). checked : a CRC covers every message.
+    """
+
+    path: Path
+    salvage: bool
+    channels: dict[int, Channel] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)
+    lost: list[str] = field(default_factory=list)
+    checked: bool = True
+    _chunks: list[tuple[int, int]] = field(default_factory=list)
+    reached: int = 0
+    """Bytes of the file that are read."""
+    _expanded: int = 0
+    _repeated: Definitions | None = None
+    _loose: bool = False
+
+    def messages(self) -> Iterator[Messages]:
+        """Yield the messages chunk by chunk, in file order.
+
+        Raises
+        ------
+        DataError : whatever is damaged, unless `salvage`.
+        """
+        with self.path.open("rb") as file:
+            stream = _Stream(file, self.path)
+            stream.opening()
+            try:
+                stream.record(frozenset({Opcode.HEADER}))
+                data_crc = yield from self._data_section(stream)
+                with self._noting("the summary is damaged", stream.position):
+                    self._summary_section(stream, data_crc)
+            except TruncatedError as error:
+                if not self.salvage:
+                    raise
+                self.lost.append(f"{error.what}; what follows is lost")
+
+    def _data_section(self, stream: _Stream) -> Generator[Messages, None, int]:
+        loose = bytearray()
+        pending: tuple[int, bytes] | None = None
+        offsets: list[bytes] = []
+        while True:
+            start, crc_before = stream.position, stream.crc
+            self.reached = start
+            try:
+                opcode, content = stream.record(_IN_DATA)
+            except TruncatedError:
+                # What is already read is sound and comes before what is not.
+                if pending is not None:
+                    yield from self._chunk(*pending, offsets)
+                yield from self._flush(loose)
+                raise
+            if opcode == Opcode.MESSAGE_INDEX:
+                if pending is None:
+                    self._fault("a message index follows no chunk", start)
+                offsets.append(content)
+                continue
+            if pending is not None:
+                yield from self._chunk(*pending, offsets)
+                pending, offsets = None, []
+            if opcode == Opcode.MESSAGE:
+                self._loose = True
+                loose += _HEAD.pack(opcode, len(content)) + content
+                if len(loose) >= _LOOSE_BYTES:
+                    yield from self._flush(loose)
+                continue
+            yield from self._flush(loose)
+            if opcode == Opcode.CHUNK:
+                self._chunks.append((start, stream.position - start))
+                pending = (start, content)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                with self._noting("a schema or channel is damaged", start):
+                    self._define(opcode, content)
+            elif opcode == Opcode.DATA_END:
+                stated = 0
+                with self._noting("the end of the data section is damaged", start):
+                    stated = DataEnd.read(exact(content)).data_section_crc
+                if stated and stated != crc_before:
+                    self._fault("the checksum of the data section does not match", start)
+                return int(stated)
+
+    def _chunk(self, start: int, content: bytes, index: list[bytes]) -> Iterator[Messages]:
+        try:
+            chunk = parse_chunk(content)
+            data = decompressed(chunk)
+            self._expanded += chunk.size
+            if self._expanded > _ALWAYS + _MAX_EXPANSION * (start + len(content)):
+                raise ValueError(f"the chunks so far hold {self._expanded} bytes, too many")
+            if chunk.crc == 0:
+                self.checked = False
+            messages = messages_of(data, index_offsets(index), self._define, stored=len(content))
+        except _DAMAGE as error:
+            self._fault(f"a chunk is damaged ({error})", start)
+            return
+        yield self._counted(messages)
+
+    def _flush(self, loose: bytearray) -> Iterator[Messages]:
+        if not loose:
+            return
+        data = bytes(loose)
+        loose.clear()
+        try:
+            messages = messages_of(data, None, self._define, stored=len(data))
+        except _DAMAGE as error:
+            self._fault(f"a message is damaged ({error})", None)
+            return
+        yield self._counted(messages)
+
+    def _counted(self, messages: Messages) -> Messages:
+        present = messages.counts()
+        if self.salvage:
+            self._recall(present)
+        if not present.keys() <= self.channels.keys():
+            self._fault("messages belong to a channel that is not defined", None)
+        for channel, count in present.items():
+            self.counts[channel] = self.counts.get(channel, 0) + count
+        return messages
+
+    def _recall(self, present: Iterable[int]) -> None:
+        """Take from the summary what defines these channels and is lost in its place."""
+        lacking = [number for number in present if not self._defined(number)]
+        if not lacking:
+            return
+        if self._repeated is None:
+            self._repeated = repeated_definitions(self.path)
+        schemas, channels = self._repeated
+        recalled: list[str] = []
+        for number in (n for n in lacking if n in channels):
+            channel = self.channels.setdefault(number, channels[number])
+            if channel.schema_id in schemas:
+                self.schemas.setdefault(channel.schema_id, schemas[channel.schema_id])
+            if self._defined(number):
+                recalled.append(channel.topic)
+        if recalled:
+            topics = ", ".join(sorted(recalled))
+            self.lost.append(f"the definition of {topics} is taken from the summary")
+
+    def _defined(self, number: int) -> bool:
+        channel = self.channels.get(number)
+        return channel is not None and channel.schema_id in (0, *self.schemas)
+
+    def _define(self, opcode: int, content: bytes) -> None:
+        """Take in a schema or a channel; one that comes again must say the same."""
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(exact(content))
+            if self.schemas.setdefault(schema.id, schema) != schema:
+                raise ValueError(f"schema {schema.id} is defined twice, differently")
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(exact(content))
+            if self.channels.setdefault(channel.id, channel) != channel:
+                raise ValueError(f"channel {channel.id} is defined twice, differently")
+
+    def _summary_section(self, stream: _Stream, data_crc: int) -> None:
+        start = stream.position
+        stream.crc = 0
+        statistics: Statistics | None = None
+        indexed: list[tuple[int, int]] = []
+        offsets_start = 0
+        while True:
+            here = stream.position
+            crc_before = stream.crc
+            opcode, content = stream.record(_IN_SUMMARY)
+            if opcode == Opcode.FOOTER:
+                break
+            if opcode == Opcode.STATISTICS:
+                statistics = Statistics.read(exact(content))
+            elif opcode == Opcode.CHUNK_INDEX:
+                index = ChunkIndex.read(exact(content))
+                indexed.append((index.chunk_start_offset, index.chunk_length))
+            elif opcode == Opcode.SUMMARY_OFFSET:
+                offsets_start = offsets_start or here
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._define(opcode, content)
+        footer = Footer.read(exact(content))
+        self._check_footer(footer, start, here, offsets_start, crc_before, content)
+        stream.closing()
+        if not stream.at_end():
+            self._fault("bytes follow the end of the recording", stream.position)
+        if indexed and sorted(indexed) != self._chunks:
+            self._fault("the chunk index does not match the chunks", start)
+        if statistics is not None:
+            self._check_counts(statistics)
+        if data_crc:
+            self.checked = True
+        elif self._loose or statistics is None:
+            self.checked = False
+
+    def _check_footer(
+        self, footer: Footer, start: int, end: int, offsets: int, crc: int, content: bytes
+    ) -> None:
+        stated = footer.summary_start if footer.summary_start else end
+        expected_offsets = offsets if offsets else 0
+        if stated != start or footer.summary_offset_start not in (0, expected_offsets):
+            self._fault("the footer points to the wrong place", end)
+        if footer.summary_crc:
+            covered = _HEAD.pack(Opcode.FOOTER, len(content)) + content[:16]
+            if zlib.crc32(covered, crc) != footer.summary_crc:
+                self._fault("the checksum of the summary does not match", end)
+
+    def _check_counts(self, statistics: Statistics) -> None:
+        stated = {c: n for c, n in statistics.channel_message_counts.items() if n}
+        found = sum(self.counts.values())
+        by_channel = not stated or stated == self.counts
+        if found != statistics.message_count or not by_channel:
+            self._fault(
+                f"{found} messages are there where the statistics state {statistics.message_count}",
+                None,
+            )
+
+    @contextmanager
+    def _noting(self, what: str, position: int) -> Iterator[None]:
+        """Turn what a damaged record raises into a fault."""
+        try:
+            yield
+        except _DAMAGE as error:
+            self._fault(f"{what} ({one_line(error)})", position)
+
+    def _fault(self, what: str, position: int | None) -> None:
+        place = f" at byte {position}" if position is not None else ""
+        if not self.salvage:
+            raise DataError(f"{what}{place}", where=str(self.path), hint=_HINT)
+        if f"{what}{place}" not in self.lost:
+            self.lost.append(f"{what}{place}")
+
+
+class _Stream:
+    """Records of a file one after the other, none longer than the file; keeps a running CRC."""
+
+    def __init__(self, file: BinaryIO, path: Path) -> None:
+        self._file, self._where = file, str(path)
+        self._size = path.stat().st_size
+        self.position = 0
+        self.crc = 0
+
+    def record(self, allowed: frozenset[Opcode]) -> tuple[int, bytes]:
+        """Return the next record's opcode and content; private records are passed over."""
+        while True:
+            start = self.position
+            opcode, length = _HEAD.unpack(self._read(_HEAD.size))
+            if length > self._size - self.position:
+                raise TruncatedError(
+                    f"the file ends within a record that starts at byte {start}",
+                    where=self._where,
+                    hint=_HINT,
+                )
+            if opcode in _PASSED and opcode in allowed:
+                self._pass(length)
+                return opcode, b""
+            if opcode in allowed:
+                if length > _MAX_RECORD:
+                    raise TruncatedError(
+                        f"a record of {length} bytes at byte {start} is larger than "
+                        f"{_MAX_RECORD >> 20} MiB",
+                        where=self._where,
+                        hint=_HINT,
+                    )
+                return opcode, self._read(length)
+            self._pass(length)
+            if opcode < _PRIVATE:
+                raise TruncatedError(
+                    f"a record of kind {opcode:#04x} has no place at byte {start}",
+                    where=self._where,
+                    hint=_HINT,
+                )
+
+    def opening(self) -> None:
+        """Read the mark at the start."""
+        head = self._read(len(_MAGIC), short=True)
+        for magic, kind in _COMPRESSED.items():
+            if head.startswith(magic):
+                raise DataError(
+                    f"the file is compressed with {kind}: MCAP is read as it was recorded",
+                    where=self._where,
+                    hint="decompress it first, with `gunzip` or `zstd -d`",
+                )
+        self._check_mark(head, "at its start: this is no MCAP file")
+
+    def closing(self) -> None:
+        """Read the mark at the end."""
+        self._check_mark(self._read(len(_MAGIC), short=True), "at its end")
+
+    def _check_mark(self, found: bytes, place: str) -> None:
+        if found != _MAGIC:
+            raise TruncatedError(f"the file lacks its mark {place}", where=self._where, hint=_HINT)
+
+    def at_end(self) -> bool:
+        """Tell whether every byte is read."""
+        return self.position == self._size
+
+    def _pass(self, length: int) -> None:
+        while length:
+            length -= len(self._read(min(length, _PIECE)))
+
+    def _read(self, length: int, *, short: bool = False) -> bytes:
+        data = self._file.read(length)
+        self.position += len(data)
+        self.crc = zlib.crc32(data, self.crc)
+        if len(data) < length and not short:
+            raise TruncatedError(
+                f"the file ends at byte {self.position}, before its end",
+                where=self._where,
+                hint=_HINT,
+            )
+        return data

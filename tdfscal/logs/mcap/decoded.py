@@ -1,0 +1,72 @@
+"""Messages that a library decodes one by one: the wanted numbers of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from tdfscal.logs.mcap.chunk import Messages
+from tdfscal.logs.message_path import Named, Path, shown
+from tdfscal.records import FloatArray
+
+_STAMPS: Final = (("header", "stamp"), ("timestamp",), ("header", "timestamp"))
+_PARTS: Final = (("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos"))
+_LARGEST: Final = 4 << 20  # bytes
+
+Inner = Callable[[Any, str | int | Named, Any], Any]
+"""(node, step, the node above) → what the step leads to, None where it leads nowhere."""
+
+
+def content_of(messages: Messages, k: int) -> bytes:
+    """Return the data of message k; raises ValueError where it is too large to decode."""
+    if messages.length[k] > _LARGEST:
+        raise ValueError(f"it has {messages.length[k]} bytes")
+    return messages.bytes_of(k)
+
+
+def read_rows(
+    messages: Messages,
+    paths: Sequence[Path],
+    decode: Callable[[bytes], Any],
+    inner: Inner,
+    *,
+    stamped: bool,
+) -> FloatArray:
+    """Return (N, number of paths), float64; with `stamped` the header's time in s comes first.
+
+    Raises
+    ------
+    ValueError : a message cannot be decoded, or has no number at a path.
+    """
+    rows: list[list[float]] = []
+    for k in range(messages.offset.size):
+        message = decode(content_of(messages, k))
+        row = [_stamp(message, inner)] if stamped else []
+        for path in paths:
+            number = _number(message, path, inner)
+            if number is None:
+                raise ValueError(f"it has no number at {shown(path)}")
+            row.append(number)
+        rows.append(row)
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(paths) + stamped)
+
+
+def _stamp(message: Any, inner: Inner) -> float:
+    for path in _STAMPS:
+        for whole, part in _PARTS:
+            seconds = _number(message, (*path, whole), inner)
+            rest = None if seconds is None else _number(message, (*path, part), inner)
+            if seconds is not None and rest is not None:
+                return seconds + rest * 1e-9
+    raise ValueError("it has no header.stamp, nor timestamp, with seconds and nanoseconds")
+
+
+def _number(message: Any, path: Path, inner: Inner) -> float | None:
+    node, above = message, None
+    for step in path:
+        node, above = inner(node, step, above), node
+    if isinstance(node, bool) or not isinstance(node, int | float):
+        return None
+    return float(node)

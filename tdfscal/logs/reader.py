@@ -1,0 +1,284 @@
+"""One pass over the files of a campaign, whatever their format."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.hashing import Fingerprint, printable
+from tdfscal.logs.bag.rosbag2 import Bag
+from tdfscal.logs.clock import Clock, apart, shown
+from tdfscal.logs.formats import files_of, reader_of
+from tdfscal.logs.read_ahead import ahead
+from tdfscal.logs.request import Block, Outcome, Piece, Request, make_request
+from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
+
+Progress = Callable[[float], None]
+#: Largest magnitudes that are read, by quantity.
+_LARGEST = {"position": (1e9, "m"), "force": (1e9, "N")}
+_NO_TIME, _NO_VALUE = np.empty(0), np.empty((0, 3))
+
+
+def read_log(
+    paths: Sequence[Path],
+    mapping: LogMapping | None,
+    supports: Sequence[str],
+    *,
+    salvage: bool = False,
+) -> Log:
+    """Read recorded logs into memory: `iter_log` put together.
+
+    Parameters
+    ----------
+    paths : CSV, Parquet or MCAP files, or rosbag2 folders; several are one campaign in sequence.
+    mapping : how the recorder names things; None for the default names, m and N.
+    supports : the supports wanted, in the order of the result.
+    salvage : read what is sound of a damaged file and say in the warnings what is lost.
+
+    Returns
+    -------
+    Log : positions (N, 3) in m, BCS; forces (N, 3) in N on the terminal, sensor frames.
+
+    Raises
+    ------
+    UsageError : a file is not there. RigError : the mapping is wrong.
+    DataError : a file is damaged, or is not what the mapping says.
+    """
+    return concatenate(iter_log(paths, mapping, supports, salvage=salvage))
+
+
+def iter_log(
+    paths: Sequence[Path],
+    mapping: LogMapping | None,
+    supports: Sequence[str],
+    *,
+    salvage: bool = False,
+    progress: Progress | None = None,
+) -> Iterator[Log]:
+    """Read recorded logs as a stream of pieces, in bounded memory.
+
+    Each piece holds the new samples of every stream, about 64 k samples or less. A file's entry
+    in `inputs` and its warnings come with its last piece. Parameters and errors as `read_log`.
+
+    progress : told the share of all bytes that is read, from 0 to 1, not descending.
+    """
+    request = make_request(mapping, supports)
+    files = files_of(paths)
+    meter = _Meter(sum(path.stat().st_size for path, _ in files), progress)
+    yield from _campaign(files, request, mapping, meter, salvage=salvage)
+
+
+def concatenate(pieces: Iterable[Log]) -> Log:
+    """Put the pieces of one campaign together."""
+    parts = list(pieces)
+    first = parts[0]
+
+    def joined(streams: Sequence[Series]) -> Series:
+        if len(streams) == 1:
+            return streams[0]
+        return Series(
+            np.concatenate([s.time for s in streams]), np.concatenate([s.value for s in streams])
+        )
+
+    n = range(len(first.supports))
+    return replace(
+        first,
+        position=tuple(joined([p.position[i] for p in parts]) for i in n),
+        force=tuple(joined([p.force[i] for p in parts]) for i in n),
+        inputs=tuple(i for p in parts for i in p.inputs),
+        warnings=tuple(dict.fromkeys(w for p in parts for w in p.warnings)),
+    )
+
+
+@dataclass(slots=True)
+class _Meter:
+    """Bytes read of all files together; before: those of the files that are done."""
+
+    total: int
+    progress: Progress | None
+    before: int = 0
+    position: int = 0
+
+    def reached(self, position: int) -> None:
+        """Note how far the file at hand is read; from any thread."""
+        self.position = position
+
+    def finished(self, size: int) -> None:
+        """The file at hand is read."""
+        self.before += size
+        self.position = 0
+
+    def tell(self) -> None:
+        """Tell what is noted."""
+        if self.progress is not None:
+            self.progress(min((self.before + self.position) / max(self.total, 1), 1.0))
+
+
+def _campaign(
+    files: Sequence[tuple[Path, Bag | None]],
+    request: Request,
+    mapping: LogMapping | None,
+    meter: _Meter,
+    *,
+    salvage: bool,
+) -> Iterator[Log]:
+    if not files:
+        raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
+    last = np.full(len(request.signals), -np.inf)
+    row = 0.0
+    bags = dict(files)
+    for path in _in_sequence([path for path, _ in files], request, mapping, salvage=salvage):
+        reached = last.copy()
+        pending: Log | None = None
+        count = np.zeros(len(request.signals), dtype=np.int64)
+        clocks: dict[str, Clock] = {}
+        reader = reader_of(path, mapping, bags[path])
+        pieces = reader(path, request, salvage=salvage, reached=meter.reached)
+        with Fingerprint(path) as fingerprint, closing(ahead(pieces)) as stream:
+            outcome: Outcome
+            while True:
+                try:
+                    piece = next(stream)
+                except StopIteration as end:
+                    outcome = end.value
+                    break
+                meter.tell()
+                ascending = [
+                    _ascending(_numbered(block, row), clocks, request, reached, path)
+                    for block in piece
+                ]
+                for block in ascending:
+                    _check_size(block, request, path)
+                    for number in block.value:
+                        count[number] += block.time.size
+                        if block.time.size:
+                            last[number] = block.time[-1]
+                if pending is not None:
+                    yield pending
+                pending = _log(ascending, request)
+            warnings = [w for clock in clocks.values() for w in clock.finish()]
+            warnings += apart(tuple(clocks.values()), str(path))
+            _check_counts(count, request, path, outcome)
+            entry = fingerprint.result(outcome.integrity)
+        row += float(count[0])
+        meter.finished(entry.bytes)
+        meter.tell()
+        yield _closed(pending, request, entry, (*outcome.warnings, *warnings))
+
+
+def _in_sequence(
+    paths: Sequence[Path], request: Request, mapping: LogMapping | None, *, salvage: bool
+) -> list[Path]:
+    """Order the files by their first time."""
+    if len(paths) == 1:
+        return list(paths)
+    starts: list[tuple[float, int]] = []
+    untimed = 0
+    for k, path in enumerate(paths):
+        reader = reader_of(path, mapping)
+        stream = reader(path, request, salvage=salvage, reached=lambda position: None)
+        start = np.inf
+        for piece in stream:
+            times = [float(block.time[0]) for block in piece if block.time.size]
+            untimed += any(block.clock == "row" for block in piece)
+            if times:
+                start = min(times)
+                break
+        stream.close()
+        starts.append((start, k))
+    if untimed == len(paths):
+        return list(paths)
+    if untimed:
+        raise DataError(
+            "some of the logs have a time column and some have none",
+            where=", ".join(map(str, paths)),
+            hint="calibrate from logs of one kind",
+        )
+    return [paths[k] for _, k in sorted(starts)]
+
+
+def _numbered(block: Block, row: float) -> Block:
+    """Count rows on over the files where there is no time."""
+    return replace(block, time=block.time + row) if block.clock == "row" and row else block
+
+
+def _ascending(
+    block: Block, clocks: dict[str, Clock], request: Request, reached: FloatArray, path: Path
+) -> Block:
+    """Leave out the samples that do not ascend."""
+    if block.clock not in clocks:
+        before = max(float(reached[number]) for number in block.value)
+        clocks[block.clock] = Clock(block.clock, str(path), request.rows, before)
+        if block.time.size and block.time[0] < before:
+            raise DataError(
+                f"{block.clock} starts at {shown(block.time[0])} s, before the end of another log "
+                f"at {shown(before)} s",
+                where=str(path),
+                hint="logs of one campaign follow each other; leave out the one that overlaps",
+            )
+    keep = clocks[block.clock].ascending(block.time)
+    if keep is None:
+        return block
+    return Block(block.clock, block.time[keep], {s: v[keep] for s, v in block.value.items()})
+
+
+def _check_size(block: Block, request: Request, path: Path) -> None:
+    """Refuse what no NCP reaches and no sensor bears; sums of it would overflow."""
+    for number, value in block.value.items():
+        signal = request.signals[number]
+        limit, unit = _LARGEST[signal.quantity]
+        if not value.size or (value.max() <= limit and value.min() >= -limit):
+            continue
+        over = np.flatnonzero(np.abs(value).max(axis=1) > limit)
+        if over.size:
+            raise DataError(
+                f"the {signal.quantity} of {signal.support} is "
+                f"{np.abs(value[over[0]]).max():.3g} {unit} at {shown(block.time[over[0]])} s",
+                where=str(path),
+                hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
+                "the largest value read",
+            )
+
+
+def _check_counts(
+    count: np.typing.NDArray[np.int64], request: Request, path: Path, outcome: Outcome
+) -> None:
+    for number, signal in enumerate(request.signals):
+        if count[number]:
+            continue
+        what = (
+            f"there is no sample of the {signal.quantity} of {signal.support} "
+            f"({', '.join(signal.fields)})"
+        )
+        if outcome.integrity == "salvaged" and outcome.warnings:
+            lost = outcome.warnings[0].removeprefix(f"{path}: ")
+            raise DataError(
+                f"{what} in what is sound of the file; {lost}",
+                where=str(path),
+                hint="copy the recording again",
+            )
+        raise DataError(what, where=str(path))
+
+
+def _log(piece: Piece | list[Block], request: Request) -> Log:
+    series = [Series(_NO_TIME, _NO_VALUE)] * len(request.signals)
+    for block in piece:
+        for number, value in block.value.items():
+            series[number] = Series(block.time, value)
+    return Log(
+        supports=request.supports,
+        position=tuple(series[0::2]),
+        force=tuple(series[1::2]),
+        rows=request.rows,
+    )
+
+
+def _closed(log: Log | None, request: Request, entry: InputFile, warnings: Iterable[str]) -> Log:
+    """Add to a file's last piece what is known at its end."""
+    piece = log if log is not None else _log((), request)
+    return replace(piece, inputs=(entry,), warnings=tuple(map(printable, warnings)))

@@ -1,0 +1,233 @@
+"""What is wanted of a log, and the pieces that the readers of all formats hand back."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+
+from tdfscal.errors import DataError, RigError
+from tdfscal.logs import units
+from tdfscal.records import FloatArray, Integrity, LogMapping, Rows
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One vector signal of one support, as the file has it.
+
+    fields : three names, or one that has the members x, y, z.
+    factor : from the file's unit and sign to SI and tdfscal's sign.
+    """
+
+    support: str
+    quantity: Literal["position", "force"]
+    fields: tuple[str, ...]
+    unit: str
+    factor: float
+
+    @property
+    def components(self) -> tuple[str, str, str]:
+        """The three fields by name."""
+        if len(self.fields) == 1:
+            field = self.fields[0]
+            return f"{field}.x", f"{field}.y", f"{field}.z"
+        x, y, z = self.fields
+        return x, y, z
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is wanted of a log: signal 2i is the position of support i, 2i + 1 its force."""
+
+    supports: tuple[str, ...]
+    signals: tuple[Signal, ...]
+    rows: Rows
+    time_field: str
+    time_unit: str
+    time_source: Literal["header", "log", "publish"]
+    decimal: Literal[".", ","]
+    declared: bool
+    """Whether the rig has a `log` block; without one, a unit that the file names is honoured."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """New samples of the signals that share one clock.
+
+    clock : what the clock is called in messages: a column or a topic.
+    time : (N,), s, as recorded: not yet checked to ascend.
+    value : signal's number → (N, 3), SI, tdfscal's sign, finite.
+    """
+
+    clock: str
+    time: FloatArray
+    value: Mapping[int, FloatArray]
+
+
+Piece = tuple[Block, ...]
+Reached = Callable[[int], None]
+"""Told how many bytes of a file are read, now and then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a reader has to say when a file is at its end."""
+
+    integrity: Integrity
+    warnings: tuple[str, ...] = ()
+
+
+class Reader(Protocol):
+    """A format's reader: yields pieces of bounded size and returns the outcome.
+
+    Raises DataError on whatever is wrong with the file, unless `salvage` allows to go on.
+    """
+
+    def __call__(
+        self, path: Path, request: Request, *, salvage: bool, reached: Reached
+    ) -> Generator[Piece, None, Outcome]:
+        """Read one file."""
+        ...
+
+
+def make_request(mapping: LogMapping | None, supports: Sequence[str]) -> Request:
+    """Resolve the mapping, or the default field names, for the supports wanted.
+
+    Raises
+    ------
+    RigError : a support without fields, or a unit that is not known.
+    """
+    if mapping is None:
+        default = tuple(supports)
+        mapping = LogMapping(
+            supports=default,
+            position=tuple((f"{s}.x", f"{s}.y", f"{s}.z") for s in default),
+            force=tuple((f"{s}.fx", f"{s}.fy", f"{s}.fz") for s in default),
+        )
+        declared = False
+    else:
+        declared = True
+    length = _factor("position", mapping.length_unit, "length_unit")
+    force = _factor("force", mapping.force_unit, "force_unit")
+    _factor("time", mapping.time_unit, "time.unit")
+    sign = -1.0 if mapping.force_on == "sensor" else 1.0
+    signals: list[Signal] = []
+    for name in supports:
+        if name not in mapping.supports:
+            raise RigError(
+                f"the log block names no fields for support {name}",
+                where="log.supports",
+                hint=f"add {name} with its position and force",
+            )
+        i = mapping.supports.index(name)
+        signals += [
+            Signal(
+                name, "position", _three(mapping.position[i], name), mapping.length_unit, length
+            ),
+            Signal(name, "force", _three(mapping.force[i], name), mapping.force_unit, sign * force),
+        ]
+    return Request(
+        supports=tuple(supports),
+        signals=tuple(signals),
+        rows=mapping.rows,
+        time_field=mapping.time_field,
+        time_unit=mapping.time_unit,
+        time_source=mapping.time_source,
+        decimal=mapping.decimal,
+        declared=declared,
+    )
+
+
+def missing_fields(
+    missing: Sequence[str], present: Iterable[str], *, where: str, kind: str
+) -> DataError:
+    """Build the error for fields that a file does not have, with the nearest names it has."""
+    names = list(dict.fromkeys(present))
+    shown = ", ".join(missing[:4]) + (f" and {len(missing) - 4} more" if len(missing) > 4 else "")
+    near = list(dict.fromkeys(n for m in missing[:4] for n in difflib.get_close_matches(m, names)))
+    if near:
+        nearest = f"the nearest that it has: {', '.join(near[:6])}"
+    elif names:
+        nearest = f"it has {', '.join(names[:8])}{', …' if len(names) > 8 else ''}"
+    else:
+        nearest = "it has none"
+    return DataError(
+        f"no {kind} {shown}; {nearest}",
+        where=where,
+        hint="name the fields in the log block of rig.yaml as the recorder names them",
+    )
+
+
+def check_fields_differ(request: Request, *, where: str) -> None:
+    """Refuse a mapping that uses one field twice: two sensors would read the same numbers."""
+    seen: dict[str, Signal] = {}
+    for signal in request.signals:
+        for name in signal.components:
+            if name in seen:
+                other = seen[name]
+                raise RigError(
+                    f"field {name} is named twice, for the {other.quantity} of {other.support} "
+                    f"and for the {signal.quantity} of {signal.support}",
+                    where=where,
+                )
+            seen[name] = signal
+
+
+def split(piece: Piece, limit: int) -> list[Piece]:
+    """Cut a piece so that no stream has more than `limit` samples in one part."""
+    longest = max((len(block.time) for block in piece), default=0)
+    parts = -(-longest // limit)
+    if parts <= 1:
+        return [piece]
+    result: list[Piece] = []
+    for k in range(parts):
+        cut: list[Block] = []
+        for block in piece:
+            n = len(block.time)
+            part = slice(n * k // parts, n * (k + 1) // parts)
+            value = {s: v[part] for s, v in block.value.items()}
+            cut.append(Block(block.clock, block.time[part], value))
+        result.append(tuple(cut))
+    return result
+
+
+def join(pieces: Sequence[Piece]) -> Piece:
+    """Put consecutive pieces together, clock by clock."""
+    if len(pieces) == 1:
+        return pieces[0]
+    by_clock: dict[str, list[Block]] = {}
+    for piece in pieces:
+        for block in piece:
+            by_clock.setdefault(block.clock, []).append(block)
+    return tuple(
+        Block(
+            clock,
+            np.concatenate([b.time for b in blocks]),
+            {s: np.concatenate([b.value[s] for b in blocks]) for s in blocks[0].value},
+        )
+        for clock, blocks in by_clock.items()
+    )
+
+
+def _factor(quantity: units.Quantity, unit: str, place: str) -> float:
+    value = units.factor(quantity, unit)
+    if value is None:
+        raise RigError(
+            f"unknown unit {unit!r}",
+            where=f"log.{place}",
+            hint=f"use one of {', '.join(units.known_units(quantity))}",
+        )
+    return value
+
+
+def _three(fields: tuple[str, ...], support: str) -> tuple[str, ...]:
+    if len(fields) not in (1, 3):
+        raise RigError(
+            f"expected three fields, or one with members x, y, z, got {len(fields)}",
+            where=f"log.supports.{support}",
+        )
+    return fields

@@ -1,0 +1,203 @@
+"""Contents of a text log: its header found without knowing what is wanted."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
+from tdfscal.errors import DataError
+from tdfscal.files.arrow import as_arrow, as_numpy
+from tdfscal.logs import units
+from tdfscal.logs.contents import SAMPLES, Contents, Stream, table_contents
+from tdfscal.logs.damage import damage
+from tdfscal.logs.text.header import SEPARATORS, fits_header, row_cells, split_cells, split_label
+from tdfscal.logs.text.reader import HEAD, Source, blocks, decode, open_text
+from tdfscal.logs.text.rows import ragged
+from tdfscal.records import FloatArray
+
+_SEARCHED: Final = 64
+_GLANCE: Final = 1 << 16
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|nan|inf", re.IGNORECASE)
+_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+
+
+def text_contents(path: Path) -> Contents:
+    """Look through a CSV or TSV file: header and a sample of the rows of each block.
+
+    Raises
+    ------
+    UsageError, DataError : it cannot be read, or is no table with a header.
+    """
+    where = str(path)
+    with damage(path, pa.ArrowException):
+        raw, stream, _ = open_text(path)
+        with raw, stream:
+            source = Source(stream, None)
+            head = source.read(HEAD)
+            newline = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
+            lines = decode(head, where).splitlines()[: 2 * _SEARCHED]
+            separator, number, cells = _header(lines, where)
+            body = [c for line in lines[number + 1 :] for c in split_cells(line, separator)]
+            decimal: Literal[".", ","] = (
+                "," if separator != "," and any(_COMMA.fullmatch(c) for c in body) else "."
+            )
+            skipped, stated = number + 1, _stated(cells)
+            if number + 1 < len(lines):
+                row = [c.strip("[]() ") for c in split_cells(lines[number + 1], separator)]
+                if fits_header(row, cells) and not any(_is_number(c, decimal) for c in row):
+                    skipped += 1
+                    row += [""] * (len(cells) - len(row))
+                    stated = [
+                        s or (r if units.is_unit(r) else None)
+                        for s, r in zip(stated, row, strict=False)
+                    ]
+            width = row_cells(lines[skipped:], separator, cells)
+            cells, stated = cells[:width], stated[:width]
+            table = _Table(width, separator, decimal)
+            parts: list[pa.Table] = []
+            count = 0
+            for view, whole in blocks(source, head, newline, skipped, where, []):
+                block = bytes(view)
+                count += block.count(newline) + (not block.endswith(newline))
+                glance = block if not parts else block[: block.find(newline, _GLANCE) + 1] or block
+                parts.append(table.parsed(glance, table.odd if whole else []))
+    return _contents(path, cells, stated, parts, count, decimal, _odd_lines(table))
+
+
+def _contents(
+    path: Path,
+    cells: list[str],
+    stated: list[str | None],
+    parts: list[pa.Table],
+    count: int,
+    decimal: Literal[".", ","],
+    problems: list[str],
+) -> Contents:
+    names = [split_label(cell)[0] for cell in cells]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        problems.append(f"columns are there more than once: {', '.join(twice)}")
+    sample: dict[str, FloatArray] = {}
+    first: dict[str, FloatArray] = {}
+    kinds = []
+    for k, name in enumerate(names):
+        types = {str(part.column(k).type) for part in parts}
+        numeric = bool(types) and all(_is_numeric(part.column(k).type) for part in parts)
+        kinds.append("number" if numeric else ("text" if types else "empty"))
+        if numeric and name not in twice:
+            sample[name] = np.concatenate([_numbers(part, k, thin=True) for part in parts])
+            first[name] = _numbers(parts[0], k, thin=False)[:4096]
+    fields, vectors, columns = table_contents(names, kinds, stated, sample, first)
+    return Contents(
+        path, "csv", path.stat().st_size, (Stream("table", "", count, fields),), vectors, columns,
+        decimal=decimal, problems=tuple(problems),
+    )  # fmt: skip
+
+
+def _header(lines: list[str], where: str) -> tuple[str, int, list[str]]:
+    """Separator, line number and cells of the first line of names above most lines."""
+    best: tuple[int, int, str, list[str]] | None = None
+    ragged_at: tuple[int, int, int] | None = None
+    for separator in SEPARATORS:
+        split = [split_cells(line, separator) for line in lines[:_SEARCHED]]
+        widths = [len(cells) for cells in split if len(cells) > 1]
+        if not widths:
+            continue
+        width = max(set(widths), key=widths.count)
+        number = next(k for k, cells in enumerate(split) if len(cells) == width)
+        if _has_number(split[number]):
+            # Recorders end their rows with a separator, or the header, and the other not.
+            near = number - 1
+            if near < 0 or abs(len(split[near]) - width) > 1 or _has_number(split[near]):
+                continue
+            if not fits_header(split[number], split[near]):
+                ragged_at = ragged_at or (number, width, len(split[near]))
+                continue
+            number = near
+        # Commas within numbers make columns too; the header has none of them then.
+        if best is None or width > best[0]:
+            best = (width, number, separator, split[number])
+    if best is None and ragged_at is not None:
+        number, width, expected = ragged_at
+        raise ragged(width, expected, f"{where}, line {number + 1}")
+    if best is None:
+        raise DataError(
+            "there is no header line above a table of numbers",
+            where=where,
+            hint="put the columns' names in the first line",
+        )
+    return best[2], best[1], best[3]
+
+
+def _stated(cells: list[str]) -> list[str | None]:
+    return [split_label(cell)[1] for cell in cells]
+
+
+def _has_number(cells: list[str]) -> bool:
+    return any(_is_number(c, ",") or _is_number(c, ".") for c in cells)
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return bool(_NUMBER.fullmatch(cell.replace(",", ".") if decimal == "," else cell))
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """How to parse the rows: cells in each, separator, decimal.
+
+    odd : takes the numbers of cells of the lines that have others.
+    """
+
+    width: int
+    separator: str
+    decimal: str
+    odd: list[int] = field(default_factory=list)
+
+    def parsed(self, block: bytes, odd: list[int]) -> pa.Table:
+        """Parse whole lines; those with another number of cells are left out, and noted."""
+
+        def leave_out(row: pa_csv.InvalidRow) -> str:
+            odd.append(row.actual_columns)
+            return "skip"
+
+        return pa_csv.read_csv(
+            pa.BufferReader(block),
+            pa_csv.ReadOptions(
+                column_names=[str(k) for k in range(self.width)],
+                # At once, so that no line is longer than what is parsed at a time.
+                block_size=len(block) + 1,
+                # Lines that are left out are decoded, and Latin-1 decodes whatever there is.
+                encoding="utf8" if block.isascii() else "latin1",
+            ),
+            pa_csv.ParseOptions(delimiter=self.separator, invalid_row_handler=leave_out),
+            pa_csv.ConvertOptions(decimal_point=self.decimal),
+        )
+
+
+def _odd_lines(table: _Table) -> list[str]:
+    if not table.odd:
+        return []
+    found = ", ".join(str(n) for n in sorted(set(table.odd))[:3])
+    found += " cell" if found == "1" else " cells"
+    many = "a line has" if len(table.odd) == 1 else f"{len(table.odd)} lines have"
+    return [
+        f"{many} {found} where a row has {table.width}; the file may be damaged there: "
+        "record or export it again"
+    ]
+
+
+def _is_numeric(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind))
+
+
+def _numbers(part: pa.Table, k: int, *, thin: bool) -> FloatArray:
+    column = part.column(k)
+    if thin and len(column) > SAMPLES:
+        column = column.take(as_arrow(np.linspace(0, len(column) - 1, SAMPLES).astype(np.int64)))
+    return as_numpy(column.cast(pa.float64(), safe=False))

@@ -1,0 +1,213 @@
+"""A pool of candidate postures, and how a plan is chosen from it and judged."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.numerics import so3
+from tdfscal.planning.candidates import Candidates, draw
+from tdfscal.planning.exchange import choose, gains, inverse
+from tdfscal.planning.limits import check_limits, check_reach
+from tdfscal.planning.ordering import approaches, distances, short_tour, with_returns
+from tdfscal.planning.plan import Plan, Request, hinge_radius
+from tdfscal.planning.predicted_information import (
+    Forecast,
+    Sight,
+    angle_rows,
+    forecast,
+    widened,
+    wrench_rows,
+)
+from tdfscal.records import ANGLES, FloatArray, IntArray, Rig
+from tdfscal.selfcal.covariance import faked_information
+from tdfscal.selfcal.estimator import Fit
+
+#: Postures per return to the first one.
+_PER_RETURN = 24
+#: Fewest postures of which one is spent on a return.
+_FEWEST_WITH_RETURN = 6
+#: Random sets that stand for driving without a plan.
+_RANDOM_SETS = 16
+#: An objective that follows the width of ignorance by more than this share is not measured.
+_FOLLOWS = 1e-2
+
+
+class Planner:
+    """A pool of candidates with all that choosing from it needs."""
+
+    def __init__(
+        self, rig: Rig, request: Request, rng: np.random.Generator, given: Fit | None
+    ) -> None:
+        _check(rig, request)
+        self.rig, self.request, self.given = rig, request, given
+        pool_rng, self.rng = rng.spawn(2)
+        self.sight = Sight.of(rig, request.noise, given.state if given else None)
+        self.held = self._held(self.sight)
+        self.pool = draw(rig, request.limits, request.candidates, pool_rng)
+        self.rows = self.sight.rows(self.pool)
+        some = self.pool.take(np.arange(min(8, len(self.pool))))
+        self.scatter = self.sight.scatter(some, request.limits).mean(axis=0)
+        self.objective = self._objective()
+        self._usual: FloatArray | None = None
+
+    def _held(self, sight: Sight) -> FloatArray:
+        """Information (p, p) that stands before the plan: priors and recorded postures."""
+        held = sight.prior()
+        if self.given is not None:
+            J = self.given.whitener @ self.given.jacobian
+            held = held + np.einsum("k,kmp,kmq->pq", self.given.weight, J, J)
+            turns = slice(0, 3 * self.rig.n)
+            held[turns, turns] -= faked_information(self.given)
+            # Where noise fakes all there is, ignorance remains: 1 in units of its width.
+            values, vectors = np.linalg.eigh(sight.wide[:, None] * held * sight.wide)
+            half = vectors * np.sqrt(np.maximum(values, 1.0)) / sight.wide[:, None]
+            held = half @ half.T
+        return held
+
+    def _objective(self) -> FloatArray:
+        """L (r, p) with tr(L C Lᵀ) the mean variance of the angles, or of the contact wrench.
+
+        Moments count by the force that makes them at the hinges.
+        """
+        if self.request.objective == "angles":
+            L = angle_rows(self.sight)
+        else:
+            L = wrench_rows(self.sight, self._at)
+            L[3:] /= hinge_radius(self.rig)
+        return np.asarray(L / np.sqrt(len(L)))
+
+    @property
+    def _at(self) -> tuple[float, float, float]:
+        return self.request.at or self.rig.acceptance.contact_rpy
+
+    def select(self, count: int) -> tuple[IntArray, int]:
+        """Choose distinct candidates and how often the first comes again: `count` rows in all."""
+        returns = _returns(count)
+        if count - returns > len(self.pool):
+            raise UsageError(
+                f"{count - returns} postures are to be chosen from {len(self.pool)} candidates",
+                hint="ask for more candidates",
+            )
+        base = self.held + count * self.scatter
+        found = choose(self.rows, base, self.objective, count - returns)
+        gain = gains(self.rows[found.index], found.covariance, self.objective)
+        first = int(np.argmax(gain))
+        index = np.concatenate([[first], np.delete(np.arange(len(found.index)), first)])
+        return found.index[index], returns
+
+    def forecast(self, postures: Candidates) -> Forecast:
+        """Uncertainty to expect of postures, with what is held already."""
+        at = self._at if self.request.objective == "wrench" else self.request.at
+        return forecast(self.sight, postures, self.request.limits, self.held, at)
+
+    def largest(self, count: int) -> float:
+        """Largest standard uncertainty of an angle to expect of `count` rows, rad."""
+        index, returns = self.select(count)
+        rows = np.concatenate([index, np.repeat(index[:1], returns)])
+        return float(self.forecast(self.pool.take(rows)).rpy_std.max())
+
+    def scaled(self, count: int) -> float:
+        """Return about the same as `largest`, from the information per posture of a usual plan."""
+        if self._usual is None:
+            index, _ = self.select(min(_PER_RETURN, len(self.pool)))
+            J = self.rows[index]
+            self._usual = np.einsum("kmp,kmq->pq", J, J) / len(index) + self.scatter
+        C = inverse(self.held + count * self._usual)
+        L = angle_rows(self.sight)
+        return float(np.sqrt(np.einsum("rp,pq,rq->r", L, C, L).max()))
+
+    def plan(self, count: int) -> Plan:
+        """Choose, order and judge."""
+        if count < 1:
+            raise UsageError(f"{count} postures are asked for", hint="ask for one or more")
+        index, returns = self.select(count)
+        distinct = self.pool.take(index)
+        order = with_returns(short_tour(distances(distinct.place), 0), returns)
+        postures = distinct.take(order)
+        expected = self.forecast(postures)
+        self._refuse_unobservable(postures, expected)
+        limits = self.request.limits
+        displacement = postures.squeeze / limits.stiffness if limits.stiffness else None
+        return Plan(
+            rig=self.rig,
+            request=self.request,
+            postures=postures,
+            position=postures.place + (0.0 if displacement is None else displacement),
+            displacement=displacement,
+            approach=approaches(order),
+            returns=np.flatnonzero(order == order[0])[1:],
+            given=0 if self.given is None else int(np.sum(self.given.weight > 0)),
+            before=None if self.given is None else self.forecast(postures.take(order[:0])),
+            expected=expected,
+            random=self._random(count),
+        )
+
+    def _random(self, count: int) -> Forecast:
+        """Mean forecast of random sets of as many postures."""
+        sets = [
+            self.forecast(draw(self.rig, self.request.limits, count, self.rng, extremes=False))
+            for _ in range(_RANDOM_SETS)
+        ]
+        angles = np.mean([s.rpy_std for s in sets], axis=0)
+        force = [s.contact_force for s in sets if s.contact_force is not None]
+        torque = [s.contact_torque for s in sets if s.contact_torque is not None]
+        if not force:
+            return Forecast(angles)
+        return Forecast(angles, np.mean(force, axis=0), np.mean(torque, axis=0))
+
+    def _refuse_unobservable(self, postures: Candidates, expected: Forecast) -> None:
+        """Raise NotIdentifiableError where the best of plans does not reach the objective."""
+        if self.request.objective == "wrench":
+            self._refuse_unmeasured(postures)
+            return
+        limit = self.rig.acceptance.identifiable
+        weak = (expected.rpy_std >= limit) | (expected.rpy_std > 0.5 * self.rig.rpy_std)
+        if not weak.any():
+            return
+        names = [f"{ANGLES[j]} of {self.rig.supports[i]}" for i, j in np.argwhere(weak)]
+        worst = 1e3 * float(expected.rpy_std[weak].max())
+        raise NotIdentifiableError(
+            f"within these limits {len(postures)} postures do not determine {', '.join(names)} "
+            f"(up to ±{worst:.3g} mrad)",
+            where="objective angles",
+            hint="allow a larger squeeze, tilt more, or drive more postures",
+        )
+
+    def _refuse_unmeasured(self, postures: Candidates) -> None:
+        """Raise where the wrench's variance is what ignorance was taken to be."""
+        J = self.sight.rows(postures)
+        seen = np.einsum("kmp,kmq->pq", J, J)
+        seen += self.sight.scatter(postures, self.request.limits).sum(axis=0)
+        L = self.objective
+        values = [
+            float(np.einsum("rp,pq,rq->", L, inverse(self._held(sight) + seen), L))
+            for sight in (self.sight, widened(self.sight, 2.0))
+        ]
+        if values[1] > values[0] * (1 + _FOLLOWS):
+            raise NotIdentifiableError(
+                f"within these limits {len(postures)} postures do not determine the contact "
+                "wrench at the assembly posture",
+                where="objective wrench",
+                hint="drive more postures, tare the sensors, or weigh the terminal",
+            )
+
+
+def _returns(count: int) -> int:
+    return max(1, round(count / _PER_RETURN)) if count >= _FEWEST_WITH_RETURN else 0
+
+
+def _check(rig: Rig, request: Request) -> None:
+    check_limits(rig, request.limits)
+    if not 0.0 <= request.noise < np.inf:
+        raise UsageError(f"the noise is {request.noise:g} N", hint="give newtons, 0 or more")
+    if request.noise == 0.0 and rig.declared.force_noise == 0.0:
+        raise UsageError(
+            "neither the request nor the rig file states a force noise",
+            hint="state what a posture's mean force will scatter by, with --noise",
+        )
+    if request.candidates < 1:
+        raise UsageError(f"{request.candidates} candidates", hint="ask for one or more")
+    if request.at is not None:
+        rotation = so3.from_rpy(np.array(request.at))
+        check_reach(rig, request.limits, rotation, "the assembly posture")

@@ -1,0 +1,189 @@
+"""What a posture would tell, by the measurement model of the estimator itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.model.statics import (
+    Postures,
+    State,
+    balance,
+    features_jacobian,
+    layout,
+    nominal,
+    prior_std,
+    sensing,
+)
+from tdfscal.numerics import so3
+from tdfscal.planning.candidates import Candidates, hanging
+from tdfscal.planning.exchange import inverse
+from tdfscal.planning.limits import Limits
+from tdfscal.planning.static_loads import internal_modes
+from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.selfcal.covariance import EVEN_TURN, faked_information
+from tdfscal.selfcal.estimator import Fit, at_state
+
+#: What an unknown quantity (std ∞) is at most: so wide that it says nothing, so narrow that the
+#: arithmetic keeps its digits.
+_WIDE = {
+    "rotation": EVEN_TURN,
+    "zero": 1e4,
+    "sensitivity": 1.0,
+    "mass": 1e4,
+    "barycentre": 1e1,
+    "hinge": 1e-1,
+    "datum": 1e-1,
+    "tilt": 1e-1,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """How postures are seen: at a state, with a noise.
+
+    noise : N per axis, standard uncertainty of a posture's mean force; declared noise adds to it.
+    active : (P,), which parameters are free. wide : (p,), width of ignorance per free parameter.
+    """
+
+    rig: Rig
+    state: State
+    noise: float
+    active: BoolArray
+    wide: FloatArray
+
+    @classmethod
+    def of(cls, rig: Rig, noise: float, state: State | None = None) -> Sight:
+        """At the nominal mounting, or at an estimate."""
+        std, place = prior_std(rig), layout(rig.n)
+        wide = np.concatenate([np.full(at.stop - at.start, _WIDE[g]) for g, at in place.items()])
+        active = std > 0
+        return cls(rig, state or nominal(rig), noise, active, wide[active])
+
+    def prior(self) -> FloatArray:
+        """Information (p, p) held before any posture: the rig file's priors, and ignorance."""
+        level = np.eye(3)[None]
+        rows = self.seen((self.rig.hinge @ level), hanging(self.rig, level)[1]).prior_jacobian
+        return np.asarray(rows.T @ rows + np.diag(self.wide**-2))
+
+    def observed(self, place: FloatArray, force: FloatArray) -> Postures:
+        """Postures as the sensors would see them without error; place, force (K, n, 3), BCS."""
+        rig, state = self.rig, self.state
+        M = np.linalg.inv(sensing(state))
+        shape = (*force.shape, 3)
+        declared = rig.declared
+        force_var = self.noise**2 + declared.force_noise**2
+        return Postures(
+            position=place + state.datum,
+            force=np.einsum("nab,knb->kna", M, force) + state.zero,
+            position_cov=np.broadcast_to(declared.positioner**2 * np.eye(3), shape),
+            force_cov=np.broadcast_to(force_var * np.eye(3), shape),
+            moment_var=declared.hinge_moment**2,
+        )
+
+    def seen(self, place: FloatArray, force: FloatArray) -> Fit:
+        """Linearise such postures."""
+        observed = self.observed(place, force)
+        return at_state(self.rig, observed, self.state, np.ones(len(observed)))
+
+    def rows(self, postures: Candidates) -> FloatArray:
+        """Whitened Jacobians (K, 6, p)."""
+        fit = self.seen(postures.place, postures.force)
+        return np.asarray(fit.whitener @ fit.jacobian)
+
+    def scatter(self, postures: Candidates, limits: Limits) -> FloatArray:
+        """Information (K, p, p) expected of unplanned internal forces, posture by posture.
+
+        The Jacobian is linear in the forces, so Σ J(u)ᵀ W J(u) over the internal modes u, each
+        with the standard deviation that the NCPs' repeatability gives it, is that expectation.
+        """
+        size = limits.repeatability_force(self.rig)
+        p = int(self.active.sum())
+        out = np.zeros((len(postures), p, p))
+        if size == 0.0:
+            return out
+        base = self.seen(postures.place, postures.force)
+        arm, _ = hanging(self.rig, postures.rotation)
+        for mode in np.moveaxis(internal_modes(arm), 1, 0):
+            moved = self.seen(postures.place, postures.force + size * mode)
+            J = base.whitener @ (moved.jacobian - base.jacobian)
+            out += np.swapaxes(J, 1, 2) @ J
+        return out
+
+    def faked(self, postures: Candidates) -> FloatArray:
+        """Information (3n, 3n) about the rotations that noise will fake; see `uncertainty`."""
+        return faked_information(self.seen(postures.place, postures.force))
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """Uncertainty to expect of a set of postures.
+
+    rpy_std : (n, 3), rad. contact_force, contact_torque : N and N·m per axis (3,), of the
+    contact wrench at the posture asked for, LCS, about the LCS origin; None where none was.
+    """
+
+    rpy_std: FloatArray
+    contact_force: FloatArray | None = None
+    contact_torque: FloatArray | None = None
+
+
+def angle_rows(sight: Sight) -> FloatArray:
+    """Rows (3n, p) of roll, pitch, yaw of every sensor by the free parameters, rad."""
+    n = sight.rig.n
+    L = np.zeros((3 * n, len(sight.wide)))
+    for i, block in enumerate(so3.rpy_jacobian(sight.state.rotation)):
+        L[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
+    return L
+
+
+def wrench_rows(sight: Sight, rpy: tuple[float, float, float]) -> FloatArray:
+    """Rows (6, p) of the contact wrench at a posture, N and N·m about the LCS origin, LCS.
+
+    The terminal hangs there on the smallest forces that carry it.
+    """
+    rig = sight.rig
+    R = so3.from_rpy(np.array(rpy))
+    _, force = hanging(rig, R[None])
+    place = (rig.hinge @ R.T)[None]
+    at = balance(sight.observed(place, force), sight.state, np.zeros(3), rig.gravity)
+    jac = at.design[0] @ features_jacobian(sight.state, at, rig.gravity)[:, sight.active]
+    return np.concatenate([R.T @ jac[:3], R.T @ jac[3:]])
+
+
+def corrected(covariance: FloatArray, faked: FloatArray) -> FloatArray:
+    """Covariance (3n, 3n) of the rotations with the noise in the levers: C + C N C.
+
+    C is the inverse of the true information Λ, while the score varies by Λ + N.
+    """
+    return np.asarray(covariance + covariance @ faked @ covariance)
+
+
+def forecast(
+    sight: Sight,
+    postures: Candidates,
+    limits: Limits,
+    held: FloatArray,
+    at: tuple[float, float, float] | None = None,
+) -> Forecast:
+    """Uncertainty to expect of postures on top of the information held (p, p)."""
+    J = sight.rows(postures)
+    information = held + np.einsum("kmp,kmq->pq", J, J)
+    information += sight.scatter(postures, limits).sum(axis=0)
+    C = inverse(information)
+    turns = slice(0, 3 * sight.rig.n)
+    L = angle_rows(sight)
+    cov = corrected(C[turns, turns], sight.faked(postures))
+    angle_var = np.einsum("ri,ij,rj->r", L[:, turns], cov, L[:, turns])
+    std = np.sqrt(angle_var).reshape(-1, 3)
+    if at is None:
+        return Forecast(std)
+    W = wrench_rows(sight, at)
+    wrench_std = np.sqrt(np.einsum("rp,pq,rq->r", W, C, W))
+    return Forecast(std, wrench_std[:3], wrench_std[3:])
+
+
+def widened(sight: Sight, factor: float) -> Sight:
+    """Return the same sight with wider ignorance: what changes then was never measured."""
+    return replace(sight, wide=sight.wide * factor)

@@ -1,0 +1,43 @@
+"""How a report counts the log's time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tdfscal.files.calibration.document import Calibration
+
+#: Seconds beyond which a time is no duration of a campaign but a date: three years.
+_DATE = 1e8
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Origin is subtracted from times; label names what is then counted; unit goes with it."""
+
+    origin: float
+    label: str
+    unit: str
+
+    def stretch(self, start: float, end: float) -> str:
+        """Words for a stretch of the log."""
+        if self.unit == "row":
+            return f"row {start:.0f}"
+        return f"{start - self.origin:.1f} to {end - self.origin:.1f} {self.unit}"
+
+
+def clock(c: Calibration) -> Clock:
+    """Times count as in the log; dates (epoch seconds) from the first dwell in whole seconds."""
+    if c.rig.log is not None and c.rig.log.rows == "postures":
+        return Clock(0.0, "row of the log", "row")
+    rejected = c.fit.rejected if c.fit is not None else ()
+    starts = [r.start for r in rejected if r.start is not None]
+    if c.postures is not None:
+        starts += [*c.postures.start, *(s.start for s in c.postures.left_out or ())]
+    if (origin := origin_of(min(starts, default=0.0))) == 0.0:
+        return Clock(0.0, "time in the log, s", "s")
+    return Clock(origin, "time since the log's start, s", "s")
+
+
+def origin_of(first: float) -> float:
+    """Return what to subtract from a log's times: nothing, or the whole seconds of a date."""
+    return 0.0 if abs(first) < _DATE else float(int(first))

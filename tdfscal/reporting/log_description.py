@@ -1,0 +1,132 @@
+"""What is in some logs, as plain text of 80 columns."""
+
+from __future__ import annotations
+
+import textwrap
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from tdfscal.files.hashing import printable
+from tdfscal.logs.contents import Contents, Stream
+from tdfscal.logs.description.describe import LogInfo, Signal
+from tdfscal.logs.description.mapping_text import mapping_block
+from tdfscal.logs.text.header import cut
+from tdfscal.records import Dwells
+
+_WIDTH = 80
+_NAME = 34
+_LONGEST_NAME = 200
+_MOST_FIELDS = 60
+
+
+def as_text(info: LogInfo) -> str:
+    """The whole report; the mapping's lines alone may be longer, as they are to be pasted."""
+    lines: list[str] = []
+    for contents in info.contents:
+        lines += [*_file(contents), ""]
+    if info.signals:
+        lines += [*_signals(info), ""]
+    if info.dwells is not None:
+        lines += [*_dwells(info.dwells, info.signals), ""]
+    if info.problems:
+        lines.append("Problems")
+        for problem in info.problems:
+            lines += _wrapped(problem, "- ")
+        lines.append("")
+    if info.guess.mapping is not None:
+        read = "" if info.source == "guessed" else "; the rig file's own was used above"
+        lines += [f"Mapping guessed{read}. Check it, and paste it into rig.yaml:", ""]
+        lines += mapping_block(
+            info.guess.mapping, mcap=info.contents[0].format == "mcap"
+        ).splitlines()
+        lines.append("")
+        for note in info.guess.notes:
+            lines += _wrapped(note, "- ")
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _file(contents: Contents) -> Iterator[str]:
+    yield from _wrapped(printable(str(contents.path)), "")
+    kind = {"csv": "text table", "parquet": "Parquet", "mcap": "MCAP"}[contents.format]
+    total = sum(stream.count for stream in contents.streams)
+    what = "messages" if contents.format == "mcap" else "rows"
+    yield f"{kind}, {_size(contents.bytes)}, {total} {what}"
+    yield ""
+    for stream in contents.streams:
+        if contents.format == "mcap":
+            yield from _topic(stream)
+        shown = stream.fields[:_MOST_FIELDS]
+        for field in shown:
+            label = cut(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
+            row = f"  {label:<{_NAME}} {_short(field.kind):<16}"
+            if field.low is not None and field.high is not None:
+                row += f" {field.low:.6g} … {field.high:.6g}"
+            yield row.rstrip()
+        if len(stream.fields) > len(shown):
+            yield f"  … and {len(stream.fields) - len(shown)} more"
+
+
+def _topic(stream: Stream) -> Iterator[str]:
+    yield from _wrapped(f"{stream.name or '(no name)'}  {stream.kind}", "")
+    row = f"  {stream.count} messages"
+    if stream.start is not None and stream.end is not None and stream.end > stream.start:
+        span = stream.end - stream.start
+        row += f" in {span:.2f} s, {(stream.count - 1) / span:.4g} Hz"
+    yield row
+
+
+def _signals(info: LogInfo) -> Iterator[str]:
+    which = "the rig file's mapping" if info.source == "rig" else "the mapping guessed below"
+    yield f"Signals, as read with {which}"
+    heads = f"{'samples':>9} {'Hz':>7} {'span s':>10} gaps longest s"
+    yield f"  {'support':<14} {'quantity':<9} {heads}"
+    for s in info.signals:
+        rate = "–" if s.rate is None else f"{s.rate:.5g}"
+        span = s.end - s.start if s.count else 0.0
+        yield (
+            f"  {s.support[:14]:<14} {s.quantity:<9} {s.count:>9} {rate:>7} {span:>10.2f} "
+            f"{s.gaps:>4} {s.longest:>9.4g}"
+        )
+    if info.offset is not None:
+        yield from _wrapped(f"Clocks: {info.offset}.", "  ")
+
+
+def _dwells(dwells: Dwells, signals: Sequence[Signal]) -> Iterator[str]:
+    length = dwells.end - dwells.start
+    if not len(dwells):
+        yield "No dwells"
+    elif not length.any():
+        yield f"{len(dwells)} postures, one per row"
+    else:
+        span = max((s.end for s in signals if s.count), default=0.0) - min(
+            (s.start for s in signals if s.count), default=0.0
+        )
+        yield (
+            f"{len(dwells)} dwells of {length.min():.2f} to {length.max():.2f} s (median "
+            f"{np.median(length):.2f} s), {100 * length.sum() / max(span, 1e-9):.0f} % of the log"
+        )
+    reasons = Counter(out.reason.split(":")[0].split(" in ")[0] for out in dwells.left_out)
+    for reason, count in reasons.most_common():
+        yield from _wrapped(f"{count} × left out: {reason}", "  ")
+
+
+def _wrapped(text: str, first: str) -> list[str]:
+    indent = " " * len(first)
+    return textwrap.wrap(
+        text, _WIDTH, initial_indent=first, subsequent_indent=indent, break_on_hyphens=False
+    ) or [first]
+
+
+def _short(kind: str) -> str:
+    return kind.rsplit("/", 1)[-1]
+
+
+def _size(count: int) -> str:
+    value = float(count)
+    for unit in ("B", "kB", "MB"):
+        if value < 1000.0:
+            return f"{value:.3g} {unit}"
+        value /= 1000.0
+    return f"{value:.4g} GB"

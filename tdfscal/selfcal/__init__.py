@@ -1,0 +1,1 @@
+"""Self-calibration: from postures to a judged result."""

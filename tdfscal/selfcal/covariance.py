@@ -1,0 +1,222 @@
+"""From a fit to its covariance, the share of each source, and honest intervals (theory, 5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.model.statics import layout, sensing
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_sf, coverage_factor
+from tdfscal.numerics.least_squares import Spectrum, spectrum
+from tdfscal.records import FloatArray, IntArray
+from tdfscal.selfcal.estimator import Fit
+
+#: Sources of the budget that average out over postures; the Birge ratio scales these.
+NOISE = ("noise", "positioner", "hinge friction")
+#: Parameter groups by their name in the budget.
+PRIORS = {
+    "zero": "zero",
+    "sensitivity": "sensitivity",
+    "mass": "mass",
+    "barycentre": "barycentre",
+    "hinge": "hinge",
+    "datum": "datum",
+    "tilt": "gravity",
+    "rotation": "prior angles",
+}
+COVERAGE = 0.95
+#: Standard deviation of a turn spread evenly over the circle, rad: nothing is known of it.
+EVEN_TURN = np.pi / np.sqrt(3)
+#: A share of a null vector below this is rounding.
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How well residuals and stated uncertainties agree.
+
+    chi2 with dof degrees of freedom; p_value that chance alone gives more. birge = √(χ²/dof).
+    rms_force (N), rms_moment (N·m, about the barycentre): quadratic mean over the postures of
+    the length of the residual.
+    """
+
+    chi2: float
+    dof: int
+    p_value: float
+    birge: float
+    rms_force: float
+    rms_moment: float
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Covariance of the rotations and its parts.
+
+    covariance : (3n, 3n), rad², of left perturbations in the BCS. rpy_covariance : (n, 3, 3),
+    rad². contributions : source → (n, 3), variance of roll, pitch, yaw, rad²; they sum to the
+    diagonal of rpy_covariance. parameter_std : (P,), 0 where known exactly, ∞ where undetermined.
+    effective_dof, coverage_factor : (n, 3), for 95 % (GUM, annex G).
+    """
+
+    covariance: FloatArray
+    rpy_covariance: FloatArray
+    contributions: dict[str, FloatArray]
+    parameter_std: FloatArray
+    effective_dof: FloatArray
+    coverage_factor: FloatArray
+
+    @property
+    def rpy_std(self) -> FloatArray:
+        """Standard uncertainty of roll, pitch, yaw (n, 3), rad."""
+        return np.sqrt(np.diagonal(self.rpy_covariance, axis1=1, axis2=2))
+
+
+def information_root(fit: Fit) -> Spectrum:
+    """Decompose the whitened Jacobian of the used postures and the priors."""
+    J = np.sqrt(fit.weight)[:, None, None] * (fit.whitener @ fit.jacobian)
+    return spectrum(np.concatenate([J.reshape(-1, J.shape[-1]), fit.prior_jacobian]))
+
+
+def quality(fit: Fit, parts: Spectrum) -> Quality:
+    """χ² of the fit against the stated uncertainties."""
+    e = fit.residual[fit.weight > 0]
+    dof = e.size + len(fit.prior_residual) - len(parts.values)
+    rms_force, rms_moment = (
+        float(np.sqrt(np.mean(np.sum(e[:, rows] ** 2, axis=1)))) for rows in np.s_[:3, 3:]
+    )
+    return Quality(
+        chi2=fit.cost,
+        dof=dof,
+        p_value=float(chi2_sf(fit.cost, dof)) if dof > 0 else 1.0,
+        birge=float(np.sqrt(fit.cost / dof)) if dof > 0 else 1.0,
+        rms_force=rms_force,
+        rms_moment=rms_moment,
+    )
+
+
+def evaluate(
+    fit: Fit, parts: Spectrum, birge: float, *, noise_from_residuals: bool = False
+) -> Uncertainty:
+    """Posterior covariance, budget and coverage factors.
+
+    birge : its excess over 1 scales the standard deviation of the noise; it never shrinks any.
+    noise_from_residuals : the noise level itself comes from this fit, with its few degrees.
+    """
+    n = fit.rig.n
+    turns = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
+    posterior = parts.root @ parts.root.T  # pseudo-inverse of the information
+    inflate = max(1.0, birge) ** 2
+    shares = {
+        name: share[np.ix_(turns, turns)] * (inflate if name in NOISE else 1.0)
+        for name, share in _shares(fit, posterior).items()
+    }
+    linear = np.sum(list(shares.values()), axis=0)
+    covariance = _corrected(linear, faked_information(fit), _blind_turns(parts, turns))
+    # What noise fakes belongs to the noise.
+    shares["noise"] = shares["noise"] + (covariance - linear)
+    R = fit.state.rotation
+    contributions = {name: so3.rpy_variance(R, share) for name, share in shares.items()}
+    scaled = birge > 1 or noise_from_residuals
+    dof = _effective_dof(fit, parts, contributions, scaled)
+    return Uncertainty(
+        covariance=covariance,
+        rpy_covariance=so3.rpy_covariance(R, covariance),
+        contributions=contributions,
+        parameter_std=_parameter_std(fit, posterior, parts.null),
+        effective_dof=dof,
+        coverage_factor=coverage_factor(COVERAGE, dof),
+    )
+
+
+def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
+    """Covariance (p, p) by source; together they are the posterior covariance."""
+    at, W = fit.at, np.linalg.inv(fit.at.cov)
+    gain = fit.weight[:, None, None] * (posterior @ np.swapaxes(fit.jacobian, 1, 2) @ W)
+
+    def through(cov: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("kpa,kab,kqb->pq", gain, cov, gain, optimize=True))
+
+    friction = np.diag([0, 0, 0, 1, 1, 1]) * fit.postures.moment_var
+    reading = np.einsum(
+        "kiab,kibc,kidc->kad", at.noise_force, fit.postures.force_cov, at.noise_force
+    )
+    turning = at.noise_turn @ at.turn_cov @ np.swapaxes(at.noise_turn, 1, 2)
+    shares = {
+        "noise": through(reading),
+        "positioner": through(turning),
+        "hinge friction": through(np.broadcast_to(friction, turning.shape)),
+    }
+    columns = np.flatnonzero(fit.active)
+    for group, place in layout(fit.rig.n).items():
+        inside = (columns >= place.start) & (columns < place.stop)
+        rows = fit.prior_jacobian[np.abs(fit.prior_jacobian[:, inside]).any(axis=1)]
+        half = posterior @ rows.T
+        shares[PRIORS[group]] = half @ half.T
+    return shares
+
+
+def faked_information(fit: Fit) -> FloatArray:
+    """Information (3n, 3n) about the rotations that noise in the readings fakes.
+
+    JᵀWJ takes its levers from the measured forces, noise included: a sensor that feels nothing
+    but its own noise sideways would seem to know its yaw. The expectation of that part is
+    Σ_k E[[n]×ᵀ Bᵀ W B [n]×], B = [I; [ρ_i]×].
+    """
+    n, M = fit.rig.n, sensing(fit.state)
+    B = fit.at.wrench
+    W = np.linalg.inv(fit.at.cov) * fit.weight[:, None, None]
+    C = np.einsum("knra,krs,knsb->knab", B, W, B, optimize=True)
+    values, axes = np.linalg.eigh(M @ fit.postures.force_cov @ np.swapaxes(M, -1, -2))
+    faked = np.zeros((3 * n, 3 * n))
+    for a in range(3):
+        turn = so3.hat(axes[..., :, a])
+        block = np.einsum("kn,knca,kncd,kndb->nab", values[..., a], turn, C, turn, optimize=True)
+        for i in range(n):
+            faked[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block[i]
+    return faked
+
+
+def _blind_turns(parts: Spectrum, turns: IntArray) -> FloatArray:
+    """Turns (r, 3n) in rad that no row sees, longest component 1, from the null space."""
+    null = parts.null[:, turns]
+    null = null[np.abs(null).max(axis=1, initial=0.0) > _ROUNDING] / parts.scale[turns]
+    return np.asarray(null / np.abs(null).max(axis=1, initial=0.0, keepdims=True))
+
+
+def _corrected(covariance: FloatArray, faked: FloatArray, blind: FloatArray) -> FloatArray:
+    """Covariance (3n, 3n) without the faked information N, and with the unseen turns.
+
+    With Λ = C⁻¹ the true information is Λ − N, while the score's variance is at most Λ, hence
+    C' = (Λ − N)⁻¹ Λ (Λ − N)⁻¹. Where noise fakes all there is (μ ≥ 1), and along blind turns,
+    nothing is known; but no turn is less known than one spread evenly over the circle.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    mu, V = np.linalg.eigh(root.T @ faked @ root)
+    half = root @ V
+    gain = 1 / np.maximum(1 - mu, _ROUNDING)
+    corrected = (half * gain**2) @ half.T + EVEN_TURN**2 * blind.T @ blind
+    values, vectors = np.linalg.eigh(corrected)
+    return np.asarray((vectors * np.clip(values, 0.0, EVEN_TURN**2)) @ vectors.T)
+
+
+def _parameter_std(fit: Fit, posterior: FloatArray, null: FloatArray) -> FloatArray:
+    """Standard uncertainty (P,) of every parameter."""
+    std = np.zeros(len(fit.active))
+    blind = np.abs(null).max(axis=0, initial=0.0) > _ROUNDING
+    std[fit.active] = np.where(blind, np.inf, np.sqrt(np.diagonal(posterior)))
+    return std
+
+
+def _effective_dof(
+    fit: Fit, parts: Spectrum, contributions: dict[str, FloatArray], scaled: bool
+) -> FloatArray:
+    """Welch–Satterthwaite (GUM, G.4.1): only noise scaled by the residuals has finite dof."""
+    total = np.sum(list(contributions.values()), axis=0)
+    if not scaled:
+        return np.full(total.shape, np.inf)
+    dof = max(1, fit.residual[fit.weight > 0].size - len(parts.values) + len(fit.prior_residual))
+    noise = np.sum([contributions[name] for name in NOISE], axis=0)
+    return np.asarray(dof * (total / np.maximum(noise, np.finfo(float).tiny)) ** 2)

@@ -1,0 +1,245 @@
+"""Self-calibration: the maximum-likelihood estimate on SO(3)ⁿ from static postures.
+
+The way inside: postures → balance at a state → statistic (one small triangular matrix) →
+Gauss–Newton on the statistic and the priors → balance again at the new state, until nothing
+moves. Everything that is not a rotation is a parameter with a prior: standard deviation 0 drops
+its column, ∞ drops its prior row (theory, section 3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.model.statics import (
+    Balance,
+    Postures,
+    State,
+    balance,
+    deviation,
+    features,
+    features_jacobian,
+    layout,
+    nominal,
+    prior_std,
+    retract,
+    vector,
+)
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.numerics.least_squares import STEPS, Solution, gauss_newton
+from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.selfcal.initial_guess import linear_start
+
+#: Largest change of any parameter, in whitened units, at which re-linearising has converged.
+_SETTLED = 1e-6
+_PASSES = 40
+#: Iterations for a look at a start, which settles in ten if it is good.
+_LOOK = 15
+#: Residuals per posture.
+ROWS = 6
+#: Scale of the median residual up to which a start is good, and above which it is lost.
+_EXPLAINED, _LOST = 2.0, 900.0
+#: Quarter turns about the BCS's axes that bring z up or down: the ways to mount a sensor.
+_MOUNTINGS = tuple(
+    so3.from_rpy(np.array([flip, 0.0, quarter]))
+    for flip in (0.0, np.pi)
+    for quarter in np.pi / 2 * np.arange(4)
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """An estimate with all that its uncertainty needs.
+
+    state : the estimate. active : (P,), which parameters were free.
+    at : the balance linearised at the estimate. weight : (K,), 1 used, 0 left out, robust between.
+    residual : (K, 6), e_F (N) and e_M (N·m about c, BCS) at the estimate.
+    jacobian : (K, 6, p), of the residual by the active parameters, not whitened.
+    prior_residual : (m,), prior_jacobian : (m, p), the whitened prior rows.
+    """
+
+    rig: Rig
+    postures: Postures
+    state: State
+    active: BoolArray
+    at: Balance
+    weight: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+    prior_residual: FloatArray
+    prior_jacobian: FloatArray
+    iterations: int
+    converged: bool
+
+    @property
+    def whitener(self) -> FloatArray:
+        """L⁻¹ (K, 6, 6) with L Lᵀ the covariance of a posture's residual."""
+        return np.linalg.inv(np.linalg.cholesky(self.at.cov))
+
+    @property
+    def distance(self) -> FloatArray:
+        """Squared Mahalanobis length (K,) of each posture's residual."""
+        return np.asarray(np.sum((self.whitener @ self.residual[..., None])[..., 0] ** 2, axis=1))
+
+    @property
+    def cost(self) -> float:
+        """χ²: weighted squared residuals and prior rows."""
+        return float(self.weight @ self.distance + self.prior_residual @ self.prior_residual)
+
+
+class Priors:
+    """Whitened rows of all priors with 0 < std < ∞, by the active parameters."""
+
+    def __init__(self, rig: Rig) -> None:
+        std = prior_std(rig)
+        self.active = std > 0
+        self.mean = vector(nominal(rig))
+        self.held = np.flatnonzero(np.isfinite(std) & self.active)
+        self.std = std[self.held]
+        self.rows = np.zeros((len(self.held), len(std)))
+        self.rows[np.arange(len(self.held)), self.held] = 1 / self.std
+        self.rows = self.rows[:, self.active]
+        self.rpy, self.rpy_std = rig.nominal_rpy, rig.rpy_std
+        self.angled = np.flatnonzero(np.isfinite(rig.rpy_std).ravel())
+
+    def __call__(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """Residual (m,) and Jacobian (m, p)."""
+        residual = (vector(state) - self.mean)[self.held] / self.std
+        if not len(self.angled):
+            return residual, self.rows
+        # A prior on roll, pitch, yaw about the nominal mounting.
+        turn = so3.wrapped(so3.to_rpy(state.rotation) - self.rpy)
+        jac = np.zeros((3 * state.n, self.rows.shape[1]))
+        for i, block in enumerate(so3.rpy_jacobian(state.rotation)):
+            jac[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
+        scale = self.rpy_std.ravel()[self.angled]
+        return (
+            np.concatenate([residual, turn.ravel()[self.angled] / scale]),
+            np.concatenate([self.rows, jac[self.angled] / scale[:, None]]),
+        )
+
+
+def statistic(at: Balance, weight: FloatArray) -> FloatArray:
+    """Triangular factor (≤ q, q) of the whitened design of all postures.
+
+    |statistic · ψ|² is the sum of all postures' squared whitened residuals, so this matrix holds
+    all that the postures say, however many they are.
+    """
+    rows = np.linalg.solve(np.linalg.cholesky(at.cov), at.design)
+    rows = rows * np.sqrt(weight)[:, None, None]
+    return np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[-1]), mode="r"))
+
+
+def solve_statistic(
+    rig: Rig,
+    at: Balance,
+    compressed: FloatArray,
+    start: State,
+    priors: Priors,
+    *,
+    iterations: int = STEPS,
+) -> Solution[State]:
+    """Gauss–Newton on the compressed postures and the priors."""
+    size, active = layout(rig.n)["tilt"].stop, priors.active
+
+    def model(state: State) -> tuple[FloatArray, FloatArray]:
+        prior_r, prior_j = priors(state)
+        r = compressed @ features(state, at, rig.gravity)
+        j = compressed @ features_jacobian(state, at, rig.gravity)[:, active]
+        return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
+
+    def move(state: State, step: FloatArray) -> State:
+        full = np.zeros(size)
+        full[active] = step
+        return retract(state, full)
+
+    return gauss_newton(model, move, start, iterations=iterations)
+
+
+def at_state(
+    rig: Rig,
+    postures: Postures,
+    state: State,
+    weight: FloatArray,
+    *,
+    iterations: int = 0,
+    converged: bool = True,
+) -> Fit:
+    """Gather residuals and Jacobians at a state, whoever found it."""
+    priors = Priors(rig)
+    at = balance(postures, state, rig.barycentre.value, rig.gravity)
+    prior_r, prior_j = priors(state)
+    jacobian = at.design @ features_jacobian(state, at, rig.gravity)[:, priors.active]
+    return Fit(
+        rig=rig,
+        postures=postures,
+        state=state,
+        active=priors.active,
+        at=at,
+        weight=weight,
+        residual=at.design @ features(state, at, rig.gravity),
+        jacobian=jacobian,
+        prior_residual=prior_r,
+        prior_jacobian=prior_j,
+        iterations=iterations,
+        converged=converged,
+    )
+
+
+def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = None) -> Fit:
+    """Maximum-likelihood estimate from one start with given posture weights (K,).
+
+    Whether it settled stands in the result: where the data leave a direction open the iteration
+    may wander along it, and the verdict on what is observable has to come first.
+    """
+    priors = Priors(rig)
+    weight = np.ones(len(postures)) if weight is None else weight
+    state, iterations, converged = start, 0, False
+    for _ in range(_PASSES):
+        at = balance(postures, state, rig.barycentre.value, rig.gravity)
+        solution = solve_statistic(rig, at, statistic(at, weight), state, priors)
+        iterations += solution.iterations
+        step = deviation(solution.state, state)[priors.active]
+        state = solution.state
+        moved = np.linalg.norm(solution.jacobian @ step)
+        converged = solution.converged and bool(moved < _SETTLED * (1 + np.sqrt(solution.cost)))
+        if converged or not solution.converged:
+            break
+    return at_state(rig, postures, state, weight, iterations=iterations, converged=converged)
+
+
+def spread(distance: FloatArray) -> float:
+    """Variance of the residuals by their median, never below 1: d² (K,) is χ²₆ at 1."""
+    return max(1.0, float(np.median(distance) / chi2_quantile(0.5, ROWS)))
+
+
+def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
+    """Fit from the first start that explains the postures, or from the best of all.
+
+    The nominal mounting; the linear solution; then, where neither comes near and mountings are
+    to be tried, each sensor turned by quarter turns and upside down, one after the other.
+    """
+    everyone, priors = np.ones(len(postures)), Priors(rig)
+
+    def tried(start: State) -> tuple[float, Fit]:
+        at = balance(postures, start, rig.barycentre.value, rig.gravity)
+        held = statistic(at, everyone)
+        solution = solve_statistic(rig, at, held, start, priors, iterations=_LOOK)
+        found = at_state(rig, postures, solution.state, everyone)
+        return spread(found.distance), found
+
+    best = tried(nominal(rig))
+    if best[0] > _EXPLAINED:
+        best = min(best, tried(linear_start(rig, postures)), key=lambda pair: pair[0])
+    for i in range(rig.n):
+        if best[0] <= _LOST or not mountings:
+            break
+        for turn in _MOUNTINGS:
+            rotation = nominal(rig).rotation.copy()
+            rotation[:i] = best[1].state.rotation[:i]
+            rotation[i] = turn @ rotation[i]
+            start = replace(best[1].state, rotation=rotation)
+            best = min(best, tried(start), key=lambda pair: pair[0])
+    return best[1]

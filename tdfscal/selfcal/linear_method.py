@@ -1,0 +1,96 @@
+"""The paper's linear method, corrected, as a calibration with its covariance by Monte Carlo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.model.statics import Postures, nominal, prior_std
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.records import FloatArray, Rig
+from tdfscal.selfcal.covariance import COVERAGE, Uncertainty
+from tdfscal.selfcal.estimator import Fit, at_state
+from tdfscal.selfcal.initial_guess import LinearData, linear_data, linear_rotations
+from tdfscal.selfcal.monte_carlo import covariance_root
+
+#: The budget's only source: the method has no covariance of its own to split.
+SOURCE = "all inputs"
+_CHUNK = 200
+
+
+def fit_linear(rig: Rig, observed: Postures) -> Fit:
+    """Estimate from the moment equations about the LCS origin; nothing but rotations is fitted.
+
+    Raises
+    ------
+    DataError
+        Fewer postures than the 9n unknowns need, three equations each.
+    """
+    need = 3 * rig.n
+    if len(observed) < need:
+        raise DataError(
+            f"the linear method needs {need} postures for {rig.n} sensors and finds "
+            f"{len(observed)}",
+            where="log",
+            hint="record more postures, or use the default estimator",
+        )
+    rotation = linear_rotations(linear_data(rig, observed))
+    state = replace(nominal(rig), rotation=rotation)
+    return at_state(rig, observed, state, np.ones(len(observed)))
+
+
+def evaluate_linear(fit: Fit, rng: np.random.Generator, trials: int) -> Uncertainty:
+    """Covariance of the linear estimate: all inputs perturbed, solved again `trials` times."""
+    rig, base = fit.rig, fit.state.rotation
+    turns = np.concatenate(
+        [
+            so3.log(linear_rotations(_perturbed(fit, rng, min(_CHUNK, trials - start))) @ _T(base))
+            for start in range(0, trials, _CHUNK)
+        ]
+    ).reshape(trials, -1)
+    covariance = np.cov(turns, rowvar=False)
+    rpy_covariance = so3.rpy_covariance(base, covariance)
+    std = prior_std(rig)
+    std[: 3 * rig.n] = 0.0
+    return Uncertainty(
+        covariance=covariance,
+        rpy_covariance=rpy_covariance,
+        contributions={SOURCE: np.diagonal(rpy_covariance, axis1=1, axis2=2)},
+        parameter_std=std,
+        effective_dof=np.full((rig.n, 3), np.inf),
+        coverage_factor=np.full((rig.n, 3), float(normal_quantile(0.5 + COVERAGE / 2))),
+    )
+
+
+def _T(matrix: FloatArray) -> FloatArray:
+    return np.swapaxes(matrix, -1, -2)
+
+
+def _perturbed(fit: Fit, rng: np.random.Generator, trials: int) -> LinearData:
+    """Draw all inputs of the linear method; what is unknown keeps its stated value."""
+    rig, seen, given = fit.rig, fit.postures, linear_data(fit.rig, fit.postures)
+
+    def draw(std: FloatArray) -> FloatArray:
+        return rng.standard_normal((trials, *np.shape(std))) * np.where(np.isfinite(std), std, 0.0)
+
+    noise = np.einsum(
+        "knab,tknb->tkna",
+        covariance_root(seen.force_cov),
+        rng.standard_normal((trials, *seen.force.shape)),
+        optimize=True,
+    )
+    turn = np.einsum(
+        "kab,tkb->tka",
+        covariance_root(fit.at.turn_cov),
+        rng.standard_normal((trials, len(seen), 3)),
+    )
+    return LinearData(
+        load=given.load + noise - draw(rig.zero.std)[:, None],
+        pose=so3.exp(turn) @ given.pose,
+        weight=given.weight * (1 + draw(rig.mass.std) / rig.mass.value)[:, None],
+        hinge=given.hinge,
+        barycentre=given.barycentre + draw(rig.barycentre.std),
+    )

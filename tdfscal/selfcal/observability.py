@@ -1,0 +1,182 @@
+"""What the data determine, said before any number (theory, section 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.model.statics import Postures, State, forces
+from tdfscal.numerics import so3
+from tdfscal.records import ANGLES, FloatArray, Rig
+
+#: An angle known better than half its prior owes more to the data than to the prior.
+_PRIOR_SHARE = 0.5
+_CORRELATED = 0.8
+#: Turning a sensor about its load is what no datum shows: within this angle it is the cause.
+_ALONG_LOAD = np.radians(20.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Angle:
+    """One angle of one sensor; std in rad; prior_std likewise, ∞ where there is no prior."""
+
+    support: str
+    angle: str
+    std: float
+    prior_std: float
+    identified: bool
+
+    @property
+    def name(self) -> str:
+        """As users call it."""
+        return f"{self.angle} of {self.support}"
+
+
+@dataclass(frozen=True, slots=True)
+class Weakness:
+    """An angle that the data do not determine, why, and what to do."""
+
+    angle: Angle
+    cause: str
+    advice: str
+
+
+@dataclass(frozen=True, slots=True)
+class Correlation:
+    """Two angles whose errors go together."""
+
+    a: str
+    b: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Observability:
+    """The verdict: every angle, the weak ones with cause and advice, and close couples.
+
+    spread : (n,), rad, angle about the mean load within which the loads on each sensor stay.
+    """
+
+    angles: tuple[Angle, ...]
+    weak: tuple[Weakness, ...]
+    correlations: tuple[Correlation, ...]
+    spread: FloatArray
+
+    @property
+    def identified(self) -> bool:
+        """All angles are determined by the data."""
+        return not self.weak
+
+    @property
+    def weakest(self) -> Angle:
+        """The angle with the largest standard uncertainty."""
+        return max(self.angles, key=lambda angle: angle.std)
+
+    @property
+    def verdict(self) -> str:
+        """One sentence."""
+        if self.identified:
+            w = self.weakest
+            return f"every angle is determined by the data; the weakest is {w.name}, {_mrad(w.std)}"
+        names = ", ".join(weakness.angle.name for weakness in self.weak)
+        return f"the data do not determine {names}"
+
+
+def _mrad(std: float) -> str:
+    return f"±{1e3 * std:.2g} mrad" if std < 1 else "more than ±1 rad"
+
+
+def load_directions(state: State, postures: Postures) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Axis (n, 3) of the loads in the BCS, their spread (n,) in rad about it, and the quadratic
+    mean (n,) of the load across it, N.
+
+    A load and its opposite have one axis. NCPs only translate, so a sensor's frame and the BCS
+    see the same angles.
+    """
+    F = np.swapaxes(forces(state, postures.force), 0, 1)  # (n, K, 3)
+    axis = np.linalg.eigh(np.swapaxes(F, 1, 2) @ F)[1][:, :, 2]
+    along = (F @ axis[..., None])[..., 0]
+    across = np.linalg.norm(F - along[..., None] * axis[:, None], axis=2)
+    across, along = (np.sqrt(np.mean(part**2, axis=1)) for part in (across, along))
+    return axis, np.arctan2(across, along), across
+
+
+def verdict(
+    rig: Rig, state: State, postures: Postures, covariance: FloatArray, rpy_covariance: FloatArray
+) -> Observability:
+    """Judge every angle by its standard uncertainty (covariance (3n, 3n), rpy (n, 3, 3), rad²).
+
+    An angle is identified when its standard uncertainty is below `acceptance.identifiable` and at
+    most half of its prior's.
+    """
+    std = np.sqrt(np.diagonal(rpy_covariance, axis1=1, axis2=2))
+    limit = rig.acceptance.identifiable
+    good = (std < limit) & (std <= _PRIOR_SHARE * rig.rpy_std)
+    angles = tuple(
+        Angle(name, ANGLES[j], float(std[i, j]), float(rig.rpy_std[i, j]), bool(good[i, j]))
+        for i, name in enumerate(rig.supports)
+        for j in range(3)
+    )
+    axis, spread, across = load_directions(state, postures)
+    turns = so3.rpy_jacobian(state.rotation)
+    weak = []
+    for k, angle in enumerate(angles):
+        if angle.identified:
+            continue
+        i, j = divmod(k, 3)
+        turn = np.linalg.inv(turns[i])[:, j]  # that this angle is, BCS
+        weak.append(_explain(angle, turn, axis[i], spread[i], across[i], limit))
+    return Observability(angles, tuple(weak), _couples(angles, covariance, turns), spread)
+
+
+def _explain(
+    angle: Angle, turn: FloatArray, load: FloatArray, spread: float, across: float, limit: float
+) -> Weakness:
+    """Say why an angle is weak and what would help."""
+    if angle.std < limit:
+        return Weakness(
+            angle,
+            f"its standard uncertainty, {_mrad(angle.std)}, is mostly that of its prior",
+            "record more postures or squeeze harder, or widen rpy_std to let the data speak",
+        )
+    off = np.arccos(min(1.0, abs(float(turn @ load)) / float(np.linalg.norm(turn))))
+    if off > _ALONG_LOAD:
+        return Weakness(
+            angle,
+            f"standard uncertainty {_mrad(angle.std)} from too few or too similar postures",
+            "record more postures with more tilt, tare the sensors, and weigh the terminal",
+        )
+    more = f" (they carry {across:.2g} N across it" if across >= 0.05 else " (they carry none"
+    if across >= 0.05 and angle.std < 1:
+        more += f"; about {_round_up(2 * across * angle.std / limit)} N would show it"
+    return Weakness(
+        angle,
+        f"the loads on this sensor stay within {np.degrees(spread):.2g}° of one direction, and "
+        "turning a sensor about its load changes nothing",
+        f"squeeze the NCPs against each other so that the sensors feel sideways loads{more})",
+    )
+
+
+def _round_up(value: float) -> str:
+    """Two significant digits, upwards."""
+    digits = 10 ** (np.floor(np.log10(value)) - 1)
+    return f"{np.ceil(value / digits) * digits:.0f}"
+
+
+def _couples(
+    angles: tuple[Angle, ...], covariance: FloatArray, turns: FloatArray
+) -> tuple[Correlation, ...]:
+    """Pairs of angles with a correlation above 0.8, the closest first."""
+    n = len(turns)
+    J = np.zeros((3 * n, 3 * n))
+    for i in range(n):
+        J[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turns[i]
+    C = J @ covariance @ J.T
+    std = np.sqrt(np.diagonal(C))
+    R = C / np.outer(std, std)
+    pairs = [
+        Correlation(angles[a].name, angles[b].name, float(R[a, b]))
+        for a, b in np.argwhere(np.triu(np.abs(R), 1) > _CORRELATED)
+    ]
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair.value)))

@@ -1,0 +1,109 @@
+"""Postures that do not belong: found, named with their evidence, and left out.
+
+A posture in contact, a hand on the terminal or a jolt adds a wrench that no parameter explains.
+The fit starts with weights that fall with the residual (Student's t with few degrees of freedom),
+so that a few bad postures cannot hide each other, and ends with plain maximum likelihood on the
+postures that pass a χ² test whose false alarms are set for the campaign as a whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.model.statics import Postures, State
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import BoolArray, Rig
+from tdfscal.selfcal.estimator import ROWS, Fit, best_start, fit, spread
+
+#: Probability that a sound campaign loses a posture.
+FALSE_ALARM = 1e-3
+_HEAVY_TAIL = 3.0
+_ROUNDS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """A posture that the fit leaves out.
+
+    index : its place in the dwells. force, moment : its unexplained wrench, N and N·m.
+    ratio : its residual in units of the one expected.
+    """
+
+    index: int
+    force: float
+    moment: float
+    ratio: float
+
+    @property
+    def reason(self) -> str:
+        """The evidence in words."""
+        return (
+            f"unexplained force {self.force:.3g} N and moment {self.moment:.3g} N·m, "
+            f"{self.ratio:.0f} times what is expected: contact, a hand, or a jolt"
+        )
+
+
+def sound(result: Fit, used: BoolArray) -> BoolArray:
+    """Which postures (K,) pass: χ² of the residual against its covariance given the others.
+
+    A posture inside the fit has pulled the fit towards itself; one outside has not. Both are
+    tested against what a posture not used would show.
+    """
+    J = result.whitener @ result.jacobian
+    e = (result.whitener @ result.residual[..., None])[..., 0]
+    rows = np.concatenate([J[used].reshape(-1, J.shape[-1]), result.prior_jacobian])
+    # pinv and not an inverse: mass, barycentre and zeros together may have a null space.
+    leverage = J @ np.linalg.pinv(rows.T @ rows, hermitian=True) @ np.swapaxes(J, 1, 2)
+    eye = np.eye(ROWS)
+    # Deleted residual e/(1 − h) with covariance (1 − h)⁻¹; for an outsider the covariance is 1 + h.
+    inside = eye - leverage
+    tame = np.linalg.eigvalsh(inside)[:, 0] > 1e-6  # else the posture determines its own fit
+    inside = np.where((used & tame)[:, None, None], inside, eye + leverage)
+    d2 = np.einsum("ka,ka->k", e, np.linalg.solve(inside, e[..., None])[..., 0])
+    scale = spread(d2[used]) if used.any() else 1.0
+    limit = chi2_quantile(1 - FALSE_ALARM / len(d2), ROWS)
+    return np.asarray(d2 <= limit * scale)
+
+
+def fit_robust(rig: Rig, postures: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
+    """Fit with the postures that do not belong left out, each with its evidence."""
+    K = len(postures)
+    result = fit(rig, postures, best_start(rig, postures).state)
+    if not sound(result, np.ones(K, dtype=bool)).all():
+        result = _reweighted(rig, postures, result.state)
+        used = sound(result, np.ones(K, dtype=bool))
+        for _ in range(_ROUNDS):
+            result = fit(rig, postures, result.state, used.astype(np.float64))
+            passed = sound(result, used)
+            if (passed == used).all():
+                break
+            used = passed
+    return result, rejections(result)
+
+
+def _reweighted(rig: Rig, postures: Postures, start: State) -> Fit:
+    """Few rounds of iteratively re-weighted least squares with Student's weights."""
+    result = fit(rig, postures, start)
+    for _ in range(_ROUNDS):
+        d2 = result.distance / spread(result.distance)
+        result = fit(rig, postures, result.state, (_HEAVY_TAIL + ROWS) / (_HEAVY_TAIL + d2))
+    return result
+
+
+def rejections(result: Fit) -> tuple[Rejection, ...]:
+    """Name the postures of weight 0 with their residual wrench (moment about the barycentre)."""
+    scale = spread(result.distance[result.weight > 0])
+    found = []
+    for k in np.flatnonzero(result.weight == 0):
+        e = result.residual[k]
+        found.append(
+            Rejection(
+                index=int(k),
+                force=float(np.linalg.norm(e[:3])),
+                moment=float(np.linalg.norm(e[3:])),
+                ratio=float(np.sqrt(result.distance[k] / (ROWS * scale))),
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,190 @@
+"""Does the rig file keep something from us? Score tests for what was not declared.
+
+χ² over all residuals dilutes a fault that speaks through a few of them. Each suspect is therefore
+asked for by itself: if it were a free parameter, how far would the residuals go to meet it, and by
+how much would the angles move? Nothing is fitted anew; the columns are those of the measurement
+model (for what is declared as exact), a shift of the prior's value (for what is declared with an
+uncertainty), or a zero that drifts over the campaign. Friction of the hinges is no shift but a
+scatter, of the moments alone; it is asked for by the variance of the residuals along them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.model.statics import features_jacobian, layout, prior_std
+from tdfscal.numerics.distributions import chi2_sf, p_text
+from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.records import ANGLES, FloatArray
+from tdfscal.selfcal.covariance import Quality, Uncertainty
+from tdfscal.selfcal.estimator import Fit
+
+#: Chance that a sound campaign raises any suspicion at all.
+FALSE_ALARM = 0.008
+#: Shares of that chance. The direction of gravity has most: it turns every sensor alike, and only
+#: internal forces betray it, so that it does harm before it is plain. Friction speaks softly too.
+#: The other suspects share the rest.
+_OF_GRAVITY, _OF_FRICTION = 0.7, 0.15
+#: A suspect that moves an angle by this many of its standard uncertainties spoils the result.
+HARMFUL = 2.0
+_NOISE_ONLY = 1e-9
+
+_WORDS = {
+    "zero": ("the zero of {0} is not what is stated", "tare again, or widen its zero.std"),
+    "sensitivity": (
+        "gain or crosstalk of {0} is not what is stated",
+        "have the sensor checked, or declare uncertainty.force_sensitivity",
+    ),
+    "mass": ("the mass is not what is stated", "weigh again, or widen terminal.mass.std"),
+    "barycentre": (
+        "the barycentre is not where it is stated",
+        "correct it, or widen terminal.barycenter.std",
+    ),
+    "hinge": ("the hinge of {0} is not where it is stated", "widen uncertainty.hinge"),
+    "datum": ("the servo coordinates of {0} are offset", "declare uncertainty.datum"),
+    "tilt": ("gravity is not along -Z of the BCS", "level the BCS, or declare gravity.tilt_std"),
+    "friction": (
+        "the moments scatter as friction of {0:.2g} N·m in the hinges would make them",
+        "declare uncertainty.hinge_moment, or see whether the NCPs repeat as stated",
+    ),
+    "drift": ("the zero of {0} drifts over the campaign", "warm up, tare again, record faster"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Suspicion:
+    """Something that the residuals ask for.
+
+    p_value : that chance alone asks as much, for this suspect alone. shift : largest move of an
+    angle in units of its standard uncertainty. angle : which one.
+    """
+
+    what: str
+    advice: str
+    p_value: float
+    shift: float
+    angle: str
+
+    @property
+    def harmful(self) -> bool:
+        """It would move an angle by more than twice its standard uncertainty."""
+        return self.shift > HARMFUL
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        return (
+            f"the residuals say that {self.what} ({p_text(self.p_value)}), which would move "
+            f"{self.angle} by {self.shift:.1f} of its standard uncertainties: {self.advice}"
+        )
+
+
+def suspicions(
+    fit: Fit, parts: Spectrum, uncertainty: Uncertainty, time: FloatArray, stats: Quality
+) -> tuple[Suspicion, ...]:
+    """Ask for every suspect; time (K,) in s is when each posture was held. The surest first."""
+    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener  # rows of postures left out are 0
+    residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
+    suspects = list(_suspects(fit, root, time))
+    others = (1 - _OF_GRAVITY - _OF_FRICTION) / max(1, len(suspects) - 1)
+    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
+    std = np.sqrt(np.diagonal(uncertainty.covariance))
+    found = []
+    for group, index, columns in suspects:
+        known = parts.left.T @ columns
+        apart = columns - parts.left @ known
+        score, information = apart.T @ residual, apart.T @ apart
+        values, vectors = np.linalg.eigh(information)
+        seen = values > _NOISE_ONLY * max(float(np.sum(columns**2)), np.finfo(float).tiny)
+        if not seen.any():
+            continue
+        along = vectors[:, seen].T @ score
+        statistic, size = float(np.sum(along**2 / values[seen])), int(seen.sum())
+        # Held against the scatter that remains without the suspect, or it would excuse itself.
+        rest = (stats.chi2 - statistic) / max(stats.dof - size, 1)
+        p_value = float(chi2_sf(statistic / max(1.0, rest), size))
+        share = _OF_GRAVITY if group == "tilt" else others
+        if p_value > FALSE_ALARM * share:
+            continue
+        amount = -vectors[:, seen] @ (along / values[seen])
+        # The other parameters, angles among them, give way to the suspect's amount.
+        move = -parts.root @ (known @ amount)
+        what, advice = _WORDS[group]
+        found.append(
+            _suspicion(
+                fit, what.format(fit.rig.supports[index]), advice, p_value, move[angles] / std
+            )
+        )
+    friction, p_value, effect = _friction(fit, parts, root, residual)
+    if p_value <= FALSE_ALARM * _OF_FRICTION:
+        what, advice = _WORDS["friction"]
+        found.append(_suspicion(fit, what.format(friction), advice, p_value, effect[angles] / std))
+    return tuple(sorted(found, key=lambda suspicion: suspicion.p_value))
+
+
+def _suspicion(fit: Fit, what: str, advice: str, p_value: float, shift: FloatArray) -> Suspicion:
+    """Name the angle that moves most; shift (3n,), in its standard uncertainties."""
+    worst = int(np.argmax(np.abs(shift)))
+    angle = f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}"
+    return Suspicion(what, advice, p_value, float(np.abs(shift[worst])), angle)
+
+
+def _friction(
+    fit: Fit, parts: Spectrum, root: FloatArray, residual: FloatArray
+) -> tuple[float, float, FloatArray]:
+    """Moment per axis and posture (N·m) by the residuals' variance, its p, and what it does (p,).
+
+    The score r' H H' r of a variance component, whitened columns H, is a sum of χ²; it is held
+    against the gamma distribution of its mean and variance (Satterthwaite, Biometrics 2, 1946).
+    """
+    half = root[:, :, 3:]  # H's blocks, one per posture
+    rows = 6 * len(root)
+    seen = np.einsum("kap,kab->pkb", parts.left[:rows].reshape(*root.shape[:2], -1), half)
+    own = np.swapaxes(half, 1, 2) @ half
+    known = np.einsum("pkb,qkb->pq", seen, seen)
+    # M = H'H − (U'H)'(U'H): its trace, and that of its square.
+    mean = float(np.sum(half**2) - np.trace(known))
+    overlap = np.einsum("kab,kab->", own, np.einsum("pka,pkb->kab", seen, seen))
+    square = float(np.sum(own**2) - 2 * overlap + np.sum(known**2))
+    if square <= _NOISE_ONLY * np.sum(own**2):
+        return 0.0, 1.0, np.zeros(len(parts.root))
+    score = float(np.sum(np.einsum("kab,ka->kb", half, residual[:rows].reshape(-1, 6)) ** 2))
+    p_value = float(chi2_sf(score * mean / square, mean**2 / square))
+    friction = float(np.sqrt(max(score - mean, 0.0) / square))
+    # Standard deviation that independent moments of this size give to each parameter.
+    moved = parts.root @ seen.reshape(len(seen), -1)
+    return friction, p_value, friction * np.linalg.norm(moved, axis=1)
+
+
+def _suspects(
+    fit: Fit, root: FloatArray, time: FloatArray
+) -> Iterator[tuple[str, int, FloatArray]]:
+    """Group, support and whitened columns (rows, g) of each suspect."""
+    rig, n = fit.rig, fit.rig.n
+    std, place = prior_std(rig), layout(n)
+    J = root @ (fit.at.design @ features_jacobian(fit.state, fit.at, rig.gravity))
+    data, held = J.reshape(-1, J.shape[-1]), np.flatnonzero(np.isfinite(std) & (std > 0))
+    below = np.zeros((len(fit.prior_residual), data.shape[1]))
+    for row, parameter in enumerate(held):  # a prior's value moved by one standard deviation
+        below[row, parameter] = 1.0
+    exact = std == 0
+    columns = np.concatenate([np.where(exact, data, 0.0), np.where(exact, 0.0, below)])
+    for group, where in place.items():
+        if group == "rotation":
+            continue
+        size = {"zero": 3, "sensitivity": 6, "hinge": 3, "datum": 3}.get(
+            group, where.stop - where.start
+        )
+        for index, start in enumerate(range(where.start, where.stop, size)):
+            part = slice(start, start + size)
+            if np.isfinite(std[part]).any():
+                yield group, index, columns[:, part]
+    elapsed = time - time.mean()
+    ramp = elapsed / max(float(np.abs(elapsed).max()), np.finfo(float).tiny)
+    for i in range(n):
+        start = place["zero"].start + 3 * i
+        drifting = (J[:, :, start : start + 3] * ramp[:, None, None]).reshape(-1, 3)
+        yield "drift", i, np.concatenate([drifting, np.zeros((len(below), 3))])

@@ -1,0 +1,151 @@
+"""Best-fit rigid transform between two point files, with its uncertainty (`tdfscal register`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import TdfscalError
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.registration import extend
+from tdfscal.records import FloatArray, Instrument, PointSet
+from tdfscal.trackercal.group_motion import fit_one_by_one, moved_apart
+from tdfscal.trackercal.judged_registration import (
+    Noise,
+    RejectedPoint,
+    SurveyFit,
+    fit_survey,
+    point_noise,
+)
+from tdfscal.trackercal.point_matching import (
+    MatchedPoints,
+    describe_unmatched,
+    match_points,
+    relabellings,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PointRegistration:
+    """measured = rotation · reference + translation.
+
+    rotation : (3, 3), det = +1. rpy, rpy_std : (3,), rad. translation, translation_std : (3,), m.
+    covariance : (6, 6) of (d, t), R_true = exp([d]×) · rotation, d in the measured frame; rad, m.
+    chi2, p_value : None where no uncertainty was stated; sigma : m per coordinate, estimated from
+    the residuals then, else None. residual, normalised : (N, 3), m and 1, of the points `names`.
+    scale : best scale of the reference with its standard uncertainty; a check, not applied.
+    scale_p : probability of a scale this far from 1 by chance. coplanar : handedness unchecked.
+    """
+
+    names: tuple[str, ...]
+    rotation: FloatArray
+    rpy: FloatArray
+    rpy_std: FloatArray
+    translation: FloatArray
+    translation_std: FloatArray
+    covariance: FloatArray
+    chi2: float | None
+    dof: int
+    p_value: float | None
+    sigma: float | None
+    residual: FloatArray
+    normalised: FloatArray
+    rms: float
+    scale: float
+    scale_std: float
+    scale_p: float
+    coplanar: bool
+    rejected: tuple[RejectedPoint, ...]
+    missing: tuple[str, ...]
+    extra: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def register(
+    measured: PointSet,
+    reference: PointSet,
+    *,
+    instrument: Instrument | None = None,
+    drawing: float = 0.0,
+) -> PointRegistration:
+    """Register the points that two sets have in common, reference → measured.
+
+    instrument : of the measured points, which are in its frame then. drawing : m, standard
+    uncertainty per coordinate of the reference points. With neither, and none in the files, the
+    noise is estimated from the residuals.
+
+    Raises
+    ------
+    DataError : no common names, wrong names, units or handedness.
+    NotIdentifiableError : the points do not determine a rotation.
+    """
+    matched = match_points(measured, reference)
+    noise = point_noise(matched, instrument, {"drawing": drawing})
+    survey = _together(matched, noise)
+    fit = survey.fit
+    lever = (fit.adjusted - fit.adjusted.mean(axis=0)) @ fit.rotation.T
+    scaled = extend(fit, lever[:, :, None])
+    ratio, ratio_std = (
+        (float(scaled.value[0]), float(scaled.covariance[0, 0] ** 0.5)) if scaled else (0.0, np.inf)
+    )
+    scale_p = float(chi2_sf((ratio / ratio_std) ** 2, 1))
+    J = so3.rpy_jacobian(fit.rotation)
+    warnings = [*describe_unmatched(matched)]
+    warnings += [f"{r.name} is left out: {r.reason}" for r in survey.rejected]
+    if not fit.handed:
+        warnings.append(
+            "the points lie in one plane within their uncertainty: a mirrored frame would not be "
+            "noticed"
+        )
+    if scale_p < 0.01:
+        warnings.append(
+            f"a scale of {ratio * 1e6:+.0f} ± {ratio_std * 1e6:.0f} ppm fits significantly better: "
+            "check temperature and units"
+        )
+    if apart := moved_apart(matched, noise, survey):
+        warnings.append(apart)
+    if relabellings(survey.points.measured, survey.points.reference, survey.sigma):
+        warnings.append("the points are symmetric: they would fit under other names too")
+    if noise.measured and "measured points' file" in noise.measured and instrument is not None:
+        warnings.append("the uncertainties stated in the file add to the instrument's")
+    return PointRegistration(
+        names=survey.points.names,
+        rotation=fit.rotation,
+        rpy=so3.to_rpy(fit.rotation),
+        rpy_std=np.sqrt(np.diag(J @ fit.rotation_covariance @ J.T)),
+        translation=fit.translation[0],
+        translation_std=np.sqrt(np.diag(fit.covariance)[3:]),
+        covariance=fit.covariance,
+        chi2=None if fit.sigma is not None else fit.chi2,
+        dof=fit.dof,
+        p_value=fit.p_value,
+        sigma=fit.sigma,
+        residual=fit.residual,
+        normalised=fit.normalised,
+        rms=float(np.sqrt(np.mean(np.sum(fit.residual**2, axis=1)))),
+        scale=1 + ratio,
+        scale_std=ratio_std,
+        scale_p=scale_p,
+        coplanar=not fit.handed,
+        rejected=survey.rejected,
+        missing=matched.missing,
+        extra=matched.extra,
+        warnings=tuple(warnings),
+    )
+
+
+def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
+    """One transform for all points; where only the single groups have one, the error says so."""
+    try:
+        return fit_survey(points, noise, common_shift=True, least=3, what="points")
+    except TdfscalError as error:
+        if not fit_one_by_one(points, noise):
+            raise
+        raise type(error)(
+            error.what,
+            where=error.where,
+            hint=f"each of the groups {', '.join(dict.fromkeys(points.group))} fits by itself: "
+            "register one at a time, or calibrate sensors with targets by --method tracker",
+        ) from error

@@ -1,0 +1,245 @@
+"""One registration of a survey: from matched points to a judged fit, outlying points taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, TdfscalError
+from tdfscal.numerics.registration import MirroredError, Registration, outlier_p_beside
+from tdfscal.numerics.registration import register as solve
+from tdfscal.records import FloatArray, Instrument, IntArray
+from tdfscal.trackercal.affine import affine_columns
+from tdfscal.trackercal.instrument import angle_covariance, range_covariance
+from tdfscal.trackercal.point_matching import (
+    MatchedPoints,
+    describe_relabelling,
+    relabellings,
+    same_distances,
+    unit_mistake,
+)
+
+OUTLIER_P = 0.01
+"""Probability that a faultless survey has any point called outlying (Bonferroni)."""
+HOPELESS_P = 1e-6
+"""A misfit less probable than this, of which no single point can be blamed, is refused."""
+AS_LIKELY = 9.2
+"""Points whose removal lowers χ² by less than this apart: likelihoods within a factor of 100."""
+FEWEST_FOR_OWN_AXES = 6
+"""Moves of one NCP; 12 parameters leave 6 degrees of freedom."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Covariances of N matched points by their source.
+
+    measured : source → (N, 3, 3), m², in the measured frame. reference : the same of the
+    reference points, in theirs.
+    """
+
+    measured: Mapping[str, FloatArray]
+    reference: Mapping[str, FloatArray]
+
+    def totals(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Sum over the sources, (N, 3, 3) each."""
+        zero = np.zeros((count, 3, 3))
+        return sum(self.measured.values(), zero), sum(self.reference.values(), zero)
+
+    def take(self, which: IntArray) -> Noise:
+        """The points with these indices only."""
+        return Noise(
+            {name: cov[which] for name, cov in self.measured.items()},
+            {name: cov[which] for name, cov in self.reference.items()},
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RejectedPoint:
+    """A point that is not used: its name, and why in words."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyFit:
+    """A registration of matched points. group : (N,), 0 … G − 1, into `groups`."""
+
+    points: MatchedPoints
+    noise: Noise
+    groups: tuple[str, ...]
+    group: IntArray
+    fit: Registration
+    rejected: tuple[RejectedPoint, ...]
+
+    @property
+    def sigma(self) -> float:
+        """Largest standard uncertainty of a coordinate difference of any point, m."""
+        return _largest_sigma(self.fit)
+
+
+def point_noise(
+    points: MatchedPoints, instrument: Instrument | None, reference: Mapping[str, float]
+) -> Noise:
+    """Covariances of matched points: the instrument's, the files', and isotropic ones.
+
+    reference : source → m, standard uncertainty per coordinate of the reference points. What a
+    file states for a point adds to these.
+    """
+    measured = {}
+    if instrument is not None:
+        measured["instrument range"] = range_covariance(points.measured, instrument)
+        measured["instrument angles"] = angle_covariance(points.measured, instrument)
+    if points.measured_std.any():
+        measured["measured points' file"] = _diagonal(points.measured_std)
+    isotropic = {
+        name: _diagonal(np.full((len(points), 3), std))
+        for name, std in reference.items()
+        if std > 0
+    }
+    if points.reference_std.any():
+        isotropic["reference points' file"] = _diagonal(points.reference_std)
+    return Noise(measured, isotropic)
+
+
+def fit_survey(
+    points: MatchedPoints, noise: Noise, *, common_shift: bool, least: int, what: str
+) -> SurveyFit:
+    """Register matched points and take out outlying ones, the worst first.
+
+    common_shift : one translation for all points, else one per group. least : number of points
+    that each translation keeps at least. what : the points in words, for messages. Without any
+    noise given, its size is estimated from the residuals.
+
+    Raises
+    ------
+    DataError : names, units or handedness of the points are wrong.
+    NotIdentifiableError, NotConvergedError : as `numerics.registration.register`.
+    """
+    kept, rejected = np.arange(len(points)), list[RejectedPoint]()
+    _refuse_wrong_names(points, noise, common_shift, what)
+    while True:
+        current, covs = points.take(kept), noise.take(kept)
+        groups = ("",) if common_shift else tuple(dict.fromkeys(current.group))
+        index = np.array([0 if common_shift else groups.index(g) for g in current.group])
+        fit = _solve(current, covs, index, what)
+        p = _outlier_p(current, covs, index, fit, common_shift)
+        worst = int(np.argmin(p))
+        enough = np.sum(index == index[worst]) > least and fit.dof > 3
+        if p[worst] >= OUTLIER_P / len(kept) or not enough:
+            return SurveyFit(current, covs, groups, index, fit, tuple(rejected))
+        suspects = [
+            name
+            for name, statistic in zip(current.names, fit.statistic, strict=True)
+            if statistic > fit.statistic[worst] - AS_LIKELY
+        ]
+        if common_shift and len(suspects) > 1:
+            if p[worst] < HOPELESS_P:
+                raise DataError(
+                    f"the {what} do not fit their reference points, and any of "
+                    f"{', '.join(suspects)} may be the one that is off",
+                    where=points.source,
+                    hint="measure them again; a fifth or sixth target would tell which one it is",
+                )
+            return SurveyFit(current, covs, groups, index, fit, tuple(rejected))
+        size = np.linalg.norm(fit.residual[worst])
+        ratio = np.sqrt(fit.statistic[worst] / max(fit.redundancy[worst], 1))
+        reason = f"residual {size * 1e3:.3g} mm, {ratio:.1f} times what its uncertainty allows"
+        rejected.append(RejectedPoint(current.names[worst], reason))
+        kept = np.delete(kept, worst)
+
+
+def _outlier_p(
+    points: MatchedPoints, noise: Noise, index: IntArray, fit: Registration, common_shift: bool
+) -> FloatArray:
+    """Probability of each point's misfit by chance.
+
+    A move is judged beside the other moves of its NCP, with axes of the NCP's own: what they
+    explain is a fault of the axes and no outlying point.
+    """
+    p = fit.outlier_p.copy()
+    if common_shift:
+        return p
+    for g in range(index.max() + 1):
+        here = np.flatnonzero(index == g)
+        if len(here) < FEWEST_FOR_OWN_AXES:
+            continue
+        C, D = noise.take(here).totals(len(here))
+        try:
+            own = solve(points.measured[here], points.reference[here], C, D)
+        except TdfscalError:
+            continue  # moves along one line, say: the joint fit judges them
+        servo = points.reference[here] - points.reference[here].mean(axis=0)
+        columns = np.einsum("ij,njq->niq", own.rotation, affine_columns(servo))
+        p[here] = outlier_p_beside(own, columns)
+    return p
+
+
+def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> Registration:
+    C, D = noise.totals(len(points))
+    given = noise.measured or noise.reference
+    if given:
+        size = np.linalg.eigvalsh(C + D)
+        if np.any(size[:, 0] <= 1e-12 * size[:, 2]):
+            raise DataError(
+                f"some {what} have an uncertainty of zero in some direction",
+                where=points.source,
+                hint="state a range and an angle uncertainty of the instrument above zero",
+            )
+    try:
+        if given:
+            return solve(points.measured, points.reference, C, D, index)
+        return solve(points.measured, points.reference, group=index)
+    except MirroredError as error:
+        raise DataError(error.what, where=f"{points.source}, {what}", hint=error.hint) from error
+    except (NotIdentifiableError, NotConvergedError) as error:
+        kind = type(error)
+        raise kind(error.what, where=f"{points.source}, {what}", hint=error.hint) from error
+
+
+def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool, what: str) -> None:
+    """Where distances within a group are out of the question, say which units or names mend them.
+
+    Distances need no fit, which wrong names could lead anywhere. Without any noise given, a
+    hundredth of the set's size is out of the question.
+    """
+    C, D = noise.totals(len(points))
+    variance = np.trace(C + D, axis1=1, axis2=2).max(initial=0.0) / 3
+    size = np.ptp(points.measured, axis=0).max() if len(points) else 0.0
+    sigma = float(np.sqrt(variance) if variance > 0 else 1e-3 * size)
+    names = ("",) if common_shift else tuple(dict.fromkeys(points.group))
+    sets = {name: points if common_shift else points.take(points.indices(name)) for name in names}
+    for name, here in sets.items():
+        mistake = unit_mistake(here.measured, here.reference)
+        if mistake:
+            raise DataError(
+                f"the {what} differ in size: {mistake}",
+                where=points.source,
+                hint="correct the length unit",
+            )
+        if same_distances(here.measured, here.reference, sigma):
+            continue
+        for order in relabellings(here.measured, here.reference, sigma)[:1]:
+            raise DataError(
+                f"the names of the {what} do not fit the distances between them; they fit if "
+                f"{describe_relabelling(here.names, order)}",
+                where=points.source,
+                hint="correct the names of these points",
+            )
+        for other, there in sets.items():
+            if there.point == here.point and same_distances(there.measured, here.reference, sigma):
+                raise DataError(
+                    f"the {what} of {name} do not fit its reference points, those of {other} do",
+                    where=points.source,
+                    hint="correct the group names",
+                )
+
+
+def _largest_sigma(fit: Registration) -> float:
+    return float(np.sqrt(np.trace(np.linalg.inv(fit.weight), axis1=1, axis2=2).max() / 3))
+
+
+def _diagonal(std: FloatArray) -> FloatArray:
+    return np.asarray(std[:, :, None] ** 2 * np.eye(3))

@@ -1,0 +1,239 @@
+"""Installation rotations from a laser-tracker survey: X_i = (R_b^m)ᵀ R_{s,i}^m (Sect. 3.2).
+
+One joint maximum-likelihood estimate of R_b^m (common to all NCPs), T̆_i of the point that NCP i
+carries, and R_{s,i}^m, T_{s,i}^m of the sensors. The moves know nothing of the sensors' poses
+and the targets nothing of R_b^m, so the joint normal equations are block diagonal: one block for
+the moves of all NCPs, one per sensor. The X_i are correlated through R_b^m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
+from tdfscal.trackercal.caveats import survey_warnings
+from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey, point_noise
+from tdfscal.trackercal.monte_carlo import MonteCarlo, linear_interval, simulate_inputs
+from tdfscal.trackercal.point_matching import MatchedPoints, describe_unmatched, match_points
+from tdfscal.trackercal.positioner_axes import AxisTest, examine_axes
+
+MISFIT_P = 0.01
+"""A χ² less probable than this is taken as understated noise, and the covariance grows by it."""
+MOST_REJECTED = 0.1
+"""Share of outlying points above which the survey is unusable."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerCalibration:
+    """A laser-tracker calibration of all n sensors.
+
+    rpy, rpy_std : (n, 3), rad, roll, pitch, yaw. low, high : (n, 3), rad, linear 95 % interval.
+    chi2, dof, p_value : of all residuals together; birge = √(χ²/dof). inflation : factor on the
+    noise part of the covariance, birge² where the misfit is significant, else 1.
+    budget : source → (n, 3), rad², its share of the variance of each angle; they sum to rpy_std².
+    tracker_rotation : (3, 3), R_b^m, BCS → tracker; its covariance (3, 3) in the tracker's frame.
+    point_names, residual (N, 3), m, normalised (N, 3) : of the points used, moves first.
+    """
+
+    rotations: Rotations
+    rpy: FloatArray
+    rpy_std: FloatArray
+    low: FloatArray
+    high: FloatArray
+    chi2: float
+    dof: int
+    p_value: float
+    birge: float
+    inflation: float
+    budget: Mapping[str, FloatArray]
+    monte_carlo: MonteCarlo | None
+    axes: tuple[AxisTest, ...]
+    tracker_rotation: FloatArray
+    tracker_covariance: FloatArray
+    point_names: tuple[str, ...]
+    residual: FloatArray
+    normalised: FloatArray
+    rejected: tuple[RejectedPoint, ...]
+    coplanar_targets: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def calibrate_tracker(
+    rig: Rig,
+    session: TrackerSession,
+    *,
+    misalignment: float = 0.0,
+    trials: int = 10_000,
+    rng: np.random.Generator | None = None,
+) -> TrackerCalibration:
+    """Calibrate the installation rotations of all supports by laser tracker.
+
+    misalignment : rad per axis, standard uncertainty of the sensor's body, which the tracker
+    sees, against its sensing axes. trials : of the Monte Carlo; 0 leaves it out. rng : for it,
+    by default seeded with 0.
+
+    Raises
+    ------
+    DataError : points are missing, misnamed, mirrored, in a wrong unit, or too many outlie.
+    NotIdentifiableError : targets or moves do not determine a rotation.
+    """
+    all_moves = match_points(session.moves, session.servo)
+    all_targets = match_points(session.targets, session.nominal)
+    unmatched = describe_unmatched(all_moves) + describe_unmatched(all_targets)
+    _require_supports(rig, all_targets)
+    moves_points, notes = _of_supports(rig, all_moves)
+    moves = fit_survey(
+        moves_points,
+        point_noise(moves_points, session.instrument, {"positioner": rig.declared.positioner}),
+        common_shift=False,
+        least=2,
+        what="moved points",
+    )
+    targets = [_fit_targets(all_targets, session, name) for name in rig.supports]
+    _refuse_many_outliers(moves, targets, session.targets.source)
+
+    chi2 = moves.fit.chi2 + sum(t.fit.chi2 for t in targets)
+    dof = moves.fit.dof + sum(t.fit.dof for t in targets)
+    p_value = float(chi2_sf(chi2, dof))
+    inflation = chi2 / dof if p_value < MISFIT_P and chi2 > dof else 1.0
+
+    R_b = moves.fit.rotation
+    X = so3.project(np.stack([R_b.T @ t.fit.rotation for t in targets]))
+    shares = _shares(moves, targets, inflation)
+    if misalignment > 0:
+        shares["misalignment"] = misalignment**2 * np.eye(3 * rig.n)
+    covariance = np.sum(list(shares.values()), axis=0)
+    budget = {name: so3.rpy_variance(X, share) for name, share in shares.items()}
+    rpy, rpy_std = so3.to_rpy(X), np.sqrt(so3.rpy_variance(X, covariance))
+    low, high = linear_interval(rpy, rpy_std)
+    monte_carlo = None
+    if trials > 0:
+        stated = _shares(moves, targets, 1.0)
+        linear = np.sum([*stated.values(), misalignment**2 * np.eye(3 * rig.n)], axis=0)
+        monte_carlo = simulate_inputs(
+            moves,
+            targets,
+            session.instrument,
+            misalignment,
+            (moves.fit.gain[:3], [t.fit.gain[:3] for t in targets]),
+            np.sqrt(so3.rpy_variance(X, linear)),
+            trials=trials,
+            rng=np.random.default_rng(0) if rng is None else rng,
+        )
+    axes = examine_axes(moves)
+    surveys = [moves, *targets]
+    return TrackerCalibration(
+        rotations=Rotations(rig.supports, X, (covariance + covariance.T) / 2),
+        rpy=rpy,
+        rpy_std=rpy_std,
+        low=low,
+        high=high,
+        chi2=chi2,
+        dof=dof,
+        p_value=p_value,
+        birge=float(np.sqrt(chi2 / dof)),
+        inflation=inflation,
+        budget=budget,
+        monte_carlo=monte_carlo,
+        axes=axes,
+        tracker_rotation=R_b,
+        tracker_covariance=moves.fit.rotation_covariance * inflation,
+        point_names=tuple(name for s in surveys for name in s.points.names),
+        residual=np.concatenate([s.fit.residual for s in surveys]),
+        normalised=np.concatenate([s.fit.normalised for s in surveys]),
+        rejected=tuple(r for s in surveys for r in s.rejected),
+        coplanar_targets=tuple(
+            name for name, t in zip(rig.supports, targets, strict=True) if not t.fit.handed
+        ),
+        warnings=(
+            *unmatched,
+            *notes,
+            *survey_warnings(rig, X, moves, targets, axes, inflation),
+        ),
+    )
+
+
+def _fit_targets(points: MatchedPoints, session: TrackerSession, support: str) -> SurveyFit:
+    here = points.take(points.indices(support))
+    return fit_survey(
+        here,
+        point_noise(here, session.instrument, {"drawing": session.drawing}),
+        common_shift=True,
+        least=3,
+        what=f"targets of {support}",
+    )
+
+
+def _require_supports(rig: Rig, targets: MatchedPoints) -> None:
+    for name in rig.supports:
+        count = len(targets.indices(name))
+        if count < 3:
+            here = [m for m in (*targets.missing, *targets.extra) if m.startswith(f"{name}/")]
+            unmatched = f" ({', '.join(here)} in one of the two files only)" if here else ""
+            raise DataError(
+                f"{count} target(s) of {name} have both a nominal and a measured position"
+                f"{unmatched}; three are the least",
+                where=targets.source,
+                hint="measure at least three targets on each sensor, named as in the drawing",
+            )
+
+
+def _of_supports(rig: Rig, moves: MatchedPoints) -> tuple[MatchedPoints, tuple[str, ...]]:
+    """Only the moves of the rig's supports, and notes on supports that have fewer than two."""
+    unknown = sorted(set(moves.group) - set(rig.supports))
+    usable = [name for name in rig.supports if len(moves.indices(name)) >= 2]
+    if not usable:
+        raise DataError(
+            "no support of the rig has two moves or more",
+            where=moves.source,
+            hint=f"name the groups as the supports: {', '.join(rig.supports)}",
+        )
+    notes = [f"{moves.source}: group {name} is no support of the rig" for name in unknown]
+    notes += [
+        f"{moves.source}: {name} has fewer than two moves; the other NCPs' axes stand for its own"
+        for name in rig.supports
+        if name not in usable
+    ]
+    which = np.flatnonzero([name in usable for name in moves.group])
+    return moves.take(which), tuple(notes)
+
+
+def _refuse_many_outliers(moves: SurveyFit, targets: list[SurveyFit], source: str) -> None:
+    surveys = [moves, *targets]
+    rejected = [r.name for s in surveys for r in s.rejected]
+    count = sum(len(s.points) for s in surveys) + len(rejected)
+    if len(rejected) > MOST_REJECTED * count:
+        raise DataError(
+            f"{len(rejected)} of {count} points do not fit the others: {', '.join(rejected)}",
+            where=source,
+            hint="measure these points again, or state the survey's real uncertainties",
+        )
+
+
+def _shares(moves: SurveyFit, targets: list[SurveyFit], inflation: float) -> dict[str, FloatArray]:
+    """Share of each source in the covariance (3n, 3n) of the rotations.
+
+    exp([d_i]×) X_i with d_i = (R_b^m)ᵀ (s_i − b), where s_i, b perturb R_{s,i}^m and R_b^m in the
+    tracker's frame. Independent points add; the parts of one point's covariance add too.
+    """
+    n, back = len(targets), moves.fit.rotation.T
+    shares: dict[str, FloatArray] = {}
+    common = np.tile(np.eye(3), (n, 1))
+    surveys = [(moves, -common)] + [
+        (t, np.kron(np.eye(n)[:, [i]], np.eye(3))) for i, t in enumerate(targets)
+    ]
+    for survey, place in surveys:
+        gain = np.einsum("pq,qnj->pnj", place @ back, survey.fit.gain[:3])
+        turned = survey.fit.rotation
+        parts = dict(survey.noise.measured)
+        parts |= {name: turned @ cov @ turned.T for name, cov in survey.noise.reference.items()}
+        for name, cov in parts.items():
+            share = np.einsum("pnj,njk,qnk->pq", gain, cov, gain) * inflation
+            shares[name] = shares.get(name, np.zeros((3 * n, 3 * n))) + share
+    return shares

@@ -1,0 +1,1 @@
+"""Does a calibration still hold, and if not, why."""

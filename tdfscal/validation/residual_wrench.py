@@ -1,0 +1,188 @@
+"""Does a calibration still hold? Contact wrenches of static postures that should be zero.
+
+The residual wrenches of all postures are tested together: the error of the calibration is common
+to them, only the dwells' own noise is not (theory, section 7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.errors import DataError
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.statics import Postures, balance, nominal, postures
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Rig
+from tdfscal.validation import causes
+from tdfscal.validation.causes import Cause, Whitened, whiten
+from tdfscal.wrench.contact_wrench import contact_wrench, jacobian, to_lcs
+
+#: Probability of rejecting a calibration that holds; half of it goes to the search for one cause.
+FALSE_ALARM = 0.005
+#: Probability with which the smallest turn that is stated as detectable is found.
+POWER = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Validation:
+    """Verdict on a calibration by K postures without contact.
+
+    dwells : those found. used : (K,), indices of the dwells in the test. left_out : dwell index →
+    reason. nominal, calibrated : (K, 6), residual contact wrench in the LCS about its origin, N
+    and N·m, without and with the calibration; std : (K, 6), its predicted standard uncertainty.
+    chi2, dof, p_value : of all calibrated wrenches together, with their full covariance.
+    search_p : the smallest probability that chance looks so much like one single cause, corrected
+    for the number of causes tried. causes : most likely first. detectable : (n, 3), rad, smallest
+    turn of one sensor about x, y, z of the BCS found with 95 % probability; ∞ where none is.
+    """
+
+    rig: Rig
+    dwells: Dwells
+    used: IntArray
+    left_out: dict[int, str]
+    nominal: FloatArray
+    calibrated: FloatArray
+    std: FloatArray
+    chi2: float
+    dof: int
+    p_value: float
+    search_p: float
+    causes: tuple[Cause, ...]
+    detectable: FloatArray
+    warnings: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """The residual wrenches are what the stated uncertainties explain."""
+        return self.p_value >= FALSE_ALARM / 2 and self.search_p >= FALSE_ALARM / 2
+
+    @property
+    def suspected(self) -> tuple[Cause, ...]:
+        """Where it does not hold: the causes that explain it and cannot be told apart."""
+        if self.holds or not self.causes or not self.causes[0].explains:
+            return ()
+        first, *others = self.causes
+        return (first, *(cause for cause in others if causes.alike(first, cause)))
+
+
+def validate(
+    given: Calibrated,
+    dwells: Dwells,
+    *,
+    rig: Rig | None = None,
+    noise: float | None = None,
+    extremes: faulty_sensors.Extremes | None = None,
+) -> Validation:
+    """Test a calibration on static dwells without contact.
+
+    rig : the rig of this log, for what it declares; default the calibration's.
+    noise : N, standard uncertainty of a reading per axis where neither log nor rig state one.
+    extremes : of the whole log's readings, to tell a saturated sensor from a dead one.
+
+    Raises
+    ------
+    DataError
+        There is no dwell, the positions do not fit the hinges, a sensor is dead or saturated, or no
+        noise is stated anywhere.
+    """
+    rig = rig or given.rig
+    if len(dwells) == 0:
+        raise DataError(
+            "no static dwell was found: the NCPs never rest with settled forces",
+            where="log",
+            hint="hold three to five postures for at least two seconds each"
+            + _nearest(dwells.left_out),
+        )
+    log_against_rig.check_geometry(rig, dwells.position)
+    screened = faulty_sensors.screen(rig, dwells, extremes)
+    used = np.flatnonzero(screened.keep)
+    if not used.size:
+        raise DataError(
+            f"no dwell can be used: {next(iter(screened.reasons.values()))}", where="log forces"
+        )
+    observed, warnings = _with_noise(postures(rig, dwells).subset(used), noise)
+    seen = _see(given, observed)
+    white = seen.white
+    found = causes.causes(white)
+    single = [cause for cause in found if len(cause.postures) < 2]
+    tried = 1 + 2 * rig.n + (len(used) if len(used) > 1 else 0)
+    turned = log_against_rig.turned(rig, dwells.position)
+    return Validation(
+        rig=rig,
+        dwells=dwells,
+        used=used,
+        left_out=screened.reasons,
+        nominal=seen.nominal,
+        calibrated=seen.calibrated,
+        std=seen.std,
+        chi2=white.chi2,
+        dof=white.dof,
+        p_value=float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0,
+        search_p=min(1.0, tried * min(cause.p_value for cause in single)),
+        causes=found,
+        detectable=_detectable(causes.turn_information(white), tried),
+        warnings=(*dwells.warnings, *warnings, *([turned] if turned else [])),
+    )
+
+
+def _nearest(left_out: tuple[LeftOut, ...]) -> str:
+    return f"; for one stretch, {left_out[0].reason}" if left_out else ""
+
+
+def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[str, ...]]:
+    """Postures with a noise level: their own, or the one that the calibration met."""
+    if np.diagonal(observed.force_cov, axis1=2, axis2=3).min() > 0:
+        return observed, ()
+    if not noise:
+        raise DataError(
+            "neither the log nor the rig file states a force noise",
+            where="log forces",
+            hint="set uncertainty.force_noise in rig.yaml",
+        )
+    text = (
+        f"neither the log nor the rig file states a force noise; {noise:.2g} N per axis and "
+        "posture was taken from the residuals of the calibration"
+    )
+    cov = np.broadcast_to(noise**2 * np.eye(3), observed.force_cov.shape)
+    return replace(observed, force_cov=cov), (text,)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Wrenches without and with the calibration and the latter's std, (K, 6), and whitened."""
+
+    nominal: FloatArray
+    calibrated: FloatArray
+    std: FloatArray
+    white: Whitened
+
+
+def _see(given: Calibrated, observed: Postures) -> _Seen:
+    rig, state = given.rig, given.state
+    at = balance(observed, state, state.barycentre, rig.gravity)
+    T, J = to_lcs(at), jacobian(given, at)
+    plain, calibrated = (
+        contact_wrench(s, rig.gravity, at.rotation, observed.force) for s in (nominal(rig), state)
+    )
+    noise, root = T @ at.cov @ np.swapaxes(T, 1, 2), given.root
+    half = J @ root
+    total = noise + half @ np.swapaxes(half, 1, 2)
+    return _Seen(
+        nominal=plain,
+        calibrated=calibrated,
+        std=np.sqrt(np.diagonal(total, axis1=1, axis2=2)),
+        white=whiten(calibrated, J, noise, root, given.open),
+    )
+
+
+def _detectable(information: FloatArray, tried: int) -> FloatArray:
+    """Smallest turns (n, 3), rad, that the search finds with probability POWER."""
+    threshold = special.chdtri(3, FALSE_ALARM / 2 / tried)
+    offset = float(special.chndtrinc(threshold, 3, 1 - POWER))
+    seen = np.diagonal(information, axis1=1, axis2=2)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.sqrt(offset / seen))

@@ -1,0 +1,1 @@
+"""Every command as a function: files in, a typed result out, nothing printed."""

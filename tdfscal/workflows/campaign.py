@@ -1,0 +1,180 @@
+"""From a command's PATH… to the rig, the logs and the tracker's survey."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tdfscal.errors import UsageError
+from tdfscal.files.model_errors import nearest
+from tdfscal.files.rig import RIG_NAME
+from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.logs import is_log
+from tdfscal.logs.bag.rosbag2 import entries_of, refuse_unfinished
+from tdfscal.logs.formats import NOWHERE, check_regular
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What a command works on.
+
+    logs : in natural order of their names, each once; empty where there is only a survey.
+    surveyed : the rig declares a tracker's survey and its four point files are there.
+    """
+
+    rig: LoadedRig
+    logs: tuple[Path, ...]
+    surveyed: bool
+
+
+def resolve(
+    paths: Sequence[Path], rig: Path | None = None, fallback: LoadedRig | None = None
+) -> Campaign:
+    """Find rig and logs for a command's paths: campaign folders, log files, recordings.
+
+    rig : the file given with --rig, which goes before any rig.yaml. Else the rig.yaml of the
+    folder, or beside the files; else the fallback, such as the rig of a calibration file.
+
+    Raises UsageError where a path is missing, no rig is found or two contradict, or there is
+    neither a log nor a survey; RigError for a faulty rig file.
+    """
+    _require(paths)
+    loaded = _rig_of(paths, rig, fallback)
+    surveyed = loaded.tracker is not None and all(p.is_file() for p in loaded.tracker.paths)
+    logs = find_logs(paths, apart=loaded.tracker.paths if loaded.tracker else ())
+    if not logs and not surveyed:
+        raise UsageError(
+            "there is no log here, nor a tracker's survey",
+            where=_listed(paths),
+            hint="name a folder with .csv, .parquet or .mcap logs, or the logs themselves",
+        )
+    return Campaign(loaded, logs, surveyed)
+
+
+def find_logs(paths: Sequence[Path], apart: Iterable[Path] = ()) -> tuple[Path, ...]:
+    """Return the logs that the paths name or hold, each once; `apart` are files that are no logs.
+
+    Raises UsageError where a path is missing, a file is no log or no regular file, or a subfolder
+    holds recordings without the metadata that lists them, or may not be looked into.
+    """
+    _require(paths)
+    apart_files = {_real(path) for path in apart}
+    found: dict[Path, Path] = {}
+    others: list[Path] = []
+    for path in paths:
+        if path.is_dir() and not is_log(path):
+            for entry in sorted(entries_of(path), key=_natural):
+                if _is_recorded(entry) and _real(entry) not in apart_files:
+                    found.setdefault(_real(entry), entry)
+                elif _may_be_recording(entry):
+                    others.append(entry)
+        elif is_log(path):
+            found.setdefault(_real(path), path)
+        else:
+            kinds = "logs are .csv, .tsv (also .gz, .zst), .parquet, .mcap, or rosbag2 folders"
+            raise UsageError(
+                "is not a log",
+                where=str(path),
+                hint="name the folder that holds it" if path.name == RIG_NAME else kinds,
+            )
+    for folder in others:
+        refuse_unfinished(folder, found.keys())
+    for path in found.values():
+        if not path.is_dir():
+            check_regular(path)
+    return tuple(found.values())
+
+
+def _real(path: Path) -> Path:
+    """Where a path leads; unlike `Path.resolve` it takes a link that leads to itself."""
+    return Path(os.path.realpath(path))
+
+
+def _is_recorded(entry: Path) -> bool:
+    apart = entry.name.startswith(".") or entry.stem == "calibration"
+    return not apart and is_log(entry)
+
+
+def _may_be_recording(entry: Path) -> bool:
+    """A subfolder that belongs to the campaign: not hidden, nor a campaign of its own."""
+    if entry.name.startswith(".") or not entry.is_dir():
+        return False
+    return not (entry / RIG_NAME).is_file()
+
+
+def _rig_of(paths: Sequence[Path], given: Path | None, fallback: LoadedRig | None) -> LoadedRig:
+    if given is not None:
+        return load_rig(given)
+    beside = {_real(home / RIG_NAME): home / RIG_NAME for home in map(_home, paths)}
+    rigs = [load_rig(path) for path in beside.values() if path.is_file()]
+    if not rigs:
+        if fallback is not None:
+            return fallback
+        raise _no_rig(paths)
+    other = next((rig for rig in rigs if rig.sha256 != rigs[0].sha256), None)
+    if other is not None:
+        raise UsageError(
+            f"the paths belong to different rigs, {rigs[0].path} and {other.path}",
+            hint="take one campaign at a time, or say which rig holds with --rig",
+        )
+    return rigs[0]
+
+
+def _home(path: Path) -> Path:
+    """Folder whose rig.yaml goes with a path."""
+    return path if path.is_dir() and not is_log(path) else path.absolute().parent
+
+
+def _no_rig(paths: Sequence[Path]) -> UsageError:
+    home = _home(paths[0])
+    others = [name for name in _names(home) if name != RIG_NAME and (home / name).is_file()]
+    near = nearest(RIG_NAME, [name for name in others if not _is_calibration(home / name)])
+    return UsageError(
+        f"there is no {RIG_NAME}",
+        where=str(home),
+        hint=f"rename {near} to {RIG_NAME} or name it with --rig"
+        if near
+        else "name the rig file with --rig",
+    )
+
+
+def _is_calibration(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return b"tdfscal-calibration" in file.read(1024)
+    except OSError:
+        return False
+
+
+def _require(paths: Sequence[Path]) -> None:
+    if not paths:
+        raise UsageError("no path is given", hint="name a campaign folder or its logs")
+    for path in paths:
+        if not os.path.lexists(path) or not path.exists():
+            near = nearest(path.name, _names(path.absolute().parent))
+            advice = f"the nearest name there is {near}" if near else "check the path"
+            raise UsageError(
+                "there is no such file or folder",
+                where=str(path),
+                hint=NOWHERE if path.is_symlink() else advice,
+            )
+
+
+def _names(folder: Path) -> list[str]:
+    try:
+        return sorted(entry.name for entry in folder.iterdir())
+    except OSError:
+        return []
+
+
+def _natural(path: Path) -> list[tuple[int, int, str]]:
+    """Sort key that puts rosbag_2 before rosbag_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
+
+
+def _listed(paths: Sequence[Path]) -> str:
+    return ", ".join(map(str, paths[:3])) + (" …" if len(paths) > 3 else "")

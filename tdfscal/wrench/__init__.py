@@ -1,0 +1,1 @@
+"""The contact wrench of a log, by a calibration."""

@@ -1,0 +1,202 @@
+"""A calibration at work: the contact wrench in the LCS, and how well it is known (theory, 7).
+
+With F_i = X_i (I + S_i)⁻¹ (f_i − z_i) in the BCS and G = m g:
+
+    f_e = m a_m − Rᵀ Σ F_i − Rᵀ G
+    M_e = I_O ω̇ + ω × I_O ω + m r_m × a_O − Σ r_i × Rᵀ F_i − r_m × Rᵀ G
+
+It is what the surroundings exert on the terminal; force in N, moment about the LCS origin in N·m,
+components in the LCS. At rest the terms in ω and a vanish.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.statics import (
+    Balance,
+    Postures,
+    State,
+    balance,
+    features_jacobian,
+    gravity,
+    nominal,
+    sensing,
+)
+from tdfscal.numerics import so3
+from tdfscal.numerics.in_place import dot
+from tdfscal.records import FloatArray, IntArray
+from tdfscal.wrench.kinematics import Motion, Poses, poses, rotations
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+
+#: Samples that share one standard uncertainty at most, and the time they span at most, s.
+_BLOCK = 512
+_SPAN = 0.25
+#: Share of a variance below which an open parameter does not matter.
+_ROUNDING = 1.0e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Wrenches:
+    """Contact wrenches (N, 6): fx, fy, fz in N, mx, my, mz in N·m about the LCS origin, LCS.
+
+    std : standard uncertainty of each component from the calibration and the rig's constants
+    (rotations, zeros, sensitivities, mass, barycentre, hinges, datums, gravity's direction) with
+    their correlations; ∞ where a constant is open. What a single sample adds (its noise, and what
+    the rig file declares per posture: positioner, force_noise, hinge_moment) is not in it.
+    raw : without the calibration: nominal mounting, the rig's stated zeros, mass and barycentre.
+    """
+
+    value: FloatArray
+    std: FloatArray
+    raw: FloatArray
+
+
+def contact_wrench(
+    state: State,
+    g: float,
+    rotation: FloatArray,
+    force: FloatArray,
+    moving: FloatArray | None = None,
+) -> FloatArray:
+    """Contact wrench (N, 6) from readings (N, n, 3) in N, sensor frames.
+
+    rotation : (N, 3, 3), LCS → BCS, of the terminal. moving : (N, 6), the terms of `inertial`.
+    """
+    N, n = force.shape[:2]
+    M, weight = sensing(state), state.mass * gravity(state, g)
+    # S = Σ F_i + G and Y = Σ r_i F_iᵀ + r_m Gᵀ are linear in the readings: one product for all.
+    # Rows of [S; Y] times R are LCS components, and r × L the skew part of r Lᵀ.
+    lever = np.concatenate([np.ones((n, 1)), state.hinge], axis=1)
+    lever_m = np.concatenate([[1.0], state.barycentre])
+    mix = np.einsum("na,nbc->ncab", lever, M).reshape(3 * n, 12)
+    constant = np.outer(lever_m, weight).ravel() - state.zero.ravel() @ mix
+    stacked = mix.T @ force.reshape(N, 3 * n).T
+    stacked += constant[:, None]
+    S, *Y = stacked.reshape(4, 3, N)
+    R = np.moveaxis(rotation, 0, 2)
+    out, part, other = np.empty((6, N)), np.empty(N), np.empty(N)
+    for c, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
+        dot(S, R[:, c], out[c], part)
+        np.negative(out[c], out=out[c])
+        dot(Y[b], R[:, a], out[3 + c], part)
+        dot(Y[a], R[:, b], other, part)
+        out[3 + c] -= other
+    return out.T if moving is None else out.T + moving
+
+
+def inertial(state: State, inertia: FloatArray, moving: Motion) -> FloatArray:
+    """Inertial terms (N, 6) of the wrench; inertia (3, 3) about the LCS origin, kg m²."""
+    w, dw, a0 = moving.turning, moving.turning_rate, moving.acceleration
+    r = state.barycentre
+    am = a0 + np.cross(dw, r) + np.cross(w, np.cross(w, r))
+    turning = dw @ inertia.T + np.cross(w, w @ inertia.T)
+    return np.concatenate([state.mass * am, turning + state.mass * np.cross(r, a0)], axis=1)
+
+
+def to_lcs(at: Balance) -> FloatArray:
+    """T (K, 6, 6) with the contact wrench in the LCS about its origin = T e of a balance."""
+    K = len(at.rotation)
+    back = np.swapaxes(at.rotation, 1, 2)
+    T = np.zeros((K, 6, 6))
+    T[:, :3, :3] = T[:, 3:, 3:] = -back
+    T[:, 3:, :3] = -back @ so3.hat(at.rotation @ at.centre)
+    return T
+
+
+def jacobian(given: Calibrated, at: Balance) -> FloatArray:
+    """Derivative (K, 6, P) of the contact wrench (LCS) by the calibrated parameters."""
+    by_state = features_jacobian(given.state, at, given.rig.gravity)
+    return np.asarray(to_lcs(at) @ (at.design @ by_state))
+
+
+def single(given: Calibrated, position: FloatArray, force: FloatArray) -> Postures:
+    """Single samples (K, n, 3) as postures that only scatter by what the rig file declares."""
+    declared, eye = given.rig.declared, np.eye(3)
+    shape = (*force.shape, 3)
+    return Postures(
+        position=position,
+        force=force,
+        position_cov=np.broadcast_to(declared.positioner**2 * eye, shape),
+        force_cov=np.broadcast_to(declared.force_noise**2 * eye, shape),
+        moment_var=declared.hinge_moment**2,
+    )
+
+
+def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> FloatArray:
+    """Covariance (K, 6, 6) of contact wrenches at rest from the calibration, LCS; ∞ where open.
+
+    position (K, n, 3) in m, BCS; force (K, n, 3), N, readings.
+    """
+    posture = single(given, position, force)
+    at = balance(posture, given.state, given.state.barycentre, given.rig.gravity)
+    T = to_lcs(at)
+    by_state = features_jacobian(given.state, at, given.rig.gravity)
+    half = T @ (at.design @ (by_state @ given.root))
+    out = half @ np.swapaxes(half, 1, 2)
+    if given.open.any():
+        seen = np.abs(T @ (at.design @ by_state[:, given.open])).max(axis=2) > _ROUNDING
+        diagonal = np.arange(6)
+        out[:, diagonal, diagonal] = np.where(seen, np.inf, out[:, diagonal, diagonal])
+    return np.asarray(out)
+
+
+def wrenches(
+    given: Calibrated,
+    time: FloatArray,
+    position: FloatArray,
+    force: FloatArray,
+    at: Poses | None = None,
+    moving: Motion | None = None,
+) -> Wrenches:
+    """Contact wrenches at N samples.
+
+    time : (N,), s. position : (N, n, 3), m, BCS. force : (N, n, 3), N, readings.
+    at : `pose` of the positions, where it is known already. moving : motion of the terminal, for
+    the inertial terms with the rig's inertia; None: at rest.
+    """
+    state = given.state
+    rotation = rotations(state.hinge, position - state.datum) if at is None else at.rotation
+    states = (given.state, nominal(given.rig))
+    inertia, g = given.rig.inertia, given.rig.gravity
+    value, raw = (
+        contact_wrench(
+            state,
+            g,
+            rotation,
+            force,
+            None if moving is None or inertia is None else inertial(state, inertia, moving),
+        )
+        for state in states
+    )
+    return Wrenches(value=value, std=_std(given, time, position, force), raw=raw)
+
+
+def pose(given: Calibrated, position: FloatArray) -> Poses:
+    """Poses of the terminal with the calibrated hinges and datums; position (N, n, 3), m, BCS."""
+    return poses(given.state.hinge, position - given.state.datum)
+
+
+def _std(
+    given: Calibrated, time: FloatArray, position: FloatArray, force: FloatArray
+) -> FloatArray:
+    """Standard uncertainties (N, 6), worked out at the means of short blocks of samples."""
+    start = _blocks(time)
+    count = np.diff(np.append(start, len(time)))
+    position, force = (
+        np.add.reduceat(v, start, axis=0) / count[:, None, None] for v in (position, force)
+    )
+    var = np.diagonal(covariance(given, position, force), axis1=1, axis2=2)
+    return np.repeat(np.sqrt(var), count, axis=0)
+
+
+def _blocks(time: FloatArray) -> IntArray:
+    """First samples of blocks that are short in time and in number."""
+    by_time = np.floor((time - time[0]) / _SPAN)
+    new = np.append(True, np.diff(by_time) > 0)
+    new[::_BLOCK] = True
+    return np.flatnonzero(new)

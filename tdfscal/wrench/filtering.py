@@ -1,0 +1,243 @@
+"""Kalman filter of the sensors' signals: the force walks at random, its measurement is noisy.
+
+x_k = x_{k−1} + w_k with variance q per sample, y_k = x_k + v_k with variance r (Kalman, J. Basic
+Eng. 82, 1960), in its steady state. The causal filter serves a controller and costs delay; the
+Rauch–Tung–Striebel smoother serves recorded logs and costs none. All channels share one gain:
+forces that balance each other stay balanced, since all are late by the same time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain, pairwise
+from typing import Literal
+
+import numpy as np
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.records import FloatArray
+from tdfscal.wrench.resampling import Samples
+
+#: N by which a force walks in a second: a contact builds up by K v = 10 kN/m · 1.5 mm/s (Sect. 5).
+WALK = 15.0
+
+Kind = Literal["none", "kalman", "smooth"]
+
+_FEWEST = 16
+#: Samples from which the noise is measured.
+_MEASURED = 20_000
+#: Weight from which on the smoother takes no notice of later samples.
+_FORGOTTEN = 1.0e-9
+#: Sampling intervals without a sample that end a stretch.
+_GAP = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """Variances of a random walk per sample, q, and of its measurement, r, N²; interval : s."""
+
+    q: float
+    r: float
+    interval: float
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.q < np.inf and 0.0 <= self.r < np.inf and 0.0 < self.interval < np.inf):
+            raise UsageError(
+                "a Kalman filter needs a walk above zero and a finite noise",
+                hint="state the noise as a standard deviation, and a walk above zero",
+            )
+
+    @classmethod
+    def of(cls, walk: float, noise: float, interval: float) -> Walk:
+        """Walk : N in a second. noise : N, standard deviation of a sample. Raises UsageError."""
+        return cls(walk**2 * interval, noise**2, interval)
+
+    @property
+    def gain(self) -> float:
+        """Steady-state gain, 0 < g ≤ 1."""
+        p = 0.5 * (self.q + np.sqrt(self.q * (self.q + 4.0 * self.r)))  # predicted variance
+        return float(p / (p + self.r))
+
+    @property
+    def delay(self) -> float:
+        """Time by which the causal filter is late on a slow signal, s: (1 − g) / g samples."""
+        return (1.0 - self.gain) / self.gain * self.interval
+
+    @property
+    def left(self) -> float:
+        """White noise's standard deviation after the causal filter over that before."""
+        return float(np.sqrt(self.gain / (2.0 - self.gain)))
+
+    @property
+    def left_smooth(self) -> float:
+        """The same of the smoother, whose weights are g / (2 − g) · (1 − g)^|k|."""
+        g, a = self.gain, (1.0 - self.gain) ** 2
+        return float(g / (2.0 - g) * np.sqrt((1.0 + a) / (1.0 - a)))
+
+
+def checked_walk(kind: str, walk: float | None) -> float | None:
+    """N in a second for a filter of this kind as the options give them, None for no filter.
+
+    Raises UsageError for a walk that is none, or that nothing filters.
+    """
+    if kind == "none":
+        if walk is not None:
+            raise UsageError(
+                "a walk without a filter does nothing", where="--walk", hint="choose a --filter"
+            )
+        return None
+    if walk is None:
+        return WALK
+    if not 0.0 < walk < np.inf:
+        raise UsageError(f"a force cannot walk by {walk:g} N", where="--walk", hint="above zero")
+    return walk
+
+
+def measured_noise(signal: FloatArray) -> float:
+    """Standard deviation of a sample's noise, rms over the channels of a signal (N, C).
+
+    With d1 and d2 the differences over one and two samples, r = var d1 − var d2 / 2; their
+    variances by medians, so that moves and jolts do not count as noise.
+
+    Raises DataError for fewer than 16 samples or numbers that are none.
+    """
+    if signal.ndim != 2 or len(signal) < _FEWEST or not np.all(np.isfinite(signal)):
+        raise DataError(
+            f"the noise cannot be measured from {len(signal)} samples",
+            hint=f"give {_FEWEST} finite samples or more",
+        )
+    r = _variance(np.diff(signal, axis=0)) - 0.5 * _variance(signal[2:] - signal[:-2])
+    return float(np.sqrt(np.mean(np.maximum(r, 0.0))))
+
+
+def _variance(difference: FloatArray) -> FloatArray:
+    """Robust variance (C,) of normal numbers with mean 0: (median |d| / 0.6745)²."""
+    return np.asarray((np.median(np.abs(difference), axis=0) / 0.6744897501960817) ** 2)
+
+
+class Causal:
+    """The causal filter over pieces of a signal in their order."""
+
+    def __init__(self, walk: Walk) -> None:
+        self._gain = walk.gain
+        self._last: FloatArray | None = None
+
+    def __call__(self, piece: FloatArray) -> FloatArray:
+        """Filtered piece (N, ...); the first sample of all starts the filter."""
+        if not len(piece):
+            return piece
+        out = _follow(self._gain, piece, piece[0] if self._last is None else self._last)
+        self._last = out[-1]
+        return out
+
+    def rest(self) -> FloatArray:
+        """Nothing is held back."""
+        return np.empty((0,))
+
+
+def _follow(g: float, signal: FloatArray, start: FloatArray) -> FloatArray:
+    """x_k = x_{k−1} + g (y_k − x_{k−1}) along the first axis, from x_{−1} = start."""
+    from scipy.signal import lfilter  # slow to import
+
+    out, _ = lfilter([g], [1.0, g - 1.0], signal, axis=0, zi=(1.0 - g) * start[None])
+    return np.asarray(out)
+
+
+class Smoother:
+    """The RTS smoother over pieces of a signal in their order, as far as the future is known.
+
+    In the steady state its backward pass is the causal filter run backwards over the filtered
+    signal; what lies so far ahead that it no longer counts is not waited for.
+    """
+
+    def __init__(self, walk: Walk) -> None:
+        self._gain = walk.gain
+        self._causal = Causal(walk)
+        remembered = max(1.0 - self._gain, 1e-300)
+        self.ahead = int(np.ceil(np.log(_FORGOTTEN) / np.log(remembered)))
+        self._held: FloatArray | None = None
+
+    def __call__(self, piece: FloatArray) -> FloatArray:
+        """Smoothed samples (N', ...) that are ready: all but the newest `ahead`."""
+        new = self._causal(piece)
+        held = new if self._held is None else np.concatenate([self._held, new])
+        ready = max(len(held) - self.ahead, 0)
+        self._held = held[ready:]
+        return self._back(held)[:ready] if ready else held[:0]
+
+    def rest(self) -> FloatArray:
+        """Smoothed samples that were not ready."""
+        return np.empty((0,)) if self._held is None else self._back(self._held)
+
+    def _back(self, held: FloatArray) -> FloatArray:
+        return _follow(self._gain, held[::-1], held[-1])[::-1]
+
+
+def filtered(
+    samples: Iterable[Samples],
+    kind: Kind,
+    walk: float,
+    tell: Callable[[Walk], None] = lambda walk: None,
+) -> Iterator[Samples]:
+    """Filter the forces of a log that comes in pieces, in bounded memory.
+
+    walk : N in a second. The noise is measured from the first 20 000 samples; tell : is told the
+    filter once it is known. A filter starts anew after a gap.
+
+    Raises UsageError and DataError where no filter can be made.
+    """
+    source = iter(samples)
+    first: list[Samples] = []
+    while sum(piece.time.size for piece in first) < _MEASURED:
+        if (piece := next(source, None)) is None:
+            break
+        first.append(piece)
+    if not first:
+        return
+    start = _joined(first)
+    noise = measured_noise(start.force.reshape(len(start.time), -1)[:_MEASURED])
+    model = Walk.of(walk, noise, float(np.median(np.diff(start.time))))
+    tell(model)
+    stage = _Stage(kind, model)
+    for piece in chain([start], source):
+        cuts = np.flatnonzero(np.diff(piece.time) > _GAP * model.interval) + 1
+        for a, b in pairwise([0, *cuts.tolist(), piece.time.size]):
+            yield from stage.push(piece.rows(slice(a, b)))
+    yield from stage.flush()
+
+
+def _joined(parts: list[Samples]) -> Samples:
+    columns = ("time", "position", "force")
+    return Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+
+
+class _Stage:
+    """A filter over samples; what the smoother holds back, it holds back of every stream."""
+
+    def __init__(self, kind: Kind, model: Walk) -> None:
+        self._new: type[Causal | Smoother] = Causal if kind == "kalman" else Smoother
+        self._model = model
+        self._held: Samples | None = None
+        self._end = -np.inf
+        self._filter = self._new(model)
+
+    def push(self, part: Samples) -> Iterator[Samples]:
+        """Samples that are ready; after a gap all that is held comes first."""
+        held = self._held
+        if held is not None and part.time[0] - self._end > _GAP * self._model.interval:
+            yield from self.flush()
+            held = None
+        self._end = float(part.time[-1])
+        force = self._filter(part.force)
+        whole = part if held is None else _joined([held, part])
+        self._held = whole.rows(slice(len(force), None))
+        if len(force):
+            yield replace(whole.rows(slice(0, len(force))), force=force)
+
+    def flush(self) -> Iterator[Samples]:
+        """The rest; the filter starts anew."""
+        force = self._filter.rest()
+        if len(force) and self._held is not None:
+            yield replace(self._held, force=force)
+        self._held, self._filter = None, self._new(self._model)

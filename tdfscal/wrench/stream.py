@@ -1,0 +1,110 @@
+"""The contact wrench over a whole log, piece by piece in bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.records import FloatArray
+from tdfscal.wrench.contact_wrench import Wrenches, pose, wrenches
+from tdfscal.wrench.kinematics import motion
+from tdfscal.wrench.resampling import Samples
+
+#: Half the window in which a local cubic gives velocity and acceleration, s.
+WINDOW = 0.1
+_LEAST = 2
+#: A step this many times the usual one ends a stretch of even sampling.
+_UNEVEN = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchPiece:
+    """Contact wrenches at (N,) times in s."""
+
+    time: FloatArray
+    wrench: Wrenches
+
+
+def at_rest(given: Calibrated, samples: Iterable[Samples]) -> Iterator[WrenchPiece]:
+    """Quasi-static contact wrenches: inertia plays no part."""
+    for piece in samples:
+        yield WrenchPiece(piece.time, wrenches(given, piece.time, piece.position, piece.force))
+
+
+def in_motion(given: Calibrated, samples: Iterable[Samples]) -> Iterator[WrenchPiece]:
+    """Contact wrenches with the terminal's inertial terms.
+
+    Velocities and accelerations come from the servo positions in a symmetric window, without
+    delay; a piece is therefore held back by half a window. A stretch too short for one window is
+    taken as at rest.
+    """
+    held: Samples | None = None
+    done = 0
+    for piece in samples:
+        joined = piece if held is None else _joined(held, piece)
+        *closed, last = _stretches(joined)
+        for stretch in closed:
+            yield from _emit(given, stretch, done, stretch.time.size)
+            done = 0
+        half = _half(last)
+        keep = last.time.size - 2 * half
+        if keep > half:
+            yield from _emit(given, last, done, last.time.size - half)
+            held, done = last.rows(slice(keep, None)), half
+        else:
+            held = last
+    if held is not None:
+        yield from _emit(given, held, done, held.time.size)
+
+
+def _joined(a: Samples, b: Samples) -> Samples:
+    return Samples(
+        np.concatenate([a.time, b.time]),
+        np.concatenate([a.position, b.position]),
+        np.concatenate([a.force, b.force]),
+    )
+
+
+def _stretches(samples: Samples) -> list[Samples]:
+    """Cut where samples are missing."""
+    step = np.diff(samples.time)
+    if not step.size:
+        return [samples]
+    cuts = np.flatnonzero(step > _UNEVEN * np.median(step)) + 1
+    edges = [0, *cuts.tolist(), samples.time.size]
+    return [samples.rows(slice(a, b)) for a, b in pairwise(edges)]
+
+
+def _half(stretch: Samples) -> int:
+    if stretch.time.size < 2:
+        return _LEAST
+    return max(_LEAST, round(WINDOW / _step(stretch)))
+
+
+def _step(stretch: Samples) -> float:
+    return float((stretch.time[-1] - stretch.time[0]) / (stretch.time.size - 1))
+
+
+def _emit(given: Calibrated, stretch: Samples, first: int, end: int) -> Iterator[WrenchPiece]:
+    """Wrenches of the rows first … end − 1; the others are there for the window."""
+    if end <= first:
+        return
+    at = pose(given, stretch.position)
+    half = _half(stretch)
+    moving = motion(at, _step(stretch), half) if stretch.time.size > 2 * half else None
+    rows, part = slice(first, end), stretch.rows(slice(first, end))
+    yield WrenchPiece(
+        part.time,
+        wrenches(
+            given,
+            part.time,
+            part.position,
+            part.force,
+            at=at.rows(rows),
+            moving=None if moving is None else moving.rows(rows),
+        ),
+    )
