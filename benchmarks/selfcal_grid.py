@@ -20,7 +20,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from tdfscal import simulation
-from tdfscal.model.statics import State, postures
+from tdfscal.model.parameters import State
+from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, Rig, UncertainValue

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from tdfscal import simulation
-from tdfscal.model.statics import balance, features, features_jacobian, nominal, postures, retract
+from tdfscal.model.parameters import nominal, retract
+from tdfscal.model.statics import balance, features, features_jacobian, postures
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import information_root
 from tdfscal.selfcal.estimator import Fit, Priors, fit, solve_statistic, statistic

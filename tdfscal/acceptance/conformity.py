@@ -15,7 +15,7 @@ from scipy import special
 from scipy.optimize import brentq
 
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.statics import gravity, sensing
+from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.statics import wrench as lever
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray

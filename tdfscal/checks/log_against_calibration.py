@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.checks import log_against_rig
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.statics import layout
+from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import contact_wrench, single, wrenches
 from tdfscal.wrench.kinematics import rotations

@@ -12,7 +12,8 @@ from itertools import permutations, product
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.model.statics import Postures, State, forces, gravity, nominal, register
+from tdfscal.model.parameters import State, gravity, nominal
+from tdfscal.model.statics import Postures, forces, register
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 

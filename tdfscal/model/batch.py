@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.statics import SYMMETRIC, Balance, State, gravity, layout, unmixing, vector
+from tdfscal.model.parameters import SYMMETRIC, State, gravity, layout, unmixing, vector
+from tdfscal.model.statics import Balance
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray
 

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.statics import State, layout, nominal, prior_std
+from tdfscal.model.parameters import State, layout, nominal, prior_std
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """The estimate in use, with P = 18 n + 6 parameters ordered as in `statics.layout`.
+    """The estimate in use, with P = 18 n + 6 parameters ordered as in `parameters.layout`.
 
-    covariance : (P, P), of the step of `statics.retract` from the estimate to the truth; SI units,
+    covariance : (P, P), of the step of `parameters.retract` from the estimate to the truth; SI units,
     rotations as left perturbations in the BCS, rad; zero rows where exactly known or open.
     open : (P,), nothing is known of these parameters one by one.
     joint : the covariance is that of all parameters together; else only the rotations' own block

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.model.statics import gravity, nominal
+from tdfscal.model.parameters import gravity, nominal
 from tdfscal.numerics import so3
 from tdfscal.planning.limits import Limits, displacement
 from tdfscal.planning.static_loads import carrying, internal_modes

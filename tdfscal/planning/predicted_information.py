@@ -6,16 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.statics import (
-    Postures,
-    State,
-    balance,
-    features_jacobian,
-    layout,
-    nominal,
-    prior_std,
-    sensing,
-)
+from tdfscal.model.parameters import State, layout, nominal, prior_std, sensing
+from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, hanging
 from tdfscal.planning.exchange import inverse

@@ -8,7 +8,8 @@ import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.errors import DataError, NotConvergedError
-from tdfscal.model.statics import nominal, postures
+from tdfscal.model.parameters import nominal
+from tdfscal.model.statics import postures
 from tdfscal.records import Dwells, Rig
 from tdfscal.selfcal.covariance import evaluate, information_root
 from tdfscal.selfcal.estimator import Fit, at_state

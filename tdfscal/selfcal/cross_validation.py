@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.statics import balance, features, nominal
+from tdfscal.model.parameters import nominal
+from tdfscal.model.statics import balance, features
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray, IntArray

@@ -12,20 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.statics import (
-    Balance,
-    Postures,
-    State,
-    balance,
-    deviation,
-    features,
-    features_jacobian,
-    layout,
-    nominal,
-    prior_std,
-    retract,
-    vector,
-)
+from tdfscal.model.parameters import State, deviation, layout, nominal, prior_std, retract, vector
+from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import STEPS, Solution, gauss_newton

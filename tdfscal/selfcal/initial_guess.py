@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.statics import Postures, State, gravity, nominal, register
+from tdfscal.model.parameters import State, gravity, nominal
+from tdfscal.model.statics import Postures, register
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 

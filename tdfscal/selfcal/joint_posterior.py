@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.model.calibrated import Calibrated, with_rotations
-from tdfscal.model.statics import retract
+from tdfscal.model.parameters import retract
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import information_root

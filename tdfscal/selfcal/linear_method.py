@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.model.statics import Postures, nominal, prior_std
+from tdfscal.model.parameters import nominal, prior_std
+from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import FloatArray, Rig

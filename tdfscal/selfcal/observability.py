@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.statics import Postures, State, forces
+from tdfscal.model.parameters import State
+from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, FloatArray, Rig
 

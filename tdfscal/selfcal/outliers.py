@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.statics import Postures, State
+from tdfscal.model.parameters import State
+from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import BoolArray, Rig
 from tdfscal.selfcal.estimator import ROWS, Fit, best_start, fit, spread

@@ -12,7 +12,8 @@ from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
-from tdfscal.model.statics import Postures, nominal, postures
+from tdfscal.model.parameters import nominal
+from tdfscal.model.statics import Postures, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
 from tdfscal.records import Dwells, InputFile, Rig

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.statics import features_jacobian, layout, prior_std
+from tdfscal.model.parameters import layout, prior_std
+from tdfscal.model.statics import features_jacobian
 from tdfscal.numerics.distributions import chi2_sf, p_text
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import ANGLES, FloatArray

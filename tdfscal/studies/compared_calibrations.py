@@ -10,9 +10,9 @@ import numpy as np
 
 from tdfscal.checks.same_rig import require_agreement
 from tdfscal.errors import TdfscalError, UsageError
-from tdfscal.model import statics
+from tdfscal.model import parameters
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.statics import State
+from tdfscal.model.parameters import State
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.pipeline import self_calibrate
@@ -132,15 +132,15 @@ def given(
     turns = slice(0, 3 * rig.n)
     name, surest = min(calibrations, key=lambda c: float(np.trace(c[1].covariance[turns, turns])))
     root = surest.root
-    state = statics.retract(surest.state, rng.standard_normal((runs, root.shape[1])) @ root.T)
+    state = parameters.retract(surest.state, rng.standard_normal((runs, root.shape[1])) @ root.T)
     drawn = draw_truths(rig, Options(), rng, runs)
-    open_zero = surest.open[statics.layout(rig.n)["zero"]].reshape(rig.n, 3)
+    open_zero = surest.open[parameters.layout(rig.n)["zero"]].reshape(rig.n, 3)
     truth = replace(
         drawn,
         rotation=state.rotation,
         rpy=so3.to_rpy(state.rotation),
         zero=np.where(open_zero, drawn.zero, state.zero),
-        sensitivity=statics.symmetric(state.sensitivity),
+        sensitivity=parameters.symmetric(state.sensitivity),
         mass=state.mass,
         barycentre=state.barycentre,
         hinge=state.hinge,
@@ -170,11 +170,11 @@ def _assumed(rig: Rig, states: Sequence[State]) -> Assumed:
     return Assumed(
         rotation=np.stack([s.rotation for s in states]),
         zero=np.stack([s.zero for s in states]),
-        sensitivity=np.stack([np.eye(3) + statics.symmetric(s.sensitivity) for s in states]),
+        sensitivity=np.stack([np.eye(3) + parameters.symmetric(s.sensitivity) for s in states]),
         mass=np.array([float(s.mass) for s in states]),
         barycentre=np.stack([s.barycentre for s in states]),
         hinge=np.stack([s.hinge for s in states]),
-        gravity=np.stack([statics.gravity(s, rig.gravity) for s in states]),
+        gravity=np.stack([parameters.gravity(s, rig.gravity) for s in states]),
     )
 
 

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.model.statics import layout
+from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, FloatArray
 

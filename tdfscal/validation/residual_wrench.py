@@ -14,7 +14,8 @@ from scipy import special
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.statics import Postures, balance, nominal, postures
+from tdfscal.model.parameters import nominal
+from tdfscal.model.statics import Postures, balance, postures
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Rig
 from tdfscal.validation import causes

@@ -16,16 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.statics import (
-    Balance,
-    Postures,
-    State,
-    balance,
-    features_jacobian,
-    gravity,
-    nominal,
-    sensing,
-)
+from tdfscal.model.parameters import State, gravity, nominal, sensing
+from tdfscal.model.statics import Balance, Postures, balance, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.numerics.in_place import dot
 from tdfscal.records import FloatArray, IntArray

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.model.statics import layout
+from tdfscal.model.parameters import layout
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import draw, hanging
 from tdfscal.planning.predicted_information import Sight, forecast, wrench_rows

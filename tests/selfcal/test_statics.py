@@ -10,16 +10,8 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.model.batch import Equations, Perturbed, Trials
-from tdfscal.model.statics import (
-    State,
-    balance,
-    features,
-    features_jacobian,
-    layout,
-    nominal,
-    postures,
-    retract,
-)
+from tdfscal.model.parameters import State, layout, nominal, retract
+from tdfscal.model.statics import balance, features, features_jacobian, postures
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.simulation import Options, Recorder

@@ -10,7 +10,8 @@ import pytest
 from scipy import stats
 
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.statics import balance, gravity, postures, register, retract
+from tdfscal.model.parameters import gravity, retract
+from tdfscal.model.statics import balance, postures, register
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.simulation import Contact, Faults

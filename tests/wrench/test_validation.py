@@ -11,7 +11,7 @@ from scipy import stats
 
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated, independent
-from tdfscal.model.statics import layout
+from tdfscal.model.parameters import layout
 from tdfscal.records import Dwells, UncertainValue
 from tdfscal.simulation import Contact, Faults, ZeroShift
 from tdfscal.validation.residual_wrench import POWER, Validation, validate

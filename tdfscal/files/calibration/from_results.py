@@ -22,7 +22,7 @@ from tdfscal.files.calibration.parts import (
     COVARIANCE_DEFINITION,
 )
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.model.statics import State, layout, symmetric
+from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import ANGLES, FloatArray, InputFile

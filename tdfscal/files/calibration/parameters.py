@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy
-from tdfscal.model.statics import deviation, layout, nominal, retract
+from tdfscal.model.parameters import deviation, layout, nominal, retract
 from tdfscal.records import FloatArray, Rig
 
 if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
@@ -47,7 +47,7 @@ class Parameters(Strict):
 
 
 def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of all parameters (P,) in the order of `statics.layout`."""
+    """Names of all parameters (P,) in the order of `parameters.layout`."""
     names: list[str] = []
     for group in layout(len(supports)):
         owners = ("",) if group in _OF_THE_RIG else tuple(f"{name}." for name in supports)
