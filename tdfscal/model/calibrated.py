@@ -14,8 +14,8 @@ from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 class Calibrated:
     """The estimate in use, with P = 18 n + 6 parameters ordered as in `parameters.layout`.
 
-    covariance : (P, P), of the step of `parameters.retract` from the estimate to the truth; SI units,
-    rotations as left perturbations in the BCS, rad; zero rows where exactly known or open.
+    covariance : (P, P), of the step of `parameters.retract` from the estimate to the truth; SI
+    units, rotations as left perturbations in the BCS, rad; zero rows where exactly known or open.
     open : (P,), nothing is known of these parameters one by one.
     joint : the covariance is that of all parameters together; else only the rotations' own block
     is joint and the rest is taken as independent, which overstates the contact wrench's
