@@ -19,10 +19,9 @@ from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.statics import wrench as lever
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
+from tdfscal.significance import EXPANDED_COVERAGE
 from tdfscal.wrench.contact_wrench import covariance
 
-#: Coverage of k = 2 in one dimension.
-COVERAGE = float(special.erf(np.sqrt(2.0)))
 _NODES = 80
 #: Standard deviations beyond which nothing of a normal distribution lies, in double precision.
 _FAR = 9.0
@@ -146,7 +145,7 @@ def _limited(name: str, unit: str, cov: FloatArray, deviation: FloatArray, limit
     )
 
 
-def coverage_radius(cov: FloatArray, coverage: float = COVERAGE) -> float:
+def coverage_radius(cov: FloatArray, coverage: float = EXPANDED_COVERAGE) -> float:
     """Length that a normal vector of covariance (3, 3) and mean 0 stays below."""
     top = float(np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0)))
     if top == 0.0:

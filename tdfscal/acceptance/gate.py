@@ -8,9 +8,7 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity
 from tdfscal.records import ANGLES, FloatArray, InputFile, Rig
-
-#: More postures rejected than this, and it is not the postures that are wrong (theory, section 3).
-REJECTED_MAX = 0.10
+from tdfscal.significance import MOST_REJECTED
 
 
 def judge(
@@ -41,10 +39,10 @@ def judge(
             f"the residuals are {birge:.2g} times what the stated uncertainties explain, above "
             f"the limit of {limits.birge_max:.2g}"
         )
-    if rejected > REJECTED_MAX * (used + rejected):
+    if rejected > MOST_REJECTED * (used + rejected):
         reasons.append(
             f"{rejected} of {used + rejected} postures had to be rejected, above the limit of "
-            f"{REJECTED_MAX:.0%}"
+            f"{MOST_REJECTED:.0%}"
         )
     reasons += [
         f"{entry.path} is damaged and was read only as far as it is sound"

@@ -15,6 +15,7 @@ from tdfscal.checks import log_against_rig
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray
+from tdfscal.significance import WRENCH_PRESENT
 from tdfscal.wrench.contact_wrench import contact_wrench, single, wrenches
 from tdfscal.wrench.kinematics import rotations
 from tdfscal.wrench.resampling import Samples
@@ -29,8 +30,6 @@ _HUGE, _TINY = 100.0, 0.01
 _CHANCE, _BALANCED = 0.01, 0.1
 #: Another wiring that makes the wrench this many times smaller is named.
 _BETTER = 5.0
-#: Standard uncertainties beyond which a wrench is there.
-_CLEAR = 6.0
 
 
 class Inspection:
@@ -143,7 +142,9 @@ def _doubt(given: Calibrated, seen: Samples) -> str | None:
         )
     weight = float(given.state.mass) * given.rig.gravity
     std = float(np.median(np.linalg.norm(found.std[:, :3], axis=1)))
-    if force > max(weight * log_against_rig.weight_tolerance(_mass_std(given)), _CLEAR * std):
+    if force > max(
+        weight * log_against_rig.weight_tolerance(_mass_std(given)), WRENCH_PRESENT * std
+    ):
         return (
             f"{median}, {force / weight:.2g} times the weight in force: unless that is contact, "
             "check log.force_unit, log.force_on, the force fields and the cabling"

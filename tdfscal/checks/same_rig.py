@@ -6,9 +6,8 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.significance import CONTRADICTION
 
-#: Differences within this many standard uncertainties contradict nothing.
-_WITHIN = 3.0
 #: Two numbers that were typed the same agree to this share.
 _ROUNDING = 1.0e-9
 _GRAVITY = 1.0e-4
@@ -72,7 +71,7 @@ def _known_agree(a: UncertainValue, b: UncertainValue) -> bool:
 
 def _agree(a: FloatArray, b: FloatArray, std: FloatArray) -> bool:
     size = np.maximum(np.abs(a), np.abs(b))
-    return bool(np.all(np.abs(a - b) <= _WITHIN * std + _ROUNDING * np.maximum(size, 1.0)))
+    return bool(np.all(np.abs(a - b) <= CONTRADICTION * std + _ROUNDING * np.maximum(size, 1.0)))
 
 
 def _m(values: FloatArray) -> str:

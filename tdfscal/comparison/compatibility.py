@@ -12,11 +12,8 @@ from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rotations
+from tdfscal.significance import COVERAGE_FACTOR, INCOMPATIBLE
 
-K = 2.0
-"""Coverage factor of the expanded uncertainties in E_n."""
-VERIFIED_P = 0.01
-"""Joint χ² less probable than this is disagreement, whatever the single angles say."""
 ANGLES = ("roll", "pitch", "yaw")
 
 
@@ -103,8 +100,8 @@ def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparis
     p_value = float(chi2_sf(chi2, 3 * n))
     rpy = so3.wrapped(so3.to_rpy(first.rotation) - so3.to_rpy(second.rotation))
     std = np.hypot(rpy_std(first), rpy_std(second))
-    en = np.abs(rpy) / (K * std)
-    verified = bool(np.all(en <= 1)) and p_value >= VERIFIED_P
+    en = np.abs(rpy) / (COVERAGE_FACTOR * std)
+    verified = bool(np.all(en <= 1)) and p_value >= INCOMPATIBLE
     return Comparison(
         names=(a[0], b[0]),
         supports=first.supports,
@@ -168,7 +165,7 @@ def _verdict(
             f"not verified: {pair} differ beyond their uncertainties in {above} of {en.size} "
             f"angles (worst: {worst}; joint p = {p_value:.2g})"
         )
-    if p_value < VERIFIED_P:
+    if p_value < INCOMPATIBLE:
         return (
             f"not verified: no single angle is beyond its uncertainty (worst: {worst}), but all "
             f"differences together are (p = {p_value:.2g})"

@@ -10,9 +10,8 @@ from tdfscal.comparison.compatibility import Comparison, compare_pair, in_order_
 from tdfscal.errors import NotConvergedError
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rotations
+from tdfscal.significance import INCOMPATIBLE
 
-CONSISTENT_P = 0.01
-"""Below this probability of χ² over 3n the two estimates contradict each other."""
 _MAX_ITERATIONS = 30
 
 
@@ -78,7 +77,7 @@ def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
         rpy=so3.to_rpy(X),
         rpy_std=rpy_std(rotations),
         test=test,
-        consistent=test.p_value >= CONSISTENT_P,
+        consistent=test.p_value >= INCOMPATIBLE,
         weight=share,
     )
 

@@ -17,9 +17,9 @@ from scipy.special import ndtri
 from tdfscal.dwells.bins import Bins
 from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
+from tdfscal.significance import LEVEL_CHANGES_PER_LOG
 
 _SCALES = 6  # windows of 1 … 32 bins; what is slower is settling or drift, tested per dwell
-_FALSE_ALARMS = 1e-3  # expected per log
 _ROUNDS = 4
 _BLOCKS, _BLOCK = 16, 2048  # bins
 _SPAN = 2**14  # bins whose differences are taken at once; they stay in the cache
@@ -225,7 +225,7 @@ def _excesses(found: Signals, limit: FloatArray, louder: Louder | None) -> list[
 def threshold(found: Signals, noise: Noise) -> FloatArray:
     """Difference that noise and resolution do not explain, (scales, A)."""
     tests = max(found.value.size, 1) * _SCALES
-    quantile = float(-ndtri(0.5 * _FALSE_ALARMS / tests))
+    quantile = float(-ndtri(0.5 * LEVEL_CHANGES_PER_LOG / tests))
     rounding = 8.0 * np.finfo(np.float64).eps * np.abs(found.value).max(axis=1, initial=0.0)
     return np.asarray(quantile * noise.difference + 1.001 * noise.quantum + rounding)
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from tdfscal.records import FloatArray, IntArray
+from tdfscal.significance import DRIFT_PER_LOG
 
-_FALSE_ALARM = 1e-3  # drifts per log
 _MANY = 10  # stops that show what is common
 _ALIKE = 0.8  # share of them with one sign
 _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
@@ -28,7 +28,7 @@ def common_drift(slope: FloatArray, length: FloatArray) -> FloatArray:
     alike = (weight * (np.sign(slope) == np.sign(middle))).sum(axis=0) >= _ALIKE * weight.sum()
     spread = 1.4826 * np.median(np.abs(slope - middle) * weight, axis=0)
     spread = _MEDIAN * spread / np.sqrt((weight**2).sum())
-    z = float(-ndtri(0.5 * _FALSE_ALARM / len(middle)))
+    z = float(-ndtri(0.5 * DRIFT_PER_LOG / len(middle)))
     return np.asarray(np.where(alike & (np.abs(middle) > z * spread), middle, 0.0))
 
 

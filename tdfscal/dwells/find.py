@@ -18,8 +18,8 @@ from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.search import INTERRUPTED, Field, prepare, search, within
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
+from tdfscal.significance import DRIFT_PER_LOG
 
-_DRIFT_ALARM = 1e-3  # false drifts per log
 _SETTLING = 10.0  # s; a change that lasts longer is drift, not settling
 _SAMPLE = 60  # rests that the first two rounds look at
 _MANY = 10  # dwells that show what is common
@@ -157,7 +157,7 @@ def _drifts(
         return {}, []
     bins, n = field.bins, len(field.bins.supports)
     span = _spans(field, extents)
-    z = float(-ndtri(0.5 * _DRIFT_ALARM / moments.drift.size))
+    z = float(-ndtri(0.5 * DRIFT_PER_LOG / moments.drift.size))
     limit = (
         z * moments.drift_std * _beyond_noise(moments.drift, moments.drift_std)
         + 1.001 * bins.quantum

@@ -18,8 +18,8 @@ from scipy.special import fdtrc
 
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.records import FloatArray, IntArray
+from tdfscal.significance import RINGING_PER_LOG
 
-_FALSE_ALARM = 1e-6  # per log and shape
 _STOPS = 40  # that the mode is looked for in
 _FEWEST = 5
 _SHORTEST = 8  # bins
@@ -138,7 +138,7 @@ def find_ringing(
     best = int(np.argmax(begins - ends))
     # As many independent numbers as stops, shapes and sensors: the axes of one may move as one.
     dof = len(some) * (1 if decays[best].imag == 0 else 2) * max(int(noisy.sum()) / 3.0, 1.0)
-    if fdtrc(dof, dof, begins[best] / max(ends[best], 1e-300)) > _FALSE_ALARM:
+    if fdtrc(dof, dof, begins[best] / max(ends[best], 1e-300)) > RINGING_PER_LOG:
         return None
     decay = _refined(forth, decays[best], longest)
     return _in_all_stops(value, noise, first, last, decay, width)

@@ -29,6 +29,7 @@ from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.ringing import Ringing, find_ringing
 from tdfscal.dwells.settling import Settled, Stretch, one_decay, one_level, restless, settled_part
 from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
+from tdfscal.significance import SAME_LEVEL
 
 INTERRUPTED = "interrupted"  # begins the reason of what is left out amid a dwell
 
@@ -36,7 +37,6 @@ _SHORTEST = 0.2  # s
 _SHORTEST_BINS = 5
 _MENTIONED = 0.1  # s; shorter moments of rest within a move are not worth a line
 _JOLT = 1.0  # s; longest burst that a dwell may carry on after
-_SAME_LEVEL = 1e-4  # p of the forces before and after a burst being one level
 _UNSETTLED = 1.0  # bias / standard error that a dwell may not exceed
 _TRANSIENT = 0.6  # s; a level held for less, and left again, is the crest of an oscillation
 _CLEAR = 0.1  # largest share of a rest that is kept clear of each neighbouring move
@@ -200,7 +200,7 @@ def _whole_stops(
         if earlier is not None and _stays(field, earlier, later):
             factor = np.maximum(field.louder.at(earlier.begin), field.louder.at(later.begin))
             here = stretch.louder(np.concatenate([still, factor]))
-            if one_level(here, earlier.ends[1], later.ends[0], _SAME_LEVEL):
+            if one_level(here, earlier.ends[1], later.ends[0], SAME_LEVEL):
                 joined[-1] = earlier.followed_by(later)
                 reason = f"{INTERRUPTED}: readings leave their level and return"
                 out.append(field.out(earlier.end, later.begin, reason))
@@ -381,7 +381,7 @@ def _joined(
         pause = part.begin - last.end
         brief = pause * field.bins.width <= _JOLT
         brief &= pause <= (last.end - last.begin) + (part.end - part.begin)
-        if brief and one_level(stretch, last, part, _SAME_LEVEL):
+        if brief and one_level(stretch, last, part, SAME_LEVEL):
             groups[-1].append(part)
         else:
             groups.append([part])

@@ -12,9 +12,8 @@ from scipy.special import chdtri
 from tdfscal.dwells.change_points import Noise
 from tdfscal.dwells.dwell_means import Extent
 from tdfscal.records import BoolArray, FloatArray, IntArray
+from tdfscal.significance import SETTLING_CUT, SETTLING_DECAY
 
-_P_MISFIT = 3e-3  # false cut per test
-_P_DECAY = 1e-4  # false decay per stretch
 _SLOWEST = 10.0  # s; a time constant beyond is called drift
 _BIAS = 0.5  # largest bias of the mean / its standard error where the stop is long enough
 _WANDER = 5.0  # standard deviations
@@ -205,7 +204,7 @@ def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
     sizes = np.concatenate([lengths, (end - middle, middle - begin)])
     variance = stretch.noise.of_mean(sizes) ** 2
     of_window, of_half = variance[:many], variance[many:, None]
-    misfit = stretch.misfit(windows - halves[:, None], of_window + of_half, _P_MISFIT)
+    misfit = stretch.misfit(windows - halves[:, None], of_window + of_half, SETTLING_CUT)
     first = np.where(misfit.any(axis=1), lengths[misfit.argmax(axis=1)], 0)
     return int(first[0]), int(first[1])
 
@@ -272,7 +271,7 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:
     scaled = (value[noisy] - value[noisy].mean(axis=1, keepdims=True)) / long_run[noisy, None]
     longest = min(_SLOWEST / stretch.width, 2.0 * length)
     tau, shapes, size = (_kept_decays if length <= _USUAL else _decays)(1.0, longest, length)
-    least = chdtri(int(noisy.sum()), _P_DECAY)
+    least = chdtri(int(noisy.sum()), SETTLING_DECAY)
     gain = ((scaled @ shapes.T) ** 2).sum(axis=0)
     best = int(np.argmax(gain))
     if gain[best] < 0.8 * least:  # no refinement gains more

@@ -21,6 +21,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import align, transposed
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
 from tdfscal.records import FloatArray, IntArray
+from tdfscal.significance import HANDEDNESS, MIRRORED
 
 LARGEST_MEANINGFUL_STD = 0.3
 """rad; a 95 % interval wider than a radian: no linear covariance describes it any more."""
@@ -157,7 +158,7 @@ def register(
         adjusted=x + rotated_error @ R,
         jacobian=J @ back,
         weight=weight,
-        handed=bool(mirror.chi2 - fit.chi2 > chi2_quantile(0.99, 1) * sigma2),
+        handed=bool(mirror.chi2 - fit.chi2 > chi2_quantile(1 - HANDEDNESS, 1) * sigma2),
     )
 
 
@@ -246,7 +247,7 @@ def _refuse_undetermined(
 
 def _refuse_mirrored(chi2: float, mirrored: float, dof: int) -> None:
     """F-test, so that neither a misstated noise nor one bad point decides it."""
-    if mirrored < chi2 and special.fdtrc(dof, dof, chi2 / max(mirrored, 1e-300)) < 1e-4:
+    if mirrored < chi2 and special.fdtrc(dof, dof, chi2 / max(mirrored, 1e-300)) < MIRRORED:
         raise MirroredError(
             "the measured points are the mirror image of the reference: no rotation takes one to "
             "the other, a reflection does",

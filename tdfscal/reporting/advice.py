@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.significance import INCOMPATIBLE, MOST_REJECTED
 
 _ANGLES = ("roll", "pitch", "yaw")
 #: A source worth naming contributes at least this share of the angles' variance.
@@ -46,9 +47,6 @@ def advise(c: Calibration) -> tuple[str, ...]:
 
 def _mend(c: Calibration) -> tuple[str, ...]:
     """What may have caused each reason of the gate."""
-    from tdfscal.acceptance.gate import REJECTED_MAX
-    from tdfscal.comparison.joint import CONSISTENT_P
-
     limits, fit, found = c.rig.acceptance, c.fit, []
     if np.any(c.rpy_std > limits.angle_std):
         i, j = np.unravel_index(int(c.rpy_std.argmax()), c.rpy_std.shape)
@@ -66,7 +64,7 @@ def _mend(c: Calibration) -> tuple[str, ...]:
             "(declare uncertainty.force_sensitivity), or a wrong mass, hinge or barycentre in "
             "rig.yaml."
         )
-    if fit is not None and len(fit.rejected) > REJECTED_MAX * (fit.postures + len(fit.rejected)):
+    if fit is not None and len(fit.rejected) > MOST_REJECTED * (fit.postures + len(fit.rejected)):
         sensors = [r for r in fit.rejected if "capacity" in r.reason or "frozen" in r.reason]
         if sensors:
             found.append(
@@ -81,7 +79,7 @@ def _mend(c: Calibration) -> tuple[str, ...]:
     if any(entry.integrity == "salvaged" for entry in c.inputs):
         found.append("Copy the log from the recorder again; the file is damaged.")
     consistency = c.tracker.get("consistency_p_value") if c.tracker else None
-    if isinstance(consistency, float) and consistency < CONSISTENT_P:
+    if isinstance(consistency, float) and consistency < INCOMPATIBLE:
         found.append(
             "Calibrate by each method alone and compare: the tracker sees a sensor's body, "
             "self-calibration its sensing axes (tracker.misalignment states what may lie between)."

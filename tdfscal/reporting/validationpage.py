@@ -16,7 +16,8 @@ from tdfscal.reporting.page import Headline, Page, Section
 from tdfscal.reporting.summary import METHODS
 from tdfscal.reporting.tables import Table
 from tdfscal.reporting.verdict import describe, lengths, postures, reasons, totals
-from tdfscal.validation.residual_wrench import POWER, Validation
+from tdfscal.significance import DETECTION_POWER
+from tdfscal.validation.residual_wrench import Validation
 
 #: At most as many postures are listed one by one.
 _LISTED = 40
@@ -122,8 +123,8 @@ def _power(v: Validation) -> Section:
     )
     return Section(
         "What these postures would have shown",
-        f"The smallest turn of a single sensor that is found with {POWER:.0%} probability; more "
-        "postures, more tilt and a squeeze make it smaller.",
+        "The smallest turn of a single sensor that is found with a probability of "
+        f"{DETECTION_POWER:.0%}; more postures, more tilt and a squeeze make it smaller.",
         tables=(Table("Turn about the BCS's axes, mrad", ("sensor", "x", "y", "z"), rows),),
     )
 

@@ -10,8 +10,9 @@ import numpy as np
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures.log_time import origin_of
 from tdfscal.reporting.text import table, wrapped
+from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import Cause
-from tdfscal.validation.residual_wrench import FALSE_ALARM, POWER, Validation
+from tdfscal.validation.residual_wrench import Validation
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 #: At most as many postures are listed one by one.
@@ -35,7 +36,7 @@ def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
         "dof": v.dof,
         "p_value": v.p_value,
         "search_p_value": v.search_p,
-        "false_alarm": FALSE_ALARM,
+        "false_alarm": VALIDATION_ALARM,
         "postures": [
             {
                 "index": int(k),
@@ -51,7 +52,7 @@ def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
         **{name: _residual(v, column) for column, name in enumerate(("force", "moment"))},
         "suspected": [_cause(v, cause) for cause in v.suspected],
         "detectable_turn": {
-            "power": POWER,
+            "power": DETECTION_POWER,
             "supports": [
                 {"name": name, **_axes(turn)}
                 for name, turn in zip(v.rig.supports, v.detectable, strict=True)
@@ -153,7 +154,7 @@ def _sure(v: Validation) -> str:
     lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
     text = (
         f"A single sensor turned by more than {1e3 * lean:.2g} mrad in roll or pitch would have "
-        f"been found with {POWER:.0%} probability"
+        f"been found with {DETECTION_POWER:.0%} probability"
     )
     if twist > np.pi / 4:
         return f"{text}; a turn about the vertical would not show in these postures."

@@ -12,6 +12,7 @@ from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum, spectrum
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.selfcal.estimator import Fit
+from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Sources of the budget that average out over postures; the Birge ratio scales these.
 NOISE = ("noise", "positioner", "hinge friction")
@@ -26,7 +27,6 @@ PRIORS = {
     "tilt": "gravity",
     "rotation": "prior angles",
 }
-COVERAGE = 0.95
 #: Standard deviation of a turn spread evenly over the circle, rad: nothing is known of it.
 EVEN_TURN = np.pi / np.sqrt(3)
 #: A share of a null vector below this is rounding.
@@ -126,7 +126,7 @@ def evaluate(
         contributions=contributions,
         parameter_std=_parameter_std(fit, posterior, parts.null),
         effective_dof=dof,
-        coverage_factor=coverage_factor(COVERAGE, dof),
+        coverage_factor=coverage_factor(INTERVAL_COVERAGE, dof),
     )
 
 

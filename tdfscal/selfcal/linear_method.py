@@ -12,10 +12,11 @@ from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.covariance import COVERAGE, Uncertainty
+from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.initial_guess import LinearData, linear_data, linear_rotations
 from tdfscal.selfcal.monte_carlo import covariance_root
+from tdfscal.significance import INTERVAL_COVERAGE
 
 #: The budget's only source: the method has no covariance of its own to split.
 SOURCE = "all inputs"
@@ -62,7 +63,7 @@ def evaluate_linear(fit: Fit, rng: np.random.Generator, trials: int) -> Uncertai
         contributions={SOURCE: np.diagonal(rpy_covariance, axis1=1, axis2=2)},
         parameter_std=std,
         effective_dof=np.full((rig.n, 3), np.inf),
-        coverage_factor=np.full((rig.n, 3), float(normal_quantile(0.5 + COVERAGE / 2))),
+        coverage_factor=np.full((rig.n, 3), float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))),
     )
 
 

@@ -11,8 +11,9 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.numerics.propagation import propagate
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import COVERAGE, Uncertainty
+from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.estimator import Fit
+from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Trials solved together: what fits into a cache.
 CHUNK = 100
@@ -116,7 +117,7 @@ def simulate(
         chunks = [min(CHUNK, size - start) for start in range(0, size, CHUNK)]
         return np.concatenate([_angles(sampler, rng, estimate, chunk) for chunk in chunks])
 
-    found = propagate(draw, linear.rpy_std, COVERAGE, max_trials)
+    found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
     half = linear.coverage_factor * linear.rpy_std
     return MonteCarlo(
         trials=found.trials,

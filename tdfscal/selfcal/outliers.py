@@ -17,9 +17,8 @@ from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import BoolArray, Rig
 from tdfscal.selfcal.estimator import ROWS, Fit, best_start, fit, spread
+from tdfscal.significance import OUTLYING_POSTURE
 
-#: Probability that a sound campaign loses a posture.
-FALSE_ALARM = 1e-3
 _HEAVY_TAIL = 3.0
 _ROUNDS = 12
 
@@ -64,7 +63,7 @@ def sound(result: Fit, used: BoolArray) -> BoolArray:
     inside = np.where((used & tame)[:, None, None], inside, eye + leverage)
     d2 = np.einsum("ka,ka->k", e, np.linalg.solve(inside, e[..., None])[..., 0])
     scale = spread(d2[used]) if used.any() else 1.0
-    limit = chi2_quantile(1 - FALSE_ALARM / len(d2), ROWS)
+    limit = chi2_quantile(1 - OUTLYING_POSTURE / len(d2), ROWS)
     return np.asarray(d2 <= limit * scale)
 
 

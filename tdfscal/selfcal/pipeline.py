@@ -28,6 +28,7 @@ from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.outliers import Rejection, fit_robust
 from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.score_tests import Suspicion, suspicions
+from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
 
@@ -37,10 +38,6 @@ MAX_TRIALS = 40_000
 LINEAR_TRIALS = 1_000
 #: Residuals this many times the expected ones make another wiring worth a try.
 _POOR = 10.0
-#: χ² this unlikely is said aloud.
-_UNLIKELY = 0.001
-#: Residuals this improbably small say that the stated uncertainties are too large.
-_OVERSTATED = 1e-4
 #: Rounds that bring an unknown noise level and the fit into agreement.
 _LEVELS = 6
 
@@ -259,12 +256,12 @@ def _warnings(
             "neither the log nor rig.yaml states a force noise; it was taken from the residuals, "
             "so χ² cannot warn of contact or a wrong rig file (set uncertainty.force_noise)"
         )
-    elif stats.p_value < _UNLIKELY:
+    elif stats.p_value < MISFIT:
         found.append(
             f"the residuals are {stats.birge:.2g} times what the stated uncertainties explain "
             f"({p_text(stats.p_value)}); all noise was scaled up by that factor"
         )
-    elif stats.p_value > 1 - _OVERSTATED:
+    elif stats.p_value > 1 - OVERSTATED_NOISE:
         found.append(
             f"the residuals are only {stats.birge:.2g} times what the stated uncertainties "
             "explain: those may be overstated (uncertainty.force_noise, positioner), and so the "

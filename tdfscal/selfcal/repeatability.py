@@ -14,12 +14,11 @@ import numpy as np
 from tdfscal.numerics.distributions import chi2_sf, p_text
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.selfcal.estimator import ROWS, Fit
+from tdfscal.significance import CHANGED_RIG
 
 #: Two dwells are one posture when every NCP stands within this distance, m. A squeeze moves NCPs
 #: by micrometres and is no other posture for this purpose, a tilt of 0.1 mrad is.
 SAME_PLACE = 5e-5
-#: A change this unlikely is said aloud.
-UNLIKELY = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +56,17 @@ class Stability:
     def warnings(self) -> list[str]:
         """What is more than noise."""
         found = []
-        if self.drift.p_value < UNLIKELY:
+        if self.drift.p_value < CHANGED_RIG:
             found.append(
                 f"the unexplained wrench drifts by {self.drift.text} over the campaign: warm up "
                 "longer, tare just before, or record faster"
             )
-        if self.hysteresis is not None and self.hysteresis.p_value < UNLIKELY:
+        if self.hysteresis is not None and self.hysteresis.p_value < CHANGED_RIG:
             found.append(
                 f"postures reached from opposite sides differ by {self.hysteresis.text}: hinge "
                 "friction or backlash (declare uncertainty.hinge_moment)"
             )
-        elif self.repeat is not None and self.repeat.p_value < UNLIKELY:
+        elif self.repeat is not None and self.repeat.p_value < CHANGED_RIG:
             found.append(
                 f"postures visited again differ by {self.repeat.text}: the machine or its sensors "
                 "changed between the visits"

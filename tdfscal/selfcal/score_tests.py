@@ -22,15 +22,13 @@ from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.selfcal.covariance import Quality, Uncertainty
 from tdfscal.selfcal.estimator import Fit
+from tdfscal.significance import (
+    HARMFUL_SHIFT,
+    UNDECLARED_ERROR,
+    UNDECLARED_FRICTION_SHARE,
+    UNDECLARED_GRAVITY_SHARE,
+)
 
-#: Chance that a sound campaign raises any suspicion at all.
-FALSE_ALARM = 0.008
-#: Shares of that chance. The direction of gravity has most: it turns every sensor alike, and only
-#: internal forces betray it, so that it does harm before it is plain. Friction speaks softly too.
-#: The other suspects share the rest.
-_OF_GRAVITY, _OF_FRICTION = 0.7, 0.15
-#: A suspect that moves an angle by this many of its standard uncertainties spoils the result.
-HARMFUL = 2.0
 _NOISE_ONLY = 1e-9
 
 _WORDS = {
@@ -72,7 +70,7 @@ class Suspicion:
     @property
     def harmful(self) -> bool:
         """It would move an angle by more than twice its standard uncertainty."""
-        return self.shift > HARMFUL
+        return self.shift > HARMFUL_SHIFT
 
     @property
     def text(self) -> str:
@@ -90,7 +88,7 @@ def suspicions(
     root = np.sqrt(fit.weight)[:, None, None] * fit.whitener  # rows of postures left out are 0
     residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
     suspects = list(_suspects(fit, root, time))
-    others = (1 - _OF_GRAVITY - _OF_FRICTION) / max(1, len(suspects) - 1)
+    others = (1 - UNDECLARED_GRAVITY_SHARE - UNDECLARED_FRICTION_SHARE) / max(1, len(suspects) - 1)
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std = np.sqrt(np.diagonal(uncertainty.covariance))
     found = []
@@ -107,8 +105,8 @@ def suspicions(
         # Held against the scatter that remains without the suspect, or it would excuse itself.
         rest = (stats.chi2 - statistic) / max(stats.dof - size, 1)
         p_value = float(chi2_sf(statistic / max(1.0, rest), size))
-        share = _OF_GRAVITY if group == "tilt" else others
-        if p_value > FALSE_ALARM * share:
+        share = UNDECLARED_GRAVITY_SHARE if group == "tilt" else others
+        if p_value > UNDECLARED_ERROR * share:
             continue
         amount = -vectors[:, seen] @ (along / values[seen])
         # The other parameters, angles among them, give way to the suspect's amount.
@@ -120,7 +118,7 @@ def suspicions(
             )
         )
     friction, p_value, effect = _friction(fit, parts, root, residual)
-    if p_value <= FALSE_ALARM * _OF_FRICTION:
+    if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE:
         what, advice = _WORDS["friction"]
         found.append(_suspicion(fit, what.format(friction), advice, p_value, effect[angles] / std))
     return tuple(sorted(found, key=lambda suspicion: suspicion.p_value))

@@ -9,6 +9,7 @@ import numpy as np
 
 from tdfscal.errors import NotConvergedError, UsageError
 from tdfscal.records import ANGLES, FloatArray, IntArray, Rig
+from tdfscal.significance import BIASED
 from tdfscal.simulation import Options, SurveyOptions
 from tdfscal.studies.simulated_campaigns import BLOCK, METHODS, Errors, Task, commanded, run_blocks
 
@@ -17,8 +18,6 @@ NAMES = {
     "linear": "self-calibration, the paper's linear method",
     "tracker": "laser tracker",
 }
-#: A mean this many standard errors from zero is a bias.
-BIASED = 3.0
 FEWEST_RUNS = 2
 MOST_BINS = 30
 

@@ -11,6 +11,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import extend
 from tdfscal.records import FloatArray, Instrument, PointSet
+from tdfscal.significance import SCALE_DIFFERS
 from tdfscal.trackercal.group_motion import fit_one_by_one, moved_apart
 from tdfscal.trackercal.judged_registration import (
     Noise,
@@ -99,7 +100,7 @@ def register(
             "the points lie in one plane within their uncertainty: a mirrored frame would not be "
             "noticed"
         )
-    if scale_p < 0.01:
+    if scale_p < SCALE_DIFFERS:
         warnings.append(
             f"a scale of {ratio * 1e6:+.0f} ± {ratio_std * 1e6:.0f} ppm fits significantly better: "
             "check temperature and units"

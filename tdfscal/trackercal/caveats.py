@@ -8,6 +8,7 @@ import numpy as np
 
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
+from tdfscal.significance import FAR_FROM_NOMINAL
 from tdfscal.trackercal.judged_registration import SurveyFit
 from tdfscal.trackercal.point_matching import relabellings
 from tdfscal.trackercal.positioner_axes import AxisTest
@@ -40,7 +41,9 @@ def survey_warnings(
         rig.rpy_std,
         strict=True,
     ):
-        if np.all(np.isfinite(std)) and np.linalg.norm(turn) > 5 * np.linalg.norm(std):
+        if np.all(np.isfinite(std)) and np.linalg.norm(turn) > FAR_FROM_NOMINAL * np.linalg.norm(
+            std
+        ):
             lines.append(
                 f"{name} is turned by {np.linalg.norm(turn):.3g} rad from its nominal mounting, "
                 "far more than its rpy_std allows: check the names of its targets"

@@ -11,6 +11,7 @@ from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, T
 from tdfscal.numerics.registration import MirroredError, Registration, outlier_p_beside
 from tdfscal.numerics.registration import register as solve
 from tdfscal.records import FloatArray, Instrument, IntArray
+from tdfscal.significance import OUTLYING_POINT, POINTS_AS_LIKELY, UNUSABLE_SURVEY
 from tdfscal.trackercal.affine import affine_columns
 from tdfscal.trackercal.instrument import angle_covariance, range_covariance
 from tdfscal.trackercal.point_matching import (
@@ -21,12 +22,6 @@ from tdfscal.trackercal.point_matching import (
     unit_mistake,
 )
 
-OUTLIER_P = 0.01
-"""Probability that a faultless survey has any point called outlying (Bonferroni)."""
-HOPELESS_P = 1e-6
-"""A misfit less probable than this, of which no single point can be blamed, is refused."""
-AS_LIKELY = 9.2
-"""Points whose removal lowers χ² by less than this apart: likelihoods within a factor of 100."""
 FEWEST_FOR_OWN_AXES = 6
 """Moves of one NCP; 12 parameters leave 6 degrees of freedom."""
 
@@ -128,15 +123,15 @@ def fit_survey(
         p = _outlier_p(current, covs, index, fit, common_shift)
         worst = int(np.argmin(p))
         enough = np.sum(index == index[worst]) > least and fit.dof > 3
-        if p[worst] >= OUTLIER_P / len(kept) or not enough:
+        if p[worst] >= OUTLYING_POINT / len(kept) or not enough:
             return SurveyFit(current, covs, groups, index, fit, tuple(rejected))
         suspects = [
             name
             for name, statistic in zip(current.names, fit.statistic, strict=True)
-            if statistic > fit.statistic[worst] - AS_LIKELY
+            if statistic > fit.statistic[worst] - POINTS_AS_LIKELY
         ]
         if common_shift and len(suspects) > 1:
-            if p[worst] < HOPELESS_P:
+            if p[worst] < UNUSABLE_SURVEY:
                 raise DataError(
                     f"the {what} do not fit their reference points, and any of "
                     f"{', '.join(suspects)} may be the one that is off",

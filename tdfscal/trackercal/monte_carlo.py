@@ -11,10 +11,10 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import align
 from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.records import FloatArray, Instrument
+from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.trackercal.instrument import observe
 from tdfscal.trackercal.judged_registration import SurveyFit
 
-COVERAGE = 0.95
 _BATCH = 500
 
 
@@ -72,7 +72,7 @@ def simulate_inputs(
         d = np.stack([s for _, s in draws], axis=1) - b[:, None] + tilt @ moves.fit.rotation.T
         linear.append(np.einsum("nij,tnj->tni", to_rpy, d))
     drawn, same_draws = np.concatenate(angles), np.concatenate(linear)
-    tails = [(1 - COVERAGE) / 2, (1 + COVERAGE) / 2]
+    tails = [(1 - INTERVAL_COVERAGE) / 2, (1 + INTERVAL_COVERAGE) / 2]
     low, high = np.quantile(drawn, tails, axis=0)
     # The linear estimate of the same draws serves as control variate: its ends are known exactly,
     # and the scatter of finitely many trials drops out of the difference.
@@ -82,7 +82,7 @@ def simulate_inputs(
     consistent = bool(np.all(scatter < 5 / np.sqrt(2 * trials)))
     return MonteCarlo(
         trials=trials,
-        coverage=COVERAGE,
+        coverage=INTERVAL_COVERAGE,
         mean=reference + drawn.mean(axis=0),
         std=drawn.std(axis=0, ddof=1),
         low=reference + low,
@@ -94,8 +94,8 @@ def simulate_inputs(
 
 
 def linear_interval(rpy: FloatArray, rpy_std: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Interval rpy ± k rpy_std of `COVERAGE`, (n, 3) each, rad."""
-    k = float(coverage_factor(COVERAGE))
+    """Interval rpy ± k rpy_std of `INTERVAL_COVERAGE`, (n, 3) each, rad."""
+    k = float(coverage_factor(INTERVAL_COVERAGE))
     return rpy - k * rpy_std, rpy + k * rpy_std
 
 

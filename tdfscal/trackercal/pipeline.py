@@ -17,16 +17,12 @@ from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
+from tdfscal.significance import MOST_REJECTED, SURVEY_MISFIT
 from tdfscal.trackercal.caveats import survey_warnings
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey, point_noise
 from tdfscal.trackercal.monte_carlo import MonteCarlo, linear_interval, simulate_inputs
 from tdfscal.trackercal.point_matching import MatchedPoints, describe_unmatched, match_points
 from tdfscal.trackercal.positioner_axes import AxisTest, examine_axes
-
-MISFIT_P = 0.01
-"""A χ² less probable than this is taken as understated noise, and the covariance grows by it."""
-MOST_REJECTED = 0.1
-"""Share of outlying points above which the survey is unusable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +97,7 @@ def calibrate_tracker(
     chi2 = moves.fit.chi2 + sum(t.fit.chi2 for t in targets)
     dof = moves.fit.dof + sum(t.fit.dof for t in targets)
     p_value = float(chi2_sf(chi2, dof))
-    inflation = chi2 / dof if p_value < MISFIT_P and chi2 > dof else 1.0
+    inflation = chi2 / dof if p_value < SURVEY_MISFIT and chi2 > dof else 1.0
 
     R_b = moves.fit.rotation
     X = so3.project(np.stack([R_b.T @ t.fit.rotation for t in targets]))

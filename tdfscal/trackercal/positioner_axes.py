@@ -12,11 +12,9 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import LARGEST_MEANINGFUL_STD, Registration, extend
 from tdfscal.numerics.registration import register as solve
 from tdfscal.records import FloatArray
+from tdfscal.significance import POSITIONER_AXIS
 from tdfscal.trackercal.affine import affine_columns
 from tdfscal.trackercal.judged_registration import SurveyFit
-
-AXES_P = 0.01
-"""Probability that a faultless rig has any axis reported (Bonferroni over all tests)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +68,7 @@ def examine_axes(moves: SurveyFit) -> tuple[AxisTest, ...]:
     are its own.
     """
     tests = 7 * len(moves.groups) * 3
-    return tuple(_examine(moves, g, AXES_P / tests) for g in range(len(moves.groups)))
+    return tuple(_examine(moves, g, POSITIONER_AXIS / tests) for g in range(len(moves.groups)))
 
 
 def _examine(moves: SurveyFit, g: int, limit: float) -> AxisTest:

@@ -15,16 +15,13 @@ import numpy as np
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, FloatArray
+from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART
 
 Kind = Literal["sensor turned", "load changed", "zero drifted", "contact"]
 
 #: What may happen to one sensor, and the parameters that stand for it.
 _SENSOR_CAUSES: dict[Kind, str] = {"sensor turned": "rotation", "zero drifted": "zero"}
 
-#: A cause explains the residuals when what it leaves has at least this probability.
-EXPLAINS = 0.01
-#: Two causes are told apart when one leaves this much less χ² than the other, unknowns aside.
-_CLEAR = 9.0
 #: At most this share of the postures can be in contact before no cause is named.
 _TOUCHED = 0.4
 #: Postures that are tried as in contact, those with the largest residuals.
@@ -131,7 +128,7 @@ class Cause:
     @property
     def explains(self) -> bool:
         """Nothing remarkable is left."""
-        return self.remaining_p >= EXPLAINS
+        return self.remaining_p >= CAUSE_EXPLAINS
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +148,7 @@ def causes(given: Whitened) -> tuple[Cause, ...]:
 
 def alike(first: Cause, other: Cause) -> bool:
     """Whether the data do not tell two causes apart."""
-    return other.explains and _weight(first) - _weight(other) < _CLEAR
+    return other.explains and _weight(first) - _weight(other) < CAUSES_APART
 
 
 def turn_information(given: Whitened) -> FloatArray:

@@ -18,14 +18,10 @@ from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import Postures, balance, postures
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Rig
+from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation import causes
 from tdfscal.validation.causes import Cause, Whitened, whiten
 from tdfscal.wrench.contact_wrench import contact_wrench, jacobian, to_lcs
-
-#: Probability of rejecting a calibration that holds; half of it goes to the search for one cause.
-FALSE_ALARM = 0.005
-#: Probability with which the smallest turn that is stated as detectable is found.
-POWER = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +55,7 @@ class Validation:
     @property
     def holds(self) -> bool:
         """The residual wrenches are what the stated uncertainties explain."""
-        return self.p_value >= FALSE_ALARM / 2 and self.search_p >= FALSE_ALARM / 2
+        return self.p_value >= VALIDATION_ALARM / 2 and self.search_p >= VALIDATION_ALARM / 2
 
     @property
     def suspected(self) -> tuple[Cause, ...]:
@@ -181,9 +177,9 @@ def _see(given: Calibrated, observed: Postures) -> _Seen:
 
 
 def _detectable(information: FloatArray, tried: int) -> FloatArray:
-    """Smallest turns (n, 3), rad, that the search finds with probability POWER."""
-    threshold = special.chdtri(3, FALSE_ALARM / 2 / tried)
-    offset = float(special.chndtrinc(threshold, 3, 1 - POWER))
+    """Smallest turns (n, 3), rad, that the search finds with probability DETECTION_POWER."""
+    threshold = special.chdtri(3, VALIDATION_ALARM / 2 / tried)
+    offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))
     seen = np.diagonal(information, axis1=1, axis2=2)
     with np.errstate(divide="ignore"):
         return np.asarray(np.sqrt(offset / seen))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tdfscal.acceptance.conformity import COVERAGE, assess, coverage_radius, exceeding, within
+from tdfscal.acceptance.conformity import assess, coverage_radius, exceeding, within
+from tdfscal.significance import EXPANDED_COVERAGE
 from tdfscal.wrench.contact_wrench import wrenches
 
 from .held_out import RIG, world
@@ -17,10 +18,10 @@ GIVEN = world(1).given[0]
 
 
 def test_coverage_radius_in_one_two_and_three_dimensions() -> None:
-    assert stats.norm.cdf(2) - stats.norm.cdf(-2) == pytest.approx(COVERAGE, abs=1e-15)
+    assert stats.norm.cdf(2) - stats.norm.cdf(-2) == pytest.approx(EXPANDED_COVERAGE, abs=1e-15)
     for dof in (1, 2, 3):
         cov = np.diag([9.0] * dof + [0.0] * (3 - dof))
-        expected = 3 * np.sqrt(stats.chi2.ppf(COVERAGE, dof))
+        expected = 3 * np.sqrt(stats.chi2.ppf(EXPANDED_COVERAGE, dof))
         assert coverage_radius(cov) == pytest.approx(expected, rel=1e-9)
     assert coverage_radius(np.zeros((3, 3))) == 0.0
 
@@ -54,7 +55,7 @@ def test_guard_band() -> None:
     assert not tight.conforms
     assert len(tight.reasons) == 1
     assert "contact force" in tight.reasons[0]
-    assert tight.force.exceeding == pytest.approx(1 - COVERAGE, rel=0.01)
+    assert tight.force.exceeding == pytest.approx(1 - EXPANDED_COVERAGE, rel=0.01)
     known = np.array([0.5 * U, 0, 0, 0, 0, 0])
     assert not assess(GIVEN, force=1.4 * U, deviation=known).conforms
     assert assess(GIVEN, force=1.6 * U, deviation=known).conforms

@@ -13,8 +13,9 @@ from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
 from tdfscal.records import Dwells, UncertainValue
+from tdfscal.significance import DETECTION_POWER
 from tdfscal.simulation import Contact, Faults, ZeroShift
-from tdfscal.validation.residual_wrench import POWER, Validation, validate
+from tdfscal.validation.residual_wrench import Validation, validate
 
 from .held_out import HELD, RIG, USED, part, simulated, turned, world
 
@@ -113,7 +114,7 @@ def test_what_is_called_detectable_is_detected_as_often_as_said() -> None:
         v = validate(MANY.given[t], turned(MANY, t, sensor, smallest * np.eye(3)[axis]))
         hits += not v.holds
     # The search alone is counted; the test of all postures together can only add to it.
-    assert stats.binom.cdf(hits, FEWER, POWER) > 1e-3
+    assert stats.binom.cdf(hits, FEWER, DETECTION_POWER) > 1e-3
 
 
 def test_parameters_taken_as_independent_err_on_the_safe_side() -> None:

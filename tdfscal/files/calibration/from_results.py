@@ -26,11 +26,11 @@ from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import ANGLES, FloatArray, InputFile
-from tdfscal.selfcal.covariance import COVERAGE
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
 from tdfscal.trackercal import TrackerCalibration
 
@@ -112,7 +112,7 @@ def from_joint(
     the rotations that the tracker has moved.
     """
     given = from_fit(own.fit, both.rotations.covariance, both.rotations.rotation)
-    half = float(normal_quantile(0.5 + COVERAGE / 2)) * both.rpy_std
+    half = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2)) * both.rpy_std
     angles = _Angles(
         both.rotations.rotation,
         both.rotations.covariance,
@@ -164,7 +164,11 @@ def _calibration(
             "rotation": angles.rotation[i],
             "rpy": rpy[i],
             "rpy_std": angles.std[i],
-            "rpy_interval": {"coverage": COVERAGE, "low": angles.low[i], "high": angles.high[i]},
+            "rpy_interval": {
+                "coverage": INTERVAL_COVERAGE,
+                "low": angles.low[i],
+                "high": angles.high[i],
+            },
             "quaternion_xyzw": quaternion[i],
             "zero": zero[i],
             "zero_std": _open(zero_std[i]),

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tdfscal.comparison.compatibility import ANGLES, History, K
+from tdfscal.comparison.compatibility import ANGLES, History
 from tdfscal.reporting.figures.style import BLUE, GREY, INK, PALE, RED, Drawing, figure
+from tdfscal.significance import COVERAGE_FACTOR
 
 #: Days between first and last from which the axis is time, not order.
 _DAYS = 1.0
@@ -38,7 +39,7 @@ def _paint(h: History, letters: Sequence[str], days: Sequence[float]) -> Figure:
     for i in range(n):
         for j in range(3):
             ax = grid[i, j]
-            half = K * 1e3 * h.rpy_std[0, i, j]
+            half = COVERAGE_FACTOR * 1e3 * h.rpy_std[0, i, j]
             ax.axhspan(-half, half, facecolor=PALE, edgecolor=GREY, linewidth=0.4, hatch="....")
             ax.axhline(0, color=GREY, linewidth=0.8)
             for f in range(1, len(x)):
@@ -46,7 +47,7 @@ def _paint(h: History, letters: Sequence[str], days: Sequence[float]) -> Figure:
                 ax.errorbar(
                     x[f],
                     1e3 * h.drift[f, i, j],
-                    yerr=K * 1e3 * h.drift_std[f, i, j],
+                    yerr=COVERAGE_FACTOR * 1e3 * h.drift_std[f, i, j],
                     fmt="X" if over else "o",
                     color=RED if over else BLUE,
                     markersize=6 if over else 4,

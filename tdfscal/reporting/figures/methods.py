@@ -10,6 +10,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.style import BLUE, GREY, INK, ORANGE, Drawing, figure, legend_above
+from tdfscal.significance import INCOMPATIBLE, INTERVAL_COVERAGE
 
 _NAMES = {"self": "self-calibration", "tracker": "laser tracker"}
 _LOOK = {"self": ("s", BLUE, -0.26), "tracker": ("^", ORANGE, 0.0)}
@@ -22,7 +23,7 @@ def draw(c: Calibration) -> Drawing | None:
     p, en = c.tracker.get("consistency_p_value"), c.tracker.get("largest_en")
     said = "The two methods are drawn about their joint estimate."
     if isinstance(p, float) and isinstance(en, float):
-        agree = "agree" if en <= 1 and p >= 0.01 else "do not agree"
+        agree = "agree" if en <= 1 and p >= INCOMPATIBLE else "do not agree"
         said = (
             f"Self-calibration and tracker {agree} within their uncertainties: the largest E_n is "
             f"{en:.2f} (1 is the limit), p = {p:.2g} for all angles together."
@@ -31,7 +32,7 @@ def draw(c: Calibration) -> Drawing | None:
 
 
 def _paint(c: Calibration) -> Figure:
-    k = float(normal_quantile(0.975))
+    k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
     base = np.arange(3 * len(c.supports), dtype=float)
     base += np.repeat(0.5 * np.arange(len(c.supports)), 3)
     fig = figure(1.0 + 0.3 * len(base))

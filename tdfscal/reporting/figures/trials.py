@@ -14,6 +14,7 @@ from tdfscal.files.calibration.parts import MonteCarloResult
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.style import INK, ORANGE, Drawing, figure
+from tdfscal.significance import INTERVAL_COVERAGE
 
 
 def draw(c: Calibration) -> Drawing | None:
@@ -38,7 +39,7 @@ def _paint(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
     fig = figure(0.55 + 1.35 * n)
     grid = fig.subplots(n, 3, sharey=True, squeeze=False)
     edges = np.array(histogram.edges)
-    k = float(normal_quantile(0.975))
+    k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
     u = np.linspace(edges[0], edges[-1], 121)
     for i in range(n):
         for j in range(3):

@@ -1,0 +1,106 @@
+"""Alarm levels and coverage factors of the whole package, each with its use and its reason.
+
+An alarm level is the probability that a check speaks where nothing is wrong. Levels "per log", "per
+campaign" and "per survey" are divided among the tests made there (Bonferroni), so that a long log
+raises no more false alarms than a short one.
+"""
+
+from __future__ import annotations
+
+from math import erf, sqrt
+from typing import Final
+
+# Coverage -----------------------------------------------------------------------------------------
+
+#: Of every interval about an angle, in files, texts and figures: the field's custom (GUM, 6.3).
+INTERVAL_COVERAGE: Final = 0.95
+#: k of every expanded uncertainty (E_n, limits, certificates): ISO 17043 and DCC practice.
+COVERAGE_FACTOR: Final = 2.0
+#: Coverage of k = 2 in one dimension, normal distribution: 95.45 %.
+EXPANDED_COVERAGE: Final = erf(COVERAGE_FACTOR / sqrt(2.0))
+
+# The self-calibration -----------------------------------------------------------------------------
+
+#: That a faultless campaign loses a posture as an outlier.
+OUTLYING_POSTURE: Final = 1e-3
+#: Share of postures or points left out above which not they are wrong, but the model (theory, 3).
+MOST_REJECTED: Final = 0.10
+#: That a faultless campaign raises any suspicion of an undeclared error (score tests): low enough
+#: that one campaign in a hundred at most is questioned for nothing.
+UNDECLARED_ERROR: Final = 0.008
+#: Shares of that level. The direction of gravity has most: it turns every sensor alike, and only
+#: internal forces betray it, so that it does harm before it is plain. Friction shows faintly too.
+#: The other suspects share the rest.
+UNDECLARED_GRAVITY_SHARE: Final = 0.7
+UNDECLARED_FRICTION_SHARE: Final = 0.15
+#: Standard uncertainties of an angle: an undeclared error that moves it farther spoils the result.
+HARMFUL_SHIFT: Final = 2.0
+#: That noise alone is reported as drift, hysteresis or lack of repeatability, per test.
+CHANGED_RIG: Final = 1e-3
+#: χ² of the residuals less probable than this is reported; the Birge ratio has inflated already.
+MISFIT: Final = 1e-3
+#: Residuals this improbably small: the stated uncertainties are too large.
+OVERSTATED_NOISE: Final = 1e-4
+
+# Two calibrations, and a calibration on new data --------------------------------------------------
+
+#: Joint χ² of two calibrations less probable than this: not metrologically compatible.
+INCOMPATIBLE: Final = 0.01
+#: That a calibration which holds is rejected by `validate`; half of it for the overall χ², half for
+#: the search for one cause. One false call in 200 is what a monthly check of a rig can bear.
+VALIDATION_ALARM: Final = 0.005
+#: Probability with which the smallest turn that `validate` calls detectable is detected.
+DETECTION_POWER: Final = 0.95
+#: A cause explains residuals when what it leaves is at least this probable.
+CAUSE_EXPLAINS: Final = 0.01
+#: Two causes are told apart when one leaves this much less χ² (3σ), beyond its further unknowns.
+CAUSES_APART: Final = 9.0
+
+# The laser tracker --------------------------------------------------------------------------------
+
+#: That a faultless survey has any point called outlying, per survey.
+OUTLYING_POINT: Final = 0.01
+#: A misfit less probable than this, of which no single point can be blamed, is refused.
+UNUSABLE_SURVEY: Final = 1e-6
+#: Points whose removal lowers χ² by less than this apart: likelihoods within a factor of 100.
+POINTS_AS_LIKELY: Final = 9.2
+#: χ² of a survey less probable than this: noise understated, and the covariance grows by it.
+SURVEY_MISFIT: Final = 0.01
+#: That a faultless rig has any positioner axis reported, per survey.
+POSITIONER_AXIS: Final = 0.01
+#: That a scale other than 1 is reported for two point files which have the same.
+SCALE_DIFFERS: Final = 0.01
+#: The mirrored fit must be this improbable before a set of points is taken to show its hand.
+HANDEDNESS: Final = 0.01
+#: F-test by which points are refused as mirrored; strict, for it ends the calibration.
+MIRRORED: Final = 1e-4
+
+# Static dwells ------------------------------------------------------------------------------------
+
+#: False changes of level to expect per log.
+LEVEL_CHANGES_PER_LOG: Final = 1e-3
+#: False drifts per log.
+DRIFT_PER_LOG: Final = 1e-3
+#: False modes of ringing or creep per log and shape. Strict: a mode is cut from every stop.
+RINGING_PER_LOG: Final = 1e-6
+#: False cut per test of what is left of a stop; a cut too many costs only a little time.
+SETTLING_CUT: Final = 3e-3
+#: False decay per stretch.
+SETTLING_DECAY: Final = 1e-4
+#: Probability of the forces before and after a burst at which they are one level still.
+SAME_LEVEL: Final = 1e-4
+
+# Does a log, a rig file or a point file fit what it came with? ------------------------------------
+# Fixed multiples of a standard uncertainty: these checks speak of mistakes, not of chance.
+
+#: Two stated values farther apart than this contradict each other.
+CONTRADICTION: Final = 3.0
+#: A turn from the nominal mounting beyond this has its targets' names swapped, as a rule.
+FAR_FROM_NOMINAL: Final = 5.0
+#: A wrench beyond this is there.
+WRENCH_PRESENT: Final = 6.0
+
+# Studies ------------------------------------------------------------------------------------------
+
+#: Standard errors from zero at which the mean error of a study is a bias.
+BIASED: Final = 3.0
