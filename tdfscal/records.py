@@ -33,6 +33,12 @@ class UncertainValue:
     value: FloatArray
     std: FloatArray
 
+    @classmethod
+    def exact(cls, value: npt.ArrayLike) -> UncertainValue:
+        """Return a quantity known exactly."""
+        array = np.array(value, dtype=np.float64)
+        return cls(array, np.zeros_like(array))
+
 
 @dataclass(frozen=True, slots=True)
 class DeclaredUncertainty:
@@ -50,6 +56,43 @@ class DeclaredUncertainty:
     """Gain and crosstalk, relative, constant."""
     hinge_moment: float = 0.0
     """Friction of the hinges, N·m per axis and posture."""
+    compliance_lateral: float = 0.0
+    """What gives sideways between encoder and hinge, m/N, constant."""
+    compliance_vertical: float = 0.0
+    """The same along Z of the BCS, m/N, constant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How zeros move within a campaign, per channel, and angles between campaigns."""
+
+    time: float = 0.0
+    """Standard uncertainty of a slope in time, N/s; ∞ unknown."""
+    temperature: float = 0.0
+    """Standard uncertainty of a slope in temperature, N/K; ∞ unknown."""
+    walk: float = 0.0
+    """Random-walk intensity of a zero, N/√s."""
+    angle: float = 0.0
+    """Random-walk intensity of each turn of a sensor between campaigns, rad/√month."""
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignInfo:
+    """When (ISO 8601), where and by whom a log was recorded (rig.yaml, `campaign`)."""
+
+    date: str | None = None
+    operator: str | None = None
+    site: str | None = None
+    note: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SensorInfo:
+    """A sensor's papers (rig.yaml, `sensor`); due is a day in ISO 8601."""
+
+    serial: str | None = None
+    certificate: str | None = None
+    due: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +121,8 @@ class Rig:
     """(), kg."""
     barycentre: UncertainValue
     """(3,), m, LCS."""
-    inertia: FloatArray | None
-    """(3, 3), kg m² about the LCS origin; used in motion only."""
+    inertia: UncertainValue | None
+    """(3, 3), kg m² about the LCS origin, used in motion only; None: unknown."""
     hinge: FloatArray
     """(n, 3), SHC in the LCS, m."""
     zero: UncertainValue
@@ -90,8 +133,15 @@ class Rig:
     """(n, 3), rad, prior about the nominal mounting; ∞ where there is none."""
     capacity: FloatArray
     """(n, 3), full scale in N; ∞ where not stated."""
+    axes: BoolArray
+    """(n, 3), which components each sensor measures."""
     declared: DeclaredUncertainty
     acceptance: Acceptance
+    drift: Drift = Drift()
+    serial: str | None = None
+    campaign: CampaignInfo = CampaignInfo()
+    sensors: tuple[SensorInfo, ...] = ()
+    """Per support; empty where the rig file names none."""
 
     @property
     def n(self) -> int:
@@ -104,6 +154,8 @@ class LogMapping:
     """How a recorder names things, and in which units (rig.yaml, `log`; defaults filled in).
 
     position, force : per support, three fields, or one field with members x, y, z.
+    delay : s, force stamps minus position stamps; None where nothing is known of it.
+    temperature : fields in °C; none, one for all sensors, or one per support.
     """
 
     supports: tuple[str, ...]
@@ -117,6 +169,8 @@ class LogMapping:
     force_unit: str = "N"
     force_on: Literal["terminal", "sensor"] = "terminal"
     decimal: Literal[".", ","] = "."
+    delay: UncertainValue | None = None
+    temperature: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ parsers hand on `1e-5` as text; numpy arrays are taken as lists.
 from __future__ import annotations
 
 import math
+from datetime import datetime
 from typing import Annotated, Any
 
 import numpy as np
@@ -153,6 +154,27 @@ Text = Annotated[
     StringConstraints(strict=True, min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$"),
 ]
 """One line of text."""
+
+Label = Annotated[
+    Text,
+    BeforeValidator(lambda value: str(value) if isinstance(value, int) else value),
+    WithJsonSchema({"type": ["string", "integer"]}),
+]
+"""One line of text, such as a serial number: a bare number is its text."""
+
+
+def _date(value: str) -> str:
+    try:
+        datetime.fromisoformat(value)
+    except ValueError:
+        raise fault(
+            f"is no date: {value!r:.40}", hint="write 2026-11-21 or 2026-11-21T08:30:00Z"
+        ) from None
+    return value
+
+
+Date = Annotated[Text, AfterValidator(_date)]
+"""A day, or a time of a day, in ISO 8601."""
 
 FreeText = Annotated[str, StringConstraints(strict=True, min_length=1)]
 """Text as it comes, such as a file's name."""

@@ -43,6 +43,7 @@ def make_rig(
         nominal_rpy=np.zeros((n, 3)),
         rpy_std=np.full((n, 3), np.inf),
         capacity=np.full((n, 3), np.inf),
+        axes=np.ones((n, 3), dtype=np.bool_),
         declared=declared or DeclaredUncertainty(positioner=1.0e-5, hinge=2.0e-5, force_noise=0.1),
         acceptance=Acceptance(),
     )

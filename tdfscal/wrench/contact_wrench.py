@@ -161,7 +161,7 @@ def wrenches(
             g,
             rotation,
             force,
-            None if moving is None or inertia is None else inertial(state, inertia, moving),
+            None if moving is None or inertia is None else inertial(state, inertia.value, moving),
         )
         for state in states
     )

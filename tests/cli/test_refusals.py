@@ -92,7 +92,11 @@ FAULTS: dict[str, tuple[Break, int, str]] = {
     "empty rig": (lambda f: (f / "rig.yaml").write_text(""), 2, "rig.yaml"),
     "unknown key": (edit_rig(lambda d: d.update(gravty={})), 2, "gravity"),
     "two supports": (edit_rig(lambda d: d["supports"].pop()), 2, "three"),
-    "negative mass": (edit_rig(lambda d: d["terminal"].update(mass=-5)), 2, "mass"),
+    "negative mass": (
+        edit_rig(lambda d: d["terminal"]["mass"].update(value=-5)),
+        2,
+        "mass",
+    ),
     "wrong column": (edit_log(renamed({"ncp2.fx": "ncp2.force_x"})), 3, "ncp2.fx"),
     "NaN": (edit_log(with_nan), 3, "ncp2.fx"),
     "mm read as m": (edit_log(scaled("", "xyz", 1e3)), 3, "in mm"),

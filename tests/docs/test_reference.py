@@ -47,6 +47,8 @@ def stated(name: str) -> dict[str, list[str]]:
 @pytest.mark.parametrize("name", sorted(EMBEDDED))
 def test_keys_are_those_of_the_schema(name: str) -> None:
     published = key_paths(schema(name), EMBEDDED[name])
+    if name == "rig":  # a quantity is one row
+        published = {k: v for k, v in published.items() if not k.endswith((".value", ".std"))}
     assert {key: row[0] == "●" for key, row in stated(name).items()} == published
 
 

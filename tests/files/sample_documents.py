@@ -11,11 +11,13 @@ from scipy.spatial.transform import Rotation
 RIG = """\
 format: tdfscal-rig/1
 name: Rotor-hub rig
+serial: RH-02
+campaign: {date: "2026-11-21", operator: A. Smith, site: Hall 3, note: after service}
 gravity: {magnitude: 9.80665, tilt_std: 0.0}
 terminal:
   mass: {value: 500.0, std: 0.2}
   barycenter: {value: [0.01, -0.015, 0.25], std: [0.001, 0.001, 0.001]}
-  inertia: [[40.0, 1.0, 0.0], [1.0, 50.0, 0.0], [0.0, 0.0, 30.0]]
+  inertia: {value: [[40.0, 1.0, 0.0], [1.0, 50.0, 0.0], [0.0, 0.0, 30.0]], std: 6.0}
 supports:
   - name: ncp1
     hinge: [0.6, 0.0, 0.0]
@@ -26,14 +28,20 @@ supports:
   - name: ncp2
     hinge: [-0.3, 0.5, 0.0]
     rpy_std: 0.1
+    axes: [z, x]
+    sensor: {serial: 4711, certificate: C-12, due: "2027-03-01"}
   - name: ncp3
     hinge: [-0.3, -0.5, 0.0]
 uncertainty:
   positioner: 1.0e-5
   hinge: 2.0e-5
+  compliance: {lateral: 1.0e-6, vertical: 5.0e-7}
+drift: {time: 0.5, temperature: 0.2, walk: 0.6, angle: 1.0e-4}
 log:
   rows: timeseries
   time: {field: t, unit: ms}
+  delay: {value: 0.002, std: 0.005}
+  temperature: [T1, T2, T3]
   length_unit: mm
   force_unit: kN
   force_on: sensor

@@ -232,7 +232,7 @@ BROKEN = [
     (put("budget", "sources", ["noise"]), "sources", "budget.angles[0].variance"),
     (put("monte_carlo", "low", [[0.0, 0.0, 0.0]]), "row per support", "monte_carlo.low"),
     (put("monte_carlo", "trials", 0), "greater than 0", "monte_carlo.trials"),
-    (put("rig", "terminal", "mass", -1.0), "greater than 0", "rig.terminal.mass"),
+    (put("rig", "terminal", "mass", "value", -1.0), "greater than 0", "rig.terminal.mass"),
     (put("rig", "supports", 0, "hinj", 1), "`hinge`", "rig.supports[0].hinj"),
     (put("rig", "sha256", "x"), "character", "rig.sha256"),
 ]

@@ -138,7 +138,7 @@ def test_no_path_no_rig_no_log(tmp_path: Path) -> None:
 
 def test_faulty_rig_file_is_a_rig_error(tmp_path: Path) -> None:
     home = make(tmp_path, "x.csv", rig=RIG.replace("mass:", "maas:"))
-    with pytest.raises(RigError, match=r"rig\.yaml, line 5, terminal\.maas"):
+    with pytest.raises(RigError, match=r"rig\.yaml, line 7, terminal\.maas"):
         resolve([home])
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.rig.reading import default_mapping, load_rig, parse_rig, rig_from_document
-from tdfscal.records import DeclaredUncertainty, Instrument
+from tdfscal.records import CampaignInfo, DeclaredUncertainty, Drift, Instrument, SensorInfo
 from tests.files.sample_documents import RIG
 
 FIELD = Path(__file__).parents[2] / ".." / "shared" / "field_logs"
@@ -18,7 +18,7 @@ FIELD = Path(__file__).parents[2] / ".." / "shared" / "field_logs"
 MINIMAL = """\
 format: tdfscal-rig/1
 name: minimal
-terminal: {mass: 500, barycenter: [0, 0, 0.25]}
+terminal: {mass: {value: 500, std: 0}, barycenter: {value: [0, 0, 0.25], std: 0}}
 supports:
   - {name: a, hinge: [1, 0, 0]}
   - {name: b, hinge: [0, 1, 0]}
@@ -50,13 +50,21 @@ def test_every_key_arrives(tmp_path: Path) -> None:
     assert rig.barycentre.value.tolist() == [0.01, -0.015, 0.25]
     assert rig.barycentre.std.tolist() == [0.001] * 3
     assert rig.inertia is not None
-    assert rig.inertia.tolist() == [[40, 1, 0], [1, 50, 0], [0, 0, 30]]
+    assert rig.inertia.value.tolist() == [[40, 1, 0], [1, 50, 0], [0, 0, 30]]
+    assert rig.inertia.std.tolist() == [[6.0] * 3] * 3
+    assert rig.axes.tolist() == [[True] * 3, [True, False, True], [True] * 3]
+    assert rig.serial == "RH-02"
+    assert rig.campaign == CampaignInfo("2026-11-21", "A. Smith", "Hall 3", "after service")
+    assert rig.sensors == (SensorInfo(), SensorInfo("4711", "C-12", "2027-03-01"), SensorInfo())
+    assert rig.drift == Drift(0.5 / 3600, 0.2, 0.01, 1e-4)
     assert rig.hinge.tolist() == [[0.6, 0, 0], [-0.3, 0.5, 0], [-0.3, -0.5, 0]]
     assert rig.zero.value.tolist() == [[0] * 3] * 3
     assert rig.zero.std.tolist() == [[0.5] * 3, [math.inf] * 3, [math.inf] * 3]
     assert rig.rpy_std.tolist() == [[math.inf] * 3, [0.1] * 3, [math.inf] * 3]
     assert rig.capacity.tolist() == [[3000, 3000, 5000], [math.inf] * 3, [math.inf] * 3]
-    assert rig.declared == DeclaredUncertainty(positioner=1e-5, hinge=2e-5)
+    assert rig.declared == DeclaredUncertainty(
+        positioner=1e-5, hinge=2e-5, compliance_lateral=1e-6, compliance_vertical=5e-7
+    )
     gate = rig.acceptance
     assert (gate.angle_std, gate.identifiable, gate.birge_max) == (5e-3, 0.04, 1.5)
     assert (gate.contact_force, gate.contact_torque) == (5.0, 3.0)
@@ -69,6 +77,9 @@ def test_every_key_arrives(tmp_path: Path) -> None:
         "sensor",
         ",",
     )
+    assert log.delay is not None
+    assert (float(log.delay.value), float(log.delay.std)) == (0.002, 0.005)
+    assert log.temperature == ("T1", "T2", "T3")
     assert log.position == (("X1", "Y1", "Z1"), ("/ncp2/position.point",), ("X3", "Y3", "Z3"))
     assert log.force[1] == ("/tdfs2/wrench.wrench.force",)
     assert tracker is not None
@@ -82,6 +93,8 @@ def test_defaults_of_the_contract() -> None:
     loaded = parse_rig(MINIMAL.encode(), "rig.yaml")
     rig = loaded.rig
     assert (loaded.log, loaded.tracker, rig.inertia) == (None, None, None)
+    assert rig.axes.all()
+    assert (rig.drift, rig.serial, rig.campaign, rig.sensors) == (Drift(), None, CampaignInfo(), ())
     assert (rig.gravity, float(rig.mass.std), rig.declared) == (9.80665, 0.0, DeclaredUncertainty())
     assert np.all(np.isinf(rig.zero.std))
     assert np.all(np.isinf(rig.rpy_std))
@@ -122,10 +135,12 @@ def test_document_is_strict_json_and_reads_back_the_same(tmp_path: Path) -> None
     document = json.loads(json.dumps(dict(loaded.document), allow_nan=False))
     again = rig_from_document(document, "calibration.json")
     assert again.document == loaded.document
-    assert (again.sha256, again.log, again.tracker) == (loaded.sha256, loaded.log, None)
-    for name in ("hinge", "nominal_rpy", "rpy_std", "capacity", "inertia"):
+    assert (again.sha256, again.tracker) == (loaded.sha256, None)
+    assert again.log is not None
+    assert again.log.temperature == ("T1", "T2", "T3")
+    for name in ("hinge", "nominal_rpy", "rpy_std", "capacity", "axes"):
         assert np.array_equal(getattr(again.rig, name), getattr(loaded.rig, name)), name
-    for name in ("mass", "barycentre", "zero"):
+    for name in ("mass", "barycentre", "zero", "inertia"):
         ours, theirs = getattr(again.rig, name), getattr(loaded.rig, name)
         assert np.array_equal(ours.value, theirs.value), name
         assert np.array_equal(ours.std, theirs.std), name
@@ -137,7 +152,7 @@ def test_document_is_strict_json_and_reads_back_the_same(tmp_path: Path) -> None
 
 def test_faulty_embedded_rig_is_a_data_error() -> None:
     document = dict(parse_rig(MINIMAL.encode(), "rig.yaml").document)
-    document["terminal"] = {"mass": -1.0, "barycenter": [0.0, 0.0, 0.0]}
+    document["terminal"]["mass"]["value"] = -1.0
     with pytest.raises(DataError, match=r"cal\.json, rig, terminal\.mass") as refused:
         rig_from_document(document, "cal.json")
     assert refused.value.exit_status == 3
@@ -145,14 +160,29 @@ def test_faulty_embedded_rig_is_a_data_error() -> None:
 
 FAULTS = [
     # what is replaced, by what, the place, a word of the message
-    ("mass: {value: 500.0, std: 0.2}", "mass: 0", "terminal.mass", "greater than 0"),
-    ("mass: {value: 500.0, std: 0.2}", "mass: -3", "terminal.mass", "greater than 0"),
-    ("mass: {value: 500.0, std: 0.2}", "mass: .nan", "terminal.mass", "finite"),
-    ("mass: {value: 500.0, std: 0.2}", "mass: .inf", "terminal.mass", "finite"),
-    ("mass: {value: 500.0, std: 0.2}", "mass: heavy", "terminal.mass", "a number"),
-    ("mass: {value: 500.0, std: 0.2}", "mass: true", "terminal.mass", "a number"),
-    ("mass: {value: 500.0, std: 0.2}", "mass: [1, 2]", "terminal.mass", "a number"),
-    ("mass: {value: 500.0, std: 0.2}", "mass:", "terminal.mass", "a number"),
+    (
+        "mass: {value: 500.0, std: 0.2}",
+        "mass: {value: 0, std: 1}",
+        "terminal.mass",
+        "greater than 0",
+    ),
+    (
+        "mass: {value: 500.0, std: 0.2}",
+        "mass: {value: -3, std: 1}",
+        "terminal.mass",
+        "greater than 0",
+    ),
+    ("value: 500.0", "value: .nan", "terminal.mass", "finite"),
+    ("value: 500.0", "value: .inf", "terminal.mass", "finite"),
+    ("value: 500.0", "value: heavy", "terminal.mass", "a number"),
+    ("mass: {value: 500.0, std: 0.2}", "mass: 500", "terminal.mass", "std: 0 says exact"),
+    (
+        "mass: {value: 500.0, std: 0.2}",
+        "mass: {value: [1, 2], std: 1}",
+        "terminal.mass",
+        "a number",
+    ),
+    ("mass: {value: 500.0, std: 0.2}", "mass:", "terminal.mass", "standard uncertainty"),
     ("mass: {value: 500.0, std: 0.2}", "mass: {value: 500.0}", "terminal.mass", "lacks `std`"),
     ("mass: {value: 500.0, std: 0.2}", "mas: 500", "terminal.mas", "`mass`"),
     ("  mass: {value: 500.0, std: 0.2}\n", "", "terminal", "lacks `mass`"),
@@ -167,12 +197,17 @@ FAULTS = [
     ("value: [0.01, -0.015, 0.25]", "value: [10, -15, 250]", "terminal.barycenter", "in m"),
     ("[0.001, 0.001, 0.001]", "[0.001, 0.001]", "terminal.barycenter.std", "three"),
     ("[0.001, 0.001, 0.001]", "[0.001, -1, 0.001]", "terminal.barycenter.std[1]", "0 or above"),
+    ("[z, x]", "[z, z]", "supports[1].axes", "twice"),
+    ("[z, x]", "[z, w]", "supports[1].axes", "x"),
+    ("[T1, T2, T3]", "[T1, T2]", "log.temperature", "2 fields"),
+    ('"2026-11-21"', "21.11.2026", "campaign.date", "2026-11-21"),
+    ("lateral: 1.0e-6", "lateral: -1.0e-6", "uncertainty.compliance.lateral", "greater"),
     ("barycenter:", "barycentre:", "terminal.barycentre", "`barycenter`"),
     ("[40.0, 1.0, 0.0]", "[40.0, 2.0, 0.0]", "terminal.inertia", "symmetric"),
-    ("[40.0, 1.0, 0.0]", "[40.0, 1.0]", "terminal.inertia[0]", "three"),
+    ("[40.0, 1.0, 0.0]", "[40.0, 1.0]", "terminal.inertia.value[0]", "three"),
     ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, -30.0]]", "terminal.inertia", "positive definite"),
     ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, 300.0]]", "terminal.inertia", "no body"),
-    ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, .nan]]", "terminal.inertia[2][2]", "finite"),
+    ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, .nan]]", "terminal.inertia.value[2][2]", "finite"),
     ("magnitude: 9.80665", "magnitude: 0", "gravity.magnitude", "greater than 0"),
     ("magnitude: 9.80665", "magnitude: -9.8", "gravity.magnitude", "greater than 0"),
     ("tilt_std: 0.0", "tilt_std: -1e-3", "gravity.tilt_std", "greater than or equal"),

@@ -70,7 +70,10 @@ def test_samples_validate(name: str) -> None:
 
 def test_rig_variants_validate() -> None:
     content = sample("rig")
-    content["terminal"] = {"mass": 500, "barycenter": [0, 0, 0.25]}
+    content["terminal"] = {
+        "mass": {"value": 500, "std": 0},
+        "barycenter": {"value": [0, 0, 0.25], "std": "unknown"},
+    }
     content["supports"][0]["zero"] = {"value": [0, 0, 0], "std": "unknown"}
     content["supports"][1]["zero"] = {"value": [0, 0, 0], "std": [0.1, "unknown", float("inf")]}
     for key in ("gravity", "uncertainty", "log", "tracker", "acceptance"):

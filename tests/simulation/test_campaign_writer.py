@@ -18,7 +18,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers import point_files
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder, write_campaign
-from tdfscal.records import Acceptance, FloatArray
+from tdfscal.records import Acceptance, CampaignInfo, Drift, FloatArray, SensorInfo, UncertainValue
 from tdfscal.simulation import Campaign, Options, Recorder, reference_rig, simulate_campaign
 
 from .rigs import loose_rig
@@ -140,7 +140,12 @@ def test_rig_file_says_what_the_rig_is(format: LogFormat, tmp_path: Path) -> Non
         rig,
         capacity=np.array([[3e3, 3e3, 5e3]] * 3),
         rpy_std=np.array([[np.inf] * 3, [0.01, 0.02, np.inf], [0.05] * 3]),
-        inertia=np.diag([50.0, 60.0, 80.0]),
+        inertia=UncertainValue(np.diag([50.0, 60.0, 80.0]), np.full((3, 3), 6.0)),
+        axes=np.array([[True] * 3, [True, False, True], [False, False, True]]),
+        drift=Drift(time=0.5 / 3600, temperature=0.0, walk=0.25 / 60, angle=1e-4),
+        serial="RH-02",
+        campaign=CampaignInfo(date="2026-11-21", operator="A. Smith"),
+        sensors=(SensorInfo(serial="17"), SensorInfo(), SensorInfo(due="2027-03-01")),
         zero=replace(rig.zero, std=np.full((3, 3), np.inf)),
         mass=replace(rig.mass, std=np.array(np.inf)),
         acceptance=Acceptance(angle_std=1e-3, contact_force=5.0, contact_rpy=(0.1, 0.0, 0.0)),
@@ -150,9 +155,11 @@ def test_rig_file_says_what_the_rig_is(format: LogFormat, tmp_path: Path) -> Non
     read = loaded.rig
     for name in ("name", "supports", "gravity", "gravity_tilt_std", "declared", "acceptance"):
         assert getattr(read, name) == getattr(rig, name), name
-    for name in ("hinge", "nominal_rpy", "rpy_std", "capacity", "inertia"):
+    for name in ("serial", "campaign", "sensors", "drift"):
+        assert getattr(read, name) == getattr(rig, name), name
+    for name in ("hinge", "nominal_rpy", "rpy_std", "capacity", "axes"):
         np.testing.assert_array_equal(getattr(read, name), getattr(rig, name), name)
-    for name in ("mass", "barycentre", "zero"):
+    for name in ("mass", "barycentre", "zero", "inertia"):
         np.testing.assert_array_equal(getattr(read, name).value, getattr(rig, name).value)
         np.testing.assert_array_equal(getattr(read, name).std, getattr(rig, name).std)
     assert (loaded.log is None) == (format == "parquet")

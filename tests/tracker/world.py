@@ -66,6 +66,7 @@ def make_rig(n: int = 3, positioner: float = 10e-6) -> Rig:
         nominal_rpy=np.zeros((n, 3)),
         rpy_std=np.full((n, 3), np.inf),
         capacity=np.full((n, 3), np.inf),
+        axes=np.ones((n, 3), dtype=np.bool_),
         declared=DeclaredUncertainty(positioner=positioner),
         acceptance=Acceptance(),
     )

@@ -283,7 +283,7 @@ def test_inertia_of_the_rig_file_is_used(
 ) -> None:
     folder, target = tmp_path / "held", tmp_path / "w.parquet"
     shutil.copytree(places.held, folder)
-    inertia = [[60, 0, 0], [0, 60, 0], [0, 0, 90]]
+    inertia = {"value": [[60, 0, 0], [0, 60, 0], [0, 0, 90]], "std": 0.0}
     edited(folder / "rig.yaml", lambda d: d["terminal"].update(inertia=inertia))
     found = []
     for more in ((), ("--quasi-static",)):

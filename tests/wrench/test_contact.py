@@ -13,7 +13,7 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, retract
 from tdfscal.model.statics import balance, postures, register
 from tdfscal.numerics import so3
-from tdfscal.records import FloatArray
+from tdfscal.records import FloatArray, UncertainValue
 from tdfscal.simulation import Contact, Faults
 from tdfscal.wrench.contact_wrench import contact_wrench, covariance, jacobian, to_lcs, wrenches
 from tdfscal.wrench.kinematics import motion, poses
@@ -117,7 +117,7 @@ def test_inertial_terms_are_the_rate_of_momentum() -> None:
     rate, N = 1000.0, 2001
     t = np.arange(N) / rate
     inertia = np.array([[60.0, 2.0, -3.0], [2.0, 70.0, 1.0], [-3.0, 1.0, 90.0]])
-    rig = replace(RIG, inertia=inertia)
+    rig = replace(RIG, inertia=UncertainValue.exact(inertia))
     given = replace(MANY.given[0], rig=rig)
     s, m = given.state, float(given.state.mass)
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.records import FloatArray, Log, Series
+from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.wrench.resampling import Samples, Tally, aligned
 from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
 
@@ -97,7 +97,7 @@ def test_pieces_give_what_the_whole_gives() -> None:
             series = tuple(Series(s.time, moving(s.value, s.time)) for s in part.position)
             yield replace(part, position=series)
 
-    rig = replace(GIVEN.rig, inertia=np.diag([60.0, 70.0, 90.0]))
+    rig = replace(GIVEN.rig, inertia=UncertainValue.exact(np.diag([60.0, 70.0, 90.0])))
     given = replace(GIVEN, rig=rig)
     whole, cut = [0.0, 4.0], [0.0, 0.05, 0.9, 1.0, 1.01, 2.2, 4.0]
     for stage in (at_rest, in_motion):
@@ -112,7 +112,7 @@ def test_pieces_give_what_the_whole_gives() -> None:
 
 
 def test_a_stretch_too_short_for_a_window_is_taken_as_at_rest() -> None:
-    rig = replace(GIVEN.rig, inertia=np.eye(3))
+    rig = replace(GIVEN.rig, inertia=UncertainValue.exact(np.eye(3)))
     short = [log(100.0, 100.0, 0.0, 0.1)]
     _, v1 = values(in_motion(replace(GIVEN, rig=rig), aligned(short, Tally())))
     _, v2 = values(at_rest(GIVEN, aligned(short, Tally())))

@@ -94,3 +94,19 @@ def check_mapping(names: Sequence[str], fields: Mapping[tuple[str, str], tuple[s
                     hint="let each field serve one quantity",
                 )
             taken[field] = f"log.supports.{name}.{what}"
+
+
+def check_temperature(names: Sequence[str], fields: Sequence[str] | Mapping[str, str]) -> None:
+    """Refuse temperature fields that are neither one for all nor one for each support."""
+    place = ("log", "temperature")
+    if not isinstance(fields, Mapping):
+        if len(fields) not in (1, len(names)):
+            raise fault(
+                f"names {len(fields)} fields for {len(names)} supports",
+                *place,
+                hint="name one field for all, or one per support",
+            )
+    elif set(fields) != set(names):
+        odd = sorted(set(fields) ^ set(names))[0]
+        what = "lacks the support" if odd in names else "is for no support of this rig:"
+        raise fault(f"{what} `{odd}`", *place, hint="name a field for each support")

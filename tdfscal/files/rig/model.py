@@ -10,15 +10,15 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
-    GetJsonSchemaHandler,
+    ValidationInfo,
     WithJsonSchema,
     field_validator,
     model_validator,
 )
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
 
 from tdfscal.files.field_types import (
+    Date,
+    Label,
     Matrix3,
     Name,
     NotNegative,
@@ -31,8 +31,15 @@ from tdfscal.files.field_types import (
     Text,
     Vector,
     fault,
+    from_numpy,
 )
-from tdfscal.files.rig.checks import check_hinges, check_inertia, check_mapping, check_names
+from tdfscal.files.rig.checks import (
+    check_hinges,
+    check_inertia,
+    check_mapping,
+    check_names,
+    check_temperature,
+)
 from tdfscal.records import Rows
 
 RIG_FORMAT = "tdfscal-rig/1"
@@ -41,30 +48,30 @@ LengthUnit = Literal["m", "mm", "um"]
 PointUnit = Literal["m", "cm", "mm", "um", "in"]
 ForceUnit = Literal["N", "kN"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
+Axis = Literal["x", "y", "z"]
 TimeSource = Literal["header", "log", "publish"]
 
 _FARTHEST = 100.0
 """m; no terminal reaches farther, and 600 is a millimetre figure."""
 
 
-class _Known(Strict):
-    """A value with its standard uncertainty; a bare value is known exactly."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare(cls, given: Any) -> Any:
-        return given if isinstance(given, (dict, _Known)) else {"value": given, "std": 0.0}
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        full = handler.resolve_ref_schema(handler(core))
-        return {"anyOf": [full["properties"]["value"], full]}
+def _with_std(given: Any, info: ValidationInfo) -> Any:
+    """Refuse a bare value: a quantity without its uncertainty is no measurement."""
+    if isinstance(given, (dict, Strict)):
+        return given
+    value = from_numpy(given)
+    raise fault(
+        f"states no standard uncertainty, got {value!r:.60}",
+        hint=f"write `{info.field_name}: {{value: {value!r:.60}, std: ...}}`; "
+        "std: 0 says exact, std: unknown says unknown",
+    )
 
 
-class Quantity(_Known):
-    """A scalar with its standard uncertainty; a bare number is known exactly."""
+WithStd = BeforeValidator(_with_std)
+
+
+class Quantity(Strict):
+    """A scalar with its standard uncertainty."""
 
     value: Number
     std: Std
@@ -88,8 +95,8 @@ def _near(given: tuple[float, float, float]) -> tuple[float, float, float]:
 PlaceOnTerminal = Annotated[Vector, AfterValidator(_near)]
 
 
-class VectorQuantity(_Known):
-    """A vector with its standard uncertainties; a bare list is known exactly."""
+class VectorQuantity(Strict):
+    """A vector with its standard uncertainties; a single one stands for all three."""
 
     value: Vector
     std: Stds
@@ -108,19 +115,42 @@ class Gravity(Strict):
     tilt_std: NotNegative = 0.0
 
 
-class Terminal(Strict):
-    """The terminal: mass in kg, barycentre in m in the LCS, inertia in kg m² about its origin."""
+class Inertia(Strict):
+    """Inertia of the terminal about the LCS origin, kg m²; std is that of each entry."""
 
-    mass: Mass
-    barycenter: Barycenter
-    inertia: Matrix3 | None = None
+    value: Matrix3
+    std: Std
 
-    @field_validator("inertia")
+    @field_validator("value")
     @classmethod
     def _of_a_body(cls, given: Any) -> Any:
-        if given is not None:
-            check_inertia(np.array(given))
+        check_inertia(np.array(given))
         return given
+
+
+class Terminal(Strict):
+    """The terminal with all it carries: mass in kg, barycentre in m in the LCS, inertia."""
+
+    mass: Annotated[Mass, WithStd]
+    barycenter: Annotated[Barycenter, WithStd]
+    inertia: Annotated[Inertia, WithStd] | None = None
+
+
+class Campaign(Strict):
+    """When, where and by whom the log was recorded; date in ISO 8601, as a day or a time."""
+
+    date: Date | None = None
+    operator: Text | None = None
+    site: Text | None = None
+    note: Text | None = None
+
+
+class Sensor(Strict):
+    """A sensor's papers, carried to report and certificate; due: day of its next calibration."""
+
+    serial: Label | None = None
+    certificate: Label | None = None
+    due: Date | None = None
 
 
 def _angles(given: Any) -> Any:
@@ -139,10 +169,21 @@ class Support(Strict):
 
     name: Name
     hinge: PlaceOnTerminal
-    zero: VectorQuantity = VectorQuantity(value=(0.0, 0.0, 0.0), std=(math.inf,) * 3)
+    zero: Annotated[VectorQuantity, WithStd] = VectorQuantity(
+        value=(0.0, 0.0, 0.0), std=(math.inf,) * 3
+    )
     nominal_rpy: Angles = (0.0, 0.0, 0.0)
     rpy_std: Stds = (math.inf,) * 3
     capacity: PositiveVector | None = None
+    axes: tuple[Axis, ...] = ("x", "y", "z")
+    sensor: Sensor | None = None
+
+    @field_validator("axes")
+    @classmethod
+    def _each_once(cls, given: tuple[Axis, ...]) -> tuple[Axis, ...]:
+        if len(set(given)) < len(given):
+            raise fault("names an axis twice", hint="list each measured axis once, as in [x, z]")
+        return given
 
     @field_validator("rpy_std")
     @classmethod
@@ -155,6 +196,13 @@ class Support(Strict):
         return given
 
 
+class Compliance(Strict):
+    """What gives between encoder and hinge, m/N, as a standard uncertainty about none."""
+
+    lateral: NotNegative = 0.0
+    vertical: NotNegative = 0.0
+
+
 class Uncertainty(Strict):
     """Standard uncertainties that the log's own scatter cannot show."""
 
@@ -164,6 +212,20 @@ class Uncertainty(Strict):
     force_noise: NotNegative = 0.0
     force_sensitivity: NotNegative = 0.0
     hinge_moment: NotNegative = 0.0
+    compliance: Compliance = Compliance()
+
+
+class Drift(Strict):
+    """Zeros that move within a campaign, per channel, and angles that do between campaigns.
+
+    time in N/h and temperature in N/K: standard uncertainties of a slope, `unknown` for any;
+    walk in N/√h and angle in rad/√month: intensities of random walks.
+    """
+
+    time: Std = 0.0
+    temperature: Std = 0.0
+    walk: NotNegative = 0.0
+    angle: NotNegative = 0.0
 
 
 class LogTime(Strict):
@@ -209,11 +271,33 @@ class SupportFields(Strict):
     force: Fields
 
 
+def _temperatures(given: Any) -> Any:
+    return (given,) if isinstance(given, str) else given
+
+
+Temperatures = Annotated[
+    tuple[Text, ...] | dict[Name, Text],
+    BeforeValidator(_temperatures),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                _FIELD,
+                {"type": "array", "items": _FIELD, "minItems": 1},
+                {"type": "object", "additionalProperties": _FIELD},
+            ]
+        }
+    ),
+]
+"""One field in °C for all sensors, or one per support: in their order, or by name."""
+
+
 class LogBlock(Strict):
     """How this rig's recorder names things, and in which units."""
 
     rows: Rows = "timeseries"
     time: LogTime = LogTime()
+    delay: Annotated[Quantity, WithStd] | None = None
+    temperature: Temperatures | None = None
     length_unit: LengthUnit = "m"
     force_unit: ForceUnit = "N"
     force_on: Literal["terminal", "sensor"] = "terminal"
@@ -295,6 +379,8 @@ class RigFile(Strict):
 
     format: Literal["tdfscal-rig/1"]
     name: Text
+    serial: Label | None = None
+    campaign: Campaign | None = None
     gravity: Gravity = Gravity()
     terminal: Terminal
     supports: Annotated[
@@ -303,6 +389,7 @@ class RigFile(Strict):
         Field(json_schema_extra={"minItems": 3}),
     ]
     uncertainty: Uncertainty = Uncertainty()
+    drift: Drift = Drift()
     log: LogBlock | None = None
     tracker: TrackerBlock | None = None
     acceptance: AcceptanceBlock = AcceptanceBlock()
@@ -312,6 +399,15 @@ class RigFile(Strict):
         names = [support.name for support in self.supports]
         check_names(names)
         check_hinges(names, np.array([support.hinge for support in self.supports]))
+        temperature = self.log.temperature if self.log else None
+        if temperature is not None:
+            check_temperature(names, temperature)
+        elif self.drift.temperature > 0:
+            raise fault(
+                "zeros that follow a temperature need one",
+                *("drift", "temperature"),
+                hint="name the log's field with log.temperature",
+            )
         if self.log is not None and self.log.supports is not None:
             check_mapping(
                 names,

@@ -16,17 +16,23 @@ import numpy.typing as npt
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.field_types import Sha256
 from tdfscal.files.model_errors import checked, require_format
-from tdfscal.files.rig.model import RIG_FORMAT, RigFile, TrackerBlock
+from tdfscal.files.rig import model
+from tdfscal.files.rig.model import RIG_FORMAT, RigFile, TrackerBlock, Uncertainty
 from tdfscal.files.yaml.reading import Document, parse_document, read_document
 from tdfscal.records import (
     Acceptance,
+    CampaignInfo,
     DeclaredUncertainty,
+    Drift,
     Instrument,
     LogMapping,
     Rig,
+    SensorInfo,
     UncertainValue,
 )
 
+#: s
+HOUR = 3600.0
 _HASHES = frozenset({"sha256", "content_sha256"})
 
 
@@ -169,7 +175,7 @@ def _rig(file: RigFile) -> Rig:
         gravity_tilt_std=file.gravity.tilt_std,
         mass=_known(file.terminal.mass.value, file.terminal.mass.std),
         barycentre=_known(file.terminal.barycenter.value, file.terminal.barycenter.std),
-        inertia=None if inertia is None else np.array(inertia),
+        inertia=_known(inertia.value, np.full((3, 3), inertia.std)) if inertia else None,
         hinge=np.array([support.hinge for support in supports]),
         zero=_known(
             [support.zero.value for support in supports], [support.zero.std for support in supports]
@@ -177,7 +183,8 @@ def _rig(file: RigFile) -> Rig:
         nominal_rpy=np.array([support.nominal_rpy for support in supports]),
         rpy_std=np.array([support.rpy_std for support in supports]),
         capacity=np.array([support.capacity or (np.inf,) * 3 for support in supports]),
-        declared=DeclaredUncertainty(**dict(file.uncertainty)),
+        axes=np.array([[axis in support.axes for axis in "xyz"] for support in supports]),
+        declared=_declared(file.uncertainty),
         acceptance=Acceptance(
             angle_std=acceptance.angle_std,
             identifiable=acceptance.identifiable,
@@ -186,6 +193,38 @@ def _rig(file: RigFile) -> Rig:
             contact_torque=contact.torque if contact else None,
             contact_rpy=contact.rpy if contact else (0.0, 0.0, 0.0),
         ),
+        drift=_drift(file.drift),
+        serial=file.serial,
+        campaign=CampaignInfo(**dict(file.campaign)) if file.campaign else CampaignInfo(),
+        sensors=_sensors(file),
+    )
+
+
+def _declared(block: Uncertainty) -> DeclaredUncertainty:
+    values = dict(block)
+    compliance = values.pop("compliance")
+    return DeclaredUncertainty(
+        **values,
+        compliance_lateral=compliance.lateral,
+        compliance_vertical=compliance.vertical,
+    )
+
+
+def _drift(block: model.Drift) -> Drift:
+    return Drift(
+        time=block.time / HOUR,
+        temperature=block.temperature,
+        walk=block.walk / HOUR**0.5,
+        angle=block.angle,
+    )
+
+
+def _sensors(file: RigFile) -> tuple[SensorInfo, ...]:
+    if all(support.sensor is None for support in file.supports):
+        return ()
+    return tuple(
+        SensorInfo(**dict(support.sensor)) if support.sensor else SensorInfo()
+        for support in file.supports
     )
 
 
@@ -213,7 +252,17 @@ def _mapping(file: RigFile) -> LogMapping | None:
         force_unit=block.force_unit,
         force_on=block.force_on,
         decimal=block.decimal,
+        delay=_known(block.delay.value, block.delay.std) if block.delay else None,
+        temperature=_temperature(block.temperature, supports),
     )
+
+
+def _temperature(
+    fields: tuple[str, ...] | dict[str, str] | None, supports: tuple[str, ...]
+) -> tuple[str, ...]:
+    if isinstance(fields, dict):
+        return tuple(fields[name] for name in supports)
+    return fields or ()
 
 
 def _tracker(block: TrackerBlock, folder: Path) -> TrackerFiles:

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.files.rig.reading import HOUR
 from tdfscal.files.saving import to_yaml
-from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.records import CampaignInfo, Drift, FloatArray, Rig, SensorInfo, UncertainValue
 from tdfscal.simulation import Options, Survey, Truth
 
 TRACKER_BLOCK = {
@@ -28,15 +29,27 @@ def rig_document(
     """The rig file (`tdfscal-rig/1`) of a rig, with its `log` and `tracker` blocks."""
     terminal: dict[str, Any] = {"mass": _known(rig.mass), "barycenter": _known(rig.barycentre)}
     if rig.inertia is not None:
-        terminal["inertia"] = rig.inertia.tolist()
+        inertia = rig.inertia
+        terminal["inertia"] = {"value": inertia.value.tolist(), "std": float(inertia.std.max())}
     document: dict[str, Any] = {
         "format": "tdfscal-rig/1",
         "name": rig.name,
         "gravity": {"magnitude": rig.gravity, "tilt_std": rig.gravity_tilt_std},
         "terminal": terminal,
         "supports": [_support(rig, i) for i in range(rig.n)],
-        "uncertainty": asdict(rig.declared),
+        "uncertainty": _uncertainty(rig),
     }
+    if rig.drift != Drift():
+        document["drift"] = {
+            "time": rig.drift.time * HOUR,
+            "temperature": rig.drift.temperature,
+            "walk": rig.drift.walk * HOUR**0.5,
+            "angle": rig.drift.angle,
+        }
+    if campaign := _stated(rig.campaign):
+        document["campaign"] = campaign
+    if rig.serial is not None:
+        document["serial"] = rig.serial
     if log is not None:
         document["log"] = dict(log)
     if tracker is not None:
@@ -60,6 +73,18 @@ def _known(known: UncertainValue) -> dict[str, Any]:
     return {"value": known.value.tolist(), "std": known.std.tolist()}
 
 
+def _stated(record: CampaignInfo | SensorInfo) -> dict[str, str]:
+    return {name: value for name, value in asdict(record).items() if value is not None}
+
+
+def _uncertainty(rig: Rig) -> dict[str, Any]:
+    block: dict[str, Any] = asdict(rig.declared)
+    lateral, vertical = block.pop("compliance_lateral"), block.pop("compliance_vertical")
+    if lateral or vertical:
+        block["compliance"] = {"lateral": lateral, "vertical": vertical}
+    return block
+
+
 def _support(rig: Rig, i: int) -> dict[str, Any]:
     support: dict[str, Any] = {
         "name": rig.supports[i],
@@ -72,6 +97,10 @@ def _support(rig: Rig, i: int) -> dict[str, Any]:
         support["rpy_std"] = std[0] if len(set(std)) == 1 else std
     if np.any(np.isfinite(rig.capacity[i])):
         support["capacity"] = rig.capacity[i].tolist()
+    if not rig.axes[i].all():
+        support["axes"] = [axis for axis, used in zip("xyz", rig.axes[i], strict=True) if used]
+    if rig.sensors and (papers := _stated(rig.sensors[i])):
+        support["sensor"] = papers
     return support
 
 
