@@ -11,6 +11,8 @@ from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 _MAX_ITERATIONS = 60
+#: Relative rounding error that a sum of products of 3×3 matrices may have.
+PRODUCT_ROUNDING = 16 * np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +80,13 @@ def align(
         gradient = np.einsum("...nji,...nj->...i", A, We)
         B = np.einsum("gn,...nij->...gij", member, WA)
         by_shift = transposed(B) @ np.linalg.solve(group_weight, B)
-        H = np.sum(transposed(A) @ WA, axis=-3) - np.sum(by_shift, axis=-3)
+        turn = np.sum(transposed(A) @ WA, axis=-3)
+        H = turn - np.sum(by_shift, axis=-3)
         floor = np.sum(np.trace(W, axis1=-2, axis2=-1), axis=-1) * rounding**2
-        # What rounding lends the points in width keeps H regular for points on a line.
-        ridge = floor[..., None, None] * np.eye(3)
+        # Points on a line leave H singular but for rounding; a ridge above H's own rounding (or
+        # that of the coordinates, where the points coincide) keeps the solution regular.
+        ridge = floor + PRODUCT_ROUNDING * np.trace(turn, axis1=-2, axis2=-1)
+        ridge = ridge[..., None, None] * np.eye(3)
         step = np.linalg.solve(H + ridge, -gradient[..., None])[..., 0]
         decrement = -np.sum(gradient * step, axis=-1)
         R = so3.exp(step) @ R

@@ -18,7 +18,7 @@ from scipy import special
 
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.numerics import so3
-from tdfscal.numerics.alignment import align, transposed
+from tdfscal.numerics.alignment import PRODUCT_ROUNDING, align, transposed
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.significance import HANDEDNESS, MIRRORED
@@ -233,6 +233,8 @@ def _refuse_undetermined(
     feigned = np.einsum("pac,qbd,npq,ncd->nab", eps, eps, weight, remaining)
     scatter = np.linalg.norm(np.trace(feigned, axis1=1, axis2=2))
     feigned = feigned.sum(axis=0) + 5 * scatter * np.eye(3)
+    # So is what rounding feigns, where points without noise lie on a line.
+    feigned += PRODUCT_ROUNDING * np.trace(A) / sigma2 * np.eye(3)
     values, vectors = map(np.asarray, np.linalg.eigh(information - feigned))
     smallest, direction = values[0], vectors[:, 0]
     if smallest < LARGEST_MEANINGFUL_STD**-2:

@@ -162,6 +162,20 @@ def test_points_on_a_line_are_refused(width: float) -> None:
             register(y, x, *covariances)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-8, 1e-5])
+@pytest.mark.parametrize("away", [0.0, 30.0])
+def test_lines_in_every_direction_are_refused(noise: float, away: float) -> None:
+    rng = np.random.default_rng(12)
+    for k in range(30):
+        along = rng.normal(size=3) if k % 3 else np.eye(3)[k % 9 // 3]
+        count = int(rng.integers(3, 9))
+        x = np.linspace(0, 10.0 ** rng.integers(-2, 2), count)[:, None] * along + away
+        y = x @ rotation(rng).T + noise * rng.normal(size=x.shape)
+        for covariance in (stacked(np.eye(3) * 1e-10, count), None):
+            with pytest.raises(NotIdentifiableError, match="one line"):
+                register(y, x, covariance)
+
+
 @pytest.mark.parametrize("known", [True, False])
 def test_noise_of_the_reference_does_not_make_a_line_a_plane(known: bool) -> None:
     """Two hundred noisy points have width enough to feign a rotation of ±0.1 rad about the line."""
