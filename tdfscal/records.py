@@ -108,6 +108,24 @@ class Acceptance:
 
 
 @dataclass(frozen=True, slots=True)
+class JointPrior:
+    """What earlier campaigns know of the rig's constants: one Gaussian of all of them together.
+
+    It takes the place of the priors that the rig file states for them. P parameters in the order
+    of `model.parameters.layout`; only the places of the constants are used.
+    rotation : (n, 3, 3), estimate. vector : (P,), estimates of the other constants.
+    root : (m, P), W with WᵀW the information on a deviation from the estimate; SI, rad, BCS.
+    chi2, dof : of the fits behind it.
+    """
+
+    rotation: FloatArray
+    vector: FloatArray
+    root: FloatArray
+    chi2: float
+    dof: int
+
+
+@dataclass(frozen=True, slots=True)
 class Rig:
     """What is known of the rig, resolved to arrays."""
 
@@ -142,6 +160,8 @@ class Rig:
     campaign: CampaignInfo = CampaignInfo()
     sensors: tuple[SensorInfo, ...] = ()
     """Per support; empty where the rig file names none."""
+    earlier: JointPrior | None = None
+    """What earlier campaigns know of the constants; no part of the rig file."""
 
     @property
     def n(self) -> int:

@@ -8,18 +8,23 @@ Shapes: n supports, P = 18 n + 6 parameters. State arrays may carry leading batc
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from tdfscal.numerics import so3
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import BoolArray, FloatArray, Rig
 
 _VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 #: Unit symmetric matrices, (6, 3, 3).
 SYMMETRIC = np.zeros((6, 3, 3))
 for _j, (_a, _b) in enumerate(_VOIGT):
     SYMMETRIC[_j, _a, _b] = SYMMETRIC[_j, _b, _a] = 1.0
+
+
+#: Groups that are constants of the rig: one realisation in every campaign. The others (zeros,
+#: load) are each campaign's own.
+CONSTANTS = ("rotation", "sensitivity", "hinge", "datum", "tilt")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +72,15 @@ def layout(n: int) -> dict[str, slice]:
     return place
 
 
+def constants(n: int) -> BoolArray:
+    """Which parameters (P,) are constants of the rig."""
+    place = layout(n)
+    mask = np.zeros(place["tilt"].stop, dtype=np.bool_)
+    for group in CONSTANTS:
+        mask[place[group]] = True
+    return mask
+
+
 def retract(state: State, step: FloatArray) -> State:
     """Move the state by step (..., P): rotations by exp([δ]×) on the left, the rest by addition."""
     place, batch = layout(state.n), step.shape[:-1]
@@ -111,10 +125,21 @@ def nominal(rig: Rig) -> State:
     )
 
 
-def prior_std(rig: Rig) -> FloatArray:
-    """Standard deviation of each parameter's prior (P,): 0 exactly known, ∞ unknown.
+def starting_state(rig: Rig) -> State:
+    """Return what is known before the postures speak: the constants by earlier campaigns, if any."""
+    state = nominal(rig)
+    if rig.earlier is None:
+        return state
+    known = np.where(constants(rig.n), rig.earlier.vector - vector(state), 0.0)
+    known[: 3 * rig.n] = 0.0
+    return replace(retract(state, known), rotation=rig.earlier.rotation)
 
-    The rotations' own prior is a prior on roll, pitch and yaw; it does not stand here.
+
+def prior_std(rig: Rig) -> FloatArray:
+    """Standard deviation of each parameter's own prior (P,): 0 exactly known, ∞ none.
+
+    The rotations' own prior is a prior on roll, pitch and yaw; it does not stand here. Where
+    earlier campaigns speak for the constants, those have no prior of their own.
     """
     n, declared, place = rig.n, rig.declared, layout(rig.n)
     s = declared.force_sensitivity
@@ -128,6 +153,8 @@ def prior_std(rig: Rig) -> FloatArray:
     std[place["hinge"]] = declared.hinge
     std[place["datum"]] = declared.datum
     std[place["tilt"]] = rig.gravity_tilt_std
+    if rig.earlier is not None:
+        std[constants(n) & (std > 0)] = np.inf
     return std
 
 

@@ -14,8 +14,10 @@ from tdfscal.records import FloatArray, IntArray
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.significance import INTERVAL_COVERAGE
 
+#: What earlier campaigns contribute; their covariance is not scaled yet.
+EARLIER = "earlier campaigns"
 #: Sources of the budget that average out over postures; the Birge ratio scales these.
-NOISE = ("noise", "positioner", "hinge friction")
+NOISE = ("noise", "positioner", "hinge friction", EARLIER)
 #: Parameter groups by their name in the budget.
 PRIORS = {
     "zero": "zero",
@@ -37,7 +39,8 @@ _ROUNDING = 1e-6
 class Quality:
     """How well residuals and stated uncertainties agree.
 
-    chi2 with dof degrees of freedom; p_value that chance alone gives more. birge = √(χ²/dof).
+    chi2 with dof degrees of freedom; p_value that chance alone gives more. birge = √(χ²/dof), of
+    all campaigns where the estimate stands on earlier ones.
     rms_force (N), rms_moment (N·m, about the barycentre): quadratic mean over the postures of
     the length of the residual.
     """
@@ -83,6 +86,9 @@ def quality(fit: Fit, parts: Spectrum) -> Quality:
     """χ² of the fit against the stated uncertainties."""
     e = fit.residual[fit.weight > 0]
     dof = e.size + len(fit.prior_residual) - len(parts.values)
+    total, all_dof = fit.cost, dof
+    if fit.rig.earlier is not None:
+        total, all_dof = total + fit.rig.earlier.chi2, all_dof + fit.rig.earlier.dof
     rms_force, rms_moment = (
         float(np.sqrt(np.mean(np.sum(e[:, rows] ** 2, axis=1)))) for rows in np.s_[:3, 3:]
     )
@@ -90,7 +96,7 @@ def quality(fit: Fit, parts: Spectrum) -> Quality:
         chi2=fit.cost,
         dof=dof,
         p_value=float(chi2_sf(fit.cost, dof)) if dof > 0 else 1.0,
-        birge=float(np.sqrt(fit.cost / dof)) if dof > 0 else 1.0,
+        birge=float(np.sqrt(total / all_dof)) if all_dof > 0 else 1.0,
         rms_force=rms_force,
         rms_moment=rms_moment,
     )
@@ -149,9 +155,13 @@ def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
         "hinge friction": through(np.broadcast_to(friction, turning.shape)),
     }
     columns = np.flatnonzero(fit.active)
+    earlier = 0 if fit.rig.earlier is None else len(fit.rig.earlier.root)
+    own, common = np.split(fit.prior_jacobian, [len(fit.prior_jacobian) - earlier])
+    half = posterior @ common.T
+    shares[EARLIER] = half @ half.T
     for group, place in layout(fit.rig.n).items():
         inside = (columns >= place.start) & (columns < place.stop)
-        rows = fit.prior_jacobian[np.abs(fit.prior_jacobian[:, inside]).any(axis=1)]
+        rows = own[np.abs(own[:, inside]).any(axis=1)]
         half = posterior @ rows.T
         shares[PRIORS[group]] = half @ half.T
     return shares
@@ -218,5 +228,7 @@ def _effective_dof(
     if not scaled:
         return np.full(total.shape, np.inf)
     dof = max(1, fit.residual[fit.weight > 0].size - len(parts.values) + len(fit.prior_residual))
+    if fit.rig.earlier is not None:
+        dof += fit.rig.earlier.dof
     noise = np.sum([contributions[name] for name in NOISE], axis=0)
     return np.asarray(dof * (total / np.maximum(noise, np.finfo(float).tiny)) ** 2)

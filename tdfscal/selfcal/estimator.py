@@ -12,7 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.parameters import State, deviation, layout, nominal, prior_std, retract, vector
+from tdfscal.model.parameters import (
+    State,
+    constants,
+    deviation,
+    layout,
+    nominal,
+    prior_std,
+    retract,
+    starting_state,
+    vector,
+)
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
@@ -90,11 +100,15 @@ class Priors:
         self.rows[np.arange(len(self.held)), self.held] = 1 / self.std
         self.rows = self.rows[:, self.active]
         self.rpy, self.rpy_std = rig.nominal_rpy, rig.rpy_std
-        self.angled = np.flatnonzero(np.isfinite(rig.rpy_std).ravel())
+        self.earlier, self.known = rig.earlier, starting_state(rig)
+        own = np.isfinite(rig.rpy_std).ravel() & (rig.earlier is None)
+        self.angled = np.flatnonzero(own)
 
     def __call__(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Residual (m,) and Jacobian (m, p)."""
         residual = (vector(state) - self.mean)[self.held] / self.std
+        if self.earlier is not None:
+            return self._with_earlier(state, self.earlier.root, residual)
         if not len(self.angled):
             return residual, self.rows
         # A prior on roll, pitch, yaw about the nominal mounting.
@@ -106,6 +120,20 @@ class Priors:
         return (
             np.concatenate([residual, turn.ravel()[self.angled] / scale]),
             np.concatenate([self.rows, jac[self.angled] / scale[:, None]]),
+        )
+
+    def _with_earlier(
+        self, state: State, root: FloatArray, residual: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Own rows, and last the rows of earlier campaigns: W log(X X̂ᵀ), W (x − x̂)."""
+        away = np.where(constants(state.n), deviation(state, self.known), 0.0)
+        rows = root.copy()
+        for i in range(state.n):  # d log(exp(δ) exp(v)) = J⁻¹(v) δ
+            turn = slice(3 * i, 3 * i + 3)
+            rows[:, turn] = root[:, turn] @ np.linalg.inv(so3.left_jacobian(away[turn]))
+        return (
+            np.concatenate([residual, root @ away]),
+            np.concatenate([self.rows, rows[:, self.active]]),
         )
 
 
@@ -218,7 +246,7 @@ def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
         found = at_state(rig, postures, solution.state, everyone)
         return spread(found.distance), found
 
-    best = tried(nominal(rig))
+    best = tried(starting_state(rig))
     if best[0] > _EXPLAINED:
         best = min(best, tried(linear_start(rig, postures)), key=lambda pair: pair[0])
     for i in range(rig.n):

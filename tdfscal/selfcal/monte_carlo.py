@@ -52,7 +52,7 @@ class Sampler:
         self.fit = fit
         self.equations = Equations(at, used, fit.state, fit.active, fit.rig.gravity)
         self.reading = fit.postures.force[used]
-        inflate = max(1.0, birge)
+        inflate = self.inflate = max(1.0, birge)
         self.force_root = inflate * covariance_root(fit.postures.force_cov[used])
         self.turn_root = inflate * at.noise_turn[used] @ covariance_root(at.turn_cov[used])
         self.moment_std = inflate * np.sqrt(fit.postures.moment_var)
@@ -67,6 +67,8 @@ class Sampler:
         if self.moment_std > 0:
             wrench[:, 3:] += self.moment_std * rng.standard_normal((K, 3, trials))
         offset = rng.standard_normal((len(self.fit.prior_residual), trials))
+        if self.fit.rig.earlier is not None:
+            offset[-len(self.fit.rig.earlier.root) :] *= self.inflate
         return Perturbed(self.reading[..., None] + noise, wrench), offset
 
     def solve(self, data: Perturbed, offset: FloatArray) -> tuple[Trials, FloatArray]:
