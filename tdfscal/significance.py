@@ -56,6 +56,13 @@ CAUSE_EXPLAINS: Final = 0.01
 #: Two causes are told apart when one leaves this much less χ² (3σ), beyond its further unknowns.
 CAUSES_APART: Final = 9.0
 
+# Several campaigns --------------------------------------------------------------------------------
+
+#: That campaigns of an unchanged rig are called inconsistent, all of them together.
+CAMPAIGN_MISFIT: Final = 0.01
+#: Default rate at which an unchanged rig raises an alarm of `monitor`, per year.
+ALARMS_PER_YEAR: Final = 0.01
+
 # The laser tracker --------------------------------------------------------------------------------
 
 #: That a faultless survey has any point called outlying, per survey.

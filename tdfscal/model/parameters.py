@@ -126,7 +126,7 @@ def nominal(rig: Rig) -> State:
 
 
 def starting_state(rig: Rig) -> State:
-    """Return what is known before the postures speak: the constants by earlier campaigns, if any."""
+    """Return what is known before the postures: the constants by earlier campaigns, if any."""
     state = nominal(rig)
     if rig.earlier is None:
         return state

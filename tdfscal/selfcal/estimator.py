@@ -91,7 +91,7 @@ class Priors:
     """Whitened rows of all priors with 0 < std < ∞, by the active parameters."""
 
     def __init__(self, rig: Rig) -> None:
-        std = prior_std(rig)
+        std = self.full_std = prior_std(rig)
         self.active = std > 0
         self.mean = vector(nominal(rig))
         self.held = np.flatnonzero(np.isfinite(std) & self.active)

@@ -1,0 +1,112 @@
+"""What one campaign says of the rig's constants, as a quadratic form.
+
+A campaign's own quantities (zeros, load) are eliminated by a Schur complement; what is left is the
+information on the rig's constants, counted from a common reference. Rotations, hinges, datums,
+sensitivities and the direction of gravity have one realisation in all campaigns: they are pooled
+together, since pooled on the rotations alone a hinge's error would seem to average out.
+Information adds; a campaign that determines nothing by itself adds what it has.
+
+C active constants in the order of `model.parameters.layout`; the 3n rotations come first, rad.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.model.earlier import EVEN_TURN
+from tdfscal.model.parameters import State, constants, deviation
+from tdfscal.numerics import so3
+from tdfscal.numerics.information import Information, nothing
+from tdfscal.records import FloatArray
+from tdfscal.selfcal.estimator import Fit, Priors
+
+
+@dataclass(frozen=True, slots=True)
+class Eliminated:
+    """A campaign whose own parameters are eliminated at a state.
+
+    chi2 : with the constants at the reference and the own parameters at their best. rows : number
+    of residuals, own priors included, less the own parameters that they determine.
+    own : (o,), step of the own parameters at the reference; give : (o, C), their change per change
+    of the constants.
+    """
+
+    information: Information
+    chi2: float
+    rows: int
+    own: FloatArray
+    give: FloatArray
+
+
+def eliminate(fit: Fit, reference: State) -> Eliminated:
+    """Reduce a campaign to its constants (C,), counted from the reference's; priors of the
+    constants are left out, those of its own parameters are kept.
+    """
+    common = constants(fit.rig.n)[fit.active]
+    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
+    used = fit.weight > 0
+    own_rows = np.abs(fit.prior_jacobian[:, ~common]).any(axis=1)
+    J = np.concatenate(
+        [
+            (root @ fit.jacobian)[used].reshape(-1, len(common)),
+            fit.prior_jacobian[own_rows],
+        ]
+    )
+    r = np.concatenate(
+        [(root @ fit.residual[..., None])[used].ravel(), fit.prior_residual[own_rows]]
+    )
+    # Residual at the reference's constants, to the first order.
+    away = deviation(fit.state, reference)[fit.active][common]
+    A, B = J[:, common], J[:, ~common]
+    r = r - A @ away
+    scale = np.linalg.norm(B, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    U, s, Vt = np.linalg.svd(B / scale, full_matrices=False)
+    rank = int(np.sum(s > s[0] * max(B.shape) * np.finfo(float).eps * 8)) if len(s) else 0
+    U = U[:, :rank]
+    back = -(Vt[:rank].T / s[:rank]) @ U.T / scale[:, None]
+    free_A, free_r = A - U @ (U.T @ A), r - U @ (U.T @ r)
+    return Eliminated(
+        information=Information(free_A.T @ free_A, -(free_A.T @ free_r)),
+        chi2=float(free_r @ free_r),
+        rows=len(r) - rank,
+        own=back @ r,
+        give=back @ A,
+    )
+
+
+def of_rotations(
+    rotation: FloatArray, covariance: FloatArray, reference: State, size: int
+) -> Information:
+    """Information (C, C) of an estimate of the rotations alone, as a tracker's survey gives it."""
+    n = len(rotation)
+    away = so3.log(rotation @ np.swapaxes(reference.rotation, 1, 2)).ravel()
+    out = nothing(size)
+    matrix = np.linalg.inv(covariance)
+    out.matrix[: 3 * n, : 3 * n] = (matrix + matrix.T) / 2
+    out.score[: 3 * n] = out.matrix[: 3 * n, : 3 * n] @ away
+    return out
+
+
+def stated(priors: Priors, reference: State) -> Information:
+    """What the rig file, or an earlier calibration, says of the constants, counted once."""
+    n = reference.n
+    common = constants(n)[priors.active]
+    residual, rows = priors(reference)
+    rows = rows[:, common]
+    here = np.abs(rows).any(axis=1)
+    matrix = rows[here].T @ rows[here]
+    # A rotation of which nothing is known is still no further off than half a turn, and no other
+    # constant by more than its unit.
+    places = np.arange(len(matrix))
+    matrix[places, places] += np.where(places < 3 * n, EVEN_TURN**-2, 1.0)
+    return Information(matrix, -(rows[here].T @ residual[here]))
+
+
+def unstated(priors: Priors) -> int:
+    """Count the free constants that have no prior of their own."""
+    std, n = priors.full_std, len(priors.rpy)
+    open_std = np.isinf(std) & constants(n)
+    return int(open_std.sum()) - len(priors.angled)

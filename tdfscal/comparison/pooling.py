@@ -1,0 +1,275 @@
+"""Several campaigns of one rig as one estimate: common constants, zeros and load of each its own.
+
+Each campaign is fitted with what the others know, so that one which determines nothing alone takes
+part; then all are reduced to their information about one common reference, filtered in the order
+of time, and each is held against the rest before anything is pooled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.comparison.eliminated import Eliminated, eliminate, of_rotations, stated, unstated
+from tdfscal.comparison.walk import forward, misfits, others
+from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned
+from tdfscal.model.parameters import CONSTANTS, State, nominal, retract
+from tdfscal.model.statics import Postures
+from tdfscal.numerics.information import Contrast, Information, p_value
+from tdfscal.records import FloatArray, JointPrior, Rig, Rotations
+from tdfscal.selfcal.estimator import Fit, Priors, at_state
+from tdfscal.selfcal.outliers import Rejection, fit_robust
+from tdfscal.significance import CAMPAIGN_MISFIT
+
+#: Largest step of the common constants, in standard uncertainties, that needs no further round.
+_SETTLED = 1e-4
+_ROUNDS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A campaign to be pooled: its rig file and its static postures, or a tracker's survey.
+
+    month : when it was measured, in months of 30.4375 days from any common instant.
+    """
+
+    name: str
+    month: float
+    rig: Rig
+    postures: Postures | None = None
+    survey: Rotations | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A campaign within the pool.
+
+    own : what it says by itself. misfit : against all others. fit : at the common constants; None
+    for a survey. chi2, dof : of its residuals and of its departure from those before it.
+    """
+
+    name: str
+    month: float
+    own: Information
+    misfit: Contrast
+    fit: Fit | None
+    rejected: tuple[Rejection, ...]
+    chi2: float
+    dof: int
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """A campaign that does not fit the others, and the sensor that explains it best, if one does.
+
+    turn : (3,), rad, BCS, of that sensor; p_value : that chance alone departs as much.
+    """
+
+    campaign: str
+    sensor: str | None
+    turn: FloatArray
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """Campaigns in the order of time about a common reference of the constants.
+
+    prior : what the rig file states of the constants, counted once.
+    walk : rad/√month.
+    """
+
+    reference: State
+    prior: Information
+    walk: float
+    members: tuple[Member, ...]
+    misfits: tuple[Misfit, ...]
+
+    def others(self, rig: Rig, index: int) -> JointPrior:
+        """What all other campaigns know of the constants at the time of one."""
+        own = [member.own for member in self.members]
+        rest = others(own, self.prior, walk_steps(rig, self.members, self.walk))[index]
+        chosen = [m for k, m in enumerate(self.members) if k != index]
+        dof = sum(m.dof for m in chosen)
+        return joint_prior(rig, self.reference, rest, sum(m.chi2 for m in chosen), dof)
+
+
+def walk_steps(rig: Rig, items: Sequence[Member | Recorded], walk: float) -> list[FloatArray]:
+    """Variance (C,) of the walk before each campaign."""
+    months = [item.month for item in items]
+    gaps = np.diff(months, prepend=months[0])
+    return [turned(rig, walk * float(np.sqrt(max(gap, 0.0)))) for gap in gaps]
+
+
+def pool(campaigns: Sequence[Recorded]) -> Pool:
+    """Pool campaigns whose rig files state the same constants, the latest rig's walk between them.
+
+    Parameters
+    ----------
+    campaigns : two or more, one of them at least with postures.
+
+    Returns
+    -------
+    Pool : with the campaigns that do not fit the others named; whether to pool them all the same
+        is the caller's to say.
+
+    References
+    ----------
+    Theory, section 9.
+    """
+    ordered = sorted(campaigns, key=lambda item: item.month)
+    rig = ordered[-1].rig
+    walk = rig.drift.angle
+    fits, rejected = _first_round(ordered)
+    reference = _known_state(rig, ordered, fits)
+    prior = stated(Priors(rig), reference)
+    steps = walk_steps(rig, ordered, walk)
+    for _ in range(_ROUNDS):
+        reduced = [_reduced(item, f, reference) for item, f in zip(ordered, fits, strict=True)]
+        own = [part.information for part in reduced]
+        posterior = others(own, prior, steps)[-1] + own[-1]
+        move = posterior.mean
+        fits = [
+            _moved(item, f, part, reference, move)
+            for item, f, part in zip(ordered, fits, reduced, strict=True)
+        ]
+        reference = _stepped(rig, reference, move)
+        prior = stated(Priors(rig), reference)
+        if np.abs(move / np.sqrt(np.diagonal(posterior.covariance))).max() < _SETTLED:
+            break
+    reduced = [_reduced(item, f, reference) for item, f in zip(ordered, fits, strict=True)]
+    own = [part.information for part in reduced]
+    contrasts = misfits(own, prior, steps)
+    known = forward(own, prior, steps)
+    members = []
+    for k, item in enumerate(ordered):
+        chi2, dof = _fresh(known[k], reduced[k])
+        # Constants of which nothing was stated are determined by the first campaign.
+        dof -= 0 if k else unstated(Priors(rig))
+        members.append(
+            Member(item.name, item.month, own[k], contrasts[k], fits[k], rejected[k], chi2, dof)
+        )
+    found = _not_fitting(rig, [item.name for item in ordered], own, prior, steps)
+    return Pool(reference, prior, walk, tuple(members), found)
+
+
+def _fresh(known: Information, part: Eliminated) -> tuple[float, int]:
+    """χ² and degrees of freedom that a campaign adds to those before it."""
+    both = known + part.information
+    with_prior = float(known.mean @ known.score + part.chi2 - both.mean @ both.score)
+    return max(0.0, with_prior), part.rows
+
+
+def _not_fitting(
+    rig: Rig,
+    names: Sequence[str],
+    own: Sequence[Information],
+    prior: Information,
+    steps: Sequence[FloatArray],
+) -> tuple[Misfit, ...]:
+    """Campaigns that do not fit the others: the worst first, then what is left without it."""
+    level, own, found = CAMPAIGN_MISFIT / len(own), list(own), []
+    silent = Information(np.zeros_like(prior.matrix), np.zeros_like(prior.score))
+    for _ in range(len(own) - 1):
+        ranked = []
+        for k, departure in enumerate(misfits(own, prior, steps)):
+            if not own[k].matrix.any():
+                continue
+            ranked.append((_probability(rig, departure), k, departure))
+        worst = min(ranked, key=lambda entry: entry[0])
+        if worst[0] > level:
+            break
+        found.append(_named(rig, names[worst[1]], worst[2], worst[0]))
+        own[worst[1]] = silent
+    return tuple(found)
+
+
+def _probability(rig: Rig, departure: Contrast) -> float:
+    """Of as large a departure by chance: any single sensor's turn, or all together (Bonferroni)."""
+    tested = [departure.chi2(), *(departure.chi2(turn_of(i)) for i in range(rig.n))]
+    return min(1.0, len(tested) * min(map(p_value, tested)))
+
+
+def _named(rig: Rig, name: str, departure: Contrast, p: float) -> Misfit:
+    best = max(range(rig.n), key=lambda i: departure.chi2(turn_of(i))[0])
+    turn, _ = departure.change(turn_of(best))
+    return Misfit(name, rig.supports[best], turn, p)
+
+
+def turn_of(sensor: int) -> slice:
+    """Place of a sensor's rotation among the constants."""
+    return slice(3 * sensor, 3 * sensor + 3)
+
+
+def _first_round(
+    ordered: Sequence[Recorded],
+) -> tuple[list[Fit | None], list[tuple[Rejection, ...]]]:
+    """Fit each campaign with what those with more postures know; outliers are left out here."""
+    fits: list[Fit | None] = [None] * len(ordered)
+    rejected: list[tuple[Rejection, ...]] = [()] * len(ordered)
+    sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
+    known: Information | None = None
+    reference: State | None = None
+    for k in np.argsort(sizes)[::-1]:
+        item = ordered[k]
+        if item.postures is None:
+            continue
+        rig = item.rig
+        if known is not None and reference is not None:
+            rig = replace(rig, earlier=joint_prior(rig, reference, known))
+        result, rejected[k] = fit_robust(loosened(rig), item.postures)
+        fits[k] = result
+        if reference is None or known is None:
+            reference = result.state
+            known = stated(Priors(item.rig), reference)
+        known = known + eliminate(result, reference).information
+    return fits, rejected
+
+
+def _known_state(rig: Rig, ordered: Sequence[Recorded], fits: Sequence[Fit | None]) -> State:
+    """Constants by the campaign with the most postures, as a first reference."""
+    sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
+    largest = fits[int(np.argmax(sizes))]
+    return nominal(rig) if largest is None else largest.state
+
+
+def _reduced(item: Recorded, at: Fit | None, reference: State) -> Eliminated:
+    if at is not None:
+        return eliminate(at, reference)
+    assert item.survey is not None
+    size = int(free_constants(item.rig).sum())
+    found = of_rotations(item.survey.rotation, item.survey.covariance, reference, size)
+    return Eliminated(
+        found,
+        float(found.score @ np.linalg.pinv(found.matrix) @ found.score),
+        3 * len(item.survey.rotation),
+        np.zeros(0),
+        np.zeros((0, size)),
+    )
+
+
+def _moved(
+    item: Recorded, at: Fit | None, part: Eliminated, reference: State, move: FloatArray
+) -> Fit | None:
+    """The campaign's fit at the constants reference + move, its own parameters at their best."""
+    if at is None or item.postures is None:
+        return None
+    common = free_constants(item.rig)
+    state = _with_constants(at.state, reference)
+    step = np.zeros(len(common))
+    step[common] = move
+    step[at.active & ~common] = part.own + part.give @ move
+    return at_state(item.rig, item.postures, retract(state, step), at.weight)
+
+
+def _with_constants(state: State, reference: State) -> State:
+    return replace(state, **{group: getattr(reference, group) for group in CONSTANTS})
+
+
+def _stepped(rig: Rig, reference: State, move: FloatArray) -> State:
+    free = free_constants(rig)
+    step = np.zeros(len(free))
+    step[free] = move
+    return retract(reference, step)

@@ -1,0 +1,106 @@
+"""Angles that creep: a random walk between campaigns, filtered forwards and smoothed backwards.
+
+State: the free constants of the rig (C,), of which the 3n rotations walk with intensity q per axis
+(rad/√month) and the others stay. In information form a campaign that determines only a part of
+them needs no special case. Filtered forwards and backwards, the smoothed state is the sum of both
+and of the campaign's own (two-filter form of Rauch, Tung and Striebel's smoother; Fraser and
+Potter, IEEE Trans. Autom. Control 14, 1969).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.numerics.information import Contrast, Information, contrast, nothing
+from tdfscal.records import FloatArray
+from tdfscal.significance import INTERVAL_COVERAGE
+
+#: Random-walk intensities that are tried, rad/√month, beside none at all.
+_TRIED = np.geomspace(1e-6, 2e-2, 60)
+
+
+def forward(
+    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
+) -> list[Information]:
+    """What is known before each campaign speaks, from those before it.
+
+    Parameters
+    ----------
+    own : per campaign, in the order of time. prior : before the first.
+    steps : variance (C,) of the walk before each campaign; the first is not used.
+    """
+    before, now = [], prior
+    for k, item in enumerate(own):
+        now = now.walked(steps[k]) if k else now
+        before.append(now)
+        now = now + item
+    return before
+
+
+def backward(own: Sequence[Information], steps: Sequence[FloatArray]) -> list[Information]:
+    """What the campaigns after each one say of the constants at its time."""
+    size = len(own[0].score)
+    after, now = [], nothing(size)
+    for k in range(len(own) - 1, -1, -1):
+        after.append(now)
+        now = (now + own[k]).walked(steps[k])
+    return after[::-1]
+
+
+def others(
+    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
+) -> list[Information]:
+    """What all other campaigns say of the constants at the time of each."""
+    pairs = zip(forward(own, prior, steps), backward(own, steps), strict=True)
+    return [a + b for a, b in pairs]
+
+
+def misfits(
+    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
+) -> list[Contrast]:
+    """Each campaign against all others."""
+    rest = others(own, prior, steps)
+    return [contrast(a, b) for a, b in zip(rest, own, strict=True)]
+
+
+def log_likelihood(
+    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
+) -> float:
+    """Logarithm of the likelihood of all campaigns but the first, up to a constant."""
+    total = 0.0
+    for k, (known, item) in enumerate(zip(forward(own, prior, steps), own, strict=True)):
+        if k == 0:
+            continue
+        gain = _log_det(known.matrix + item.matrix) - _log_det(known.matrix)
+        total -= 0.5 * (gain + contrast(known, item).chi2()[0])
+    return total
+
+
+def _log_det(matrix: FloatArray) -> float:
+    scale = np.sqrt(np.diagonal(matrix))
+    return float(np.linalg.slogdet(matrix / scale[:, None] / scale)[1] + 2 * np.log(scale).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Intensity:
+    """Random-walk intensity by the history, rad/√month: most likely value, 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def intensity(likelihood: Callable[[float], float]) -> Intensity:
+    """Estimate q from its log-likelihood; the interval by the likelihood ratio (χ² of one).
+
+    low is 0 where no walk at all is within it.
+    """
+    tried = np.concatenate([[0.0], _TRIED])
+    level = np.array([likelihood(float(q)) for q in tried])
+    best = int(np.argmax(level))
+    inside = np.flatnonzero(level >= level[best] - chi2_quantile(INTERVAL_COVERAGE, 1) / 2)
+    return Intensity(float(tried[best]), float(tried[inside[0]]), float(tried[inside[-1]]))

@@ -1,0 +1,99 @@
+"""Gaussians in information form: sums, random walks and contrasts, singular ones included."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.records import FloatArray
+
+#: Directions with less than this share of the largest information carry none.
+_ROUNDING = 1e-11
+
+
+@dataclass(frozen=True, slots=True)
+class Information:
+    """Λ (C, C) and η (C,) with Λ x = η at the mean, x counted from some common reference."""
+
+    matrix: FloatArray
+    score: FloatArray
+
+    def __add__(self, other: Information) -> Information:
+        return Information(self.matrix + other.matrix, self.score + other.score)
+
+    def __sub__(self, other: Information) -> Information:
+        return Information(self.matrix - other.matrix, self.score - other.score)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(C, C); the information must determine every constant."""
+        scale = 1 / np.sqrt(np.diagonal(self.matrix))
+        inverse = np.linalg.inv(scale[:, None] * self.matrix * scale)
+        return np.asarray(scale[:, None] * (inverse + inverse.T) / 2 * scale)
+
+    @property
+    def mean(self) -> FloatArray:
+        """(C,), from the reference."""
+        return np.asarray(self.covariance @ self.score)
+
+    def walked(self, variance: FloatArray) -> Information:
+        """Return what is left after the constants walked with variance (C,): (Λ⁻¹ + Q)⁻¹."""
+        if not variance.any():
+            return self
+        keep = np.linalg.inv(np.eye(len(variance)) + self.matrix * variance)
+        matrix = keep @ self.matrix
+        return Information((matrix + matrix.T) / 2, keep @ self.score)
+
+    def scaled(self, birge: float) -> Information:
+        """Return the same with all standard deviations multiplied by birge."""
+        return Information(self.matrix / birge**2, self.score / birge**2)
+
+
+def nothing(size: int) -> Information:
+    """Information of size C that says nothing."""
+    return Information(np.zeros((size, size)), np.zeros(size))
+
+
+@dataclass(frozen=True, slots=True)
+class Contrast:
+    """Difference of two independent estimates, each perhaps of a part of the constants.
+
+    matrix : M = (Λ_a⁻¹ + Λ_b⁻¹)⁻¹ (C, C), information on the difference, singular where either is.
+    score : M (x_b − x_a) (C,).
+    """
+
+    matrix: FloatArray
+    score: FloatArray
+
+    def chi2(self, where: slice | None = None) -> tuple[float, int]:
+        """χ² and degrees of freedom of a change of the constants at `where`, all others unchanged.
+
+        A change of everything without `where`.
+        """
+        part = slice(None) if where is None else where
+        values, vectors = np.linalg.eigh(self.matrix[part, part])
+        seen = values > _ROUNDING * max(values.max(initial=0.0), np.finfo(float).tiny)
+        along = vectors[:, seen].T @ self.score[part]
+        return float(np.sum(along**2 / values[seen])), int(seen.sum())
+
+    def change(self, where: slice) -> tuple[FloatArray, FloatArray]:
+        """Most likely change of the constants at `where` alone, and its covariance."""
+        covariance = np.linalg.pinv(self.matrix[where, where], rcond=_ROUNDING, hermitian=True)
+        return np.asarray(covariance @ self.score[where]), np.asarray(covariance)
+
+
+def contrast(a: Information, b: Information) -> Contrast:
+    """B against a; their sum must determine every constant."""
+    scale = 1 / np.sqrt(np.diagonal(a.matrix + b.matrix))
+    A, B = (scale[:, None] * part.matrix * scale for part in (a, b))
+    total = np.linalg.inv(A + B)
+    M = A @ total @ B
+    score = A @ total @ (scale * b.score) - B @ total @ (scale * a.score)
+    return Contrast((M + M.T) / 2 / scale[:, None] / scale, score / scale)
+
+
+def p_value(found: tuple[float, int]) -> float:
+    """Probability that chance alone gives more than this χ² with its degrees of freedom."""
+    return float(chi2_sf(*found)) if found[1] else 1.0
