@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.dwells import find_dwells
-from tdfscal.records import FloatArray
-from tests.dwells.rig_log import Recipe, record
+from tdfscal.records import FloatArray, Log, Series
+from tests.dwells.rig_log import Recipe, Recorded, record
 
 Random = np.random.Generator
 HEADS = ("what", "stops", "found", "in parts", "reach into a move", "bias / se, worst", "rms",
@@ -80,6 +80,91 @@ def _also(recipe: Recipe, rng: Random) -> Recipe:
     return replace(recipe, also=(amplitude, tau * rng.uniform(0.5, 1.0), _log(rng, 0.5, 5.0)))
 
 
+def _changed(
+    recorded: Recorded,
+    force: Callable[[FloatArray, FloatArray], None] | None = None,
+    position: Callable[[FloatArray, FloatArray], None] | None = None,
+) -> Recorded:
+    """The same with the values of all supports (T, n, 3) changed in place, given their times."""
+
+    def series(old: tuple[Series, ...], change: Callable[..., None] | None) -> tuple[Series, ...]:
+        if change is None:
+            return old
+        value = np.stack([one.value for one in old], axis=1)
+        change(old[0].time, value)
+        return tuple(Series(old[0].time, value[:, i].copy()) for i in range(len(old)))
+
+    log = recorded.log
+    return replace(
+        recorded,
+        log=Log(log.supports, series(log.position, position), series(log.force, force)),
+    )
+
+
+def _bursts(rng: Random) -> Recorded:
+    """Half a sine of 0.1 to 0.5 s and 10 to 50 N amid every second stop."""
+    recorded = record(_usual(rng, stops=_stops(rng, 3.0, 6.0, 16)))
+
+    def force(t: FloatArray, value: FloatArray) -> None:
+        for begin, end in recorded.stops[::2]:
+            at, length = rng.uniform(begin + 1.0, end - 1.0), _log(rng, 0.1, 0.5)
+            u = (t - at) / length
+            push = np.where((u > 0) & (u < 1), np.sin(np.pi * np.clip(u, 0.0, 1.0)), 0.0)
+            value += _log(rng, 10.0, 50.0) * push[:, None, None] * rng.normal(size=(1, 3, 3))
+
+    return _changed(recorded, force=force)
+
+
+def _noisy_stops(rng: Random) -> Recorded:
+    """Every fifth stop is four times as noisy, as beside a machine that runs for a while."""
+    recorded = record(_usual(rng, stops=_stops(rng, 3.0, 6.0, 16)))
+
+    def force(t: FloatArray, value: FloatArray) -> None:
+        for begin, end in recorded.stops[2::5]:
+            here = (t >= begin) & (t < end)
+            more = rng.standard_normal((int(here.sum()), *value.shape[1:]))
+            value[here] += np.sqrt(15.0) * recorded.recipe.force_noise * more
+
+    return _changed(recorded, force=force)
+
+
+def _wrong_samples(rng: Random) -> Recorded:
+    """Encoders that miscount single samples by 0.05 to 1 mm, once in five seconds."""
+    recorded = record(_usual(rng, stops=_stops(rng, 3.0, 6.0, 16)))
+
+    def position(t: FloatArray, value: FloatArray) -> None:
+        for row in rng.integers(0, len(t), round((t[-1] - t[0]) / 5.0)):
+            value[row, rng.integers(3), rng.integers(3)] += _log(rng, 5e-5, 1e-3)
+
+    return _changed(recorded, position=position)
+
+
+def _never_at_rest(rng: Random) -> Recorded:
+    """A slow multisine; the one stop of the recipe lies after the log's end."""
+    recorded = record(_usual(rng, stops=(60.0,), force_noise=1.0))
+    hertz = rng.uniform(0.02, 0.2, (3, 3, 3))
+    phase = rng.uniform(0, 2 * np.pi, (3, 3, 3))
+    size = np.stack([rng.uniform(0.005, 0.02, (3, 3, 3)), rng.uniform(20.0, 80.0, (3, 3, 3))])
+
+    def moved(which: int) -> Callable[[FloatArray, FloatArray], None]:
+        def change(t: FloatArray, value: FloatArray) -> None:
+            turn = 2 * np.pi * hertz * t[:, None, None, None] + phase
+            value += (size[which] * np.sin(turn)).sum(axis=1)
+
+        return change
+
+    return replace(_changed(recorded, moved(1), moved(0)), stops=np.array([[1e6, 1e6 + 60.0]]))
+
+
+#: Faults that an ablation asks for besides; each is found here as a stop is, or not at all.
+FAULTS: dict[str, Callable[[Random], Recorded]] = {
+    "bursts of force amid stops": _bursts,
+    "some stops four times as noisy": _noisy_stops,
+    "encoders that miscount samples": _wrong_samples,
+    "never at rest": _never_at_rest,
+}
+
+
 @dataclass(frozen=True)
 class Score:
     """parts : stops found as more than one dwell. astray : dwells that reach into a move.
@@ -105,9 +190,9 @@ class Score:
         )
 
 
-def score(recipe: Recipe) -> Score:
+def score(recorded: Recorded) -> Score:
     """What is found of one log."""
-    recorded = record(recipe)
+    recipe = recorded.recipe
     dwells = find_dwells(recorded.log)
     hits = np.zeros(len(recorded.stops), dtype=np.int64)
     astray = 0
@@ -133,7 +218,9 @@ def score(recipe: Recipe) -> Score:
 
 def scored(what: str, seeds: range) -> Score:
     """What is found of several logs of a kind."""
-    return together([score(KINDS[what](np.random.default_rng(seed))) for seed in seeds])
+    if what in FAULTS:
+        return together([score(FAULTS[what](np.random.default_rng(seed))) for seed in seeds])
+    return together([score(record(KINDS[what](np.random.default_rng(seed)))) for seed in seeds])
 
 
 def together(scores: list[Score]) -> Score:

@@ -94,7 +94,7 @@ def test_every_settled_stop_is_one_dwell_without_bias(
         stops=(stop,) * 10,
         seed=5,
     )
-    found = score(recipe)
+    found = score(record(recipe))
     assert (found.stops, found.found, found.parts, found.astray) == (10, 10, 0, 0)
     assert found.bias.max() < 1.0
 
@@ -109,7 +109,7 @@ def test_settle_time_takes_the_place_of_all_that() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_drift_of_the_zeros_is_no_settling(drift: float, seed: int) -> None:
     """Forces drift by up to twenty standard errors within a stop."""
-    found = score(Recipe(drift=drift, stops=(4.0,) * 12, seed=seed))
+    found = score(record(Recipe(drift=drift, stops=(4.0,) * 12, seed=seed)))
     assert (found.found, found.parts, found.astray) == (12, 0, 0)
 
 

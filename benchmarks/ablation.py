@@ -1,0 +1,221 @@
+"""What each part of the search for dwells buys: the search with one part at a time left out.
+
+    python -m benchmarks.ablation [--seeds 3] [--only WORDS]
+
+Rewrites `benchmarks/ablation.md`. A part is left out by putting a neutral function in its place
+while the search runs; the product has no switch for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from benchmarks.dwell_stops import FAULTS, KINDS, Score, scored, together
+from tdfscal.dwells import (
+    DwellOptions,
+    change_points,
+    dwell_means,
+    find,
+    noise_spectrum,
+    search,
+    settling,
+)
+
+EVERY = (*KINDS, *FAULTS)
+HEADS = ("left out", "logs", "stops found", "in parts", "reach into a move", "bias / se, worst",
+         "rms", "(mean − truth) / se, rms", "time")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the search. where : kinds of logs that it is there for.
+
+    put : (module, name, function in its place).
+    """
+
+    where: tuple[str, ...]
+    put: tuple[tuple[Any, str, Any], ...]
+
+
+def _kinds(*words: str) -> tuple[str, ...]:
+    return tuple(kind for kind in EVERY if any(word in kind for word in words))
+
+
+def _nothing(*_: Any, **__: Any) -> None:
+    return None
+
+
+def _zeros(value: Any, *_: Any) -> Any:
+    return np.zeros(len(value))
+
+
+def _no_louder(found: Any, moving: Any) -> Any:
+    none = np.empty(0, dtype=np.int64)
+    return change_points.Louder(none, none, np.ones((0, len(found.value))))
+
+
+def _white(found: Any, stream: int, pooled: Any) -> Any:
+    return np.diag(pooled)
+
+
+def _every_calm(field: Any, begin: int, end: int) -> list[tuple[int, int]]:
+    first, last = change_points.runs(~field.disturbed[begin:end])
+    return [(begin + int(a), begin + int(b)) for a, b in zip(first, last, strict=True)]
+
+
+def _as_they_are(field: Any, stretch: Any, settled: Any) -> Any:
+    used = [np.ones(p.end - p.begin, dtype=np.bool_) for p in settled]
+    return [dwell_means.Extent(p.begin, p.end, u) for p, u in zip(settled, used, strict=True)], []
+
+
+def _plain_spread(size: Any, quantum: float) -> float:
+    return float(1.4826 * np.median(size))
+
+
+def _own_drift(value: Any, std: Any) -> Any:
+    return np.ones(value.shape[1:])
+
+
+def _one_round(bins: Any, options: Any = None) -> Any:
+    field = search.prepare(bins, options or DwellOptions())
+    extents, left_out = search.search(field, field.rate, field.long_run)
+    return find._with_statistics(field, extents, left_out)
+
+
+def _two_rounds(bins: Any, options: Any = None) -> Any:
+    field = search.prepare(bins, options or DwellOptions())
+    extents, left_out = search.search(field, field.rate, field.long_run, rough=True, some=60)
+    rate, long_run = field.rate, field.long_run
+    if extents:
+        field = search.within(field, extents)
+        moments = dwell_means.dwell_moments(bins, extents)
+        rate = find._common_drift(field, extents, moments)
+        found = find._long_run(bins, moments)
+        long_run = np.where(found > 0, found, field.long_run)
+    extents, left_out = search.search(field, rate, long_run)
+    return find._with_statistics(field, extents, left_out)
+
+
+SETTLE = _kinds("settling", "ringing")
+PARTS: dict[str, Part] = {
+    "nothing": Part(EVERY, ()),
+    "first and second round": Part(_kinds("settling", "ringing", "drift", "correlated"),
+        ((find, "dwells_of_bins", _one_round),)),
+    "second round": Part(_kinds("settling", "ringing", "drift", "correlated"),
+        ((find, "dwells_of_bins", _two_rounds),)),
+    "rough first round": Part(SETTLE, ((find, "search",
+        lambda *a, rough=False, **k: search.search(*a, **k)),)),
+    "windows of many lengths (1 and 2 bins)": Part(_kinds("squeezes", "settling", "0.5 s"),
+        ((change_points, "_SCALES", 2),)),
+    "seed of rest": Part(EVERY, ((change_points, "quiet_seed", lambda found, base, width: base),)),
+    "log that never rests": Part(_kinds("never"), ((change_points, "_travels",
+        lambda noise: False),)),
+    "creep is not noise": Part(SETTLE, ((change_points, "without_creep", lambda noise: noise),
+        (search, "without_creep", lambda noise: noise))),
+    "stops of their own noise": Part(_kinds("noisy"), ((search, "louder_rests", _no_louder),)),
+    "noise of readings coarser than it": Part(_kinds("rounded", "written"),
+        ((change_points, "_spread", _plain_spread),)),
+    "drift of all stops, before the search": Part(_kinds("drift"),
+        ((search, "drift_of_rests", lambda value, *_: np.zeros(len(value))),)),
+    "drift of all dwells, between rounds": Part(_kinds("drift"),
+        ((find, "common_drift", lambda slope, span: np.zeros(slope.shape[1])),)),
+    "ringing of all stops": Part(SETTLE, ((search, "find_ringing", _nothing),)),
+    "cut at the ends until they fit": Part(SETTLE, ((settling, "_misfits",
+        lambda *_: (0, 0)),)),
+    "extrapolated decay": Part(SETTLE, ((settling, "_fit_decay", _nothing),)),
+    "restless levels": Part(SETTLE, ((search, "restless", lambda *_: False),)),
+    "levels on a decay": Part(SETTLE, ((search, "one_decay", lambda *_: False),)),
+    "crests": Part(SETTLE, ((search, "_calm", _every_calm),)),
+    "kept clear of moves": Part(_kinds("50 Hz", "5 kHz", "squeezes", "0.5 s"),
+        ((search, "_kept_clear", lambda field, begin, *_, **__: np.zeros_like(begin)),)),
+    "one bin more about a move": Part(_kinds("50 Hz", "5 kHz", "squeezes", "0.5 s"),
+        ((search, "_dilated", lambda flag: flag),)),
+    "parts of one stop joined": Part(_kinds("rounded", "written", "miscount"),
+        ((search, "_whole_stops", lambda field, stretch, found: (found, [])),)),
+    "joined across a burst": Part(_kinds("bursts"), ((search, "_joined", _as_they_are),)),
+    "unsettled dwells left out at the end": Part(SETTLE, ((find, "_drifts",
+        lambda *_: ({}, [])),)),
+    "vibration allowed for in lines and bows": Part(_kinds("vibration"),
+        ((find, "_beyond_noise", _own_drift),)),
+    "spectrum of the noise (white)": Part(_kinds("correlated", "vibration"),
+        ((dwell_means, "density", _white),)),
+    "autoregression in the spectrum": Part(_kinds("correlated"), ((noise_spectrum,
+        "_rational_spectrum", lambda cov, f: np.broadcast_to(cov[0], (len(f), 3))),)),
+    "own scatter of a noisy dwell": Part(_kinds("noisy"), ((dwell_means, "_excess_scatter",
+        lambda scatter, count: np.ones_like(scatter)),)),
+    "rounding in the covariance": Part(_kinds("rounded", "written"),
+        ((dwell_means, "_rounding", lambda scatter, quantum: np.zeros_like(scatter)),)),
+    "clock offset": Part((), ((find, "motion_offset", _nothing),)),
+}  # fmt: skip
+
+
+def _measured(part: Part, kinds: tuple[str, ...], seeds: int) -> dict[str, tuple[Score, float]]:
+    """Score and time per kind with a part left out."""
+    measured = {}
+    with ExitStack() as stack:
+        for module, name, function in part.put:
+            stack.enter_context(patch.object(module, name, function))
+        for kind in kinds:
+            start = time.process_time()
+            measured[kind] = scored(kind, range(seeds)), time.process_time() - start
+    return measured
+
+
+def _row(name: str, logs: str, found: list[tuple[Score, float]]) -> str:
+    one = together([score for score, _ in found])
+    cells = one.row("").split("|")[2:-1]
+    cells[0:2] = [f" {one.found} of {one.stops} "]
+    return f"| {name} | {logs} |{'|'.join(cells)}| {sum(t for _, t in found):.1f} s |"
+
+
+def dwell_table(seeds: int, wanted: Callable[[str], bool]) -> list[str]:
+    """Rows of the table of the dwell search."""
+    whole = _measured(PARTS["nothing"], EVERY, seeds)
+    rows = []
+    for name, part in PARTS.items():
+        if name != "nothing" and not wanted(name):
+            continue
+        here = whole if not part.put else _measured(part, EVERY, seeds)
+        other = [kind for kind in EVERY if kind not in part.where]
+        for logs, kinds in (("with the fault", part.where), ("without", other)):
+            if kinds and part.put:
+                rows.append(_row(name, logs, [here[kind] for kind in kinds]))
+                rows.append(_row("– nothing", logs, [whole[kind] for kind in kinds]))
+            elif kinds:
+                rows.append(_row(name, "all", [here[kind] for kind in kinds]))
+        print(*rows[-4:], sep="\n", flush=True)
+        worse = [
+            f"{kind}: {here[kind][0].row('')} was {whole[kind][0].row('')}"
+            for kind in EVERY
+            if here[kind][0].row("") != whole[kind][0].row("")
+        ]
+        print(*worse, sep="\n", flush=True)
+    return rows
+
+
+def main() -> None:
+    """Measure and write the tables."""
+    parser = argparse.ArgumentParser(description="what each part buys")
+    parser.add_argument("--seeds", type=int, default=3, help="logs of each kind")
+    parser.add_argument("--only", default="", help="parts whose names hold these words")
+    options = parser.parse_args()
+    rows = dwell_table(options.seeds, lambda name: options.only in name)
+    if options.only:
+        return
+    text = "\n".join(
+        ["# Ablation", "", f"| {' | '.join(HEADS)} |", f"|{'---|' * len(HEADS)}", *rows, ""]
+    )
+    Path(__file__).with_suffix(".md").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
