@@ -28,6 +28,7 @@ from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.outliers import Rejection, fit_robust
 from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.score_tests import Suspicion, suspicions
+from tdfscal.selfcal.slip import find_slip
 from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
@@ -139,6 +140,11 @@ def self_calibrate(
     doubts: tuple[Suspicion, ...] = ()
     if estimator == "ml" and not measured_noise:
         doubts = suspicions(result, parts, uncertainty, held, stats)
+    if estimator == "ml":
+        slip = find_slip(result, uncertainty, held, index + 1, noise_from_residuals=measured_noise)
+        # What spoils the whole campaign may look like a slip, and a slip like much that does.
+        if slip is not None and all(slip.p_value <= doubt.p_value for doubt in doubts):
+            doubts = (slip,)
     conformity = assess_stated(from_fit(result, uncertainty.covariance))
     trials = None
     if estimator == "ml" and max_trials != 0:

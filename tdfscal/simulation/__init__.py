@@ -14,6 +14,7 @@ from tdfscal.simulation.faults import (
     Faults,
     Gain,
     Jolt,
+    Slip,
     ZeroShift,
 )
 from tdfscal.simulation.options import Options, Recorder, SurveyOptions
@@ -42,6 +43,7 @@ __all__ = [
     "Postures",
     "Recorder",
     "Run",
+    "Slip",
     "Survey",
     "SurveyOptions",
     "Truth",

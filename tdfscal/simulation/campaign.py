@@ -115,7 +115,7 @@ def _record_forces(
     sd = sd_rng.uniform(*recorder.force_sd, rig.n)
     place = timeline.place(time)
     signal = (
-        reading(truth, force)
+        reading(truth, faults.turned_away(options.faults, force, place))
         + moment.blend(stage.force_offset[0])
         + faults.zero_offset(options.faults, rig.n, place)
         + sensor_noise(sd, recorder.noise_correlation, recorder.force_rate, len(time), noise_rng)

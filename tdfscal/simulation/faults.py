@@ -12,6 +12,7 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray
+from tdfscal.simulation import rotations
 
 Vector = tuple[float, float, float]
 
@@ -23,6 +24,15 @@ class ZeroShift:
     sensor: int
     posture: int
     change: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Slip:
+    """A sensor turns in its mounting by `turn` (rad, BCS) half way to posture `posture`."""
+
+    sensor: int
+    posture: int
+    turn: Vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +102,7 @@ class Faults:
     """
 
     zero_shifts: tuple[ZeroShift, ...] = ()
+    slips: tuple[Slip, ...] = ()
     drifts: tuple[Drift, ...] = ()
     gains: tuple[Gain, ...] = ()
     crosstalk: tuple[Crosstalk, ...] = ()
@@ -118,6 +129,7 @@ def check(faults: Faults, sensors: int, postures: int) -> None:
     """Raise UsageError where a fault names a sensor, axis or posture that is not there."""
     at_sensor = [
         *(f.sensor for f in faults.zero_shifts),
+        *(f.sensor for f in faults.slips),
         *(f.sensor for f in faults.drifts),
         *(f.sensor for f in faults.gains),
         *(f.sensor for f in faults.crosstalk),
@@ -126,6 +138,7 @@ def check(faults: Faults, sensors: int, postures: int) -> None:
     ]
     at_posture = [
         *(f.posture for f in faults.zero_shifts),
+        *(f.posture for f in faults.slips),
         *(f.posture for f in faults.contacts),
         *(f.posture for f in faults.jolts),
         *(f.posture for f in faults.dead_axes),
@@ -161,6 +174,23 @@ def contact(faults: Faults, postures: int) -> FloatArray:
     for c in faults.contacts:
         wrench[c.posture] += np.array([c.force, c.moment])
     return wrench
+
+
+def turned_away(faults: Faults, force: FloatArray, place: Place) -> FloatArray:
+    """Forces (..., N, n, 3), N, BCS, as sensors at their first mounting would feel them.
+
+    A sensor turned from X to exp([δ]×) X reads of a force what it would have read of
+    exp([δ]×)ᵀ times that force.
+    """
+    if not faults.slips:
+        return force
+    force = force.copy()
+    for s in faults.slips:
+        later = place.posture >= s.posture - 0.5
+        force[..., later, s.sensor, :] = force[..., later, s.sensor, :] @ rotations.exp(
+            np.asarray(s.turn)
+        )
+    return force
 
 
 def zero_offset(faults: Faults, sensors: int, place: Place) -> FloatArray:

@@ -117,7 +117,7 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
     force = _mean_forces(rig, options, stage, dwell)
     place = Place(np.arange(K, dtype=np.float64), np.arange(K) / max(K - 1, 1))
     signal = (
-        reading(stage.truth, force)
+        reading(stage.truth, faults.turned_away(options.faults, force, place))
         + stage.force_offset
         + faults.zero_offset(options.faults, n, place)
         + mean_sd[..., None] * rng.standard_normal((trials, K, n, 3))

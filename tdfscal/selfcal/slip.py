@@ -1,0 +1,254 @@
+"""Did a sensor turn, or its zero jump, within the campaign?
+
+The part of a campaign before a posture is tested against the part from there on, for every posture
+and every sensor: if the sensor had another rotation afterwards, by how much would χ² fall? What is
+common to both parts (mass, barycentre, hinges, the other sensors, this sensor's zero) stays common,
+for a slip in the mounting changes none of them. The same is asked of a jump of the zero, and of a
+zero that drifts: under a load that hardly varies a turn about a horizontal axis and a jump look
+alike, and then both are named.
+
+Nothing is fitted anew. With the whitened Jacobian J of the fit, its residual r and the columns c of
+the suspect, score u = cᵀ(r − J A⁺ Jᵀr) and information I = cᵀc − cᵀJ A⁺ Jᵀc, A = JᵀJ, the statistic
+uᵀ I⁺ u is χ² of the rank of I (Rao 1948). All splits follow from sums over the postures' own 3 × 3
+and 3 × p blocks, so that the search is linear in their number.
+
+References
+----------
+Rao C.R. (1948), Large sample tests of statistical hypotheses concerning several parameters. Math.
+Proc. Camb. Phil. Soc. 44, 50-57.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import fdtrc
+
+from tdfscal.model.parameters import layout
+from tdfscal.model.statics import features_jacobian
+from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
+from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray
+from tdfscal.selfcal.covariance import Uncertainty, information_root
+from tdfscal.selfcal.estimator import ROWS, Fit
+from tdfscal.selfcal.score_tests import Suspicion
+from tdfscal.significance import CAUSES_APART, OUTLYING_POSTURE, WITHIN_CAMPAIGN
+
+#: Postures on either side of a split: one alone is an outlier, not a part of the campaign.
+_FEWEST = 2
+#: Splits tried in a long campaign; one misplaced by half their distance loses 1.5 % of χ².
+_SPLITS = 32
+_NOISE_ONLY = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A suspect at its best. group : rotation, zero; or drift, a zero's ramp over the campaign.
+
+    first : posture (in the order of time) from which it holds. amount : (3,), rad in the BCS or N
+    in the sensor's frame. move : (p,), of the other parameters with it.
+    """
+
+    group: str
+    sensor: int
+    first: int
+    statistic: float
+    size: int
+    amount: FloatArray
+    move: FloatArray
+
+
+class _Normal:
+    """Normal equations of the fit about its estimate, the postures in the order of time.
+
+    shape : (K,), 1 where a posture counts.
+    """
+
+    def __init__(self, fit: Fit, order: IntArray, counts: BoolArray) -> None:
+        fit = replace(fit, weight=counts.astype(np.float64))
+        root = (fit.whitener * fit.weight[:, None, None])[order]
+        self.fit = fit
+        self.design = (
+            root @ (fit.at.design @ features_jacobian(fit.state, fit.at, fit.rig.gravity))[order]
+        )
+        self.active = self.design[..., fit.active]
+        self.residual = (root @ fit.residual[order, :, None])[..., 0]
+        self.root = information_root(fit).root
+        gradient = np.einsum("kra,kr->a", self.active, self.residual)
+        gradient += fit.prior_jacobian.T @ fit.prior_residual
+        self.gradient = gradient
+        step = self.root.T @ gradient
+        self.chi2 = float(np.sum(self.residual**2) + np.sum(fit.prior_residual**2) - step @ step)
+        rows = ROWS * int(counts.sum()) + len(fit.prior_residual)
+        self.dof = rows - self.root.shape[1]
+
+    def asked(self, group: str, sensor: int, shapes: FloatArray) -> Iterator[_Step]:
+        """The suspect with each of some shapes over time, (S, K), its zero or rotation by them."""
+        at = layout(self.fit.rig.n)["zero" if group == "drift" else group].start + 3 * sensor
+        block = self.design[..., at : at + 3]
+        cross = np.einsum("kra,krb->kab", block, self.active).reshape(len(block), -1)
+        own = np.einsum("kra,krb->kab", block, block).reshape(len(block), -1)
+        score = np.einsum("kra,kr->ka", block, self.residual)
+        known = (shapes @ cross).reshape(len(shapes), 3, -1) @ self.root
+        whole = ((shapes**2) @ own).reshape(-1, 3, 3)
+        information = whole - known @ np.swapaxes(known, 1, 2)
+        score = shapes @ score - known @ (self.root.T @ self.gradient)
+        values, vectors = np.linalg.eigh(information)
+        scale = np.trace(whole, axis1=1, axis2=2)[:, None]
+        seen = values > _NOISE_ONLY * np.maximum(scale, np.finfo(float).tiny)
+        along = np.einsum("sab,sa->sb", vectors, score)
+        gain = np.divide(along, values, out=np.zeros_like(along), where=seen)
+        for k, shape in enumerate(shapes):
+            if seen[k].any():
+                amount = -vectors[k] @ gain[k]
+                pull = self.root.T @ self.gradient + known[k].T @ amount
+                yield _Step(
+                    group, sensor, int(np.argmax(shape > 0)), float(gain[k] @ along[k]),
+                    int(seen[k].sum()), amount, -self.root @ pull,
+                )  # fmt: skip
+
+    def p_value(self, step: _Step, *, noise_from_residuals: bool) -> float:
+        """That noise alone gives as much, for this suspect alone.
+
+        Held against the scatter that remains without the suspect, or it would excuse itself.
+        """
+        dof = max(self.dof - step.size, 1)
+        rest = max(self.chi2 - step.statistic, np.finfo(float).tiny) / dof
+        if noise_from_residuals:
+            return float(fdtrc(step.size, dof, step.statistic / step.size / rest))
+        return float(chi2_sf(step.statistic / max(1.0, rest), step.size))
+
+    def explains(self, step: _Step, left_out: BoolArray) -> bool:
+        """Whether postures left out (K,), in the order of time, belong once the step is there."""
+        at = layout(self.fit.rig.n)[step.group].start + 3 * step.sensor
+        after = np.arange(len(self.design)) >= step.first
+        remaining = self.residual + self.active @ step.move
+        remaining += after[:, None] * (self.design[..., at : at + 3] @ step.amount)
+        limit = chi2_quantile(1 - OUTLYING_POSTURE / len(left_out), ROWS)
+        rest = max(1.0, (self.chi2 - step.statistic) / max(self.dof - step.size, 1))
+        return bool((np.sum(remaining[left_out] ** 2, axis=1) <= limit * rest).all())
+
+
+def find_slip(
+    fit: Fit,
+    uncertainty: Uncertainty,
+    time: FloatArray,
+    number: IntArray,
+    *,
+    noise_from_residuals: bool = False,
+) -> Suspicion | None:
+    """Look for a sensor that turned, or whose zero jumped, between two postures.
+
+    Parameters
+    ----------
+    fit : the estimate; postures that it leaves out are taken in again where a step explains them.
+    uncertainty : of that estimate, by which the harm is measured.
+    time, number : (K,), s, when each posture was held, and the number that it goes by.
+    noise_from_residuals : the noise level itself comes from this fit.
+
+    Returns
+    -------
+    The step that explains most, or None where noise, an outlier or a drift does as well.
+    """
+    order = np.argsort(time, kind="stable")
+    used = (fit.weight > 0)[order]
+    best: tuple[float, _Step, _Step | None] | None = None
+    for counts in [used] if used.all() else [used, np.ones_like(used)]:
+        normal = _Normal(fit, order, counts[np.argsort(order)])
+        found = _most_likely(normal, counts, time[order])
+        if found is None:
+            continue
+        step, rival, tests = found
+        p_value = normal.p_value(step, noise_from_residuals=noise_from_residuals)
+        taken_in = counts & ~used
+        if p_value > WITHIN_CAMPAIGN / tests or (
+            taken_in.any() and not normal.explains(step, taken_in)
+        ):
+            continue
+        if best is None or p_value < best[0]:
+            best = p_value, step, rival
+    return None if best is None else _suspicion(fit, uncertainty, number[order], *best)
+
+
+def _most_likely(
+    normal: _Normal, counts: BoolArray, time: FloatArray
+) -> tuple[_Step, _Step | None, int] | None:
+    """The likeliest step, the other kind of step where it is as likely, and the number of tests.
+
+    None where a zero that drifts explains more.
+    """
+    before: IntArray = np.cumsum(counts) - counts
+    possible = np.flatnonzero(counts & (before >= _FEWEST) & (counts.sum() - before >= _FEWEST))
+    if not len(possible):
+        return None
+    coarse = possible[np.linspace(0, len(possible) - 1, min(_SPLITS, len(possible))).astype(int)]
+    ramp = ((time - time.mean()) / max(float(np.ptp(time)), np.finfo(float).tiny))[None]
+    late = np.arange(len(counts))
+
+    def best_of(group: str, splits: IntArray) -> list[_Step]:
+        shapes = (late >= splits[:, None]).astype(np.float64)
+        return [step for i in range(normal.fit.rig.n) for step in normal.asked(group, i, shapes)]
+
+    def likeliest(steps: list[_Step]) -> _Step | None:
+        return max(steps, key=lambda step: step.statistic, default=None)
+
+    kinds = [likeliest(best_of(group, coarse)) for group in ("rotation", "zero")]
+    if len(coarse) < len(possible):  # every split about the best of those tried
+        for k, step in enumerate(kinds):
+            if step is not None:
+                near = np.abs(np.searchsorted(possible, step.first) - np.arange(len(possible)))
+                kinds[k] = likeliest(
+                    best_of(step.group, possible[near <= len(possible) // _SPLITS])
+                )
+    steps = [step for step in kinds if step is not None]
+    drifts = [step for i in range(normal.fit.rig.n) for step in normal.asked("drift", i, ramp)]
+    step = likeliest(steps)
+    if step is None or any(drift.statistic >= step.statistic for drift in drifts):
+        return None
+    rival = next(
+        (
+            other for other in steps
+            if other.group != step.group and other.sensor == step.sensor
+            and other.statistic > step.statistic - CAUSES_APART
+        ),
+        None,
+    )  # fmt: skip
+    return step, rival, 2 * normal.fit.rig.n * len(coarse)
+
+
+def _suspicion(
+    fit: Fit,
+    uncertainty: Uncertainty,
+    number: IntArray,
+    p_value: float,
+    step: _Step,
+    rival: _Step | None,
+) -> Suspicion:
+    """Name the step, and the angle that it spoils most, before or after it."""
+    n = fit.rig.n
+    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
+    std = np.sqrt(np.diagonal(uncertainty.covariance))
+    before = step.move[angles]
+    after = before.copy()
+    if step.group == "rotation":
+        after[3 * step.sensor : 3 * step.sensor + 3] += step.amount
+    shift = np.maximum(np.abs(before), np.abs(after)) / std
+    worst = int(np.argmax(shift))
+    what = _words(fit, step) + (f", or {_words(fit, rival)}" if rival else "")
+    return Suspicion(
+        what=f"{what} before posture {number[step.first]}",
+        advice="fasten it, let it settle, and record the campaign again",
+        p_value=p_value,
+        shift=float(shift[worst]),
+        angle=f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}",
+    )
+
+
+def _words(fit: Fit, step: _Step) -> str:
+    support = fit.rig.supports[step.sensor]
+    if step.group == "rotation":
+        turn = ", ".join(f"{1e3 * value:.2g}" for value in step.amount)
+        return f"the sensor of {support} turned by ({turn}) mrad about the BCS's axes"
+    jump = ", ".join(f"{value:.2g}" for value in step.amount)
+    return f"the zero of {support} jumped by ({jump}) N"

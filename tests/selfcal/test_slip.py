@@ -1,0 +1,109 @@
+"""A sensor that turns within a campaign is named; what is no turn is not called one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.records import Rig
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.simulation import Contact, Drift, Faults, Options, Slip, ZeroShift
+
+from .campaigns import calibrated
+
+RIG = simulation.reference_rig()
+POSTURES = 24
+SLIP = 2e-3  # rad
+
+
+def runs(faults: Faults, seed: int, trials: int, rig: Rig = RIG) -> list[SelfCalibration]:
+    options = Options(squeeze=100.0, postures=POSTURES, faults=faults)
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(seed), trials)
+    return [calibrated(batch, rig, i) for i in range(trials)]
+
+
+def turned(result: SelfCalibration) -> list[str]:
+    return [s.what for s in result.suspicions if "sensor of" in s.what and "turned" in s.what]
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    named: int
+    accepted: int
+
+
+def slipped(turn: tuple[float, float, float], seed: int, trials: int, posture: int) -> Verdicts:
+    results = runs(Faults(slips=(Slip(1, posture, turn),)), seed, trials)
+    named = sum(any("sensor of ncp2" in what for what in turned(r)) for r in results)
+    return Verdicts(named, sum(not r.reasons for r in results))
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("posture", [12, 4, 21])
+def test_a_sensor_that_slips_is_named_and_the_result_rejected(axis: int, posture: int) -> None:
+    """Also where so few postures lie on one side that they would be left out as outliers."""
+    turn = [0.0, 0.0, 0.0]
+    turn[axis] = -SLIP if posture == 12 else 5 * SLIP  # three postures see a turn less well
+    verdicts = slipped((turn[0], turn[1], turn[2]), seed=axis, trials=1, posture=posture)
+    assert verdicts == Verdicts(named=1, accepted=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", range(3))
+def test_nearly_every_slip_is_named(axis: int) -> None:
+    turn = [0.0, 0.0, 0.0]
+    turn[axis] = SLIP
+    verdicts = slipped((turn[0], turn[1], turn[2]), seed=20 + axis, trials=100, posture=12)
+    assert verdicts.named >= 95
+    assert verdicts.accepted <= 100 - verdicts.named
+
+
+def test_the_posture_and_the_turn_are_stated() -> None:
+    (result,) = runs(Faults(slips=(Slip(0, 10, (0.0, 3e-3, 0.0)),)), seed=5, trials=1)
+    (what,) = turned(result)
+    numbers = what[what.index("(") + 1 : what.index(")")].split(", ")
+    stated = 1e-3 * np.array([float(number) for number in numbers])
+    assert np.abs(stated - [0.0, 3e-3, 0.0]).max() < 1e-3
+    # Postures are counted from 1 in what users read, and from 0 in the simulator.
+    assert what.endswith("posture 11")
+
+
+def test_sound_campaigns_have_no_slip() -> None:
+    assert not any(turned(result) for result in runs(Faults(), seed=9, trials=12))
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        Faults(drifts=(Drift(0, (1.0, 1.0, 1.0)),)),
+        Faults(contacts=tuple(Contact(k, (5.0, -8.0, 10.0), (2.0, 1.0, -1.0)) for k in (22, 23))),
+    ],
+    ids=["drift", "contact in the last postures"],
+)
+def test_other_faults_are_not_called_a_slip(faults: Faults) -> None:
+    for result in runs(faults, seed=3, trials=3):
+        assert not turned(result)
+        assert result.suspicions or result.rejected
+
+
+def test_a_zero_that_jumps_is_named_as_such() -> None:
+    """A jump along the load; across it, a turn looks much alike."""
+    for result in runs(Faults(zero_shifts=(ZeroShift(2, 12, (0.0, 0.0, 2.0)),)), seed=4, trials=2):
+        assert "the zero of ncp3 jumped" in result.suspicions[0].what
+        assert not turned(result)
+
+
+def test_postures_without_a_stated_noise_show_a_slip_too() -> None:
+    options = Options(
+        squeeze=100.0, postures=POSTURES, faults=Faults(slips=(Slip(0, 12, (0.0, 0.0, 4e-3)),))
+    )
+    rig = replace(RIG, declared=replace(RIG.declared, force_noise=0.0))
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(2), 1)
+    dwells = batch.dwells(0)
+    bare = replace(dwells, force_cov=np.zeros_like(dwells.force_cov))
+    result = self_calibrate(rig, bare, rng=np.random.default_rng(0), max_trials=0)
+    assert any("sensor of ncp1" in what for what in turned(result))
+    assert result.reasons
