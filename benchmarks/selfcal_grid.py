@@ -84,6 +84,9 @@ def bound(rig: Rig, batch: simulation.Batch, trial: int) -> FloatArray:
         hinge=truth.hinge,
         datum=truth.datum,
         tilt=np.zeros(2),
+        compliance=np.zeros(2),
+        friction=np.zeros(()),
+        drift=np.zeros((0, rig.n, 3)),
     )
     seen = postures(rig, batch.dwells(trial))
     sensing = (np.eye(3) + S) @ np.swapaxes(truth.rotation, 1, 2)

@@ -74,6 +74,8 @@ class Drift:
     """Random-walk intensity of a zero, N/√s."""
     angle: float = 0.0
     """Random-walk intensity of each turn of a sensor between campaigns, rad/√month."""
+    parabola: float = 0.0
+    """Standard uncertainty of a parabola in time, N/s²; none but where the residuals ask for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +219,7 @@ class Log:
 
     position : per support, hinge centre in the BCS by the NCP's servo, m.
     force : per support, the force the NCP exerts on the terminal, in the sensor's frame, N.
+    temperature : of all sensors or one per support, °C, as value[:, 0]; empty where not recorded.
     With rows == "postures" each row is one static posture and time is the row's number
     where the file has no time.
     """
@@ -227,6 +230,7 @@ class Log:
     rows: Rows = "timeseries"
     inputs: tuple[InputFile, ...] = ()
     warnings: tuple[str, ...] = ()
+    temperature: tuple[Series, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +252,7 @@ class Dwells:
         by the effective sample size; zeros with rows == "postures".
     force_min, force_max : (K, n, 3), N, extremes within the dwell.
     count : (K, n), force samples averaged. effective : (K, n), effective sample size.
+    temperature : (K, n), °C at each sensor; None where the log has none.
     """
 
     supports: tuple[str, ...]
@@ -263,6 +268,7 @@ class Dwells:
     effective: FloatArray
     left_out: tuple[LeftOut, ...] = ()
     warnings: tuple[str, ...] = ()
+    temperature: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.start)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.model.earlier import EVEN_TURN
-from tdfscal.model.parameters import State, constants, deviation
+from tdfscal.model.parameters import State, constants, deviation, with_motions
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information, nothing
 from tdfscal.records import FloatArray
@@ -44,7 +44,7 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
     """Reduce a campaign to its constants (C,), counted from the reference's; priors of the
     constants are left out, those of its own parameters are kept.
     """
-    common = constants(fit.rig.n)[fit.active]
+    common = constants(fit.rig.n, fit.state.motions)[fit.active]
     root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
     used = fit.weight > 0
     own_rows = np.abs(fit.prior_jacobian[:, ~common]).any(axis=1)
@@ -58,7 +58,7 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
         [(root @ fit.residual[..., None])[used].ravel(), fit.prior_residual[own_rows]]
     )
     # Residual at the reference's constants, to the first order.
-    away = deviation(fit.state, reference)[fit.active][common]
+    away = deviation(fit.state, with_motions(reference, fit.state.motions))[fit.active][common]
     A, B = J[:, common], J[:, ~common]
     r = r - A @ away
     scale = np.linalg.norm(B, axis=0)
@@ -71,7 +71,7 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
     return Eliminated(
         information=Information(free_A.T @ free_A, -(free_A.T @ free_r)),
         chi2=float(free_r @ free_r),
-        rows=len(r) - rank,
+        rows=fit.rows + int(own_rows.sum()) - rank,
         own=back @ r,
         give=back @ A,
     )

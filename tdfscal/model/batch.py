@@ -66,13 +66,17 @@ class Equations:
         self, at: Balance, used: BoolArray, state: State, free: BoolArray, g: float
     ) -> None:
         n = state.n
-        self.n, self.g, self.at, self.place = n, g, at, layout(n)
+        self.n, self.g, self.at, self.place = n, g, at, layout(n, state.motions)
         self.free = {group: bool(free[place].any()) for group, place in self.place.items()}
         K = int(used.sum())
         self.force = np.ascontiguousarray(np.moveaxis(at.wrench[used], 1, 2).reshape(K, 6, 3 * n))
-        fixed = at.design[used, :, 12 * n :]  # columns of γ, (r_m − c) ⊗ γ, hinge, datum
-        if not (self.free["hinge"] or self.free["datum"]):
+        # Columns of γ, (r_m − c) ⊗ γ, then hinge, datum, compliance, friction.
+        self.tail = [g for g in ("hinge", "datum", "compliance", "friction") if self.free[g]]
+        fixed = at.design[used, :, 12 * n : 18 * n + 15]
+        if not self.tail:
             fixed = fixed[:, :, :12]
+        motion = at.seen.motion if self.free["drift"] else None
+        self.motion = None if motion is None else np.ascontiguousarray(motion.value[used])
         self.fixed = np.ascontiguousarray(fixed.reshape(6 * K, -1))
         self.gravity = gravity(state, g)[:, None]
         self.inverse = unmixing(state.sensitivity)[..., None]
@@ -89,8 +93,8 @@ class Equations:
     def pull_back(self, trials: Trials, data: Perturbed, v: FloatArray) -> FloatArray:
         """Σ_k J_kᵀ v_k (P, T), J the Jacobian at each trial's own state; v (K, 6, T)."""
         n, place, K, T = self.n, self.place, v.shape[0], v.shape[-1]
-        out = np.zeros((place["tilt"].stop, T))
-        load = data.reading - self._part(trials, "zero").reshape(n, 3, T)
+        out = np.zeros((place["drift"].stop, T))
+        load = data.reading - self._zeros(trials)
         u = (np.swapaxes(self.force, 1, 2) @ v).reshape(K, n, 3, T)
         moment = np.stack(  # Σ_k (f − z) uᵀ, (n, 3, 3, T)
             [np.sum(load[:, :, a, None] * u, axis=0) for a in range(3)], axis=1
@@ -104,12 +108,25 @@ class Equations:
         ).reshape(3 * n, T)
         if self.free["zero"]:
             out[place["zero"]] = -np.sum(M * u.sum(axis=0)[:, :, None], axis=1).reshape(3 * n, T)
+        if self.motion is not None:
+            moved = np.einsum("kng,knat->gnat", self.motion, u, optimize=True)
+            back = -np.einsum("nabt,gnat->gnbt", M, moved)
+            out[place["drift"]] = back.reshape(-1, T)
         if self.free["sensitivity"]:
             # dF = −M E w with w = (I + S)⁻¹ (f − z): Σ_k (Mᵀ u) wᵀ against each E.
             Q = _multiply(np.swapaxes(M, 1, 2), _transpose(_multiply(self._unmix(trials), moment)))
             out[place["sensitivity"]] = -np.einsum("jab,nabt->njt", SYMMETRIC, Q).reshape(6 * n, T)
         self._pull_fixed(trials, self.fixed.T @ v.reshape(6 * K, T), out)
         return out
+
+    def _zeros(self, trials: Trials) -> FloatArray:
+        """Zeros (n, 3, T), or (K, n, 3, T) where they move."""
+        zero = self._part(trials, "zero").reshape(self.n, 3, -1)
+        if self.motion is None:
+            return zero
+        amplitude = self._part(trials, "drift").reshape(-1, self.n, 3, zero.shape[-1])
+        moved = np.einsum("kng,gnat->knat", self.motion, amplitude, optimize=True)
+        return np.asarray(zero + moved)
 
     def _part(self, trials: Trials, group: str) -> FloatArray:
         return trials.vector[self.place[group]]
@@ -127,7 +144,7 @@ class Equations:
     def _forces(self, trials: Trials, data: Perturbed) -> FloatArray:
         """F (K, n, 3, T)."""
         M = self._sensing(trials)
-        load = data.reading - self._part(trials, "zero").reshape(self.n, 3, -1)
+        load = data.reading - self._zeros(trials)
         F = M[:, :, 0] * load[:, :, 0, None]
         F += M[:, :, 1] * load[:, :, 1, None]
         F += M[:, :, 2] * load[:, :, 2, None]
@@ -143,7 +160,7 @@ class Equations:
         return self.g * down
 
     def _fixed_features(self, trials: Trials) -> FloatArray:
-        """Features after those of the forces, (12 or 12 + 6n, T)."""
+        """Features after those of the forces, (12 or 15 + 6n, T)."""
         weight = self._part(trials, "mass") * self._gravity(trials)
         lever = self._part(trials, "barycentre") - self.at.centre[:, None]
         parts = [weight, (lever[:, None] * weight).reshape(9, -1)]
@@ -151,6 +168,8 @@ class Equations:
             parts += [
                 self._part(trials, "hinge") - self.at.hinge.reshape(-1, 1),
                 self._part(trials, "datum") - self.at.datum.reshape(-1, 1),
+                self._part(trials, "compliance") - self.at.compliance[:, None],
+                self._part(trials, "friction"),
             ]
         return np.concatenate(parts)
 
@@ -166,7 +185,9 @@ class Equations:
             # d(weight) = (J dt) × weight; J is the identity to the second order of the tilt.
             out[self.place["tilt"]] = np.cross(mass * gvec, of_weight, axis=0)[:2]
         if self.fixed.shape[1] > 12:
-            out[self.place["hinge"]], out[self.place["datum"]] = np.split(pull[12:], 2)
+            first, last = self.place["hinge"], self.place["datum"]
+            out[first.start : last.stop] = pull[12 : 12 + 6 * self.n]
+            out[self.place["compliance"].start : self.place["friction"].stop] = pull[-3:]
 
 
 def _multiply(A: FloatArray, B: FloatArray) -> FloatArray:

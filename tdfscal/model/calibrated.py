@@ -12,7 +12,8 @@ from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """The estimate in use, with P = 18 n + 6 parameters ordered as in `parameters.layout`.
+    """The estimate in use, with P = 18 n + 9 parameters ordered as in `parameters.layout`:
+    zeros as they were at the first posture, however they moved afterwards.
 
     covariance : (P, P), of the step of `parameters.retract` from the estimate to the truth; SI
     units, rotations as left perturbations in the BCS, rad; zero rows where exactly known or open.
@@ -90,6 +91,9 @@ def independent(
             hinge=start.hinge,
             datum=start.datum,
             tilt=start.tilt,
+            compliance=start.compliance,
+            friction=start.friction,
+            drift=start.drift,
         ),
         covariance=covariance,
         open=unknown,

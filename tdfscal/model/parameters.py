@@ -3,7 +3,8 @@
 Everything that is not a rotation is a parameter with a prior: standard deviation 0 is known
 exactly, ∞ unknown (theory, section 3). Rotations are perturbed on the left, in the BCS.
 
-Shapes: n supports, P = 18 n + 6 parameters. State arrays may carry leading batch axes.
+Shapes: n supports, G functions by which zeros move (`zero_motion`), P = 18 n + 9 + 3 n G
+parameters. State arrays may carry leading batch axes.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray, Rig
 
@@ -24,7 +26,7 @@ for _j, (_a, _b) in enumerate(_VOIGT):
 
 #: Groups that are constants of the rig: one realisation in every campaign. The others (zeros,
 #: load) are each campaign's own.
-CONSTANTS = ("rotation", "sensitivity", "hinge", "datum", "tilt")
+CONSTANTS = ("rotation", "sensitivity", "hinge", "datum", "tilt", "compliance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,9 @@ class State:
     barycentre : (..., 3), m, LCS. hinge : (..., n, 3), m, LCS.
     datum : (..., n, 3), m, BCS; servo coordinates minus hinge centre.
     tilt : (..., 2), rad, rotation of the gravity direction about the BCS's x and y axes.
+    compliance : (..., 2), m/N, sideways and along Z of the BCS, between encoder and hinge.
+    friction : (...,), N·m, of each hinge, against the turn by which a posture was reached.
+    drift : (..., G, n, 3), amplitudes of the functions by which zeros move, sensor frames.
     """
 
     rotation: FloatArray
@@ -46,15 +51,23 @@ class State:
     hinge: FloatArray
     datum: FloatArray
     tilt: FloatArray
+    compliance: FloatArray
+    friction: FloatArray
+    drift: FloatArray
 
     @property
     def n(self) -> int:
         """Number of supports."""
         return int(self.rotation.shape[-3])
 
+    @property
+    def motions(self) -> int:
+        """Number of functions by which zeros move, G."""
+        return int(self.drift.shape[-3])
 
-def layout(n: int) -> dict[str, slice]:
-    """Place of each parameter group in the parameter vector (P,)."""
+
+def layout(n: int, motions: int = 0) -> dict[str, slice]:
+    """Place of each parameter group in the parameter vector (P,); motions : G."""
     sizes = {
         "rotation": 3 * n,
         "zero": 3 * n,
@@ -64,6 +77,9 @@ def layout(n: int) -> dict[str, slice]:
         "hinge": 3 * n,
         "datum": 3 * n,
         "tilt": 2,
+        "compliance": 2,
+        "friction": 1,
+        "drift": 3 * n * motions,
     }
     place, start = {}, 0
     for name, size in sizes.items():
@@ -72,34 +88,51 @@ def layout(n: int) -> dict[str, slice]:
     return place
 
 
-def constants(n: int) -> BoolArray:
+def constants(n: int, motions: int = 0) -> BoolArray:
     """Which parameters (P,) are constants of the rig."""
-    place = layout(n)
-    mask = np.zeros(place["tilt"].stop, dtype=np.bool_)
+    place = layout(n, motions)
+    mask = np.zeros(place["drift"].stop, dtype=np.bool_)
     for group in CONSTANTS:
         mask[place[group]] = True
     return mask
 
 
+def parameter_count(n: int, motions: int = 0) -> int:
+    """P for n supports and G functions by which zeros move."""
+    return int(layout(n, motions)["drift"].stop)
+
+
+def with_motions(state: State, motions: int) -> State:
+    """Return the state with G amplitudes per channel; zeros that did not move yet stay."""
+    if state.motions == motions:
+        return state
+    return replace(state, drift=np.zeros((motions, state.n, 3)))
+
+
+def _shapes(n: int, motions: int) -> dict[str, tuple[int, ...]]:
+    """Shape of each field of a state without batch axes; the rotations' as steps."""
+    alone = {"mass": (), "barycentre": (3,), "tilt": (2,), "compliance": (2,), "friction": ()}
+    own = {"sensitivity": (n, 6), "drift": (motions, n, 3)}
+    return {field.name: (alone | own).get(field.name, (n, 3)) for field in fields(State)}
+
+
 def retract(state: State, step: FloatArray) -> State:
     """Move the state by step (..., P): rotations by exp([δ]×) on the left, the rest by addition."""
-    place, batch = layout(state.n), step.shape[:-1]
+    n, motions = state.n, state.motions
+    place, batch = layout(n, motions), step.shape[:-1]
     moved = {}
-    for field in fields(State):
-        value: FloatArray = getattr(state, field.name)
-        part = step[..., place[field.name]]
-        if field.name == "rotation":
-            moved[field.name] = so3.exp(part.reshape(*batch, state.n, 3)) @ value
-        else:
-            shape = {"mass": (), "barycentre": (3,), "tilt": (2,), "sensitivity": (state.n, 6)}
-            moved[field.name] = value + part.reshape(batch + shape.get(field.name, (state.n, 3)))
+    for name, shape in _shapes(n, motions).items():
+        value: FloatArray = getattr(state, name)
+        part = step[..., place[name]].reshape(batch + shape)
+        moved[name] = so3.exp(part) @ value if name == "rotation" else value + part
     return State(**moved)
 
 
 def vector(state: State) -> FloatArray:
     """Parameters (P,) of a state without batch axes; the rotations' entries are 0."""
-    parts = [np.zeros(3 * state.n), state.zero, state.sensitivity, state.mass, state.barycentre]
-    return np.concatenate([np.ravel(p) for p in [*parts, state.hinge, state.datum, state.tilt]])
+    names = [field.name for field in fields(State)]
+    parts = [np.zeros(3 * state.n), *(getattr(state, name) for name in names[1:])]
+    return np.concatenate([np.ravel(part) for part in parts])
 
 
 def deviation(state: State, reference: State) -> FloatArray:
@@ -110,8 +143,8 @@ def deviation(state: State, reference: State) -> FloatArray:
     return step
 
 
-def nominal(rig: Rig) -> State:
-    """Return the state that the rig file states: nominal mounting, prior values."""
+def nominal(rig: Rig, motions: int = 0) -> State:
+    """Return the state that the rig file states: nominal mounting, prior values; motions : G."""
     n = rig.n
     return State(
         rotation=so3.from_rpy(rig.nominal_rpy),
@@ -122,30 +155,35 @@ def nominal(rig: Rig) -> State:
         hinge=rig.hinge,
         datum=np.zeros((n, 3)),
         tilt=np.zeros(2),
+        compliance=np.zeros(2),
+        friction=np.zeros(()),
+        drift=np.zeros((motions, n, 3)),
     )
 
 
-def starting_state(rig: Rig) -> State:
+def starting_state(rig: Rig, motions: int = 0) -> State:
     """Return what is known before the postures: the constants by earlier campaigns, if any."""
     state = nominal(rig)
     if rig.earlier is None:
         return state
     known = np.where(constants(rig.n), rig.earlier.vector - vector(state), 0.0)
     known[: 3 * rig.n] = 0.0
-    return replace(retract(state, known), rotation=rig.earlier.rotation)
+    return with_motions(replace(retract(state, known), rotation=rig.earlier.rotation), motions)
 
 
-def prior_std(rig: Rig) -> FloatArray:
+def prior_std(rig: Rig, motion: ZeroMotion | None = None) -> FloatArray:
     """Standard deviation of each parameter's own prior (P,): 0 exactly known, ∞ none.
 
-    The rotations' own prior is a prior on roll, pitch and yaw; it does not stand here. Where
-    earlier campaigns speak for the constants, those have no prior of their own.
+    motion : of the zeros over the postures. The rotations' own prior is a prior on roll, pitch
+    and yaw; it does not stand here. What a sensor does not measure has no zero to be estimated.
+    Where earlier campaigns speak for the constants, those have no prior of their own.
     """
-    n, declared, place = rig.n, rig.declared, layout(rig.n)
+    motions = 0 if motion is None else len(motion.std)
+    n, declared, place = rig.n, rig.declared, layout(rig.n, motions)
     s = declared.force_sensitivity
-    std = np.empty(place["tilt"].stop)
+    std = np.empty(place["drift"].stop)
     std[place["rotation"]] = np.inf
-    std[place["zero"]] = rig.zero.std.ravel()
+    std[place["zero"]] = np.where(rig.axes, rig.zero.std, 0.0).ravel()
     # S = (E + Eᵀ)/2 with independent entries of E: s on the diagonal, s/√2 beside it.
     std[place["sensitivity"]] = np.tile(s * np.array([1, 1, 1, *[np.sqrt(0.5)] * 3]), n)
     std[place["mass"]] = rig.mass.std
@@ -153,8 +191,13 @@ def prior_std(rig: Rig) -> FloatArray:
     std[place["hinge"]] = declared.hinge
     std[place["datum"]] = declared.datum
     std[place["tilt"]] = rig.gravity_tilt_std
+    std[place["compliance"]] = declared.compliance_lateral, declared.compliance_vertical
+    # A moment along the turn, as long as independent moments of `hinge_moment` per axis are.
+    std[place["friction"]] = np.sqrt(3.0) / n * declared.hinge_moment
+    if motion is not None:
+        std[place["drift"]] = np.where(rig.axes, motion.std[:, None, None], 0.0).ravel()
     if rig.earlier is not None:
-        std[constants(n) & (std > 0)] = np.inf
+        std[constants(n, motions) & (std > 0)] = np.inf
     return std
 
 

@@ -8,12 +8,16 @@ For every posture without contact (theory, section 2), with F_i = M_i f_i − b_
 where M_i = X_i (I + S_i)⁻¹, b_i = M_i z_i, ρ_i = R (r_i − c), ρ_m = R (r_m − c), and c is a fixed
 point of the terminal near its barycentre. R is the rigid registration of the hinges on the servo
 positions. Both equations are *linear* in the features ψ = (vec M_i, b_i, γ, (r_m − c) ⊗ γ) and,
-to the first order that micrometres need, in the corrections of hinges and servo datums. A posture
-is therefore a constant matrix Φ_k with e_k = Φ_k ψ, and all postures together a statistic whose
-size does not depend on their number.
+to the first order that micrometres need, in the corrections of hinges, servo datums and of the
+compliance between encoder and hinge. A posture is therefore a constant matrix Φ_k with
+e_k = Φ_k ψ, and all postures together a statistic whose size does not depend on their number.
 
-Shapes: n supports, K postures, q = 18 n + 12 features, P = 18 n + 6 parameters. State arrays may
-carry leading batch axes.
+A component that a sensor does not measure is a reading with infinite variance: a free force of
+the posture. The rows of a posture are projected on what no free force reaches, so that it costs
+equations, not parameters (theory, section 10).
+
+Shapes: n supports, K postures, G functions by which zeros move, q = 18 n + 15 + 3 n G features,
+P parameters (`parameters.layout`). State arrays may carry leading batch axes.
 """
 
 from __future__ import annotations
@@ -22,76 +26,54 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.parameters import SYMMETRIC, State, gravity, layout, sensing, unmixing
+from tdfscal.model import free_forces
+from tdfscal.model.parameters import (
+    SYMMETRIC,
+    State,
+    gravity,
+    layout,
+    parameter_count,
+    sensing,
+    unmixing,
+)
+from tdfscal.model.postures import Postures, approach, forces, postures, register, zeros
 from tdfscal.numerics import so3
-from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
+from tdfscal.records import BoolArray, FloatArray, IntArray
 
+__all__ = [
+    "Balance",
+    "Postures",
+    "approach",
+    "balance",
+    "features",
+    "features_jacobian",
+    "forces",
+    "postures",
+    "register",
+    "wrench",
+    "zeros",
+]
 
-def forces(state: State, reading: FloatArray) -> FloatArray:
-    """F_i = X_i (I + S_i)⁻¹ (f_i − z_i) in the BCS, N; reading (..., K, n, 3)."""
-    load = reading - state.zero[..., None, :, :]
-    return np.asarray(np.einsum("...nab,...knb->...kna", sensing(state), load))
-
-
-def register(hinge: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pose of the terminal: R (K, 3, 3) and T (K, 3) with R r_i + T ≈ p_i (Eq. 1).
-
-    hinge (n, 3) in the LCS, position (K, n, 3) in the BCS, m; least squares over all n hinges.
-    """
-    r0, p0 = hinge.mean(axis=0), position.mean(axis=-2)
-    R = so3.project(np.einsum("kni,nj->kij", position - p0[:, None], hinge - r0))
-    return R, p0 - R @ r0
-
-
-@dataclass(frozen=True, slots=True)
-class Postures:
-    """Static postures as the balance sees them.
-
-    position, force : (K, n, 3), servo in the BCS (m), reading in the sensor frame (N).
-    position_cov, force_cov : (K, n, 3, 3), all that does not average out included.
-    moment_var : N²m², variance per axis of an additive moment (friction of the hinges).
-    """
-
-    position: FloatArray
-    force: FloatArray
-    position_cov: FloatArray
-    force_cov: FloatArray
-    moment_var: float
-
-    def __len__(self) -> int:
-        return len(self.force)
-
-    def subset(self, keep: BoolArray | IntArray | slice) -> Postures:
-        """Return the postures that keep (a mask, indices or a slice) selects."""
-        arrays = ("position", "force", "position_cov", "force_cov")
-        return replace(self, **{name: getattr(self, name)[keep] for name in arrays})
-
-
-def postures(rig: Rig, dwells: Dwells) -> Postures:
-    """Dwells with the rig's declared uncertainties added to those of their means."""
-    eye = np.eye(3)
-    return Postures(
-        position=dwells.position,
-        force=dwells.force,
-        position_cov=dwells.position_cov + rig.declared.positioner**2 * eye,
-        force_cov=dwells.force_cov + rig.declared.force_noise**2 * eye,
-        moment_var=rig.declared.hinge_moment**2,
-    )
+#: Rounds in which forces that nobody measures and the lean of the terminal agree.
+_FILLINGS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Balance:
     """All postures linearised at one state.
 
+    seen : the postures; readings that no sensor gives stand as the balance demands them.
     design : (K, 6, q), Φ_k, rows e_F (N) and e_M (N·m, about the barycentre of `centre`), BCS.
     noise_force : (K, n, 6, 3), e = … + Σ noise_force · (reading noise).
     noise_turn : (K, 6, 3), e = … + noise_turn · (rotation error of the registered pose, rad).
     turn_cov : (K, 3, 3), rad², covariance of that rotation error.
     rotation : (K, 3, 3), pose R. arm : (K, n, 3), ρ_i, m, BCS.
-    cov : (K, 6, 6), covariance of e.
-    centre : (3,), c in the LCS. hinge, datum : the values about which ψ counts them.
+    cov : (K, 6, 6), covariance of e by noise alone, free forces apart.
+    whitener : (K, 6, 6), V with V e white in `rows` (K,) directions and 0 along free forces.
+    centre : (3,), c in the LCS. hinge, datum, compliance : values about which ψ counts them.
     """
 
+    seen: Postures
     design: FloatArray
     noise_force: FloatArray
     noise_turn: FloatArray
@@ -99,14 +81,22 @@ class Balance:
     rotation: FloatArray
     arm: FloatArray
     cov: FloatArray
+    whitener: FloatArray
+    rows: IntArray
     centre: FloatArray
     hinge: FloatArray
     datum: FloatArray
+    compliance: FloatArray
 
     @property
     def wrench(self) -> FloatArray:
         """B_i = [I; [ρ_i]×], shape (K, n, 6, 3): e = Σ B_i F_i + …."""
         return wrench(self.arm)
+
+    @property
+    def information(self) -> FloatArray:
+        """VᵀV (K, 6, 6): the inverse of `cov` where all is measured."""
+        return np.asarray(np.swapaxes(self.whitener, 1, 2) @ self.whitener)
 
 
 def wrench(arm: FloatArray) -> FloatArray:
@@ -119,42 +109,46 @@ def wrench(arm: FloatArray) -> FloatArray:
 
 def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Balance:
     """Linearise the postures' balance equations at state (no batch axes); g in m/s²."""
-    n, K = state.n, len(posture)
+    if not posture.measured.all():
+        posture = _filled(posture, state, centre, g)
+    n, K, motions = state.n, len(posture), posture.motions
     eye = np.eye(3)
-    R, _ = register(state.hinge, posture.position - state.datum)
-    arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
-    arm_m = R @ (state.barycentre - centre)
-    F = forces(state, posture.force)
-    weight = state.mass * gravity(state, g)
-
-    # Rotation of the registered pose for a displacement ε_i of the positions: δφ = Σ Pφ_i ε_i.
-    spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
-    inertia = np.einsum("knca,kncb->kab", spoke, spoke)
-    P_turn = np.linalg.solve(inertia[:, None], spoke)
-    # Turning the pose turns all arms: (δφ × ρ) × F = [F]× [ρ]× δφ.
-    A = (so3.hat(F) @ so3.hat(arm)).sum(axis=1) + so3.hat(weight) @ so3.hat(arm_m)
-
+    lean = _lean(posture, state, centre, g)
+    R, arm, F, A, P_turn = lean.rotation, lean.arm, lean.force, lean.by_turn, lean.turn
     B = wrench(arm)
-    design = np.zeros((K, 6, 18 * n + 12))
+    design = np.zeros((K, 6, 18 * n + 15 + 3 * n * motions))
     kron = np.einsum("ac,knd->knacd", eye, posture.force).reshape(K, n, 3, 9)
     design[:, :, : 9 * n] = np.moveaxis(B @ kron, 1, 2).reshape(K, 6, 9 * n)
-    design[:, :, 9 * n : 12 * n] = -np.moveaxis(B, 1, 2).reshape(K, 6, 3 * n)
+    of_zeros = -np.moveaxis(B, 1, 2).reshape(K, 6, 3 * n)
+    design[:, :, 9 * n : 12 * n] = of_zeros
     design[:, :3, 12 * n : 12 * n + 3] = eye
     columns = np.swapaxes(so3.hat(np.swapaxes(R, 1, 2)), 1, 2)  # [:, :, a, b] = (R e_a) × e_b
     design[:, 3:, 12 * n + 3 : 12 * n + 12] = columns.reshape(K, 3, 9)
     turned = -A[:, None] @ P_turn
     moved = -so3.hat(F) @ R[:, None] + turned @ R[:, None]
     design[:, 3:, 12 * n + 12 : 15 * n + 12] = np.moveaxis(moved, 1, 2).reshape(K, 3, 3 * n)
-    design[:, 3:, 15 * n + 12 :] = np.moveaxis(turned, 1, 2).reshape(K, 3, 3 * n)
+    design[:, 3:, 15 * n + 12 : 18 * n + 12] = np.moveaxis(turned, 1, 2).reshape(K, 3, 3 * n)
+    # The encoder stands C F_i ahead of the hinge: a datum that follows the load.
+    given = np.einsum("knra,kna->kr", turned, F)
+    vertical = np.einsum("knr,kn->kr", turned[..., 2], F[..., 2])
+    design[:, 3:, 18 * n + 12] = given - vertical
+    design[:, 3:, 18 * n + 13] = vertical
+    design[:, 3:, 18 * n + 14] = -n * posture.approach  # − Σ_i ω/|ω| (theory, section 8)
+    if posture.motion is not None:
+        by_motion = (
+            of_zeros.reshape(K, 6, 1, n, 3)
+            * np.moveaxis(posture.motion.value, 1, 2)[:, None, :, :, None]
+        )
+        design[:, :, 18 * n + 15 :] = by_motion.reshape(K, 6, -1)
 
     noise_force = B @ sensing(state)
     noise_turn = np.zeros((K, 6, 3))
     noise_turn[:, 3:] = A
     turn_cov = np.einsum("kiab,kibc,kidc->kad", P_turn, posture.position_cov, P_turn)
-    cov = np.einsum("kiab,kibc,kidc->kad", noise_force, posture.force_cov, noise_force)
-    cov += noise_turn @ turn_cov @ np.swapaxes(noise_turn, 1, 2)
-    cov[:, 3:, 3:] += posture.moment_var * eye
+    cov = _noise(posture, noise_force, noise_turn, turn_cov)
+    whitener, rows = free_forces.whitener(cov, _free(noise_force, posture.measured))
     return Balance(
+        seen=posture,
         design=design,
         noise_force=noise_force,
         noise_turn=noise_turn,
@@ -162,10 +156,93 @@ def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Ba
         rotation=R,
         arm=arm,
         cov=cov,
+        whitener=whitener,
+        rows=rows,
         centre=centre,
         hinge=state.hinge,
         datum=state.datum,
+        compliance=state.compliance,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Lean:
+    """How the terminal stands and is loaded in K postures.
+
+    rotation : (K, 3, 3). arm, force : (K, n, 3), BCS, m and N. weight : (3,), N.
+    turn : (K, n, 3, 3), rotation of the registered pose for a displacement of the positions.
+    by_turn : (K, 3, 3), moment for a rotation of the pose. arm_m : (K, 3), of the barycentre.
+    """
+
+    rotation: FloatArray
+    arm: FloatArray
+    force: FloatArray
+    weight: FloatArray
+    turn: FloatArray
+    by_turn: FloatArray
+    arm_m: FloatArray
+
+
+def _lean(posture: Postures, state: State, centre: FloatArray, g: float) -> _Lean:
+    load = posture.force - zeros(state, posture)
+    F = np.einsum("nab,knb->kna", sensing(state), load)
+    give = state.compliance[[0, 0, 1]] * F
+    R, _ = register(state.hinge, posture.position - state.datum - give)
+    arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
+    arm_m = R @ (state.barycentre - centre)
+    weight = state.mass * gravity(state, g)
+    # Rotation of the registered pose for a displacement ε_i of the positions: δφ = Σ Pφ_i ε_i.
+    spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
+    inertia = np.einsum("knca,kncb->kab", spoke, spoke)
+    P_turn = np.linalg.solve(inertia[:, None], spoke)
+    # Turning the pose turns all arms: (δφ × ρ) × F = [F]× [ρ]× δφ.
+    A = (so3.hat(F) @ so3.hat(arm)).sum(axis=1) + so3.hat(weight) @ so3.hat(arm_m)
+    return _Lean(R, arm, F, weight, P_turn, A, arm_m)
+
+
+def _noise(
+    posture: Postures, noise_force: FloatArray, noise_turn: FloatArray, turn_cov: FloatArray
+) -> FloatArray:
+    """Covariance (K, 6, 6) of e by the noise of what is measured."""
+    both = posture.measured[:, :, None] & posture.measured[:, None, :]
+    own = noise_force @ np.where(both, posture.force_cov, 0.0) @ np.swapaxes(noise_force, 2, 3)
+    cov = own.sum(axis=1)
+    cov += noise_turn @ turn_cov @ np.swapaxes(noise_turn, 1, 2)
+    cov[:, 3:, 3:] += posture.moment_var * np.eye(3)
+    return np.asarray(cov)
+
+
+def _free(noise_force: FloatArray, measured: BoolArray) -> FloatArray:
+    """Wrench (K, 6, m) of a unit force along each component that is not measured."""
+    return np.asarray(np.moveaxis(noise_force, 2, 1)[:, :, ~measured])
+
+
+def _filled(posture: Postures, state: State, centre: FloatArray, g: float) -> Postures:
+    """Postures with the readings that are not measured as the balance demands them.
+
+    With these the derivative of the projected rows by the rotations is exact (variable
+    projection); their covariance says how much noise stands in those levers.
+    """
+    missing = ~posture.measured
+    sensor, axis = np.nonzero(missing)
+    together = sensor[:, None] == sensor[None]
+    for _ in range(_FILLINGS):
+        lean = _lean(posture, state, centre, g)
+        B = wrench(lean.arm)
+        e = (B @ lean.force[..., None])[..., 0].sum(axis=1)
+        e[:, :3] += lean.weight
+        e[:, 3:] += np.cross(lean.arm_m, lean.weight) - state.n * state.friction * posture.approach
+        noise_force = B @ sensing(state)
+        noise_turn = np.concatenate([np.zeros_like(lean.by_turn), lean.by_turn], axis=1)
+        turn_cov = np.einsum("kiab,kibc,kidc->kad", lean.turn, posture.position_cov, lean.turn)
+        cov = _noise(posture, noise_force, noise_turn, turn_cov)
+        value, variance = free_forces.least_squares(cov, _free(noise_force, posture.measured), e)
+        force, force_cov = posture.force.copy(), posture.force_cov.copy()
+        force[:, missing] += value
+        for a, b in np.argwhere(together):
+            force_cov[:, sensor[a], axis[a], axis[b]] = variance[:, a, b]
+        posture = replace(posture, force=force, force_cov=force_cov)
+    return posture
 
 
 def features(state: State, at: Balance, g: float) -> FloatArray:
@@ -178,14 +255,18 @@ def features(state: State, at: Balance, g: float) -> FloatArray:
         np.outer(state.barycentre - at.centre, weight),
         state.hinge - at.hinge,
         state.datum - at.datum,
+        state.compliance - at.compliance,
+        state.friction,
+        np.einsum("nab,gnb->gna", M, state.drift),
     ]
     return np.concatenate([np.ravel(part) for part in parts])
 
 
 def features_jacobian(state: State, at: Balance, g: float) -> FloatArray:
     """∂ψ/∂(step of `retract`), (q, P), of a state without batch axes."""
-    n, place = state.n, layout(state.n)
-    jac = np.zeros((18 * n + 12, 18 * n + 6))
+    n, motions = state.n, state.motions
+    place = layout(n, motions)
+    jac = np.zeros((18 * n + 15 + 3 * n * motions, parameter_count(n, motions)))
     M, each = sensing(state), np.arange(n)
     turned = so3.hat(np.eye(3)) @ M[:, None]  # (n, 3, 3, 3): [e_j]× M
     strained = -M[:, None] @ SYMMETRIC @ unmixing(state.sensitivity)[:, None]  # (n, 6, 3, 3)
@@ -213,5 +294,24 @@ def features_jacobian(state: State, at: Balance, g: float) -> FloatArray:
     jac[wr, bary] = state.mass * np.einsum("aj,b->abj", np.eye(3), gvec).reshape(9, 3)
     h = 12 * n + 12
     jac[h : h + 3 * n, place["hinge"]] = np.eye(3 * n)
-    jac[h + 3 * n :, place["datum"]] = np.eye(3 * n)
+    jac[h + 3 * n : h + 6 * n, place["datum"]] = np.eye(3 * n)
+    h += 6 * n
+    jac[h : h + 2, place["compliance"]] = np.eye(2)
+    jac[h + 2, place["friction"]] = 1.0
+    _drift_jacobian(jac[h + 3 :], state, M, turned, strained)
     return jac
+
+
+def _drift_jacobian(
+    rows: FloatArray, state: State, M: FloatArray, turned: FloatArray, strained: FloatArray
+) -> None:
+    """Fill the rows (3 n G, P) of M_i Z_gi; turned, strained : ∂M by rotation and sensitivity."""
+    n, place = state.n, layout(state.n, state.motions)
+    for g, amplitude in enumerate(state.drift):
+        for i in range(n):
+            row = slice(3 * (n * g + i), 3 * (n * g + i) + 3)
+            for group, change in (("rotation", turned[i]), ("sensitivity", strained[i])):
+                first = place[group].start + len(change) * i
+                rows[row, first : first + len(change)] = (change @ amplitude[i]).T
+            first = place["drift"].start + row.start
+            rows[row, first : first + 3] = M[i]

@@ -28,6 +28,9 @@ _WIDE = {
     "hinge": 1e-1,
     "datum": 1e-1,
     "tilt": 1e-1,
+    "compliance": 1e-4,
+    "friction": 1e3,
+    "drift": 1.0,
 }
 
 
@@ -72,6 +75,8 @@ class Sight:
             position_cov=np.broadcast_to(declared.positioner**2 * np.eye(3), shape),
             force_cov=np.broadcast_to(force_var * np.eye(3), shape),
             moment_var=declared.hinge_moment**2,
+            approach=np.zeros((len(force), 3)),
+            measured=rig.axes,
         )
 
     def seen(self, place: FloatArray, force: FloatArray) -> Fit:

@@ -27,6 +27,9 @@ PRIORS = {
     "hinge": "hinge",
     "datum": "datum",
     "tilt": "gravity",
+    "compliance": "compliance",
+    "friction": "hinge hysteresis",
+    "drift": "drift",
     "rotation": "prior angles",
 }
 #: Standard deviation of a turn spread evenly over the circle, rad: nothing is known of it.
@@ -85,7 +88,7 @@ def information_root(fit: Fit) -> Spectrum:
 def quality(fit: Fit, parts: Spectrum) -> Quality:
     """χ² of the fit against the stated uncertainties."""
     e = fit.residual[fit.weight > 0]
-    dof = e.size + len(fit.prior_residual) - len(parts.values)
+    dof = fit.rows + len(fit.prior_residual) - len(parts.values)
     total, all_dof = fit.cost, dof
     if fit.rig.earlier is not None:
         total, all_dof = total + fit.rig.earlier.chi2, all_dof + fit.rig.earlier.dof
@@ -138,7 +141,7 @@ def evaluate(
 
 def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
     """Covariance (p, p) by source; together they are the posterior covariance."""
-    at, W = fit.at, np.linalg.inv(fit.at.cov)
+    at, W = fit.at, fit.at.information
     gain = fit.weight[:, None, None] * (posterior @ np.swapaxes(fit.jacobian, 1, 2) @ W)
 
     def through(cov: FloatArray) -> FloatArray:
@@ -159,7 +162,7 @@ def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
     own, common = np.split(fit.prior_jacobian, [len(fit.prior_jacobian) - earlier])
     half = posterior @ common.T
     shares[EARLIER] = half @ half.T
-    for group, place in layout(fit.rig.n).items():
+    for group, place in layout(fit.rig.n, fit.state.motions).items():
         inside = (columns >= place.start) & (columns < place.stop)
         rows = own[np.abs(own[:, inside]).any(axis=1)]
         half = posterior @ rows.T
@@ -176,7 +179,7 @@ def faked_information(fit: Fit) -> FloatArray:
     """
     n, M = fit.rig.n, sensing(fit.state)
     B = fit.at.wrench
-    W = np.linalg.inv(fit.at.cov) * fit.weight[:, None, None]
+    W = fit.at.information * fit.weight[:, None, None]
     C = np.einsum("knra,krs,knsb->knab", B, W, B, optimize=True)
     values, axes = np.linalg.eigh(M @ fit.postures.force_cov @ np.swapaxes(M, -1, -2))
     faked = np.zeros((3 * n, 3 * n))
@@ -227,7 +230,7 @@ def _effective_dof(
     total = np.sum(list(contributions.values()), axis=0)
     if not scaled:
         return np.full(total.shape, np.inf)
-    dof = max(1, fit.residual[fit.weight > 0].size - len(parts.values) + len(fit.prior_residual))
+    dof = max(1, fit.rows - len(parts.values) + len(fit.prior_residual))
     if fit.rig.earlier is not None:
         dof += fit.rig.earlier.dof
     noise = np.sum([contributions[name] for name in NOISE], axis=0)

@@ -16,18 +16,19 @@ from tdfscal.model.parameters import (
     State,
     constants,
     deviation,
-    layout,
     nominal,
     prior_std,
     retract,
     starting_state,
     vector,
+    with_motions,
 )
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
+from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import STEPS, Solution, gauss_newton
-from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.initial_guess import linear_start
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
@@ -73,8 +74,13 @@ class Fit:
 
     @property
     def whitener(self) -> FloatArray:
-        """L⁻¹ (K, 6, 6) with L Lᵀ the covariance of a posture's residual."""
-        return np.linalg.inv(np.linalg.cholesky(self.at.cov))
+        """What makes a posture's residual white (K, 6, 6), and nothing of its free forces."""
+        return self.at.whitener
+
+    @property
+    def rows(self) -> int:
+        """Number of residuals of the used postures that no free force reaches."""
+        return int(self.at.rows[self.weight > 0].sum())
 
     @property
     def distance(self) -> FloatArray:
@@ -90,17 +96,18 @@ class Fit:
 class Priors:
     """Whitened rows of all priors with 0 < std < ∞, by the active parameters."""
 
-    def __init__(self, rig: Rig) -> None:
-        std = self.full_std = prior_std(rig)
+    def __init__(self, rig: Rig, motion: ZeroMotion | None = None) -> None:
+        std = self.full_std = prior_std(rig, motion)
         self.active = std > 0
-        self.mean = vector(nominal(rig))
+        motions = 0 if motion is None else len(motion.std)
+        self.mean = vector(nominal(rig, motions))
         self.held = np.flatnonzero(np.isfinite(std) & self.active)
         self.std = std[self.held]
         self.rows = np.zeros((len(self.held), len(std)))
         self.rows[np.arange(len(self.held)), self.held] = 1 / self.std
         self.rows = self.rows[:, self.active]
         self.rpy, self.rpy_std = rig.nominal_rpy, rig.rpy_std
-        self.earlier, self.known = rig.earlier, starting_state(rig)
+        self.earlier, self.known = rig.earlier, starting_state(rig, motions)
         own = np.isfinite(rig.rpy_std).ravel() & (rig.earlier is None)
         self.angled = np.flatnonzero(own)
 
@@ -126,7 +133,8 @@ class Priors:
         self, state: State, root: FloatArray, residual: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Own rows, and last the rows of earlier campaigns: W log(X X̂ᵀ), W (x − x̂)."""
-        away = np.where(constants(state.n), deviation(state, self.known), 0.0)
+        away = np.where(constants(state.n, state.motions), deviation(state, self.known), 0.0)
+        root = np.pad(root, ((0, 0), (0, len(away) - root.shape[1])))
         rows = root.copy()
         for i in range(state.n):  # d log(exp(δ) exp(v)) = J⁻¹(v) δ
             turn = slice(3 * i, 3 * i + 3)
@@ -143,7 +151,7 @@ def statistic(at: Balance, weight: FloatArray) -> FloatArray:
     |statistic · ψ|² is the sum of all postures' squared whitened residuals, so this matrix holds
     all that the postures say, however many they are.
     """
-    rows = np.linalg.solve(np.linalg.cholesky(at.cov), at.design)
+    rows = at.whitener @ at.design
     rows = rows * np.sqrt(weight)[:, None, None]
     return np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[-1]), mode="r"))
 
@@ -158,7 +166,7 @@ def solve_statistic(
     iterations: int = STEPS,
 ) -> Solution[State]:
     """Gauss–Newton on the compressed postures and the priors."""
-    size, active = layout(rig.n)["tilt"].stop, priors.active
+    active = priors.active
 
     def model(state: State) -> tuple[FloatArray, FloatArray]:
         prior_r, prior_j = priors(state)
@@ -167,7 +175,7 @@ def solve_statistic(
         return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
 
     def move(state: State, step: FloatArray) -> State:
-        full = np.zeros(size)
+        full = np.zeros(len(active))
         full[active] = step
         return retract(state, full)
 
@@ -184,13 +192,13 @@ def at_state(
     converged: bool = True,
 ) -> Fit:
     """Gather residuals and Jacobians at a state, whoever found it."""
-    priors = Priors(rig)
+    priors, state = Priors(rig, postures.motion), with_motions(state, postures.motions)
     at = balance(postures, state, rig.barycentre.value, rig.gravity)
     prior_r, prior_j = priors(state)
     jacobian = at.design @ features_jacobian(state, at, rig.gravity)[:, priors.active]
     return Fit(
         rig=rig,
-        postures=postures,
+        postures=at.seen,
         state=state,
         active=priors.active,
         at=at,
@@ -210,9 +218,9 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     Whether it settled stands in the result: where the data leave a direction open the iteration
     may wander along it, and the verdict on what is observable has to come first.
     """
-    priors = Priors(rig)
+    priors = Priors(rig, postures.motion)
     weight = np.ones(len(postures)) if weight is None else weight
-    state, iterations, converged = start, 0, False
+    state, iterations, converged = with_motions(start, postures.motions), 0, False
     for _ in range(_PASSES):
         at = balance(postures, state, rig.barycentre.value, rig.gravity)
         solution = solve_statistic(rig, at, statistic(at, weight), state, priors)
@@ -226,9 +234,10 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     return at_state(rig, postures, state, weight, iterations=iterations, converged=converged)
 
 
-def spread(distance: FloatArray) -> float:
-    """Variance of the residuals by their median, never below 1: d² (K,) is χ²₆ at 1."""
-    return max(1.0, float(np.median(distance) / chi2_quantile(0.5, ROWS)))
+def spread(distance: FloatArray, rows: IntArray | int = ROWS) -> float:
+    """Variance of the residuals by their median, never below 1: d² (K,) is χ² of `rows` at 1."""
+    typical = max(1, int(np.median(rows)))
+    return max(1.0, float(np.median(distance) / chi2_quantile(0.5, typical)))
 
 
 def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
@@ -237,14 +246,15 @@ def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
     The nominal mounting; the linear solution; then, where neither comes near and mountings are
     to be tried, each sensor turned by quarter turns and upside down, one after the other.
     """
-    everyone, priors = np.ones(len(postures)), Priors(rig)
+    everyone, priors = np.ones(len(postures)), Priors(rig, postures.motion)
 
     def tried(start: State) -> tuple[float, Fit]:
+        start = with_motions(start, postures.motions)
         at = balance(postures, start, rig.barycentre.value, rig.gravity)
         held = statistic(at, everyone)
         solution = solve_statistic(rig, at, held, start, priors, iterations=_LOOK)
         found = at_state(rig, postures, solution.state, everyone)
-        return spread(found.distance), found
+        return spread(found.distance, found.at.rows), found
 
     best = tried(starting_state(rig))
     if best[0] > _EXPLAINED:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.model.calibrated import Calibrated, with_rotations
-from tdfscal.model.parameters import retract
+from tdfscal.model.parameters import parameter_count, retract, with_motions
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import information_root
@@ -30,7 +30,9 @@ def from_fit(
     free = np.flatnonzero(fit.active)
     posterior = np.zeros((size, size))
     posterior[np.ix_(free, free)] = parts.root @ parts.root.T
-    state = fit.state
+    # How zeros moved belongs to this campaign alone.
+    size = parameter_count(fit.rig.n)
+    posterior, state = posterior[:size, :size], with_motions(fit.state, 0)
     if rotation is not None:
         turn = so3.log(rotation @ np.swapaxes(state.rotation, 1, 2)).ravel()
         along = np.linalg.solve(posterior[:turns, :turns], turn)

@@ -56,7 +56,7 @@ class Sampler:
         self.force_root = inflate * covariance_root(fit.postures.force_cov[used])
         self.turn_root = inflate * at.noise_turn[used] @ covariance_root(at.turn_cov[used])
         self.moment_std = inflate * np.sqrt(fit.postures.moment_var)
-        self.weight = np.linalg.inv(at.cov[used])
+        self.weight = at.information[used]
         self.posterior = parts.root @ parts.root.T
 
     def perturb(self, rng: np.random.Generator, trials: int) -> tuple[Perturbed, FloatArray]:

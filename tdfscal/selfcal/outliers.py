@@ -62,8 +62,9 @@ def sound(result: Fit, used: BoolArray) -> BoolArray:
     tame = np.linalg.eigvalsh(inside)[:, 0] > 1e-6  # else the posture determines its own fit
     inside = np.where((used & tame)[:, None, None], inside, eye + leverage)
     d2 = np.einsum("ka,ka->k", e, np.linalg.solve(inside, e[..., None])[..., 0])
-    scale = spread(d2[used]) if used.any() else 1.0
-    limit = chi2_quantile(1 - OUTLYING_POSTURE / len(d2), ROWS)
+    rows = result.at.rows
+    scale = spread(d2[used], rows[used]) if used.any() else 1.0
+    limit = chi2_quantile(1 - OUTLYING_POSTURE / len(d2), max(1, int(np.median(rows))))
     return np.asarray(d2 <= limit * scale)
 
 
@@ -87,14 +88,16 @@ def _reweighted(rig: Rig, postures: Postures, start: State) -> Fit:
     """Few rounds of iteratively re-weighted least squares with Student's weights."""
     result = fit(rig, postures, start)
     for _ in range(_ROUNDS):
-        d2 = result.distance / spread(result.distance)
-        result = fit(rig, postures, result.state, (_HEAVY_TAIL + ROWS) / (_HEAVY_TAIL + d2))
+        d2 = result.distance / spread(result.distance, result.at.rows)
+        result = fit(
+            rig, postures, result.state, (_HEAVY_TAIL + result.at.rows) / (_HEAVY_TAIL + d2)
+        )
     return result
 
 
 def rejections(result: Fit) -> tuple[Rejection, ...]:
     """Name the postures of weight 0 with their residual wrench (moment about the barycentre)."""
-    scale = spread(result.distance[result.weight > 0])
+    scale = spread(result.distance[result.weight > 0], result.at.rows)
     found = []
     for k in np.flatnonzero(result.weight == 0):
         e = result.residual[k]
@@ -103,7 +106,7 @@ def rejections(result: Fit) -> tuple[Rejection, ...]:
                 index=int(k),
                 force=float(np.linalg.norm(e[:3])),
                 moment=float(np.linalg.norm(e[3:])),
-                ratio=float(np.sqrt(result.distance[k] / (ROWS * scale))),
+                ratio=float(np.sqrt(result.distance[k] / (result.at.rows[k] * scale))),
             )
         )
     return tuple(found)

@@ -184,7 +184,7 @@ def self_calibrate(
 def _fit(rig: Rig, observed: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
     """Robust fit; a poor one is held against other wirings before it is believed."""
     result, found = fit_robust(rig, observed)
-    if np.sqrt(spread(result.distance)) > _POOR:
+    if np.sqrt(spread(result.distance, result.at.rows)) > _POOR:
         _check_wiring(rig, observed)
     return result, found
 
@@ -197,7 +197,7 @@ def _check_wiring(rig: Rig, observed: Postures) -> None:
     back, fitting = np.swapaxes(nominal(rig).rotation, 1, 2), []
     for words, other in log_against_rig.rewired(rig, observed):
         started = best_start(rig, other, mountings=False)
-        if np.sqrt(spread(started.distance)) < _POOR:
+        if np.sqrt(spread(started.distance, started.at.rows)) < _POOR:
             turn = np.linalg.norm(so3.log(started.state.rotation @ back), axis=1)
             fitting.append((float(turn.max()), words))
     if fitting:

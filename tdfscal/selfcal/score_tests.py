@@ -45,7 +45,15 @@ _WORDS = {
     "hinge": ("the hinge of {0} is not where it is stated", "widen uncertainty.hinge"),
     "datum": ("the servo coordinates of {0} are offset", "declare uncertainty.datum"),
     "tilt": ("gravity is not along -Z of the BCS", "level the BCS, or declare gravity.tilt_std"),
+    "compliance": (
+        "the NCPs give between encoder and hinge",
+        "declare uncertainty.compliance, or see what is loose",
+    ),
     "friction": (
+        "the hinges hold back against the turn by which a posture is reached",
+        "declare uncertainty.hinge_moment, or see whether the hinges move freely",
+    ),
+    "scatter": (
         "the moments scatter as friction of {0:.2g} N·m in the hinges would make them",
         "declare uncertainty.hinge_moment, or see whether the NCPs repeat as stated",
     ),
@@ -119,7 +127,7 @@ def suspicions(
         )
     friction, p_value, effect = _friction(fit, parts, root, residual)
     if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE:
-        what, advice = _WORDS["friction"]
+        what, advice = _WORDS["scatter"]
         found.append(_suspicion(fit, what.format(friction), advice, p_value, effect[angles] / std))
     return tuple(sorted(found, key=lambda suspicion: suspicion.p_value))
 
@@ -163,7 +171,8 @@ def _suspects(
 ) -> Iterator[tuple[str, int, FloatArray]]:
     """Group, support and whitened columns (rows, g) of each suspect."""
     rig, n = fit.rig, fit.rig.n
-    std, place = prior_std(rig), layout(n)
+    motion = fit.postures.motion
+    std, place = prior_std(rig, motion), layout(n, fit.state.motions)
     J = root @ (fit.at.design @ features_jacobian(fit.state, fit.at, rig.gravity))
     data, held = J.reshape(-1, J.shape[-1]), np.flatnonzero(np.isfinite(std) & (std > 0))
     below = np.zeros((len(fit.prior_residual), data.shape[1]))
@@ -172,7 +181,7 @@ def _suspects(
     exact = std == 0
     columns = np.concatenate([np.where(exact, data, 0.0), np.where(exact, 0.0, below)])
     for group, where in place.items():
-        if group == "rotation":
+        if group in ("rotation", "drift"):
             continue
         size = {"zero": 3, "sensitivity": 6, "hinge": 3, "datum": 3}.get(
             group, where.stop - where.start

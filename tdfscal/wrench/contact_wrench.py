@@ -116,6 +116,8 @@ def single(given: Calibrated, position: FloatArray, force: FloatArray) -> Postur
         position_cov=np.broadcast_to(declared.positioner**2 * eye, shape),
         force_cov=np.broadcast_to(declared.force_noise**2 * eye, shape),
         moment_var=declared.hinge_moment**2,
+        approach=np.zeros((len(force), 3)),
+        measured=given.rig.axes,
     )
 
 

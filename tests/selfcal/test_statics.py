@@ -65,7 +65,7 @@ def random_state(rig: Rig, rng: np.random.Generator) -> State:
     n = rig.n
     sizes = {"rotation": 0.3, "zero": 2, "sensitivity": 0.02, "mass": 3, "barycentre": 0.02}
     place = layout(n)
-    step = np.zeros(place["tilt"].stop)
+    step = np.zeros(place["drift"].stop)
     for name, size in (sizes | {"tilt": 1e-2}).items():
         step[place[name]] = size * rng.normal(size=place[name].stop - place[name].start)
     return retract(nominal(rig), step)
@@ -138,7 +138,7 @@ def test_batch_equals_the_model() -> None:
     seen = postures(rig, simulation.simulate_dwells(rig, Options(), rng, 1).dwells(0))
     base = random_state(rig, rng)
     at, g = balance(seen, base, np.zeros(3), rig.gravity), rig.gravity
-    free, used = np.ones(layout(4)["tilt"].stop, dtype=bool), np.ones(len(seen), dtype=bool)
+    free, used = np.ones(layout(4)["drift"].stop, dtype=bool), np.ones(len(seen), dtype=bool)
     steps = 1e-3 * rng.normal(size=(len(free), 3))
     equations = Equations(at, used, base, free, g)
     trials = Trials.at(base, 3).moved(steps)

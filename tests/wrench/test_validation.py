@@ -124,7 +124,7 @@ def test_parameters_taken_as_independent_err_on_the_safe_side() -> None:
 
 def test_open_parameters_cost_degrees_of_freedom_not_validity() -> None:
     place = layout(3)
-    open_ = np.zeros(place["tilt"].stop, dtype=np.bool_)
+    open_ = np.zeros(place["drift"].stop, dtype=np.bool_)
     open_[place["zero"]] = True
     given = replace(MANY.given[0], open=open_)
     v = validate(given, MANY.held(0))

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy
-from tdfscal.model.parameters import deviation, layout, nominal, retract
+from tdfscal.model.parameters import deviation, layout, nominal, parameter_count, retract
 from tdfscal.records import FloatArray, Rig
 
 if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
@@ -33,8 +33,11 @@ _COMPONENTS = {
     "hinge": ("hinge.x", "hinge.y", "hinge.z"),
     "datum": ("datum.x", "datum.y", "datum.z"),
     "tilt": ("gravity.tilt_x", "gravity.tilt_y"),
+    "compliance": ("compliance.lateral", "compliance.vertical"),
+    "friction": ("hinge_friction",),
+    "drift": (),
 }
-_OF_THE_RIG = ("mass", "barycentre", "tilt")
+_OF_THE_RIG = ("mass", "barycentre", "tilt", "compliance", "friction")
 
 
 class Parameters(Strict):
@@ -73,7 +76,7 @@ def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibr
     place = _places(block, rig.supports)
     from tdfscal.model.calibrated import Calibrated
 
-    size = layout(rig.n)["tilt"].stop
+    size = parameter_count(rig.n)
     step, covariance = np.zeros(size), np.zeros((size, size))
     step[place] = block.value
     covariance[np.ix_(place, place)] = block.matrix

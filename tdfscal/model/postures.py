@@ -1,0 +1,110 @@
+"""Static postures as the measurement model takes them: where the NCPs stand, what sensors read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.model.parameters import State, sensing
+from tdfscal.model.zero_motion import ZeroMotion, zero_motion
+from tdfscal.numerics import so3
+from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
+
+#: A turn from posture to posture below this leaves the hinges as they were, rad.
+_TURNED = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Postures:
+    """Static postures as the balance sees them.
+
+    position, force : (K, n, 3), servo in the BCS (m), reading in the sensor frame (N).
+    position_cov, force_cov : (K, n, 3, 3), all that does not average out included.
+    moment_var : N²m², variance per axis of an additive moment (friction of the hinges).
+    approach : (K, 3), unit vector of the turn by which a posture was reached, BCS; 0 unknown.
+    measured : (n, 3), which components the sensors measure; the readings of others are ignored.
+    motion : how the zeros may move over the postures.
+    """
+
+    position: FloatArray
+    force: FloatArray
+    position_cov: FloatArray
+    force_cov: FloatArray
+    moment_var: float
+    approach: FloatArray
+    measured: BoolArray
+    motion: ZeroMotion | None = None
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    @property
+    def motions(self) -> int:
+        """Number of functions by which zeros may move, G."""
+        return 0 if self.motion is None else len(self.motion.std)
+
+    def subset(self, keep: BoolArray | IntArray | slice) -> Postures:
+        """Return the postures that keep (a mask, indices or a slice) selects."""
+        arrays = ("position", "force", "position_cov", "force_cov", "approach")
+        motion = None if self.motion is None else self.motion.subset(keep)
+        return replace(self, motion=motion, **{name: getattr(self, name)[keep] for name in arrays})
+
+
+def postures(rig: Rig, dwells: Dwells) -> Postures:
+    """Dwells with the rig's declared uncertainties added to those of their means."""
+    eye = np.eye(3)
+    time = (dwells.start + dwells.end) / 2
+    motion = zero_motion(rig.drift, time, dwells.temperature, rig.n)
+    excess = rig.declared.force_noise**2 + (0.0 if motion is None else motion.remainder)
+    both = rig.axes[:, :, None] & rig.axes[:, None, :]
+    return Postures(
+        position=dwells.position,
+        force=np.where(rig.axes, dwells.force, 0.0),
+        position_cov=dwells.position_cov + rig.declared.positioner**2 * eye,
+        force_cov=np.where(both, dwells.force_cov + excess * eye, 0.0),
+        moment_var=rig.declared.hinge_moment**2,
+        approach=approach(register(rig.hinge, dwells.position)[0]),
+        measured=rig.axes,
+        motion=motion,
+    )
+
+
+def approach(rotation: FloatArray) -> FloatArray:
+    """Unit vectors (K, 3), BCS, of the turns from posture to posture; rotation (K, 3, 3).
+
+    Where a posture differs from the one before by a squeeze or a shift only, its hinges stay as
+    they were turned last. How the first posture was reached nobody knows: 0.
+    """
+    out = np.zeros((len(rotation), 3))
+    turn = so3.log(rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2))
+    size = np.linalg.norm(turn, axis=1)
+    moved = np.flatnonzero(size > _TURNED)
+    if len(moved):
+        last = np.searchsorted(moved, np.arange(len(turn)), side="right") - 1
+        unit = turn[moved] / size[moved, None]
+        out[1:] = np.where(last[:, None] >= 0, unit[np.maximum(last, 0)], 0.0)
+    return out
+
+
+def forces(state: State, reading: FloatArray) -> FloatArray:
+    """F_i = X_i (I + S_i)⁻¹ (f_i − z_i) in the BCS, N; reading (..., K, n, 3)."""
+    load = reading - state.zero[..., None, :, :]
+    return np.asarray(np.einsum("...nab,...knb->...kna", sensing(state), load))
+
+
+def register(hinge: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Pose of the terminal: R (K, 3, 3) and T (K, 3) with R r_i + T ≈ p_i (Eq. 1).
+
+    hinge (n, 3) in the LCS, position (K, n, 3) in the BCS, m; least squares over all n hinges.
+    """
+    r0, p0 = hinge.mean(axis=0), position.mean(axis=-2)
+    R = so3.project(np.einsum("kni,nj->kij", position - p0[:, None], hinge - r0))
+    return R, p0 - R @ r0
+
+
+def zeros(state: State, posture: Postures) -> FloatArray:
+    """Zero of every channel at every posture, N: (K or 1, n, 3)."""
+    if posture.motion is None or not state.motions:
+        return state.zero[None]
+    return np.asarray(state.zero + np.einsum("kng,gna->kna", posture.motion.value, state.drift))

@@ -1,0 +1,95 @@
+"""How the zeros of the sensors move over a campaign (theory, section 11).
+
+The zero of a channel at posture k is z + Σ_g a_g φ_g(k): z holds at the first posture, and every
+φ_g vanishes there, as a tare just before the campaign has it. The functions are a slope in time,
+a slope in temperature, a parabola in time where a test asked for it, and the modes of a random
+walk (Karhunen–Loève). The amplitudes a_g are parameters with a prior, per channel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
+
+Kind = Literal["time", "temperature", "parabola", "walk"]
+
+#: Modes of a random walk at most; what they leave counts as noise of each posture.
+WALK_MODES = 40
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroMotion:
+    """Functions by which zeros move, over K postures.
+
+    kind : (G,). value : (K, n, G); time in s, temperature in K, a walk's modes in N.
+    std : (G,), standard deviation of the amplitudes' prior: N/s, N/K, N/s², 1.
+    remainder : N² per posture and channel, of a walk's modes that are left out.
+    """
+
+    kind: tuple[Kind, ...]
+    value: FloatArray
+    std: FloatArray
+    remainder: float = 0.0
+
+    def subset(self, keep: BoolArray | IntArray | slice) -> ZeroMotion:
+        """Return the motion at the postures that keep selects."""
+        return replace(self, value=self.value[keep])
+
+
+def zero_motion(
+    drift: Drift, time: FloatArray, temperature: FloatArray | None, n: int
+) -> ZeroMotion | None:
+    """Build the functions for what a rig file declares; None where its zeros stay.
+
+    time : (K,), s, of the postures. temperature : (K, n), °C, at each sensor.
+    """
+    kinds: list[Kind] = []
+    values, std = [], []
+    elapsed = np.repeat((time - time[0])[:, None], n, axis=1)
+    if drift.time > 0:
+        kinds.append("time")
+        values.append(elapsed)
+        std.append(drift.time)
+    if drift.temperature > 0 and temperature is not None:
+        kinds.append("temperature")
+        values.append(temperature - temperature[0])
+        std.append(drift.temperature)
+    if drift.parabola > 0:
+        kinds.append("parabola")
+        values.append(elapsed**2)
+        std.append(drift.parabola)
+    remainder = 0.0
+    if drift.walk > 0:
+        modes, remainder = walk_modes(drift.walk, time)
+        for mode in modes.T:
+            kinds.append("walk")
+            values.append(np.repeat(mode[:, None], n, axis=1))
+            std.append(1.0)
+    if not kinds:
+        return None
+    return ZeroMotion(tuple(kinds), np.stack(values, axis=2), np.array(std), remainder)
+
+
+def walk_modes(intensity: float, time: FloatArray) -> tuple[FloatArray, float]:
+    """Modes (K, m), N, of a random walk from time[0] on, and the variance that they leave, N².
+
+    intensity : N/√s. The covariance of a walk is q² min(t_k, t_l). A few postures get all of its
+    eigenvectors; many get the sines of the continuous walk, and their remainder, which changes
+    over K/m postures together, counts as K/m times its variance in every one of them.
+    """
+    elapsed, K = time - time.min(), len(time)
+    span = float(elapsed.max(initial=0.0))
+    if not span > 0:
+        return np.zeros((K, 0)), 0.0
+    if K <= WALK_MODES + 1:
+        values, vectors = np.linalg.eigh(np.minimum(elapsed[:, None], elapsed[None]))
+        kept = values > values[-1] * K * np.finfo(float).eps
+        return intensity * vectors[:, kept] * np.sqrt(values[kept]), 0.0
+    rate = (np.arange(WALK_MODES) + 0.5) * np.pi / span
+    modes = np.sin(elapsed[:, None] * rate) * np.sqrt(2.0 / span) / rate
+    left = span / 2.0 - 0.5 * float(np.sum(2.0 / span / rate**2))
+    return intensity * modes, intensity**2 * left * K / WALK_MODES
