@@ -74,8 +74,11 @@ OUTLYING_POINT: Final = 0.01
 UNUSABLE_SURVEY: Final = 1e-6
 #: Points whose removal lowers χ² by less than this apart: likelihoods within a factor of 100.
 POINTS_AS_LIKELY: Final = 9.2
-#: χ² of a survey less probable than this: noise understated, and the covariance grows by it.
-SURVEY_MISFIT: Final = 0.01
+#: Chance that a source's stated uncertainty is right before the residuals are seen: a drawing's or
+#: a positioner's is a guess in most surveys.
+STATED_NOISE_RIGHT: Final = 1 / 3
+#: And after they are seen, below which the source is named.
+NOISE_UNDERSTATED: Final = 0.05
 #: That a faultless rig has any positioner axis reported, per survey.
 POSITIONER_AXIS: Final = 0.01
 #: That a scale other than 1 is reported for two point files which have the same.

@@ -12,6 +12,7 @@ from tdfscal.significance import FAR_FROM_NOMINAL
 from tdfscal.trackercal.judged_registration import SurveyFit
 from tdfscal.trackercal.point_matching import relabellings
 from tdfscal.trackercal.positioner_axes import AxisTest
+from tdfscal.trackercal.variance_components import Components
 
 
 def survey_warnings(
@@ -20,7 +21,7 @@ def survey_warnings(
     moves: SurveyFit,
     targets: Sequence[SurveyFit],
     axes: Sequence[AxisTest],
-    inflation: float,
+    components: Components,
 ) -> tuple[str, ...]:
     """Sentences for the calibration's warnings; X (n, 3, 3) sensor → BCS."""
     lines = [
@@ -28,11 +29,7 @@ def survey_warnings(
         for s in (moves, *targets)
         for name, reason in ((r.name, r.reason) for r in s.rejected)
     ]
-    if inflation > 1:
-        lines.append(
-            f"the residuals are {inflation**0.5:.2f} times the stated uncertainties; the noise "
-            "part of the covariance is enlarged accordingly"
-        )
+    lines += [f"{text}; the result is weighted by it" for text in components.understated]
     lines += [str(fault) for test in axes for fault in test.faults]
     lines += _unchecked_targets(rig.supports, targets)
     for name, turn, std in zip(

@@ -17,12 +17,13 @@ from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
-from tdfscal.significance import MOST_REJECTED, SURVEY_MISFIT
+from tdfscal.significance import MOST_REJECTED
 from tdfscal.trackercal.caveats import survey_warnings
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey, point_noise
 from tdfscal.trackercal.monte_carlo import MonteCarlo, linear_interval, simulate_inputs
 from tdfscal.trackercal.point_matching import MatchedPoints, describe_unmatched, match_points
 from tdfscal.trackercal.positioner_axes import AxisTest, examine_axes
+from tdfscal.trackercal.variance_components import Components, estimate_components
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +31,8 @@ class TrackerCalibration:
     """A laser-tracker calibration of all n sensors.
 
     rpy, rpy_std : (n, 3), rad, roll, pitch, yaw. low, high : (n, 3), rad, linear 95 % interval.
-    chi2, dof, p_value : of all residuals together; birge = √(χ²/dof). inflation : factor on the
-    noise part of the covariance, birge² where the misfit is significant, else 1.
+    chi2, dof, p_value : of all residuals together; birge = √(χ²/dof),
+    with the noise as stated. components : the noise of each source that the covariance is of.
     budget : source → (n, 3), rad², its share of the variance of each angle; they sum to rpy_std².
     tracker_rotation : (3, 3), R_b^m, BCS → tracker; its covariance (3, 3) in the tracker's frame.
     point_names, residual (N, 3), m, normalised (N, 3) : of the points used, moves first.
@@ -46,7 +47,7 @@ class TrackerCalibration:
     dof: int
     p_value: float
     birge: float
-    inflation: float
+    components: Components
     budget: Mapping[str, FloatArray]
     monte_carlo: MonteCarlo | None
     axes: tuple[AxisTest, ...]
@@ -83,25 +84,18 @@ def calibrate_tracker(
     all_targets = match_points(session.targets, session.nominal)
     unmatched = describe_unmatched(all_moves) + describe_unmatched(all_targets)
     _require_supports(rig, all_targets)
-    moves_points, notes = _of_supports(rig, all_moves)
-    moves = fit_survey(
-        moves_points,
-        point_noise(moves_points, session.instrument, {"positioner": rig.declared.positioner}),
-        common_shift=False,
-        least=2,
-        what="moved points",
-    )
-    targets = [_fit_targets(all_targets, session, name) for name in rig.supports]
+    move_points, notes = _of_supports(rig, all_moves)
+    moves, targets = _fit(rig, session, move_points, all_targets, None)
     _refuse_many_outliers(moves, targets, session.targets.source)
-
     chi2 = moves.fit.chi2 + sum(t.fit.chi2 for t in targets)
     dof = moves.fit.dof + sum(t.fit.dof for t in targets)
-    p_value = float(chi2_sf(chi2, dof))
-    inflation = chi2 / dof if p_value < SURVEY_MISFIT and chi2 > dof else 1.0
+    axes = examine_axes(moves)
+    components = estimate_components(moves, targets)
+    moves, targets = _fit(rig, session, move_points, all_targets, components)
 
     R_b = moves.fit.rotation
     X = so3.project(np.stack([R_b.T @ t.fit.rotation for t in targets]))
-    shares = _shares(moves, targets, inflation)
+    shares = _shares(moves, targets)
     if misalignment > 0:
         shares["misalignment"] = misalignment**2 * np.eye(3 * rig.n)
     covariance = np.sum(list(shares.values()), axis=0)
@@ -110,19 +104,16 @@ def calibrate_tracker(
     low, high = linear_interval(rpy, rpy_std)
     monte_carlo = None
     if trials > 0:
-        stated = _shares(moves, targets, 1.0)
-        linear = np.sum([*stated.values(), misalignment**2 * np.eye(3 * rig.n)], axis=0)
         monte_carlo = simulate_inputs(
             moves,
             targets,
-            session.instrument,
+            components.scaled(session.instrument),
             misalignment,
             (moves.fit.gain[:3], [t.fit.gain[:3] for t in targets]),
-            np.sqrt(so3.rpy_variance(X, linear)),
+            rpy_std,
             trials=trials,
             rng=np.random.default_rng(0) if rng is None else rng,
         )
-    axes = examine_axes(moves)
     surveys = [moves, *targets]
     return TrackerCalibration(
         rotations=Rotations(rig.supports, X, (covariance + covariance.T) / 2),
@@ -132,14 +123,14 @@ def calibrate_tracker(
         high=high,
         chi2=chi2,
         dof=dof,
-        p_value=p_value,
+        p_value=float(chi2_sf(chi2, dof)),
         birge=float(np.sqrt(chi2 / dof)),
-        inflation=inflation,
+        components=components,
         budget=budget,
         monte_carlo=monte_carlo,
         axes=axes,
         tracker_rotation=R_b,
-        tracker_covariance=moves.fit.rotation_covariance * inflation,
+        tracker_covariance=moves.fit.rotation_covariance,
         point_names=tuple(name for s in surveys for name in s.points.names),
         residual=np.concatenate([s.fit.residual for s in surveys]),
         normalised=np.concatenate([s.fit.normalised for s in surveys]),
@@ -150,20 +141,32 @@ def calibrate_tracker(
         warnings=(
             *unmatched,
             *notes,
-            *survey_warnings(rig, X, moves, targets, axes, inflation),
+            *survey_warnings(rig, X, moves, targets, axes, components),
         ),
     )
 
 
-def _fit_targets(points: MatchedPoints, session: TrackerSession, support: str) -> SurveyFit:
-    here = points.take(points.indices(support))
-    return fit_survey(
-        here,
-        point_noise(here, session.instrument, {"drawing": session.drawing}),
-        common_shift=True,
-        least=3,
-        what=f"targets of {support}",
-    )
+def _fit(
+    rig: Rig,
+    session: TrackerSession,
+    moves: MatchedPoints,
+    targets: MatchedPoints,
+    components: Components | None,
+) -> tuple[SurveyFit, list[SurveyFit]]:
+    """Register the moves of all NCPs, and the targets of each sensor; noise as stated by None."""
+
+    def fitted(points: MatchedPoints, source: str, std: float, least: int, what: str) -> SurveyFit:
+        noise = point_noise(points, session.instrument, {source: std})
+        if components is not None:
+            noise = components.enlarged(noise, source)
+        return fit_survey(points, noise, common_shift=least == 3, least=least, what=what)
+
+    return fitted(moves, "positioner", rig.declared.positioner, 2, "moved points"), [
+        fitted(
+            targets.take(targets.indices(name)), "drawing", session.drawing, 3, f"targets of {name}"
+        )
+        for name in rig.supports
+    ]
 
 
 def _require_supports(rig: Rig, targets: MatchedPoints) -> None:
@@ -212,7 +215,7 @@ def _refuse_many_outliers(moves: SurveyFit, targets: list[SurveyFit], source: st
         )
 
 
-def _shares(moves: SurveyFit, targets: list[SurveyFit], inflation: float) -> dict[str, FloatArray]:
+def _shares(moves: SurveyFit, targets: list[SurveyFit]) -> dict[str, FloatArray]:
     """Share of each source in the covariance (3n, 3n) of the rotations.
 
     exp([d_i]×) X_i with d_i = (R_b^m)ᵀ (s_i − b), where s_i, b perturb R_{s,i}^m and R_b^m in the
@@ -230,6 +233,6 @@ def _shares(moves: SurveyFit, targets: list[SurveyFit], inflation: float) -> dic
         parts = dict(survey.noise.measured)
         parts |= {name: turned @ cov @ turned.T for name, cov in survey.noise.reference.items()}
         for name, cov in parts.items():
-            share = np.einsum("pnj,njk,qnk->pq", gain, cov, gain) * inflation
+            share = np.einsum("pnj,njk,qnk->pq", gain, cov, gain)
             shares[name] = shares.get(name, np.zeros((3 * n, 3 * n))) + share
     return shares

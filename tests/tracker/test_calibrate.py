@@ -79,8 +79,24 @@ def test_understated_uncertainty_is_noticed() -> None:
     survey = make_survey(3, tracker=Instrument(2e-5, 10.0, 4.0))
     result = calibrate(survey.with_session(instrument=PAPER))
     assert result.p_value < 1e-6
-    assert result.inflation == pytest.approx(result.birge**2)
-    assert any("times the stated uncertainties" in w for w in result.warnings)
+    # All noise of this survey but the positioners' is the instrument's, and that is doubled.
+    assert 1.5 < result.components.instrument < 2.7
+    assert any("instrument" in w and "times" in w for w in result.warnings)
+
+
+@pytest.mark.parametrize("source", ["drawing", "positioner"])
+def test_the_source_that_is_understated_is_the_one_enlarged(source: str) -> None:
+    true, stated = 2e-4, 1e-5
+    survey = make_survey(7, **{source: true}, layout=np.concatenate([TRIPOD, -TRIPOD]))  # type: ignore[arg-type]
+    declared = replace(survey.rig.declared, positioner=stated)
+    session = replace(survey.session, drawing=stated if source == "drawing" else 0.0)
+    result = calibrate_tracker(replace(survey.rig, declared=declared), session, trials=0)
+    excess = {"drawing": result.components.drawing, "positioner": result.components.positioner}
+    # 33 and 87 degrees of freedom: a standard deviation within 12 and 8 %.
+    assert excess.pop(source) == pytest.approx(true, rel=0.4)
+    assert result.components.instrument < 1.3
+    assert all(other < 0.1 * true for other in excess.values())
+    assert len(result.components.understated) == 1
 
 
 def test_papers_instrument_on_a_small_square() -> None:
@@ -114,7 +130,11 @@ def test_budget_by_taking_a_source_away() -> None:
     """The drawing's share is what vanishes with the drawing's tolerance, to second order in it."""
     survey = make_survey(5, drawing=1e-6)
     with_it, without = calibrate(survey), calibrate(survey.with_session(drawing=0.0))
-    share = with_it.budget["drawing"]
+    # What the residuals leave open beyond the stated drawing counts with it.
+    variances = [1e-12 + with_it.components.drawing**2, without.components.drawing**2]
+    share = with_it.budget["drawing"] * (variances[0] - variances[1]) / variances[0]
+    taken = (with_it.components.instrument, with_it.components.positioner)
+    assert taken == pytest.approx((without.components.instrument, without.components.positioner))
     assert with_it.rpy_std**2 - without.rpy_std**2 == pytest.approx(share, rel=2e-2)
 
 

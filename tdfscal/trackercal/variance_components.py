@@ -1,0 +1,136 @@
+"""How large the noise of each source of a survey really is, from the residuals of the survey.
+
+One factor on all residuals lets a fault of one source dilute in the others: a drawing that is off
+enlarges the residuals of the targets and not those of the moves. Each source has a component of
+its own therefore: a factor on the instrument's noise, which moves and targets share, and an
+isotropic variance beyond the stated one of the servo coordinates and of the nominal points. Their
+restricted likelihood, which knows the parameters that the fit has taken, is integrated over a
+prior that leaves each stated uncertainty right in most surveys (Searle, Casella, McCulloch:
+Variance Components, 1992, chapter 9).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import compress
+
+import numpy as np
+
+from tdfscal.records import FloatArray, Instrument
+from tdfscal.significance import NOISE_UNDERSTATED, STATED_NOISE_RIGHT
+from tdfscal.trackercal.judged_registration import Noise, SurveyFit
+
+#: Factors on the instrument's standard uncertainty; the first says that it is as stated.
+_FACTORS = np.concatenate([[1.0], np.geomspace(1.1, 60.0, 20)])
+#: Standard deviations beyond the stated, over the typical one of the survey's coordinates.
+_EXCESS = np.concatenate([[0.0], np.geomspace(0.25, 60.0, 20)])
+
+
+@dataclass(frozen=True, slots=True)
+class Components:
+    """Noise of each source, as the residuals and the statement together have it.
+
+    instrument : factor on its standard uncertainties. positioner, drawing : m per coordinate,
+    standard uncertainty beyond the stated one. understated : in words, the sources whose
+    statement the residuals make improbable.
+    """
+
+    instrument: float
+    positioner: float
+    drawing: float
+    understated: tuple[str, ...]
+
+    def scaled(self, instrument: Instrument) -> Instrument:
+        """The instrument with the noise that it shows."""
+        return Instrument(
+            instrument.range * self.instrument,
+            instrument.range_ppm * self.instrument,
+            instrument.angle_arcsec * self.instrument,
+        )
+
+    def enlarged(self, noise: Noise, source: str) -> Noise:
+        """Noise with these components; source : of the reference points' excess."""
+        excess = {"positioner": self.positioner, "drawing": self.drawing}[source]
+        count = len(next(iter([*noise.measured.values(), *noise.reference.values()])))
+        stated = noise.reference.get(source, np.zeros((count, 3, 3)))
+        return Noise(
+            {name: self.instrument**2 * cov for name, cov in noise.measured.items()},
+            {**noise.reference, source: stated + excess**2 * np.eye(3)},
+        )
+
+
+def estimate_components(moves: SurveyFit, targets: Sequence[SurveyFit]) -> Components:
+    """Posterior means of the components, given the residuals of moves and targets.
+
+    Parameters
+    ----------
+    moves, targets : registrations with the noise as stated.
+
+    Returns
+    -------
+    Components
+        Of the mean variances; no source is ever made better than stated.
+    """
+    of_moves, unit_moves = _likelihood([moves])
+    of_targets, unit_targets = _likelihood(targets)
+    by_factor, by_excess = _log_prior(np.sqrt(_FACTORS**2 - 1)), _log_prior(_EXCESS)
+    log_p = (of_moves + by_factor[:, None] + by_excess)[:, :, None]
+    log_p = log_p + (of_targets + by_excess)[:, None, :]
+    p = np.exp(log_p - log_p.max())
+    p /= p.sum()
+    parts = [p.sum(axis=other) for other in ((1, 2), (0, 2), (0, 1))]
+    factor, servo, drawn = (
+        float(np.sqrt(part @ values**2))
+        for part, values in zip(parts, (_FACTORS, _EXCESS, _EXCESS), strict=True)
+    )
+    servo, drawn = servo * unit_moves, drawn * unit_targets
+    words = (
+        f"the instrument's noise is {factor:.2g} times the stated one",
+        f"the NCPs' positions scatter by {servo * 1e6:.2g} µm beyond what is stated",
+        f"the nominal points are off by {drawn * 1e6:.2g} µm beyond what is stated",
+    )
+    shown = [bool(part[0] < NOISE_UNDERSTATED) for part in parts]
+    return Components(factor, servo, drawn, tuple(compress(words, shown)))
+
+
+def _log_prior(ratio: FloatArray) -> FloatArray:
+    """Log-weights of excess noise over the stated one: as stated, else half-Cauchy (Gelman 2006).
+
+    ratio : of standard deviations, 0 first, then in geometric steps.
+    """
+    weight = np.zeros(len(ratio))
+    weight[1:] = ratio[1:] / (1 + ratio[1:] ** 2)
+    weight *= (1 - STATED_NOISE_RIGHT) / weight.sum()
+    weight[0] = STATED_NOISE_RIGHT
+    return np.asarray(np.log(weight))
+
+
+def _likelihood(surveys: Sequence[SurveyFit]) -> tuple[FloatArray, float]:
+    """Restricted log-likelihood (factors, excesses), and the unit of an excess, m."""
+    variances = [np.trace(sum(s.noise.totals(len(s.points))), axis1=1, axis2=2) for s in surveys]
+    unit = float(np.sqrt(np.concatenate(variances).mean() / 3))
+    total = np.zeros((len(_FACTORS), len(_EXCESS)))
+    for survey in surveys:
+        seen, known = survey.noise.totals(len(survey.points))
+        known = survey.fit.rotation @ known @ survey.fit.rotation.T
+        J = survey.fit.jacobian
+        # Orthonormal columns span the same parameters: metres away they would be all but parallel.
+        J = np.linalg.qr(J.reshape(-1, J.shape[-1]))[0].reshape(J.shape)
+        for a, factor in enumerate(_FACTORS):
+            S = factor**2 * seen + known
+            S = S + (_EXCESS * unit)[:, None, None, None] ** 2 * np.eye(3)  # (excess, N, 3, 3)
+            total[a] += _restricted(S, J, survey.fit.residual)
+    return total, unit
+
+
+def _restricted(S: FloatArray, J: FloatArray, e: FloatArray) -> FloatArray:
+    """Restricted log-likelihoods (b,) of residuals e (N, 3) with covariances S (b, N, 3, 3)."""
+    W = np.linalg.inv(S)
+    WJ = W @ J
+    normal = np.einsum("nip,bniq->bpq", J, WJ)
+    score = np.einsum("bnip,ni->bp", WJ, e)
+    explained = np.einsum("bp,bp->b", score, np.linalg.solve(normal, score[..., None])[..., 0])
+    chi2 = np.einsum("ni,bnij,nj->b", e, W, e) - explained
+    volume = np.linalg.slogdet(S)[1].sum(axis=1) + np.linalg.slogdet(normal)[1]
+    return np.asarray(-0.5 * (chi2 + volume))
