@@ -10,7 +10,7 @@ from tdfscal.cli.progress import reading_bar
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
-from tdfscal.logs.description import inspect_logs
+from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.description.document import as_document
 from tdfscal.reporting.log_description import as_text
 from tdfscal.workflows.campaign import find_logs
@@ -22,7 +22,7 @@ def run(paths: list[Path], *, rig: Path | None, json: bool, quiet: bool) -> None
     apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
     logs = find_logs(paths, apart=apart)
     with reading_bar(expand(logs), quiet=quiet) as progress:
-        info = inspect_logs(logs, loaded, progress=progress)
+        info = describe_logs(logs, loaded, progress=progress)
     if json:
         emit(as_document(info))
     else:

@@ -1,4 +1,4 @@
-"""Reading recorded logs: CSV, Parquet and MCAP through one door."""
+"""Reading recorded logs, of every format through one door."""
 
 from tdfscal.logs.formats import expand, is_log
 from tdfscal.logs.reader import concatenate, iter_log, read_log

@@ -10,7 +10,7 @@ from typing import Literal
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.logs.bag.rosbag2 import Bag, has_metadata, read_bag
-from tdfscal.logs.request import Reader
+from tdfscal.logs.common.request import Reader
 from tdfscal.records import LogMapping
 
 _TEXT = (".csv", ".tsv")
@@ -75,7 +75,7 @@ def reader_of(path: Path, mapping: LogMapping | None, bag: Bag | None = None) ->
         )
     from tdfscal.logs.mcap.reader import read_mcap
 
-    return partial(read_mcap, bag=bag)
+    return partial(read_mcap, check=bag.check if bag else None)
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:

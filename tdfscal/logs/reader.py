@@ -12,10 +12,10 @@ import numpy as np
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.hashing import Fingerprint, printable
 from tdfscal.logs.bag.rosbag2 import Bag
-from tdfscal.logs.clock import Clock, apart, shown
+from tdfscal.logs.common.clock import Clock, apart, shown
+from tdfscal.logs.common.read_ahead import ahead
+from tdfscal.logs.common.request import Block, Outcome, Piece, Request, make_request
 from tdfscal.logs.formats import files_of, reader_of
-from tdfscal.logs.read_ahead import ahead
-from tdfscal.logs.request import Block, Outcome, Piece, Request, make_request
 from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
 
 Progress = Callable[[float], None]

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tdfscal.files.hashing import printable
-from tdfscal.logs.contents import Contents, Stream
-from tdfscal.logs.description.describe import LogInfo, Signal
+from tdfscal.logs.common.contents import Contents, Stream
+from tdfscal.logs.description.info import LogInfo, Signal
 from tdfscal.logs.description.mapping_text import mapping_block
 from tdfscal.logs.text.header import cut
 from tdfscal.records import Dwells

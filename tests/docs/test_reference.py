@@ -19,10 +19,9 @@ from tdfscal.errors import (
     RigError,
     UsageError,
 )
-from tdfscal.logs import clock
+from tdfscal.logs.common import clock
 from tdfscal.logs.mcap.chunk import MAX_CHUNK
-from tdfscal.logs.parquet.footer import MAX_FOOTER
-from tdfscal.logs.parquet.pages import MAX_PAGES
+from tdfscal.logs.parquet.reader import MAX_FOOTER, MAX_PAGES
 from tests.docs.pages import DOCS, key_paths, section, table, text
 
 #: The calibration file embeds a whole rig file, which has a table of its own.

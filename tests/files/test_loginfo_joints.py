@@ -11,7 +11,7 @@ import pytest
 from mcap.writer import Writer
 
 from tdfscal.logs import read_log
-from tdfscal.logs.description.describe import inspect_logs
+from tdfscal.logs.describe import describe_logs
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import STORE, definition, wrench_stamped, write
 
@@ -89,7 +89,7 @@ def test_joints_named_by_axis_are_paired_with_wrenches(
 ) -> None:
     names = [form.format(i=i + 1, a=a) for i in range(NCPS) for a in "xyz"]
     path, position = recording(tmp_path / "log.mcap", names, encoding=encoding)
-    guess = inspect_logs([path]).guess
+    guess = describe_logs([path]).guess
     assert guess.mapping is not None
     assert guess.mapping.supports == ("ncp1", "ncp2", "ncp3")
     assert guess.mapping.position[1] == tuple(
@@ -103,7 +103,7 @@ def test_joints_named_by_axis_are_paired_with_wrenches(
 def test_efforts_are_forces(tmp_path: Path) -> None:
     names = [f"ncp{i + 1}_{a}" for i in range(NCPS) for a in "xyz"]
     path, position = recording(tmp_path / "log.mcap", names, effort=True)
-    mapping = inspect_logs([path]).guess.mapping
+    mapping = describe_logs([path]).guess.mapping
     assert mapping is not None
     assert mapping.force[2][0] == "/joint_states.effort[ncp3_x]"
     assert_reads(path, mapping, position)
@@ -112,7 +112,7 @@ def test_efforts_are_forces(tmp_path: Path) -> None:
 def test_names_that_say_nothing_are_shown(tmp_path: Path) -> None:
     names = [f"joint_{k}" for k in "abcdefghi"]
     path, _ = recording(tmp_path / "log.mcap", names)
-    info = inspect_logs([path])
+    info = describe_logs([path])
     assert info.mapping is None
     (none, note) = info.guess.notes
     assert "0 vectors look like positions and 3 like forces" in none

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tdfscal.files.hashing import printable
-from tdfscal.logs.contents import Contents
-from tdfscal.logs.description.describe import LogInfo, Signal
+from tdfscal.logs.common.contents import Contents
+from tdfscal.logs.description.info import LogInfo, Signal
 from tdfscal.logs.description.mapping_text import mapping_block, mapping_document
 from tdfscal.records import Dwells
 

@@ -9,8 +9,9 @@ from typing import Final, Literal
 
 import numpy as np
 
-from tdfscal.logs import units
-from tdfscal.logs.contents import Column, Contents, Vector
+from tdfscal.logs.common import units
+from tdfscal.logs.common.contents import Column, Contents, Vector
+from tdfscal.logs.common.message_path import topic_of
 from tdfscal.logs.description.plausible_units import (
     Finding,
     distances,
@@ -19,7 +20,6 @@ from tdfscal.logs.description.plausible_units import (
     resampled,
     time_unit,
 )
-from tdfscal.logs.message_path import topic_of
 from tdfscal.records import LogMapping, Rig
 
 Role = Literal["position", "force", "other"]

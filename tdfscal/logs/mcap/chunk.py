@@ -7,8 +7,7 @@ import struct
 import zlib
 from array import array
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import lz4.frame
 import numpy as np
@@ -16,17 +15,13 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
+from tdfscal.logs.messages.buffer import MESSAGE_HEAD, RECORD, Messages, gather
 from tdfscal.records import IntArray
 
 MAX_CHUNK: Final = 256 << 20
 """Largest chunk, in bytes when decompressed, that is read."""
 
 _CHUNK: Final = struct.Struct("<QQQII")
-_HEAD: Final = struct.Struct("<BQ")
-_MESSAGE_HEAD: Final = 22
-"""Channel, sequence, log time and publish time, in bytes."""
-DATA: Final = _HEAD.size + _MESSAGE_HEAD
-"""From the start of a message's record to its data, in bytes."""
 
 Define = Callable[[int, bytes], None]
 
@@ -38,64 +33,6 @@ class Chunk(NamedTuple):
     crc: int
     compression: str
     data: memoryview
-
-
-@dataclass(frozen=True, slots=True)
-class Messages:
-    """Messages within a buffer of records, in file order.
-
-    data : the buffer. offset : (N,), where each message's record starts.
-    length : (N,), bytes of message data. channel : (N,).
-    """
-
-    data: bytes
-    offset: IntArray
-    length: IntArray
-    channel: IntArray
-
-    def of(self, channel: int) -> Messages:
-        """Return the messages of one channel."""
-        mask = self.channel == channel
-        return Messages(self.data, self.offset[mask], self.length[mask], self.channel[mask])
-
-    def at(self, k: int) -> Messages:
-        """Return message k alone."""
-        one = slice(k, k + 1)
-        return Messages(self.data, self.offset[one], self.length[one], self.channel[one])
-
-    def log_time(self) -> IntArray:
-        """(N,), ns."""
-        return gather(self.data, self.offset + 15, "<u8").astype(np.int64)
-
-    def publish_time(self) -> IntArray:
-        """(N,), ns."""
-        return gather(self.data, self.offset + 23, "<u8").astype(np.int64)
-
-    def bytes_of(self, k: int) -> bytes:
-        """Return the data of message k."""
-        start = int(self.offset[k]) + DATA
-        return self.data[start : start + int(self.length[k])]
-
-    def counts(self) -> dict[int, int]:
-        """Messages by channel."""
-        found = np.bincount(self.channel)
-        return {int(c): int(found[c]) for c in np.flatnonzero(found)}
-
-
-def gather(data: bytes, offset: IntArray, dtype: str) -> np.ndarray[Any, Any]:
-    """Read one value of `dtype` at each byte offset, aligned or not.
-
-    Raises
-    ------
-    ValueError : an offset outside the buffer.
-    """
-    kind = np.dtype(dtype)
-    places = len(data) - kind.itemsize + 1
-    if offset.size == 0:
-        return np.empty(0, dtype=kind)
-    if places <= 0 or int(offset.min()) < 0 or int(offset.max()) >= places:
-        raise ValueError("an offset lies outside its chunk")
-    return np.ndarray((places,), kind, data, 0, (1,))[offset]
 
 
 def parse_chunk(content: bytes) -> Chunk:
@@ -203,7 +140,7 @@ def messages_of(
     else:
         if not (gather(data, indexed, "u1") == int(Opcode.MESSAGE)).all():
             raise ValueError("a message index points to no message")
-        ends = indexed + _HEAD.size + _lengths(data, indexed)
+        ends = indexed + RECORD.size + _lengths(data, indexed)
         starts = np.concatenate((indexed, [len(data)]))
         before = np.concatenate(([0], ends))
         if (starts < before).any():
@@ -211,10 +148,10 @@ def messages_of(
         for k in np.flatnonzero(starts > before):
             most -= _walk(data, int(before[k]), int(starts[k]), walked, define, most)
         offset = np.sort(np.concatenate((indexed, np.array(walked, dtype=np.int64))))
-    length = _lengths(data, offset) - _MESSAGE_HEAD
+    length = _lengths(data, offset) - MESSAGE_HEAD
     if (length < 0).any():
         raise ValueError("a message is shorter than its head")
-    channel = gather(data, offset + _HEAD.size, "<u2").astype(np.int64)
+    channel = gather(data, offset + RECORD.size, "<u2").astype(np.int64)
     return Messages(data, offset, length, channel)
 
 
@@ -229,7 +166,7 @@ def _walk(
     data: bytes, start: int, stop: int, messages: array[int], define: Define, most: int
 ) -> int:
     """Go from record to record, note messages, hand on schemas and channels; return how many."""
-    unpack, head, message = _HEAD.unpack_from, _HEAD.size, int(Opcode.MESSAGE)
+    unpack, head, message = RECORD.unpack_from, RECORD.size, int(Opcode.MESSAGE)
     count = 0
     while start < stop:
         if start + head > stop:

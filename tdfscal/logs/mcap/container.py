@@ -19,9 +19,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Schema, Statistics
 
 from tdfscal.errors import DataError
-from tdfscal.logs.damage import one_line
+from tdfscal.logs.common.damage import one_line
 from tdfscal.logs.mcap.chunk import (
-    Messages,
     decompressed,
     exact,
     index_offsets,
@@ -29,6 +28,7 @@ from tdfscal.logs.mcap.chunk import (
     parse_chunk,
 )
 from tdfscal.logs.mcap.summary import Definitions, repeated_definitions
+from tdfscal.logs.messages.buffer import Messages
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _HEAD: Final = struct.Struct("<BQ")

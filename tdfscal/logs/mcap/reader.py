@@ -1,357 +1,40 @@
-"""Logs as MCAP: ROS 2 (CDR) and JSON messages, the wanted topics only."""
+"""Logs as MCAP."""
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Generator
 from pathlib import Path
-from typing import Any, Final
 
-import numpy as np
-from mcap.exceptions import McapError
-from mcap.records import Channel
-
-from tdfscal.errors import DataError
-from tdfscal.logs.bag.rosbag2 import Bag
-from tdfscal.logs.clock import Skew, shown
-from tdfscal.logs.damage import damage
-from tdfscal.logs.mcap.cdr import Gatherer
-from tdfscal.logs.mcap.chunk import Messages
+from tdfscal.logs.common.contents import Contents
+from tdfscal.logs.common.request import Outcome, Piece, Reached, Request
 from tdfscal.logs.mcap.container import Container
-from tdfscal.logs.mcap.json_messages import read_numbers
-from tdfscal.logs.mcap.ros_types import check_path, definitions, expand_vector
 from tdfscal.logs.mcap.summary import announced_topics
-from tdfscal.logs.message_path import Path as MessagePath
-from tdfscal.logs.message_path import parse_steps, topic_of
-from tdfscal.logs.request import (
-    Block,
-    Outcome,
-    Piece,
-    Reached,
-    Request,
-    join,
-    missing_fields,
-    split,
-)
-from tdfscal.records import FloatArray, IntArray
-
-_MAX_SAMPLES: Final = 1 << 16
-_ENOUGH: Final = 1 << 14
-_STAMP: Final[tuple[MessagePath, MessagePath]] = (
-    ("header", "stamp", "sec"),
-    ("header", "stamp", "nanosec"),
-)
-Decoder = Callable[[Messages], tuple[FloatArray, FloatArray]]
-"""Messages of one channel → time (N,) in s, values (N, 3 · signals) as recorded."""
+from tdfscal.logs.messages.contents import recording_contents
+from tdfscal.logs.messages.reader import Check, read_recording
 
 
 def read_mcap(
-    path: Path, request: Request, *, salvage: bool, reached: Reached, bag: Bag | None = None
+    path: Path, request: Request, *, salvage: bool, reached: Reached, check: Check | None = None
 ) -> Generator[Piece, None, Outcome]:
-    """Read an MCAP log in pieces; see `request.Reader`. bag : the recording that it is part of.
+    """Read an MCAP log in pieces; see `request.Reader`.
+
+    check : of its counts against those of the recording that it is part of.
 
     Raises
     ------
     DataError : with the topic, or the place in the file, of what is wrong.
     """
-    container = Container(path, salvage)
-    topics = _Topics(container, request)
-    if not salvage and (announced := announced_topics(path)) is not None:
-        topics.check_present(announced)
-    waiting: list[Piece] = []
-    size = 0
-    with damage(path, McapError):
-        for messages in container.messages():
-            piece = topics.piece(messages)
-            if not piece:
-                continue
-            waiting.append(piece)
-            size += max(block.time.size for block in piece)
-            if size >= _ENOUGH:
-                yield from split(join(waiting), _MAX_SAMPLES)
-                waiting, size = [], 0
-                reached(container.reached)
-        if waiting:
-            yield from split(join(waiting), _MAX_SAMPLES)
-    topics.check_complete()
-    contradictions, doubts = bag.check(path, topics.counts()) if bag else ([], [])
-    if contradictions and not salvage:
-        raise DataError(
-            contradictions[0],
-            where=str(path),
-            hint="copy the recording again; `calibrate --salvage` reads what is there",
-        )
-    lost = (*container.lost, *topics.lost, *contradictions)
-    skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
-    warnings = tuple(f"{path}: {what}" for what in (*lost, *doubts, *skewed))
-    if lost:
-        return Outcome("salvaged", warnings)
-    return Outcome("verified" if container.checked else "unverified", warnings)
+    return read_recording(
+        Container(path, salvage), request, reached=reached, check=check,
+        announced=None if salvage else announced_topics(path),
+    )  # fmt: skip
 
 
-@dataclass(slots=True)
-class _Topics:
-    """Which topic carries which signals, and how its channels are decoded."""
+def mcap_contents(path: Path) -> Contents:
+    """Look through an MCAP file.
 
-    container: Container
-    request: Request
-    lost: list[str] = field(default_factory=list)
-    skews: dict[str, Skew] = field(default_factory=dict)
-    _signals: dict[str, list[int]] = field(default_factory=dict)
-    _decoders: dict[int, Decoder] = field(default_factory=dict)
-    _known: int = 0
-
-    def piece(self, messages: Messages) -> Piece:
-        """Return the wanted samples among the messages."""
-        if len(self.container.channels) != self._known:
-            self._bind()
-        present = messages.counts()
-        blocks: list[Block] = []
-        for topic, signals in self._signals.items():
-            channels = [c for c in self._channels(topic) if c in present]
-            parts = [self._decoded(c, messages.of(c)) for c in channels]
-            parts = [part for part in parts if part[0].size]
-            if not parts:
-                continue
-            order, time, value = (np.concatenate(x) for x in zip(*parts, strict=True))
-            # Channels of one topic take turns; logged messages need not be in order of time.
-            by_log = self.request.time_source == "log"
-            if len(parts) > 1 or (by_log and (np.diff(time) < 0.0).any()):
-                ranks = np.argsort(time if by_log else order, kind="stable")
-                time, value = time[ranks], value[ranks]
-            blocks.append(self._block(topic, signals, time, value))
-        return tuple(blocks)
-
-    def counts(self) -> dict[str, int]:
-        """Messages by topic, as met."""
-        found: dict[str, int] = {}
-        for number, count in self.container.counts.items():
-            channel = self.container.channels.get(number)
-            if channel is not None:
-                found[channel.topic] = found.get(channel.topic, 0) + count
-        return found
-
-    def check_complete(self) -> None:
-        """Refuse a file that lacks a topic, now that all of it is read."""
-        bound = {number for numbers in self._signals.values() for number in numbers}
-        missing = [
-            signal.fields[0]
-            for number, signal in enumerate(self.request.signals)
-            if number not in bound
-        ]
-        if missing and (lost := [*self.container.lost, *self.lost]):
-            raise DataError(
-                f"{lost[0]}; what is sound holds no topic for {', '.join(missing)}",
-                where=str(self.container.path),
-                hint="copy the recording again",
-            )
-        if missing:
-            topics = sorted({c.topic for c in self.container.channels.values()})
-            raise missing_fields(missing, topics, where=str(self.container.path), kind="topic for")
-
-    def check_present(self, announced: frozenset[str]) -> None:
-        """Refuse a file whose summary lacks a topic, before it is read."""
-        missing = [
-            signal.fields[0]
-            for signal in self.request.signals
-            if all(topic_of(name, announced) is None for name in signal.fields)
-        ]
-        if missing:
-            raise missing_fields(
-                missing, sorted(announced), where=str(self.container.path), kind="topic for"
-            )
-
-    def _channels(self, topic: str) -> list[int]:
-        return [i for i, c in self.container.channels.items() if c.topic == topic]
-
-    def _bind(self) -> None:
-        """Match the mapping's paths with the topics known so far, the longest that fits."""
-        topics = {c.topic for c in self.container.channels.values()}
-        self._known = len(self.container.channels)
-        signals: dict[str, list[int]] = {}
-        for number, signal in enumerate(self.request.signals):
-            found = {topic_of(name, topics) for name in signal.fields} - {None}
-            if len(found) > 1:
-                raise DataError(
-                    f"the {signal.quantity} of {signal.support} is spread over the topics "
-                    f"{', '.join(sorted(map(str, found)))}",
-                    where=str(self.container.path),
-                    hint="x, y and z must come in one message",
-                )
-            for topic in found:
-                signals.setdefault(str(topic), []).append(number)
-        for topic, numbers in self._signals.items():
-            used = any(channel in self._decoders for channel in self._channels(topic))
-            if used and signals.get(topic) != numbers:
-                raise DataError(
-                    f"the mapping's fields fit topic {topic} and a longer one that comes later",
-                    where=str(self.container.path),
-                    hint="record topics whose names do not begin alike",
-                )
-        self._signals = signals
-
-    def _decoded(self, channel: int, messages: Messages) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Return order in the file, time and values of one channel's messages."""
-        if channel not in self._decoders:
-            self._decoders[channel] = self._decoder(channel)
-        topic = self.container.channels[channel].topic
-        try:
-            time, value = self._decoders[channel](messages)
-            self._check_finite(topic, time, value)
-        except (ValueError, OverflowError, struct.error) as error:
-            what = f"a message of {topic} cannot be read: {error}"
-            return self._one_by_one(channel, messages, what)
-        return messages.offset, time, value
-
-    def _one_by_one(
-        self, channel: int, messages: Messages, what: str
-    ) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Keep the messages that can be read (only with `salvage`)."""
-        if not self.container.salvage:
-            raise DataError(
-                what,
-                where=str(self.container.path),
-                hint="`calibrate --salvage` leaves such messages out",
-            )
-        topic = self.container.channels[channel].topic
-        width = 3 * len(self._signals[topic])
-        order = [np.empty(0, dtype=np.int64)]
-        times, values = [np.empty(0)], [np.empty((0, width))]
-        for k in range(messages.offset.size):
-            one = messages.at(k)
-            try:
-                time, value = self._decoders[channel](one)
-                self._check_finite(topic, time, value)
-            except (ValueError, OverflowError, struct.error):
-                continue
-            order.append(one.offset)
-            times.append(time)
-            values.append(value)
-        lost = messages.offset.size - (len(times) - 1)
-        self.lost.append(f"{lost} messages of {topic} are left out ({what})")
-        return np.concatenate(order), np.concatenate(times), np.concatenate(values)
-
-    @staticmethod
-    def _check_finite(topic: str, time: FloatArray, value: FloatArray) -> None:
-        if np.isfinite(value.sum()) and np.isfinite(time.sum()):
-            return
-        bad = ~(np.isfinite(value).all(axis=1) & np.isfinite(time))
-        if bad.any():
-            k = int(np.argmax(bad))
-            raise ValueError(f"at {shown(time[k])} s it holds a number that is not finite")
-
-    def _decoder(self, channel_id: int) -> Decoder:
-        channel = self.container.channels[channel_id]
-        encoding = channel.message_encoding
-        where = f"{self.container.path}, topic {channel.topic}"
-        if encoding == "cdr":
-            return self._cdr_decoder(channel_id, where)
-        if encoding in ("json", "protobuf"):
-            paths = self._paths(channel.topic, None, where)
-            stamped = self.request.time_source == "header"
-            read = read_numbers if encoding == "json" else self._protobuf_reader(channel, where)
-
-            def decode(messages: Messages) -> tuple[FloatArray, FloatArray]:
-                numbers = read(messages, paths, stamped=stamped)
-                if stamped:
-                    return numbers[:, 0], numbers[:, 1:]
-                return self._recorded_time(messages), numbers
-
-            return decode
-        raise DataError(
-            f"messages are encoded as {encoding!r}",
-            where=where,
-            hint="record ROS 2 (cdr), protobuf or json messages",
-        )
-
-    def _protobuf_reader(self, channel: Channel, where: str) -> Callable[..., FloatArray]:
-        from tdfscal.logs.mcap import protobuf_messages as protobuf
-
-        schema = self.container.schemas.get(channel.schema_id)
-        if schema is None or schema.encoding != "protobuf":
-            raise DataError("the channel has no schema for its protobuf messages", where=where)
-        try:
-            kind = protobuf.message_class(schema.name, schema.data)
-        except ValueError as error:
-            raise DataError(str(error), where=where) from error
-        except DataError as error:
-            raise DataError(error.what, where=where, hint=error.hint) from error
-
-        def read(messages: Messages, paths: Sequence[MessagePath], *, stamped: bool) -> FloatArray:
-            return protobuf.read_numbers(messages, kind, paths, stamped=stamped)
-
-        return read
-
-    def _cdr_decoder(self, channel_id: int, where: str) -> Decoder:
-        channel = self.container.channels[channel_id]
-        schema = self.container.schemas.get(channel.schema_id)
-        if schema is None:
-            raise DataError("the channel has no schema", where=where)
-        try:
-            text = schema.data.decode("utf-8")
-            types = definitions(schema.name, schema.encoding, text)
-        except ValueError as error:
-            raise DataError(str(error), where=where) from error
-        paths = self._paths(channel.topic, (types, schema.name), where)
-        wanted = self.request.time_source == "header"
-        stamped = True
-        try:
-            for stamp in _STAMP:
-                check_path(types, schema.name, stamp, where)
-        except DataError as error:
-            stamped = False
-            if wanted:
-                raise DataError(
-                    f"{schema.name} has no header with a time",
-                    where=where,
-                    hint="state `time: {source: log}` in the log block of rig.yaml",
-                ) from error
-        gatherer = Gatherer(types, schema.name, [*_STAMP, *paths] if stamped else paths)
-        skew = self.skews.setdefault(channel.topic, Skew())
-
-        def decode(messages: Messages) -> tuple[FloatArray, FloatArray]:
-            numbers = gatherer(messages)
-            if not stamped:
-                return self._recorded_time(messages), numbers
-            if wanted and (numbers[:, 1] >= 1e9).any():
-                raise ValueError("its time has more than 1e9 ns to the second")
-            header = numbers[:, 0] + numbers[:, 1] / 1e9
-            skew.note(header, messages.log_time() / 1e9)
-            return header if wanted else self._recorded_time(messages), numbers[:, 2:]
-
-        return decode
-
-    def _recorded_time(self, messages: Messages) -> FloatArray:
-        publish = self.request.time_source == "publish"
-        ticks = messages.publish_time() if publish else messages.log_time()
-        seconds: FloatArray = ticks / 1e9
-        return seconds
-
-    def _paths(
-        self, topic: str, types: tuple[Mapping[str, Any], str] | None, where: str
-    ) -> list[MessagePath]:
-        """Return three paths per signal of the topic; checked against the type where known."""
-        paths: list[MessagePath] = []
-        for number in self._signals[topic]:
-            fields = self.request.signals[number].fields
-            steps = [parse_steps(name[len(topic) :], name) for name in fields]
-            if types is not None and len(steps) == 1:
-                paths += expand_vector(*types, steps[0], where)
-            elif len(steps) == 1:
-                paths += [(*steps[0], member) for member in "xyz"]
-            else:
-                for path in steps:
-                    if types is not None:
-                        check_path(*types, path, where)
-                paths += steps
-        if len(set(paths)) < len(paths):
-            raise DataError("the mapping uses a field of the message twice", where=where)
-        return paths
-
-    def _block(self, topic: str, signals: list[int], time: FloatArray, value: FloatArray) -> Block:
-        vectors = {
-            number: value[:, 3 * k : 3 * k + 3] * self.request.signals[number].factor
-            for k, number in enumerate(signals)
-        }
-        return Block(topic, time, vectors)
+    Raises
+    ------
+    UsageError, DataError : it cannot be read, or is damaged.
+    """
+    return recording_contents(Container(path, salvage=False), "mcap")

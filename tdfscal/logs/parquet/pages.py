@@ -1,148 +1,136 @@
-"""What the pages of a Parquet file state before they are decompressed: sizes and checksums.
+"""The page headers of a Parquet file, one after the other as they lie.
 
-pyarrow verifies a page's CRC where there is one and does not say whether there was; it allocates
-what a page states. The CRC covers no page header, so that is held against the footer here.
+pyarrow verifies a page's checksum where there is one and does not say whether there was; and it
+allocates what a page states. So the headers are looked at before the pages are read.
+Field numbers are those of parquet-format's parquet.thrift, in Thrift's compact protocol: a struct
+is a list of fields, each headed by its number and type, ended by a zero byte.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from io import FileIO
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from tdfscal.errors import DataError
-from tdfscal.logs.parquet.footer import Part
-from tdfscal.logs.parquet.thrift import NUMBER, STRUCT, Cursor
-
-MAX_PAGES: Final = 640 << 20
-"""Bytes that the largest page of each column may take, all columns together."""
-
+_FIRST: Final = 4  # after the magic; writers put no page elsewhere
 _GLANCE: Final = 256
 _LONGEST: Final = 1 << 20
-_MOST: Final = 4096
-_UNCOMPRESSED, _COMPRESSED, _CRC = 2, 3, 4
-_DATA, _DICTIONARY, _DATA_V2 = 0, 2, 3
-_DETAIL: Final = {5: _DATA, 7: _DICTIONARY, 8: _DATA_V2}
-_PLAIN: Final = 0
+_TYPE, _UNCOMPRESSED, _COMPRESSED, _CRC, _VALUES = 1, 2, 3, 4, 1
+_DETAIL: Final = {0: 5, 2: 7, 3: 8}  # data page, dictionary, data page v2: where its header stands
+_DICTIONARY: Final = 2
+_TRUTHS, _BYTE, _NUMBERS, _DOUBLE, _BINARY, _STRUCT = (1, 2), 3, (4, 5, 6), 7, 8, 12
+_DEEPEST: Final = 16
+
+Struct = dict[int, "int | Struct"]
 
 
-@dataclass(frozen=True, slots=True)
-class _Page:
-    """detail : integers of the header of its own kind. checked : it has a checksum."""
+class Pages(NamedTuple):
+    """What the pages of a file state together.
 
-    kind: int
-    uncompressed: int
-    compressed: int
-    checked: bool
-    detail: dict[int, int]
-
-    @property
-    def encoding(self) -> int:
-        return self.detail.get(4 if self.kind == _DATA_V2 else 2, -1)
-
-    @property
-    def values(self) -> int:
-        return self.detail.get(1, -1)
-
-
-def check_pages(path: Path, parts: Sequence[Part]) -> bool:
-    """Look at the page headers of a row group; tell whether every page has a checksum.
-
-    Parameters
-    ----------
-    parts : of the columns that are read together.
-
-    Raises
-    ------
-    DataError : pages that need too much memory.
-    ValueError : pages that are not what the footer says.
+    values : in all data pages. largest : bytes that the largest page takes while it is read.
+    checked : every one has a checksum.
     """
-    checked = True
-    together = 0
+
+    values: int
+    largest: int
+    checked: bool
+
+
+def look_at_pages(path: Path) -> Pages:
+    """Go from page to page as far as they lie side by side: what follows them is no page.
+
+    Raises OSError where the file cannot be read.
+    """
+    values, largest, checked = 0, 0, True
     with path.open("rb", buffering=0) as file:
-        for part in parts:
-            largest: dict[bool, int] = {}
-            values = 0
-            encodings: dict[int, int] = {}
-            for page in _pages(file, part):
-                checked &= page.checked
-                _check(page, part)
-                dictionary = page.kind == _DICTIONARY
-                takes = page.uncompressed + (page.compressed if part.compressed else 0)
-                largest[dictionary] = max(largest.get(dictionary, 0), takes)
-                if page.kind in (_DATA, _DATA_V2):
-                    values += page.values
-                    encodings[page.encoding] = encodings.get(page.encoding, 0) + 1
-            together += sum(largest.values())
-            if together > MAX_PAGES:
-                raise DataError(
-                    f"the pages of column {part.leaf.path} state {sum(largest.values())} bytes; "
-                    f"with the columns before it they need more than {MAX_PAGES >> 20} MiB",
-                    where=str(path),
-                    hint="write the file again with row groups of a million rows at most",
-                )
-            if values != part.values or any(
-                part.encodings.get(encoding, 0) not in (None, count)
-                for encoding, count in encodings.items()
-            ):
-                raise ValueError(f"the pages of column {part.leaf.path} are not those stated")
-    return checked
+        for kind, uncompressed, compressed, own, counted in _headers(file, path.stat().st_size):
+            values += 0 if kind == _DICTIONARY else counted
+            largest = max(largest, uncompressed + compressed)
+            checked &= own
+    return Pages(values, largest, checked and values > 0)
 
 
-def _check(page: _Page, part: Part) -> None:
-    """Hold a page's sizes against the footer; what a flipped bit there would pass unseen."""
-    width, size = part.leaf.width, page.uncompressed
-    exact = page.kind == _DICTIONARY or (part.leaf.required and page.encoding == _PLAIN)
-    if (
-        size < 0
-        or (page.kind != _DICTIONARY and page.values < 0)
-        or (not part.compressed and size != page.compressed)
-        or (exact and width is not None and size != width * page.values)
-    ):
-        raise ValueError(f"a page of column {part.leaf.path} states sizes that do not add up")
-
-
-def _pages(file: FileIO, part: Part) -> Iterator[_Page]:
-    """Go from page to page; a header that statistics make long is read again with more bytes."""
-    position = part.begin
-    while position < part.end:
+def _headers(file: FileIO, size: int) -> Iterator[tuple[int, int, int, bool, int]]:
+    """Yield kind, bytes uncompressed and compressed, whether there is a checksum, values."""
+    position = _FIRST
+    while position < size:
         glance = _GLANCE
-        while True:
+        while True:  # a header that statistics make long is read again with more bytes
             file.seek(position)
             data = file.read(glance)
-            cursor = Cursor(data, most=_MOST)
             try:
-                page = _page(cursor)
+                header, length = _struct(data, 0, 0)
                 break
             except IndexError:
                 if len(data) < glance or glance > _LONGEST:
-                    raise ValueError("a page header does not end") from None
+                    return
                 glance *= 16
-        position += cursor.position + page.compressed
-        if page.compressed < 0 or position > part.end:
-            raise ValueError("a page is longer than its column")
-        yield page
+            except ValueError:
+                return
+        detail = header.get(_DETAIL.get(_count(header, _TYPE), 0))
+        kind, uncompressed, compressed = (
+            _count(header, field) for field in (_TYPE, _UNCOMPRESSED, _COMPRESSED)
+        )
+        counted = _count(detail, _VALUES) if isinstance(detail, dict) else -1
+        if min(kind, uncompressed, compressed, counted) < 0:
+            return
+        position += length + compressed
+        yield kind, uncompressed, compressed, _CRC in header, counted
 
 
-def _page(cursor: Cursor) -> _Page:
-    stated: dict[int, int] = {}
-    detail: dict[int, dict[int, int]] = {}
-    for number, kind in cursor.fields():
-        if kind in NUMBER:
-            stated[number] = cursor.number()
-        elif number in _DETAIL and kind == STRUCT:
-            inside = detail[_DETAIL[number]] = {}
-            for inner, what in cursor.fields():
-                if what in NUMBER:
-                    inside[inner] = cursor.number()
-                else:
-                    cursor.skip(what)
+def _count(struct: Struct, field: int) -> int:
+    """A number that is not negative; -1 where there is none."""
+    value = struct.get(field)
+    return value if isinstance(value, int) else -1
+
+
+def _struct(data: bytes, place: int, depth: int) -> tuple[Struct, int]:
+    """Return the numbers and structs of the struct at a place, and where it ends.
+
+    Raises IndexError where the data end before it, ValueError where it is none.
+    """
+    found: Struct = {}
+    field = 0
+    while head := data[place]:
+        place += 1
+        if head >> 4:
+            field += head >> 4
         else:
-            cursor.skip(kind)
-    kind = stated.get(1, -1)
-    return _Page(
-        kind, stated.get(_UNCOMPRESSED, -1), stated.get(_COMPRESSED, -1), _CRC in stated,
-        detail.get(kind, {}),
-    )  # fmt: skip
+            field, place = _number(data, place)
+        if head & 15 in _NUMBERS:
+            found[field], place = _number(data, place)
+        elif head & 15 == _STRUCT and depth < _DEEPEST:
+            found[field], place = _struct(data, place, depth + 1)
+        else:
+            place = _after(data, place, head & 15, depth)
+    return found, place + 1
+
+
+def _after(data: bytes, place: int, kind: int, depth: int) -> int:
+    """Return where a value that is not wanted ends."""
+    if kind in _TRUTHS:
+        return place
+    if kind in (_BYTE, _DOUBLE):
+        return place + (1 if kind == _BYTE else 8)
+    if kind == _BINARY:
+        length, place = _varint(data, place)
+        return place + length
+    raise ValueError(f"no page header holds a value of type {kind}")
+
+
+def _number(data: bytes, place: int) -> tuple[int, int]:
+    value, place = _varint(data, place)
+    return (value >> 1) ^ -(value & 1), place
+
+
+def _varint(data: bytes, place: int) -> tuple[int, int]:
+    value = shift = 0
+    while shift < 70:
+        byte = data[place]
+        place += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value, place
+        shift += 7
+    raise ValueError("a number is too long")

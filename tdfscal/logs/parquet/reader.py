@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +15,9 @@ import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
-from tdfscal.logs import units
-from tdfscal.logs.damage import damage, one_line
-from tdfscal.logs.parquet.footer import MAX_FOOTER, MAX_LIST, Footer, read_footer
-from tdfscal.logs.parquet.pages import check_pages
-from tdfscal.logs.request import (
+from tdfscal.logs.common import units
+from tdfscal.logs.common.damage import damage, one_line
+from tdfscal.logs.common.request import (
     Block,
     Outcome,
     Piece,
@@ -28,13 +26,24 @@ from tdfscal.logs.request import (
     check_fields_differ,
     missing_fields,
 )
+from tdfscal.logs.parquet.pages import look_at_pages
 from tdfscal.records import FloatArray
 
+MAX_FOOTER: Final = 16 << 20
+"""Longest text, in bytes, that a footer may state; that of a day at 1 kHz has a few MB in all."""
+MAX_LIST: Final = 1 << 20
+"""Longest list in a footer."""
+MAX_PAGES: Final = 640 << 20
+"""Bytes that the largest page may take, times the columns that are read together."""
+
 _MAX_SAMPLES: Final = 1 << 16
+_ROWS_PER_BYTE: Final = 4
+_VALUE: Final = 8  # bytes
+_WIDEST: Final = 32  # bytes
 _AT_ONCE: Final = 32 << 20
-"""Largest row group, in bytes as stored, whose columns are read in one go: faster."""
+"""Largest row group, in bytes, whose columns are read in one go: faster."""
 _BUFFER: Final = 1 << 20
-_TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,41 +73,38 @@ def read_parquet(
     """
     where = str(path)
     warnings: list[str] = []
-    with damage(path, pa.ArrowException):
-        footer = read_footer(path)
-        columns = _resolve(footer, request, where)
-        parts = [k for k, leaf in enumerate(footer.leaves) if leaf.path in set(columns.names)]
-        with open_parquet(path, footer) as file:
-            units_differ = _units_differ(file, columns.time)
-            verified = not _is_duration(file, columns.time)
-            first_row = 0
-            read = 0
-            share = path.stat().st_size / max(footer.rows, 1)
-            for number, group in enumerate(footer.groups):
-                in_group = 0
-                try:
-                    verified &= check_pages(path, [group.parts[k] for k in parts])
-                    if verified and units_differ:
-                        raise DataError(units_differ, where=where)
-                    for batch in _batches(file, number, columns):
-                        piece = _piece(batch, columns, request, first_row + in_group, where)
-                        in_group += batch.num_rows
-                        reached(int((first_row + in_group) * share))
-                        yield piece
-                    if in_group != group.rows:
-                        raise DataError(
-                            f"row group {number} has {in_group} rows where {group.rows} are stated",
-                            where=where,
-                        )
-                except (pa.ArrowException, OSError, ValueError, DataError) as error:
-                    if not salvage:
-                        raise
-                    warnings.append(
-                        f"{where}: row group {number} is damaged ({one_line(error)}); of its "
-                        f"{group.rows} rows {group.rows - in_group} are lost"
+    with damage(path, pa.ArrowException), open_parquet(path) as file:
+        rows = file.metadata.num_rows
+        columns = _resolve(file, request, where)
+        verified = check_pages(path, file, columns.names)
+        if verified and (what := _stated_twice(file, columns.names)):
+            raise DataError(what, where=where)
+        verified &= not _is_duration(file, columns.time)
+        first_row = 0
+        read = 0
+        share = path.stat().st_size / max(rows, 1)
+        for number in range(file.num_row_groups):
+            stated, in_group = file.metadata.row_group(number).num_rows, 0
+            try:
+                for batch in batches(file, number, columns.names):
+                    piece = _piece(batch, columns, request, first_row + in_group, where)
+                    in_group += batch.num_rows
+                    reached(int((first_row + in_group) * share))
+                    yield piece
+                if in_group != stated:
+                    raise DataError(
+                        f"row group {number} has {in_group} rows where {stated} are stated",
+                        where=where,
                     )
-                first_row += group.rows
-                read += in_group
+            except (pa.ArrowException, OSError, ValueError, DataError) as error:
+                if not salvage:
+                    raise
+                warnings.append(
+                    f"{where}: row group {number} is damaged ({one_line(error)}); of its "
+                    f"{stated} rows {stated - in_group} are lost"
+                )
+            first_row += stated
+            read += in_group
     if read == 0:
         raise DataError("the file has no rows", where=where, hint="record the log again")
     if warnings:
@@ -107,26 +113,55 @@ def read_parquet(
 
 
 @contextmanager
-def open_parquet(path: Path, footer: Footer) -> Iterator[pq.ParquetFile]:
+def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a file such that checksums are verified and no absurd length is believed.
 
-    Its pages must be checked before they are read.
-
-    footer : as `read_footer` read it.
+    Raises
+    ------
+    ValueError : its footer is absurd, or contradicts itself.
     """
-    largest = max((sum(p.end - p.begin for p in g.parts) for g in footer.groups), default=0)
-    with (
-        path.open("rb") as stream,
-        pq.ParquetFile(
+    size = path.stat().st_size
+    limits = {"thrift_string_size_limit": MAX_FOOTER, "thrift_container_size_limit": MAX_LIST}
+    with path.open("rb") as stream:
+        known = pq.ParquetFile(stream, pre_buffer=False, **limits).metadata
+        groups = [known.row_group(k) for k in range(known.num_row_groups)]
+        if known.num_rows != sum(group.num_rows for group in groups):
+            raise ValueError("the footer contradicts itself about the number of rows")
+        if known.num_rows > _ROWS_PER_BYTE * size:
+            raise ValueError(f"{known.num_rows} rows are stated in a file of {size} bytes")
+        largest = max((group.total_byte_size for group in groups), default=0)
+        with pq.ParquetFile(
             path if _is_utf8(path) else stream,
+            metadata=known,
             page_checksum_verification=True,
             pre_buffer=False,
             buffer_size=_BUFFER if largest > _AT_ONCE else 0,
-            thrift_string_size_limit=MAX_FOOTER,
-            thrift_container_size_limit=MAX_LIST,
-        ) as file,
-    ):
-        yield file
+            **limits,
+        ) as file:
+            yield file
+
+
+def check_pages(path: Path, file: pq.ParquetFile, names: Sequence[str]) -> bool:
+    """Tell whether every page of a file has a checksum; names : of the columns to be read.
+
+    Raises
+    ------
+    DataError : pages that need too much memory.
+    """
+    known = file.metadata
+    pages = look_at_pages(path)
+    complete = pages.values >= known.num_rows * known.num_columns
+    # Without all page headers, as if each column of a row group were one page.
+    longest = max((known.row_group(k).num_rows for k in range(known.num_row_groups)), default=0)
+    largest = pages.largest if complete else max(pages.largest, _VALUE * longest)
+    if largest * len(names) > MAX_PAGES:
+        raise DataError(
+            f"a page states {largest} bytes; one of each of the {len(names)} columns needs more "
+            f"than {MAX_PAGES >> 20} MiB",
+            where=str(path),
+            hint="write the file again with row groups of a million rows at most",
+        )
+    return complete and pages.checked
 
 
 def _is_utf8(path: Path) -> bool:
@@ -138,9 +173,10 @@ def _is_utf8(path: Path) -> bool:
     return True
 
 
-def _resolve(footer: Footer, request: Request, where: str) -> _Columns:
+def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:
     check_fields_differ(request, where=where)
-    paths = [leaf.path for leaf in footer.leaves]
+    leaves = leaves_of(file)
+    paths = [leaf.path for leaf in leaves]
     names = [name for signal in request.signals for name in signal.components]
     timed = request.rows == "timeseries" or request.time_field in paths
     wanted = ([request.time_field] if timed else []) + names
@@ -154,31 +190,51 @@ def _resolve(footer: Footer, request: Request, where: str) -> _Columns:
                 where=where,
                 hint="give each column its own name",
             )
-        leaf = footer.leaves[paths.index(name)]
-        if not leaf.small:
-            raise _no_numbers(name, leaf.holds, where)
+        if (holds := is_no_number(leaves[paths.index(name)])) is not None:
+            raise _no_numbers(name, holds, where)
     return _Columns(
         request.time_field if timed else None, tuple(s.components for s in request.signals)
     )
 
 
-def _units_differ(file: pq.ParquetFile, time: str | None) -> str | None:
-    """What is wrong where Parquet and Arrow state different units of the time in the footer.
+def leaves_of(file: pq.ParquetFile) -> list[Any]:
+    """Columns of the schema, structs taken apart, as pyarrow's `ColumnSchema`."""
+    return [file.schema.column(k) for k in range(len(file.schema))]
+
+
+def is_no_number(leaf: Any) -> str | None:
+    """What a column holds whose rows cannot be numbers of a few bytes each; None of numbers."""
+    if leaf.max_repetition_level:
+        return "a list"
+    match leaf.physical_type:
+        case "BOOLEAN":
+            return "bool"
+        case "BYTE_ARRAY":
+            return "string"
+        case "FIXED_LEN_BYTE_ARRAY" if leaf.length > _WIDEST:
+            return "bytes"
+    return None
+
+
+def _stated_twice(file: pq.ParquetFile, names: Sequence[str]) -> str | None:
+    """What is wrong where Parquet and Arrow state different types of a column in the footer.
 
     No checksum covers these. A writer that coerces times leaves them different too, so only a file
     that claims to be intact is to be refused for it.
     """
     encoded = (file.metadata.metadata or {}).get(b"ARROW:schema")
-    if encoded is None or time not in file.schema_arrow.names:
+    if encoded is None:
         return None
-    stated = pa.ipc.read_schema(pa.py_buffer(base64.b64decode(encoded)))
-    if time not in stated.names:
-        return f"the footer contradicts itself about column {time}"
-    read, known = (getattr(s.field(time).type, "unit", None) for s in (file.schema_arrow, stated))
-    # Parquet knows no seconds; Arrow writes ms for them.
-    if read == known or (read, known) == ("ms", "s"):
-        return None
-    return f"the footer states the unit of column {time} twice, as {read} and as {known}"
+    written = pa.ipc.read_schema(pa.py_buffer(base64.b64decode(encoded)))
+    there = file.schema_arrow.names
+    for name in (n if n in there else n.partition(".")[0] for n in names):
+        if name not in written.names:
+            return f"the footer contradicts itself about column {name}"
+        read, known = (schema.field(name).type for schema in (file.schema_arrow, written))
+        # Parquet knows no seconds; Arrow writes ms for them.
+        if read != known and (read, known) != (pa.timestamp("ms"), pa.timestamp("s")):
+            return f"the footer states the type of column {name} twice, as {read} and as {known}"
+    return None
 
 
 def _is_duration(file: pq.ParquetFile, time: str | None) -> bool:
@@ -187,9 +243,11 @@ def _is_duration(file: pq.ParquetFile, time: str | None) -> bool:
     return time in schema.names and pa.types.is_duration(schema.field(time).type)
 
 
-def _batches(file: pq.ParquetFile, group: int, columns: _Columns) -> Iterator[pa.Table]:
-    names = columns.names
-    for batch in file.iter_batches(batch_size=_MAX_SAMPLES, row_groups=[group], columns=names):
+def batches(
+    file: pq.ParquetFile, group: int, names: Sequence[str], size: int = _MAX_SAMPLES
+) -> Iterator[pa.Table]:
+    """Yield a row group in tables whose columns are those of the file's leaves."""
+    for batch in file.iter_batches(batch_size=size, row_groups=[group], columns=list(names)):
         table = pa.Table.from_batches([batch])
         while any(pa.types.is_struct(field.type) for field in table.schema):
             table = table.flatten()
@@ -217,7 +275,7 @@ def _time(column: Any, name: str, request: Request, first_row: int, where: str) 
     if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
         # Such a column knows its own unit.
         ticks = column.cast(pa.int64())
-        return _numbers(ticks, name, first_row, where) / _TICKS[column.type.unit]
+        return _numbers(ticks, name, first_row, where) / TICKS[column.type.unit]
     factor = units.factor("time", request.time_unit)
     if factor is None:
         raise ValueError(request.time_unit)

@@ -13,9 +13,9 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_arrow, as_numpy
-from tdfscal.logs import units
-from tdfscal.logs.contents import SAMPLES, Contents, Stream, table_contents
-from tdfscal.logs.damage import damage
+from tdfscal.logs.common import units
+from tdfscal.logs.common.contents import SAMPLES, Contents, Stream, table_contents
+from tdfscal.logs.common.damage import damage
 from tdfscal.logs.text.header import SEPARATORS, fits_header, row_cells, split_cells, split_label
 from tdfscal.logs.text.reader import HEAD, Source, blocks, decode, open_text
 from tdfscal.logs.text.rows import ragged

@@ -8,8 +8,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from tdfscal.errors import DataError
-from tdfscal.logs import units
-from tdfscal.logs.request import Request, check_fields_differ, missing_fields
+from tdfscal.logs.common import units
+from tdfscal.logs.common.request import Request, check_fields_differ, missing_fields
 
 SEPARATORS = (",", ";", "\t")
 _SEARCHED_LINES = 64

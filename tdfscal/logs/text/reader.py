@@ -13,9 +13,9 @@ import pyarrow as pa
 import zstandard
 
 from tdfscal.errors import DataError
-from tdfscal.logs.damage import damage, one_line
-from tdfscal.logs.read_ahead import mapped
-from tdfscal.logs.request import Block, Outcome, Piece, Reached, Request, split
+from tdfscal.logs.common.damage import damage, one_line
+from tdfscal.logs.common.read_ahead import mapped
+from tdfscal.logs.common.request import Block, Outcome, Piece, Reached, Request, split
 from tdfscal.logs.text.header import Header, find_header
 from tdfscal.logs.text.rows import RowParser, Rows
 from tdfscal.records import FloatArray, Integrity

@@ -14,7 +14,7 @@ from rosbags.rosbag2 import Writer as BagWriter
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.logs import is_log, read_log
-from tdfscal.logs.description.describe import inspect_logs
+from tdfscal.logs.describe import describe_logs
 from tests.files.logs.log_making import (
     MAPPING,
     STORE,
@@ -117,7 +117,7 @@ def test_by_rosbags_with_another_file_in_place_of_its_own(tmp_path: Path) -> Non
     match = r"59 messages of /ncp1/position are there where metadata\.yaml states 60"
     with pytest.raises(DataError, match=match):
         read_log([folder], MAPPING, SUPPORTS)
-    assert any("59 messages" in problem for problem in inspect_logs([folder]).problems)
+    assert any("59 messages" in problem for problem in describe_logs([folder]).problems)
     log = read_log([folder], MAPPING, SUPPORTS, salvage=True)
     assert log.inputs[0].integrity == "salvaged"
     assert any("59 messages of /ncp1/position" in warning for warning in log.warnings)

@@ -30,14 +30,14 @@ READ = """
 import re, resource, sys
 from pathlib import Path
 from tdfscal.errors import TdfscalError
-from tdfscal.logs.description.describe import inspect_logs
+from tdfscal.logs.describe import describe_logs
 from tdfscal.logs import iter_log
 from tests.files.logs.log_making import JSON_MAPPING, LOG_TIME, SUPPORTS
 path = Path(sys.argv[1])
 mapping = {".mcap": JSON_MAPPING if "json" in path.name else LOG_TIME}.get(path.suffix)
 try:
     if sys.argv[2] == "info":
-        said = str(inspect_logs([path]).problems)
+        said = str(describe_logs([path]).problems)
     else:
         said = f"read {sum(p.force[0].time.size for p in iter_log([path], mapping, SUPPORTS))}"
 except TdfscalError as error:

@@ -14,7 +14,7 @@ from mcap.writer import Writer
 
 from tdfscal.errors import DataError
 from tdfscal.logs import iter_log, read_log
-from tdfscal.logs.clock import Clock, apart, shown
+from tdfscal.logs.common.clock import Clock, apart, shown
 from tdfscal.logs.mcap.summary import announced_topics
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
@@ -85,7 +85,7 @@ def test_progress_ascends_to_one(
     truth = make_truth(400)
     path = tmp_path / f"log.{suffix}"
     if suffix == "mcap":
-        monkeypatch.setattr("tdfscal.logs.mcap.reader._ENOUGH", 64)
+        monkeypatch.setattr("tdfscal.logs.messages.reader._ENOUGH", 64)
         path.write_bytes(mcap_bytes(truth))
     elif suffix == "csv":
         monkeypatch.setattr("tdfscal.logs.text.reader.HEAD", 1 << 13)

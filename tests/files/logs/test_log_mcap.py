@@ -17,10 +17,10 @@ from rosbags.interfaces import Nodetype
 
 from tdfscal.errors import DataError
 from tdfscal.logs import read_log
-from tdfscal.logs.mcap.cdr import Gatherer
+from tdfscal.logs.common.message_path import Path as MessagePath
 from tdfscal.logs.mcap.chunk import messages_of
-from tdfscal.logs.mcap.ros_types import definitions
-from tdfscal.logs.message_path import Path as MessagePath
+from tdfscal.logs.messages.cdr import Gatherer
+from tdfscal.logs.messages.ros_types import definitions
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     JSON_MAPPING,

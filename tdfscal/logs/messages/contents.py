@@ -1,4 +1,4 @@
-"""Contents of an MCAP log: topics, their message types, and what in them has x, y, z."""
+"""Contents of a recording: topics, their message types, and what in them has x, y, z."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -16,17 +15,25 @@ from mcap.records import Channel, Schema
 from rosbags.interfaces import Nodetype
 
 from tdfscal.errors import TdfscalError
-from tdfscal.logs.contents import SAMPLES, Contents, Field, Stream, Vector, axes_of, extremes
-from tdfscal.logs.damage import damage, one_line
-from tdfscal.logs.mcap.cdr import Gatherer, element_names, layout_of
-from tdfscal.logs.mcap.chunk import Messages
-from tdfscal.logs.mcap.container import Container
-from tdfscal.logs.mcap.decoded import content_of
-from tdfscal.logs.mcap.header_times import Stamps
-from tdfscal.logs.mcap.json_messages import decode, read_numbers
-from tdfscal.logs.mcap.ros_types import Definitions, definitions, full_name
-from tdfscal.logs.message_path import Named, shown
-from tdfscal.logs.message_path import Path as MessagePath
+from tdfscal.logs.common.contents import (
+    SAMPLES,
+    Contents,
+    Field,
+    Format,
+    Stream,
+    Vector,
+    axes_of,
+    extremes,
+)
+from tdfscal.logs.common.damage import damage, one_line
+from tdfscal.logs.common.message_path import Named, shown
+from tdfscal.logs.common.message_path import Path as MessagePath
+from tdfscal.logs.messages.buffer import Messages, Recording
+from tdfscal.logs.messages.cdr import Gatherer, element_names, layout_of
+from tdfscal.logs.messages.decoded import content_of
+from tdfscal.logs.messages.header_times import Stamps
+from tdfscal.logs.messages.json_messages import decode, read_numbers
+from tdfscal.logs.messages.ros_types import Definitions, definitions, full_name
 from tdfscal.records import FloatArray, IntArray
 
 _MAX_DEPTH: Final = 8
@@ -82,21 +89,21 @@ class _Topic:
         return any(leaf.path == _STAMP for leaf in self.leaves)
 
 
-def mcap_contents(path: Path) -> Contents:
-    """Look through an MCAP file: every topic, with samples of what has x, y, z.
+def recording_contents(recording: Recording, form: Format) -> Contents:
+    """Look through a recording: every topic, with samples of what has x, y, z.
 
     Raises
     ------
     UsageError, DataError : it cannot be read, or is damaged.
     """
-    container = Container(path, salvage=False)
+    path = recording.path
     topics: dict[int, _Topic] = {}
     with damage(path, McapError):
-        for messages in container.messages():
+        for messages in recording.messages():
             for number in messages.counts():
                 of = messages.of(number)
                 if number not in topics:
-                    topics[number] = _topic(container, number, of)
+                    topics[number] = _topic(recording, number, of)
                 _look(topics[number], of)
     streams: list[Stream] = []
     vectors: list[Vector] = []
@@ -105,7 +112,7 @@ def mcap_contents(path: Path) -> Contents:
     stamped: set[str] = set()
     for number, topic in topics.items():
         name = topic.channel.topic
-        streams.append(_stream(topic, container.counts[number]))
+        streams.append(_stream(topic, recording.counts[number]))
         vectors += _vectors(topic)
         if topic.problem:
             problems.append(f"{name}: {topic.problem}")
@@ -113,10 +120,10 @@ def mcap_contents(path: Path) -> Contents:
             stamped.add(name)
         if topic.stamps is not None and (why := topic.stamps.unusable()):
             unusable[name] = why
-    empty = {c.topic for c in container.channels.values()} - {s.name for s in streams}
+    empty = {c.topic for c in recording.channels.values()} - {s.name for s in streams}
     streams += [Stream(name, "", 0, ()) for name in sorted(empty)]
     return Contents(
-        path, "mcap", path.stat().st_size, tuple(sorted(streams, key=lambda s: s.name)),
+        path, form, path.stat().st_size, tuple(sorted(streams, key=lambda s: s.name)),
         tuple(sorted(vectors, key=lambda v: v.fields)), stamped=frozenset(stamped),
         unusable=unusable,
         problems=tuple(problems), joints={t.channel.topic: t.joints for t in topics.values()
@@ -124,10 +131,10 @@ def mcap_contents(path: Path) -> Contents:
     )  # fmt: skip
 
 
-def _topic(container: Container, number: int, messages: Messages) -> _Topic:
+def _topic(recording: Recording, number: int, messages: Messages) -> _Topic:
     """Find out what the messages of a channel hold, and how to read it."""
-    channel = container.channels[number]
-    schema = container.schemas.get(channel.schema_id)
+    channel = recording.channels[number]
+    schema = recording.schemas.get(channel.schema_id)
     kind = schema.name if schema is not None else channel.message_encoding
     topic = _Topic(channel, kind)
     try:
@@ -203,7 +210,7 @@ def _joints(topic: _Topic, there: Callable[[MessagePath], bool]) -> list[_Leaf]:
 
 
 def _open_protobuf(topic: _Topic, schema: Schema) -> None:
-    from tdfscal.logs.mcap import protobuf_messages as protobuf
+    from tdfscal.logs.messages import protobuf_messages as protobuf
 
     kind = protobuf.message_class(schema.name, schema.data)
     topic.leaves = [

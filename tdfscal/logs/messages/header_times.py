@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.logs.clock import Clock
-from tdfscal.logs.damage import one_line
-from tdfscal.logs.mcap.chunk import Messages
+from tdfscal.logs.common.clock import Clock
+from tdfscal.logs.common.damage import one_line
+from tdfscal.logs.messages.buffer import Messages
 from tdfscal.records import FloatArray
 
 MAX_DEPARTURE: Final = 1.0

@@ -11,7 +11,7 @@ from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.base import TypesysError
 
 from tdfscal.errors import DataError
-from tdfscal.logs.message_path import Path, shown
+from tdfscal.logs.common.message_path import Path, shown
 
 Definitions = Mapping[str, Sequence[tuple[str, Any]]]
 """Message type → its fields in order, each as (name, rosbags' description of its type)."""

@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from tdfscal.errors import DataError, RigError
-from tdfscal.logs import units
+from tdfscal.logs.common import units
 from tdfscal.records import FloatArray, Integrity, LogMapping, Rows
 
 

@@ -6,9 +6,9 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from tdfscal.logs.mcap.chunk import Messages
-from tdfscal.logs.mcap.decoded import read_rows
-from tdfscal.logs.message_path import Named, Path
+from tdfscal.logs.common.message_path import Named, Path
+from tdfscal.logs.messages.buffer import Messages
+from tdfscal.logs.messages.decoded import read_rows
 from tdfscal.records import FloatArray
 
 

@@ -9,60 +9,21 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.dwells import Offset, dwells_of_bins, find_dwells, motion_offset, reduce_to_bins
+from tdfscal.dwells import dwells_of_bins, find_dwells, motion_offset, reduce_to_bins
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.reading import LoadedRig, default_mapping
-from tdfscal.logs import expand, iter_log
-from tdfscal.logs.clock import GAP
-from tdfscal.logs.contents import Contents
-from tdfscal.logs.description.mapping_guess import Guess, guess_mapping
+from tdfscal.logs.common.clock import GAP
+from tdfscal.logs.common.contents import Contents
+from tdfscal.logs.description.info import LogInfo, Signal, Source
+from tdfscal.logs.description.mapping_guess import guess_mapping
 from tdfscal.logs.description.plausible_units import declared_time
-from tdfscal.logs.formats import kind_of
-from tdfscal.records import Dwells, InputFile, Log, LogMapping, Series
-
-Source = Literal["rig", "guessed"]
-
-
-@dataclass(frozen=True, slots=True)
-class Signal:
-    """One vector signal as it is read with the mapping.
-
-    fields : in the file. count : samples. start, end : s. rate : Hz, None below two samples.
-    gaps : intervals of more than five periods; longest : s, the longest interval.
-    """
-
-    support: str
-    quantity: Literal["position", "force"]
-    fields: tuple[str, ...]
-    count: int
-    start: float
-    end: float
-    rate: float | None
-    gaps: int
-    longest: float
+from tdfscal.logs.formats import expand, kind_of
+from tdfscal.logs.reader import iter_log
+from tdfscal.records import InputFile, Log, LogMapping, Series
 
 
-@dataclass(frozen=True, slots=True)
-class LogInfo:
-    """What is in some logs.
-
-    mapping : with which the signals were read: the rig's, or the guess. guess : for the first file.
-    problems : what keeps the logs from being used, or wants a look.
-    """
-
-    contents: tuple[Contents, ...]
-    guess: Guess
-    mapping: LogMapping | None
-    source: Source
-    signals: tuple[Signal, ...] = ()
-    inputs: tuple[InputFile, ...] = ()
-    dwells: Dwells | None = None
-    offset: Offset | None = None
-    problems: tuple[str, ...] = ()
-
-
-def inspect_logs(
+def describe_logs(
     paths: Sequence[Path],
     rig: LoadedRig | None = None,
     *,
@@ -128,7 +89,7 @@ def _contents(path: Path) -> Contents:
 
             return parquet_contents(path)
         case "mcap":
-            from tdfscal.logs.mcap.contents import mcap_contents
+            from tdfscal.logs.mcap.reader import mcap_contents
 
             return mcap_contents(path)
         case "text":

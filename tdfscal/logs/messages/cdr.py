@@ -16,9 +16,9 @@ from typing import Any, Final
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from tdfscal.logs.mcap.chunk import DATA, Messages, gather
-from tdfscal.logs.mcap.ros_types import Definitions, full_name
-from tdfscal.logs.message_path import Named, Path, shown
+from tdfscal.logs.common.message_path import Named, Path, shown
+from tdfscal.logs.messages.buffer import DATA, Messages, gather
+from tdfscal.logs.messages.ros_types import Definitions, full_name
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 _ENCAPSULATION: Final = 4

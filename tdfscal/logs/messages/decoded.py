@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tdfscal.logs.mcap.chunk import Messages
-from tdfscal.logs.message_path import Named, Path, shown
+from tdfscal.logs.common.message_path import Named, Path, shown
+from tdfscal.logs.messages.buffer import Messages
 from tdfscal.records import FloatArray
 
 _STAMPS: Final = (("header", "stamp"), ("timestamp",), ("header", "timestamp"))

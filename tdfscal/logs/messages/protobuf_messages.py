@@ -7,9 +7,9 @@ from importlib import import_module
 from typing import Any, Final
 
 from tdfscal.errors import DataError
-from tdfscal.logs.mcap.chunk import Messages
-from tdfscal.logs.mcap.decoded import read_rows
-from tdfscal.logs.message_path import Named, Path
+from tdfscal.logs.common.message_path import Named, Path
+from tdfscal.logs.messages.buffer import Messages
+from tdfscal.logs.messages.decoded import read_rows
 from tdfscal.records import FloatArray
 
 _MAX_DEPTH: Final = 8

@@ -1,0 +1,71 @@
+"""Recordings of messages: ROS (CDR, ROS 1), JSON and protobuf, the wanted topics only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from mcap.exceptions import McapError
+
+from tdfscal.errors import DataError
+from tdfscal.logs.common.damage import damage
+from tdfscal.logs.common.request import Outcome, Piece, Reached, Request, join, split
+from tdfscal.logs.messages.buffer import Recording
+from tdfscal.logs.messages.topics import Topics
+
+_MAX_SAMPLES: Final = 1 << 16
+_ENOUGH: Final = 1 << 14
+Check = Callable[[Path, Mapping[str, int]], tuple[Sequence[str], Sequence[str]]]
+"""(file, messages by topic) → contradictions and doubts of what else states their counts."""
+
+
+def read_recording(
+    recording: Recording,
+    request: Request,
+    *,
+    reached: Reached,
+    announced: frozenset[str] | None = None,
+    check: Check | None = None,
+) -> Generator[Piece, None, Outcome]:
+    """Read a recording in pieces; see `request.Reader`.
+
+    announced : its topics, where they are known before it is read.
+
+    Raises
+    ------
+    DataError : with the topic, or the place in the file, of what is wrong.
+    """
+    path = recording.path
+    topics = Topics(recording, request)
+    if announced is not None:
+        topics.check_present(announced)
+    waiting: list[Piece] = []
+    size = 0
+    with damage(path, McapError):
+        for messages in recording.messages():
+            piece = topics.piece(messages)
+            if not piece:
+                continue
+            waiting.append(piece)
+            size += max(block.time.size for block in piece)
+            if size >= _ENOUGH:
+                yield from split(join(waiting), _MAX_SAMPLES)
+                waiting, size = [], 0
+                reached(recording.reached)
+        if waiting:
+            yield from split(join(waiting), _MAX_SAMPLES)
+    topics.check_complete()
+    contradictions, doubts = check(path, topics.counts()) if check else ((), ())
+    if contradictions and not recording.salvage:
+        raise DataError(
+            contradictions[0],
+            where=str(path),
+            hint="copy the recording again; `calibrate --salvage` reads what is there",
+        )
+    lost = (*recording.lost, *topics.lost, *contradictions)
+    skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
+    warnings = tuple(f"{path}: {what}" for what in (*lost, *doubts, *skewed))
+    if lost:
+        return Outcome("salvaged", warnings)
+    return Outcome("verified" if recording.checked else "unverified", warnings)
