@@ -193,12 +193,12 @@ def test_the_footer_must_end_where_the_file_does(tmp_path: Path) -> None:
     path = tmp_path / "log.parquet"
     pq.write_table(pa.table(plain()), path)
     content = path.read_bytes()
-    for damaged, match in (
-        (content[:-8] + (1 << 31).to_bytes(4, "little") + b"PAR1", "a footer of 2147483648 bytes"),
-        (content[:-4] + b"PARE", "does not end as a Parquet file"),
-        (b"PARE" + content[4:], "does not begin as a Parquet file"),
-        (content[:-8] + (9).to_bytes(4, "little") + b"PAR1", "the footer"),
+    for damaged in (
+        content[:-8] + (1 << 31).to_bytes(4, "little") + b"PAR1",
+        content[:-4] + b"PARE",
+        content[:-8] + (9).to_bytes(4, "little") + b"PAR1",
+        content[:-40] + content[-8:],
     ):
         path.write_bytes(damaged)
-        with pytest.raises(DataError, match=match):
+        with pytest.raises(DataError, match="the file is damaged"):
             read_log([path], None, ONE)
