@@ -45,6 +45,12 @@ MISFIT: Final = 1e-3
 #: Residuals this improbably small: the stated uncertainties are too large.
 OVERSTATED_NOISE: Final = 1e-4
 
+# The self-calibration in motion -------------------------------------------------------------------
+
+#: That a moving log without any contact has a stretch left out for one, per log. Strict: a stretch
+#: too many costs data and puzzles the operator, and the contacts that spoil angles are far above.
+CONTACT_IN_MOTION: Final = 1e-4
+
 # Two calibrations, and a calibration on new data --------------------------------------------------
 
 #: Joint χ² of two calibrations less probable than this: not metrologically compatible.

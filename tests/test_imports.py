@@ -15,8 +15,8 @@ HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "y
 #: The rooms from the ground up; each imports only from those before it.
 ORDER = (
     "errors", "records", "significance", "numerics", "model", "simulation", "dwells", "wrench",
-    "checks", "acceptance", "selfcal", "trackercal", "comparison", "validation", "planning",
-    "studies", "files", "logs", "reporting", "export", "workflows", "api", "cli",
+    "checks", "acceptance", "selfcal", "motioncal", "trackercal", "comparison", "validation",
+    "planning", "studies", "files", "logs", "reporting", "export", "workflows", "api", "cli",
 )  # fmt: skip
 OUTER = set(ORDER[ORDER.index("files") :])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,8 +25,6 @@ from tdfscal.files.writers.rows import save_rows
 from tdfscal.records import FloatArray, Log, Rig, Series
 from tdfscal.reporting import controlstudies as words
 from tdfscal.reporting.figures.style import Drawing
-from tdfscal.reporting.layout import Report
-from tdfscal.reporting.terminal import show
 from tdfscal.simulation import Options
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking, free_space
@@ -72,7 +71,7 @@ def run_free_space(rig: Path, folder: Path, choices: Choices, moves: Path | None
     tables = {"deviations.csv": words.free_space_rows(study)}
     files = _write(folder, tables, free_space_drawings(study), study)
     files += _logs(folder, loaded.rig, study, choices.logs)
-    _tell(choices, folder, files, study, words.free_space_document, words.free_space_report)
+    _tell(choices, folder, files, study, words.free_space_document, words.free_space_text)
 
 
 def run_docking(rig: Path, folder: Path, choices: Choices, engagement: float | None) -> None:
@@ -90,7 +89,7 @@ def run_docking(rig: Path, folder: Path, choices: Choices, engagement: float | N
     tables = {"maxima.csv": words.docking_rows(study)}
     files = _write(folder, tables, docking_drawings(study), study)
     files += _logs(folder, loaded.rig, study, choices.logs)
-    _tell(choices, folder, files, study, words.docking_document, words.docking_report)
+    _tell(choices, folder, files, study, words.docking_document, words.docking_text)
 
 
 def _tell(
@@ -99,12 +98,12 @@ def _tell(
     files: list[str],
     study: _S,
     document: Callable[[_S, list[str]], dict[str, Any]],
-    report: Callable[[_S], Report],
+    text: Callable[[_S], str],
 ) -> None:
     if choices.json:
         emit(document(study, files))
         return
-    show(report(study))
+    sys.stdout.write(text(study))
     print(f"\nwrote {len(files)} files to {folder}")
 
 

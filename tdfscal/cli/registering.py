@@ -7,8 +7,7 @@ from pathlib import Path
 
 from tdfscal.cli.app import emit
 from tdfscal.files.points import read_point_file
-from tdfscal.reporting.registration import document, registration_report
-from tdfscal.reporting.terminal import show
+from tdfscal.reporting.registration import document, render
 from tdfscal.trackercal import register
 
 
@@ -23,4 +22,4 @@ def run(measured: Path, reference: Path, *, unit: str | None, json: bool) -> Non
     if json:
         emit(document(found, notes))
     else:
-        show(registration_report(found))
+        sys.stdout.write(render(found))

@@ -17,8 +17,7 @@ from tdfscal.files.output_places import check_calibration, check_place
 from tdfscal.files.saving import write_text
 from tdfscal.logs import iter_log
 from tdfscal.records import InputFile, Log
-from tdfscal.reporting.terminal import show
-from tdfscal.reporting.validation import document, validation_report
+from tdfscal.reporting.verdict import document, render
 from tdfscal.validation.residual_wrench import validate
 from tdfscal.workflows.calibration_in_use import InUse, take
 
@@ -70,16 +69,16 @@ def run(
     warnings = (*use.warnings, *notes, *result.warnings)
     if html is not None:
         from tdfscal.reporting.html import render_validation
-        from tdfscal.reporting.validation import Origin
+        from tdfscal.reporting.validationpage import Origin
 
         say("drawing the report")
         created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-        origin = Origin(use.calibration, str(calibration), command_line(), created, tuple(inputs))
-        write_text(html, render_validation(result, warnings, origin))
+        origin = Origin(str(calibration), command_line(), created, tuple(inputs))
+        write_text(html, render_validation(result, use.calibration, warnings, origin))
     if json:
         emit(document(result, warnings))
     else:
-        show(validation_report(result, warnings))
+        print(render(result, warnings))
     return 0 if result.holds else 1
 
 

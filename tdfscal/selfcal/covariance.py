@@ -122,7 +122,7 @@ def evaluate(
         for name, share in _shares(fit, posterior).items()
     }
     linear = np.sum(list(shares.values()), axis=0)
-    covariance = _corrected(linear, faked_information(fit), _blind_turns(parts, turns))
+    covariance = without_faked(linear, faked_information(fit), blind_turns(parts, turns))
     # What noise fakes belongs to the noise.
     shares["noise"] = shares["noise"] + (covariance - linear)
     R = fit.state.rotation
@@ -191,14 +191,14 @@ def faked_information(fit: Fit) -> FloatArray:
     return faked
 
 
-def _blind_turns(parts: Spectrum, turns: IntArray) -> FloatArray:
+def blind_turns(parts: Spectrum, turns: IntArray) -> FloatArray:
     """Turns (r, 3n) in rad that no row sees, longest component 1, from the null space."""
     null = parts.null[:, turns]
     null = null[np.abs(null).max(axis=1, initial=0.0) > _ROUNDING] / parts.scale[turns]
     return np.asarray(null / np.abs(null).max(axis=1, initial=0.0, keepdims=True))
 
 
-def _corrected(covariance: FloatArray, faked: FloatArray, blind: FloatArray) -> FloatArray:
+def without_faked(covariance: FloatArray, faked: FloatArray, blind: FloatArray) -> FloatArray:
     """Covariance (3n, 3n) without the faked information N, and with the unseen turns.
 
     With Λ = C⁻¹ the true information is Λ − N, while the score's variance is at most Λ, hence

@@ -1,0 +1,118 @@
+"""Stretches without a hole, each brought to the frequency domain under a smooth taper.
+
+A block of N instants becomes its Fourier coefficients up to the band's edge. The taper keeps the
+power of low frequencies out of the higher ones. Derivatives are taken of the taper, never of the
+data: ∫ w x'' e^{−iωt} dt = ∫ (w'' − 2 i ω w' − ω² w) x e^{−iωt} dt (weak form).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from tdfscal.motioncal.streams import Slow
+from tdfscal.records import BoolArray, FloatArray, IntArray
+
+ComplexArray = npt.NDArray[np.complex128]
+
+#: Edge of the band as a share of the time base's rate: 3 Hz at 20 Hz.
+BAND = 0.15
+#: Length of the taper's ramps, s, and at most as a share of the block.
+_RAMP, _RAMP_SHARE = 2.0, 0.12
+#: Longest block, s: it bounds the memory, and what a change of the noise within a log does.
+LONGEST = 240.0
+#: Shortest block, s.
+SHORTEST = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One stretch of the slow streams.
+
+    index : rows of the streams, consecutive. taper : (3, N), w, w' (1/s), w'' (1/s²).
+    frequency : (F,), Hz, from 0 to the band's edge. step : s. begin : s, of the first row.
+    share : independent Fourier coefficients per coefficient: the taper makes neighbours alike.
+    """
+
+    index: slice
+    taper: FloatArray
+    frequency: FloatArray
+    step: float
+    begin: float
+
+    @property
+    def share(self) -> float:
+        """(Σ w²)² / (N Σ w⁴): how much the coefficients count (1 without a taper)."""
+        w = self.taper[0]
+        return float(np.sum(w**2) ** 2 / (len(w) * np.sum(w**4)))
+
+    @property
+    def scale(self) -> float:
+        """What makes |coefficient|² a two-sided spectral density."""
+        return float(np.sqrt(self.step / np.sum(self.taper[0] ** 2)))
+
+    def transform(self, signal: FloatArray, derivative: int = 0) -> ComplexArray:
+        """Coefficients (F, ...) of signal (N, ...), of its first or its second derivative."""
+        w, w1, w2 = (t.reshape(-1, *(1,) * (signal.ndim - 1)) for t in self.taper)
+        omega = 2 * np.pi * self.frequency.reshape(-1, *(1,) * (signal.ndim - 1))
+        count = len(self.frequency)
+
+        def fourier(x: FloatArray) -> ComplexArray:
+            return np.asarray(np.fft.rfft(x, axis=0)[:count])
+
+        plain = fourier(w * signal)
+        if derivative == 1:
+            plain = 1j * omega * plain - fourier(w1 * signal)
+        elif derivative == 2:
+            plain = fourier(w2 * signal) - 2j * omega * fourier(w1 * signal) - omega**2 * plain
+        return np.asarray(self.scale * plain)
+
+
+def blocks(slow: Slow, keep: BoolArray) -> tuple[Block, ...]:
+    """Cut the kept instants (a mask (N,)) into blocks."""
+    out = []
+    for first, last in stretches(slow, keep):
+        length = (last - first) * slow.step
+        parts = max(1, int(np.ceil(length / LONGEST)))
+        edges = np.linspace(first, last, parts + 1).astype(int)
+        out += [_block(slow, a, b) for a, b in pairwise(edges)]
+    return tuple(out)
+
+
+def stretches(slow: Slow, keep: BoolArray) -> list[tuple[int, int]]:
+    """Rows first … last − 1 of every stretch that is kept, without a hole and long enough."""
+    rows: IntArray = np.flatnonzero(keep)
+    if not rows.size:
+        return []
+    apart = (np.diff(rows) > 1) | (np.diff(slow.time[rows]) > 1.5 * slow.step)
+    cuts = np.flatnonzero(apart) + 1
+    runs = np.split(rows, cuts)
+    least = SHORTEST / slow.step
+    return [(int(run[0]), int(run[-1]) + 1) for run in runs if len(run) >= least]
+
+
+def _block(slow: Slow, first: int, last: int) -> Block:
+    N = last - first
+    frequency = np.asarray(np.fft.rfftfreq(N, slow.step), dtype=np.float64)
+    return Block(
+        index=slice(first, last),
+        taper=_taper(N, slow.step),
+        frequency=frequency[frequency <= BAND / slow.step * (1 + 1e-9)],
+        step=slow.step,
+        begin=float(slow.time[first]),
+    )
+
+
+def _taper(N: int, step: float) -> FloatArray:
+    """w, w', w'' (3, N): flat, with ramps of degree 7 whose first three derivatives vanish."""
+    ramp = min(_RAMP, _RAMP_SHARE * N * step)
+    time = (np.arange(N) + 0.5) * step
+    u = np.clip(np.minimum(time, N * step - time) / ramp, 0.0, 1.0)
+    side = np.where(time < N * step / 2, 1.0, -1.0)
+    w = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+    w1 = 140 * u**3 * (1 - u) ** 3
+    w2 = 420 * u**2 * (1 - u) ** 2 * (1 - 2 * u)
+    return np.stack([w, side * w1 / ramp, w2 / ramp**2])

@@ -1,0 +1,237 @@
+"""All streams of a log on one even, slow time base, decimated while they are read.
+
+What calibrates is slow: a terminal of hundreds of kilograms moves below a hertz. Every stream is
+brought to the same instants by one kernel of zero phase, positions and forces alike, so that the
+balance of the filtered signals is the filtered balance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.records import BoolArray, FloatArray, Log, Series
+
+#: Rate of the even time base, Hz, or that of the slowest stream where it is lower.
+RATE = 20.0
+#: Half width of the kernel in steps of the time base, and its cut-off as a share of the rate.
+_REACH, _CUT = 3.0, 0.4
+#: Longest hole in a stream, in steps of the time base, that the kernel bridges.
+_HOLE = 1.5
+#: Output instants worked on at once.
+_CHUNK = 32
+#: Rows read before the rate is known.
+_FIRST = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Slow:
+    """Streams on an even time base.
+
+    time : (N,), s, ascending; consecutive instants are `step` apart except across gaps.
+    position : (N, n, 3), m, BCS. force : (N, n, 3), N, readings. step : s.
+    rate : Hz, of the slowest stream as recorded. clipped : (N,), a reading near that instant
+    stands at its capacity.
+    """
+
+    supports: tuple[str, ...]
+    time: FloatArray
+    position: FloatArray
+    force: FloatArray
+    step: float
+    rate: float
+    clipped: BoolArray
+
+
+@dataclass(slots=True)
+class _Held:
+    """Samples of one group of streams that are still needed: time (M,), value (M, C)."""
+
+    time: FloatArray
+    value: FloatArray
+
+
+@dataclass(slots=True)
+class _Out:
+    time: list[FloatArray] = field(default_factory=list)
+    value: list[FloatArray] = field(default_factory=list)
+    clipped: list[BoolArray] = field(default_factory=list)
+
+
+def slow_streams(pieces: Iterable[Log], capacity: FloatArray) -> Slow:
+    """Decimate the pieces of a log to one even time base, in memory that holds only the result.
+
+    capacity : (n, 3), N; a sample at 99.9 % of it is clipped.
+
+    Raises DataError where a stream has too few samples to tell its rate.
+    """
+    step, rate, start, out = 0.0, 0.0, 0.0, _Out()
+    supports: tuple[str, ...] = ()
+    held: list[_Held] = []
+    columns: list[list[int]] = []
+    full = np.concatenate([np.full(capacity.size, np.inf), 0.999 * capacity.ravel()])
+    cursor = 0
+    for piece in pieces:
+        supports = piece.supports
+        groups = list(_groups(piece))
+        if not held:
+            columns = [c for c, _ in groups]
+            held = [_Held(s.time, s.value) for _, s in groups]
+        else:
+            groups = list(_regrouped(piece, columns))
+            held = [_joined(h, s) for h, (_, s) in zip(held, groups, strict=True)]
+        if step == 0.0:
+            if min(h.time.size for h in held) < _FIRST:
+                continue
+            rate = min(1 / float(np.median(np.diff(h.time))) for h in held)
+            step = 1 / min(RATE, rate)
+            start = max(float(h.time[0]) for h in held)
+        reach = min(float(h.time[-1]) if h.time.size else -np.inf for h in held)
+        last = int(np.floor((reach - start) / step - _REACH))
+        _emit(held, columns, full, start, step, cursor, last, out)
+        if last >= cursor:
+            cursor = last + 1
+            held = [_rest(h, start + (cursor - _REACH - _HOLE) * step) for h in held]
+    if step == 0.0:
+        raise DataError(
+            "the log holds too few samples to tell its rate",
+            where="log",
+            hint="record at least a few seconds of every stream",
+        )
+    reach = min(float(h.time[-1]) if h.time.size else -np.inf for h in held)
+    _emit(held, columns, full, start, step, cursor, int(np.floor((reach - start) / step)), out)
+    n = len(supports)
+    value = np.concatenate(out.value) if out.value else np.empty((0, 6 * n))
+    return Slow(
+        supports=supports,
+        time=np.concatenate(out.time) if out.time else np.empty(0),
+        position=value[:, : 3 * n].reshape(-1, n, 3),
+        force=value[:, 3 * n :].reshape(-1, n, 3),
+        step=step,
+        rate=rate,
+        clipped=np.concatenate(out.clipped) if out.clipped else np.empty(0, dtype=np.bool_),
+    )
+
+
+def _groups(piece: Log) -> Iterator[tuple[list[int], Series]]:
+    """Streams that share their stamps, side by side: columns of all, and the joint series."""
+    streams = [*piece.position, *piece.force]
+    left = list(range(len(streams)))
+    while left:
+        first = streams[left[0]]
+        same = [
+            i
+            for i in left
+            if streams[i].time is first.time or np.array_equal(streams[i].time, first.time)
+        ]
+        left = [i for i in left if i not in same]
+        yield _beside(streams, same)
+
+
+def _regrouped(piece: Log, columns: list[list[int]]) -> Iterator[tuple[list[int], Series]]:
+    """The same groups as in the first piece; a group whose stamps differ now is an error."""
+    streams = [*piece.position, *piece.force]
+    for group in columns:
+        members = sorted({c // 3 for c in group})
+        first = streams[members[0]].time
+        if any(not np.array_equal(streams[i].time, first) for i in members):
+            raise DataError(
+                "streams that shared their time stamps no longer do",
+                where=f"log, near {first[0] if first.size else 0.0:.3f} s",
+                hint="calibrate the parts of the log apart",
+            )
+        yield _beside(streams, members)
+
+
+def _beside(streams: list[Series], members: list[int]) -> tuple[list[int], Series]:
+    columns = [3 * i + c for i in members for c in range(3)]
+    value = np.concatenate([streams[i].value for i in members], axis=1)
+    return columns, Series(streams[members[0]].time, value)
+
+
+def _joined(held: _Held, more: Series) -> _Held:
+    return _Held(np.concatenate([held.time, more.time]), np.concatenate([held.value, more.value]))
+
+
+def _rest(held: _Held, since: float) -> _Held:
+    first = int(np.searchsorted(held.time, since))
+    return _Held(held.time[first:].copy(), held.value[first:].copy())
+
+
+def _kernel(u: FloatArray) -> FloatArray:
+    """Low-pass of zero phase at distances u in steps: a sinc under a Hann window."""
+    inside = np.abs(u) < _REACH
+    weight = np.sinc(2 * _CUT * u) * np.cos(np.pi * u / (2 * _REACH)) ** 2
+    return np.asarray(np.where(inside, weight, 0.0))
+
+
+def _emit(
+    held: list[_Held],
+    columns: list[list[int]],
+    full: FloatArray,
+    start: float,
+    step: float,
+    first: int,
+    last: int,
+    out: _Out,
+) -> None:
+    """Append the instants first … last of the time base that all streams cover."""
+    width = sum(len(c) for c in columns)
+    for begin in range(first, last + 1, _CHUNK):
+        instant = np.arange(begin, min(begin + _CHUNK, last + 1), dtype=np.float64)
+        time = np.asarray(start + step * instant)
+        value = np.empty((len(time), width))
+        good = np.ones(len(time), dtype=np.bool_)
+        clipped = np.zeros(len(time), dtype=np.bool_)
+        for stream, cols in zip(held, columns, strict=True):
+            part, covered, full_scale = _smoothed(stream, full[cols], time, step)
+            value[:, cols] = part
+            good &= covered
+            clipped |= full_scale
+        out.time.append(time[good])
+        out.value.append(value[good])
+        out.clipped.append(clipped[good])
+
+
+def _smoothed(
+    stream: _Held, full: FloatArray, time: FloatArray, step: float
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Kernel averages (J, C) at times (J,), where the stream covers them, and where it clips."""
+    low = np.searchsorted(stream.time, time - _REACH * step)
+    high = np.searchsorted(stream.time, time + _REACH * step, side="right")
+    if low[0] == high[-1]:
+        no = np.zeros(len(time), dtype=np.bool_)
+        return np.zeros((len(time), stream.value.shape[1])), no, no
+    base = int(low[0])
+    stretch = stream.time[base : int(high[-1])]
+    offset = (stretch - time[:, None]) / step
+    weight = _kernel(offset)
+    # A weight that is linear in time keeps straight lines straight, also at the log's ends.
+    moment = weight * offset
+    s0, s1, s2 = weight.sum(axis=1), moment.sum(axis=1), (moment * offset).sum(axis=1)
+    det = s0 * s2 - s1**2
+    fine = np.abs(det) > 1e-9 * np.maximum(s0 * s2, 1e-300)
+    det = np.where(fine, det, 1.0)[:, None]
+    weight = (s2[:, None] * weight - s1[:, None] * moment) / det
+    values = stream.value[base : int(high[-1])]
+    bad = ~np.isfinite(values).all(axis=1)
+    whole = np.abs(np.where(np.isfinite(values), values, 0.0)) >= full
+    touched = (weight != 0.0).astype(np.float64)
+    clipped = touched @ whole.any(axis=1).astype(np.float64) > 0
+    covered = fine & _without_hole(stretch, time, step)
+    if bad.any():
+        covered &= touched @ bad.astype(np.float64) == 0
+        values = np.where(np.isfinite(values), values, 0.0)
+    return weight @ values, covered, clipped
+
+
+def _without_hole(stamp: FloatArray, time: FloatArray, step: float) -> BoolArray:
+    """Whether no hole of the stream comes near each instant, and the stream reaches it."""
+    ok = (time >= stamp[0] - 1e-9) & (time <= stamp[-1] + 1e-9)
+    hole = np.flatnonzero(np.diff(stamp) > _HOLE * step)
+    for h in hole:
+        ok &= (time <= stamp[h]) | (time >= stamp[h + 1])
+    return np.asarray(ok)

@@ -1,0 +1,185 @@
+"""A campaign without a stop: d'Alembert's forces on a terminal that rides on elastic carriages.
+
+The carriages are stiff enough (natural frequencies of tens of hertz) that the terminal follows
+them quasi-statically: at every instant springs, weight, inertia and friction balance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.records import FloatArray, Log, Rig, Series
+from tdfscal.simulation import rotations
+from tdfscal.simulation.equilibrium import Load, Pose, settle
+from tdfscal.simulation.error_field import draw_field
+from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.options import Options
+from tdfscal.simulation.postures import internal_part, reading
+from tdfscal.simulation.trajectories import Trajectory, draw_trajectory
+from tdfscal.simulation.truth import Truth, draw_truths
+
+#: Rate at which the equilibrium is computed, Hz; between its instants splines run.
+_SOLVED = 40.0
+#: Friction is Coulomb's above this angular speed, rad/s, and viscous well below it.
+_STICK = 1.0e-4
+#: Time in which a touch comes and goes, s.
+_TOUCH = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class MovingCampaign:
+    """What is known, what is true, what was recorded.
+
+    rig : as stated. inertia : (3, 3), true, kg m² about the LCS origin. time : (N,), s, instants
+    of the force samples. force : (N, n, 3), N, BCS, true forces at the recorded force stamps.
+    """
+
+    rig: Rig
+    options: MovingOptions
+    truth: Truth
+    inertia: FloatArray
+    log: Log
+    time: FloatArray
+    force: FloatArray
+
+
+def simulate_moving(rig: Rig, options: MovingOptions, rng: np.random.Generator) -> MovingCampaign:
+    """Drive and record one campaign in motion.
+
+    Truth, trajectory, error fields and recorder draw from streams of their own.
+
+    Raises NotConvergedError where the carriages cannot hold the terminal.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import, rarely needed
+
+    truth_rng, way_rng, field_rng, record_rng, inertia_rng = rng.spawn(5)
+    machine = Options(stiffness=np.diag(options.stiffness), rpy=options.rpy)
+    truth = draw_truths(rig, machine, truth_rng, 1).trial(0)
+    inertia = _true_inertia(rig, options, truth, inertia_rng)
+    way = draw_trajectory(options, rig.n, way_rng)
+    field = draw_field(rig.n, rig.declared.positioner, options.field_correlation, field_rng)
+
+    count = int(np.floor(options.duration * options.rate * (1 + 1e-12))) + 1
+    stamp = np.arange(count) / options.rate
+    lead = max(abs(options.delay), 0.05) + 0.1
+    knots = np.arange(-lead, options.duration + lead, 1 / _SOLVED)
+    servo = _servo(rig, truth, way, knots)
+    where = servo + truth.datum + field(servo)
+    pose, load = way.pose(knots), _inertial_load(way, truth, inertia, options.friction, knots)
+    force = CubicSpline(knots, settle(truth, where, load, pose).force)(stamp - options.delay)
+    force = force + _touched(options, truth, where, load, pose, knots, stamp - options.delay)
+
+    noise_rng, slow_rng, encoder_rng = record_rng.spawn(3)
+    signal = reading(truth, force)
+    signal = signal + options.noise * noise_rng.standard_normal(signal.shape)
+    signal = signal + _slow(options, signal.shape, slow_rng)
+    shown = CubicSpline(knots, servo)(stamp)
+    shown = shown + options.encoder * encoder_rng.standard_normal(shown.shape)
+    if options.quantum > 0.0:
+        shown = options.quantum * np.round(shown / options.quantum)
+    log = Log(
+        supports=rig.supports,
+        position=tuple(Series(stamp, np.ascontiguousarray(shown[:, i])) for i in range(rig.n)),
+        force=tuple(Series(stamp, np.ascontiguousarray(signal[:, i])) for i in range(rig.n)),
+    )
+    return MovingCampaign(rig, options, truth, inertia, log, stamp, force)
+
+
+def _servo(rig: Rig, truth: Truth, way: Trajectory, time: FloatArray) -> FloatArray:
+    """Servo coordinates (N, n, 3), m, BCS, that make the pose and the squeeze."""
+    place = way.pose(time).place(rig.hinge)
+    n = rig.n
+    # An orthonormal basis of the internal forces at the middle of the travel, (3n, 3n − 6).
+    middle = place.mean(axis=0)
+    projector = internal_part(
+        np.broadcast_to(middle, (3 * n, n, 3)), np.eye(3 * n).reshape(-1, n, 3)
+    )
+    modes = np.linalg.eigh(projector.reshape(3 * n, 3 * n))[1][:, 6:]
+    force = internal_part(place, (way.squeeze(time) @ modes.T).reshape(-1, n, 3))
+    give = np.linalg.inv(truth.stiffness)
+    return np.asarray(place + np.einsum("nij,knj->kni", give, force) - truth.datum)
+
+
+def _true_inertia(
+    rig: Rig, options: MovingOptions, truth: Truth, rng: np.random.Generator
+) -> FloatArray:
+    """Inertia about the LCS origin, (3, 3), kg m²."""
+    if options.inertia is not None:
+        return options.inertia
+    draw = rng.standard_normal((3, 3))
+    draw = (draw + draw.T) / 2
+    if rig.inertia is not None and np.all(np.isfinite(rig.inertia.std)):
+        return np.asarray(rig.inertia.value + rig.inertia.std * draw)
+    # A body with the hinges' radius of gyration over √2, and its barycentre off the origin.
+    size = 0.5 * float(truth.mass) * np.mean(np.sum(truth.hinge**2, axis=1))
+    r = truth.barycentre
+    own = 0.5 * size * (np.diag([1.0, 1.1, 1.3]) + 0.05 * draw)
+    return np.asarray(own + truth.mass * (r @ r * np.eye(3) - np.outer(r, r)))
+
+
+def _inertial_load(
+    way: Trajectory, truth: Truth, inertia: FloatArray, friction: float, time: FloatArray
+) -> Load:
+    """D'Alembert's force and moment about the LCS origin, and friction, at times (N,)."""
+    h = 5.0e-3
+    back, here, ahead = (way.pose(time + shift) for shift in (-h, 0.0, h))
+    R = here.rotation
+    after = rotations.log(ahead.rotation @ np.swapaxes(R, 1, 2))
+    before = rotations.log(R @ np.swapaxes(back.rotation, 1, 2))
+    turning, turning_rate = (after + before) / (2 * h), (after - before) / h**2
+    rise = (ahead.translation - 2 * here.translation + back.translation) / h**2
+    bary = R @ truth.barycentre
+    centre = rise + np.cross(turning_rate, bary)
+    centre += np.cross(turning, np.cross(turning, bary))
+    # About the barycentre: I_O less the parallel axes' part.
+    r = truth.barycentre
+    own = inertia - truth.mass * (r @ r * np.eye(3) - np.outer(r, r))
+    J = R @ own @ np.swapaxes(R, 1, 2)
+    spin = np.einsum("kab,kb->ka", J, turning)
+    gyro = np.einsum("kab,kb->ka", J, turning_rate) + np.cross(turning, spin)
+    push = -truth.mass * centre
+    moment = -gyro + np.cross(bary, push)
+    speed = np.sqrt(np.sum(turning**2, axis=1) + _STICK**2)[:, None]
+    drag = -friction * truth.hinge.shape[0] * turning / speed
+    in_lcs = np.stack([push, moment], axis=1) @ R  # rows vᵀR are the components in the LCS
+    return Load(np.asarray(in_lcs), np.asarray(drag))
+
+
+def _touched(
+    options: MovingOptions,
+    truth: Truth,
+    where: FloatArray,
+    load: Load,
+    pose: Pose,
+    knots: FloatArray,
+    time: FloatArray,
+) -> FloatArray:
+    """What the touches add to the forces, (N, n, 3), N, BCS, at times (N,)."""
+    from scipy.interpolate import CubicSpline
+
+    out = np.zeros((len(time), *where.shape[1:]))
+    if not options.touches:
+        return out
+    plain = settle(truth, where, load, pose).force
+    for touch in options.touches:
+        wrench = np.stack([np.asarray(touch.force), np.asarray(touch.moment)])
+        pressed = Load(load.contact + wrench @ pose.rotation, load.friction)
+        change = settle(truth, where, pressed, pose).force - plain
+        share = np.clip((time - touch.begin) / _TOUCH, 0, 1)
+        share = share * np.clip((touch.end - time) / _TOUCH, 0, 1)
+        out += share[:, None, None] * CubicSpline(knots, change)(time)
+    return out
+
+
+def _slow(options: MovingOptions, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Stationary Ornstein–Uhlenbeck noise of this shape, N."""
+    white = rng.standard_normal(shape)
+    if options.slow_noise == 0.0:
+        return np.zeros(shape)
+    from scipy.signal import lfilter  # slow to import, rarely needed
+
+    phi = np.exp(-1.0 / (options.rate * options.slow_time))
+    white[1:] *= np.sqrt(1.0 - phi**2)
+    return np.asarray(options.slow_noise * lfilter([1.0], [1.0, -phi], white, axis=0))

@@ -1,0 +1,57 @@
+"""What is stated covers; the spectrum is that of the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tdfscal.motioncal.contact import touched
+from tdfscal.motioncal.covariance import evaluate
+from tdfscal.motioncal.estimator import MovingFit, fit_moving
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.simulation.moving_campaign import MovingCampaign
+from tdfscal.simulation.moving_options import MovingOptions, Touch
+from tests.motioncal.campaigns import DELAY, played, true_state, turn_error
+
+
+def fitted(options: MovingOptions, seed: int) -> tuple[MovingCampaign, MovingFit]:
+    campaign, slow, cut = played(options, seed)
+    return campaign, fit_moving(campaign.rig, slow, cut, true_state(campaign), DELAY)
+
+
+@pytest.fixture(scope="module")
+def minute() -> tuple[MovingCampaign, MovingFit]:
+    return fitted(MovingOptions(), 3)
+
+
+def test_a_minute_of_motion_calibrates_and_says_how_well(
+    minute: tuple[MovingCampaign, MovingFit],
+) -> None:
+    campaign, fit = minute
+    assert fit.converged
+    known = evaluate(fit)
+    error = turn_error(campaign, fit.state.still.rotation)
+    distance = error @ np.linalg.solve(known.turns.covariance, error)
+    assert chi2_quantile(1e-3, 9) < distance < chi2_quantile(1 - 1e-3, 9)
+    std = np.sqrt(np.diag(known.turns.covariance))
+    assert 0.07e-3 < std.mean() < 0.13e-3
+    truth = true_state(campaign).moving.vector
+    assert np.all(np.abs(fit.state.moving.vector - truth) < 4 * known.moving_std)
+    assert known.moving_std[7] < 1e-3 < abs(fit.state.moving.delay)  # 5 ms were seen
+
+
+def test_the_spectrum_is_that_of_the_noise(minute: tuple[MovingCampaign, MovingFit]) -> None:
+    _, fit = minute
+    density, _ = fit.noise.density(np.array([0.7, 1.5, 2.5]))
+    assert density == pytest.approx(1.75**2 / 250, rel=0.25)
+
+
+def test_a_contact_is_named_with_its_times_and_nothing_else_is(
+    minute: tuple[MovingCampaign, MovingFit],
+) -> None:
+    assert touched(minute[1]) == ()
+    _, fit = fitted(MovingOptions(touches=(Touch(28.0, 31.0, (9.0, -6.0, 10.0)),)), 3)
+    found = touched(fit)
+    assert found
+    assert min(s.begin for s in found) == pytest.approx(28.0, abs=1.5)
+    assert max(s.end for s in found) == pytest.approx(31.0, abs=1.5)
