@@ -1,0 +1,241 @@
+"""Control chart of a rig's sensors: steps, creep, and alarms with a stated rate per year.
+
+Every check (a calibration, or a campaign) is held against all before it. A sensor's step is asked
+for by the last check, and by the last three together, against those before them; its creep by an
+exponentially weighted sum (EWMA; Lowry et al., Technometrics 34, 1992) of what each check departs
+from the prediction. Both are χ² of a turn of that one sensor, with all other constants of the rig
+free to be what they are. The rate is spent evenly over time and shared among the tests of a check
+(Bonferroni), so that a year raises as many false alarms with daily checks as with monthly ones; as
+the tests overlap, there are somewhat fewer than stated.
+After an alarm the sensor's past counts no more, and the search goes on with what follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tdfscal.model.earlier import EVEN_TURN
+from tdfscal.numerics.information import Contrast, Information, contrast, nothing, p_value
+from tdfscal.records import FloatArray
+
+#: Checks that speak together against those before them, each with its share of the alarm level.
+WINDOWS = {1: 0.45, 3: 0.35}
+#: Shares of the sum for creep, and of all sensors together; the windows' are shared by sensors too.
+OF_CREEP, OF_ALL = 0.15, 0.05
+#: Share by which a check's departure counts less with each check after it.
+FORGETTING = 0.2
+#: A month of 1/12 year; the rate of a check spends at least a day's and at most a year's share.
+_MONTHS = 12.0
+_SHORTEST = 1 / 30.4375
+#: A ramp must explain a departure by so much χ² more than a step to be called one.
+_RAMP_BETTER = 4.0
+#: Onsets that are tried for naming, in checks back.
+_BACK = 48
+
+Kind = Literal["step", "creep"]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """What one calibration, or one campaign, says of the constants (C,); rotations first.
+
+    month : date of measurement in months from any instant.
+    """
+
+    name: str
+    month: float
+    own: Information
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """A sensor that turned.
+
+    sensor : its index; None where all together depart and no single one explains it.
+    raised, onset : indices of the checks that raised it, and with which it began.
+    turn : (3,), rad, BCS; of a creep, per month. std : (3,), its standard uncertainty.
+    p_value : that a sound rig departs as much at this check, in any of its tests. until : last check of a creep.
+    """
+
+    kind: Kind
+    sensor: int | None
+    raised: int
+    onset: int
+    turn: FloatArray
+    std: FloatArray
+    p_value: float
+    until: int
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """The result of going through a history.
+
+    alarms : in the order in which they were raised. steps : variance (C,) of the walk before each
+    check, the jumps of the alarms included. level : (K,), alarm level of a check, all tests together.
+    smallest : (K, n), least p-value of a sensor's tests at each check, by Bonferroni over all tests
+    of the check; 1 at the first.
+    """
+
+    alarms: tuple[Alarm, ...]
+    steps: tuple[FloatArray, ...]
+    level: FloatArray
+    smallest: FloatArray
+
+
+@dataclass(slots=True)
+class _Sums:
+    """EWMA of one sensor: score (3,) and its variance (3, 3)."""
+
+    score: FloatArray
+    variance: FloatArray
+
+    def take(self, departure: Contrast, where: slice) -> None:
+        keep = 1 - FORGETTING
+        self.score = keep * self.score + departure.score[where]
+        self.variance = keep**2 * self.variance + departure.matrix[where, where]
+
+    @property
+    def p_value(self) -> float:
+        return p_value(Contrast(self.variance, self.score).chi2())
+
+
+class Watching:
+    """Goes through the checks in the order of time."""
+
+    def __init__(
+        self,
+        checks: Sequence[Check],
+        prior: Information,
+        steps: Sequence[FloatArray],
+        sensors: int,
+        rate: float,
+    ) -> None:
+        self.checks, self.prior, self.n = checks, prior, sensors
+        self.own = [check.own for check in checks]
+        self.steps = [step.copy() for step in steps]
+        self.start = [0] * sensors
+        self.sums = [_Sums(np.zeros(3), np.zeros((3, 3))) for _ in range(sensors)]
+        self.before: list[Information] = []
+        self.alarms: list[Alarm] = []
+        months = np.array([check.month for check in checks])
+        spent = np.clip(np.diff(months, prepend=months[0]), _SHORTEST, _MONTHS) / _MONTHS
+        self.level = rate * spent
+        self.smallest = np.ones((len(checks), sensors))
+
+    def run(self) -> Watch:
+        """Return the alarms and the walk with their jumps."""
+        for k in range(len(self.checks)):
+            self._filter(k)
+            if k == 0:
+                continue
+            departure = contrast(self.before[k], self.own[k])
+            for i in range(self.n):
+                if self.start[i] < k:
+                    self.sums[i].take(departure, _turn(i))
+            first = True
+            while (found := self._worst(k, note=first)) is not None:
+                self._raise(k, *found)
+                first = False
+        return Watch(tuple(self.alarms), tuple(self.steps), self.level, self.smallest)
+
+    def _filter(self, k: int) -> None:
+        """What is known before check k."""
+        del self.before[k:]
+        if k == 0:
+            self.before.append(self.prior)
+        else:
+            self.before.append((self.before[k - 1] + self.own[k - 1]).walked(self.steps[k]))
+
+    def _since(self, k: int, last: int) -> Information:
+        """What checks k … last say of the constants at k."""
+        now = nothing(len(self.prior.score))
+        for j in range(last, k - 1, -1):
+            now = now + self.own[j]
+            if j > k:
+                now = now.walked(self.steps[j])
+        return now
+
+    def _worst(self, k: int, *, note: bool) -> tuple[float, int | None] | None:
+        """Least p-value below the level at check k, and its sensor."""
+        found: list[tuple[float, int | None]] = []
+        for i in range(self.n):
+            tests = [self.sums[i].p_value / OF_CREEP]
+            for size, share in WINDOWS.items():
+                if (onset := k - size + 1) > self.start[i]:
+                    apart = contrast(self.before[onset], self._since(onset, k))
+                    tests.append(p_value(apart.chi2(_turn(i))) / share)
+            least = min(1.0, self.n * min(tests))
+            if note:
+                self.smallest[k, i] = least
+            found.append((least, i))
+        p, sensor = min(found)
+        if p <= self.level[k]:
+            return p, sensor
+        every = p_value(contrast(self.before[k], self.own[k]).chi2()) / OF_ALL
+        return (every, None) if note and every <= self.level[k] else None
+
+    def _raise(self, k: int, p: float, sensor: int | None) -> None:
+        if sensor is None:
+            turn = np.zeros(3)
+            self.alarms.append(Alarm("step", None, k, k, turn, turn, p, k))
+            return
+        kind, onset, turn, std = self._name(k, sensor)
+        before = next((a for a in reversed(self.alarms) if a.sensor == sensor), None)
+        if kind == "creep" and before is not None and before.kind == "creep":
+            self.alarms.remove(before)
+            self.alarms.append(
+                Alarm(kind, sensor, before.raised, before.onset, turn, std, before.p_value, k)
+            )
+        else:
+            self.alarms.append(Alarm(kind, sensor, k, onset, turn, std, p, k))
+        # From here on the sensor is one of which nothing is known.
+        self.start[sensor] = onset
+        self.steps[onset][_turn(sensor)] += EVEN_TURN**2
+        self.sums[sensor] = _Sums(np.zeros(3), np.zeros((3, 3)))
+        for j in range(onset, k + 1):
+            self._filter(j)
+
+    def _name(self, k: int, sensor: int) -> tuple[Kind, int, FloatArray, FloatArray]:
+        """Step or creep, from which check on, and how far: what explains the checks up to k best."""
+        first = max(self.start[sensor], k - _BACK)
+        months = np.array([check.month for check in self.checks[: k + 1]])
+        total = self.before[first]
+        for j in range(first, k + 1):
+            total = total + self.own[j]
+        best: dict[Kind, tuple[float, int, FloatArray, FloatArray]] = {}
+        for onset in range(first + 1, k + 1):
+            shapes: tuple[tuple[Kind, FloatArray], ...] = (
+                ("step", (np.arange(k + 1) >= onset).astype(np.float64)),
+                ("creep", np.maximum(months - months[onset - 1], 0.0)),
+            )
+            for kind, shape in shapes:
+                entry = self._explains(total, shape, range(onset, k + 1), sensor)
+                if kind not in best or entry[0] > best[kind][0]:
+                    best[kind] = (entry[0], onset, entry[1], entry[2])
+        ramp = best["creep"][0] > best["step"][0] + _RAMP_BETTER
+        kind = "creep" if ramp else "step"
+        return kind, *best[kind][1:]
+
+    def _explains(
+        self, total: Information, shape: FloatArray, where: range, sensor: int
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """χ² that a turn of this shape in time takes away, the turn and its std (3,)."""
+        turn = _turn(sensor)
+        cross = sum((shape[j] * self.own[j].matrix[:, turn] for j in where), start=0.0)
+        score = sum((shape[j] * self.own[j].score[turn] for j in where), start=0.0)
+        square = sum((shape[j] ** 2 * self.own[j].matrix[turn, turn] for j in where), start=0.0)
+        covariance = total.covariance
+        left = score - cross.T @ (covariance @ total.score)
+        information = square - cross.T @ covariance @ cross
+        spread = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
+        amount = spread @ left
+        return float(left @ amount), amount, np.sqrt(np.diagonal(spread).clip(0.0))
+
+
+def _turn(sensor: int) -> slice:
+    return slice(3 * sensor, 3 * sensor + 3)
