@@ -214,6 +214,20 @@ class InputFile:
 
 
 @dataclass(frozen=True, slots=True)
+class Measured:
+    """When data were recorded, s since 1970 UTC, and what says so."""
+
+    begin: float
+    end: float
+    source: Literal["log", "rig", "file"]
+
+    @property
+    def month(self) -> float:
+        """The end in months of 30.4375 days since 1970."""
+        return self.end / (30.4375 * 86400.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Log:
     """A recorded campaign, or a piece of one, in SI units and tdfscal's sign.
 

@@ -20,9 +20,8 @@ GIMBAL_LOCK = 1e-6
 _HINT = "the file was altered; calibrate again"
 
 
-def check_covariance(matrix: FloatArray) -> None:
+def check_covariance(matrix: FloatArray, place: tuple[str, str] = ("covariance", "matrix")) -> None:
     """Refuse a matrix that is not symmetric and positive semidefinite to rounding."""
-    place = ("covariance", "matrix")
     unit = matrix / (np.abs(matrix).max() or 1.0)
     if not np.allclose(unit, unit.T, rtol=0, atol=1e-12):
         raise fault("is not symmetric", *place, hint=_HINT)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self, assert_never
+from typing import Literal, Self, assert_never
 
 import numpy as np
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.consistency import check_covariance, check_rotation, check_shape
 from tdfscal.files.calibration.evidence_model import MethodAngles, PostureTable
+from tdfscal.files.calibration.life import CampaignResult, HistoryEntry, Instant, MeasuredResult
 from tdfscal.files.calibration.parameters import Parameters, check_parameters
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
@@ -40,12 +41,6 @@ from tdfscal.files.saving import to_json, to_yaml, write_text
 from tdfscal.files.yaml.reading import Document, Format, parse_document, read_document
 from tdfscal.records import FloatArray, Rotations
 
-Instant = Annotated[
-    str,
-    StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
-]
-"""UTC, ISO 8601."""
-
 AXES = ("rx", "ry", "rz")
 
 
@@ -61,6 +56,7 @@ class Calibration(Strict):
     method: Literal["self", "tracker", "joint"]
     estimator: Literal["ml", "linear"] | None = None
     created: Instant
+    measured: MeasuredResult | None = None
     rig: EmbeddedRig
     software: Software
     command: FreeText
@@ -81,6 +77,8 @@ class Calibration(Strict):
     tracker: TrackerStatistics | None = None
     postures: PostureTable | None = None
     methods: tuple[MethodAngles, ...] | None = None
+    campaigns: tuple[CampaignResult, ...] = ()
+    history: tuple[HistoryEntry, ...] = ()
     quality: QualityResult = QualityResult()
     warnings: tuple[Text, ...] = ()
 
@@ -99,6 +97,9 @@ class Calibration(Strict):
                 check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
             if self.monte_carlo.histogram is not None:
                 check_shape(self.monte_carlo.histogram.counts, len(self.supports), "histogram")
+        for index, campaign in enumerate(self.campaigns):
+            for name in ("zero", "zero_std"):
+                check_shape(getattr(campaign, name), len(self.supports), name, "campaigns", index)
         for index, alone in enumerate(self.methods or ()):
             for name in ("rpy", "rpy_std"):
                 check_shape(getattr(alone, name), len(self.supports), name, "methods", index)

@@ -14,6 +14,7 @@ from tdfscal.acceptance.conformity import Conformity
 from tdfscal.comparison.joint import Joint
 from tdfscal.files.calibration import evidence
 from tdfscal.files.calibration.document import Calibration, parameter_names
+from tdfscal.files.calibration.life import measured_document
 from tdfscal.files.calibration.parameters import parameters_document
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
@@ -25,7 +26,8 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.records import ANGLES, FloatArray, InputFile
+from tdfscal.records import ANGLES, FloatArray, InputFile, Measured
+from tdfscal.selfcal.covariance import information_root
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.observability import Observability
@@ -43,6 +45,9 @@ class Provenance:
     inputs: tuple[InputFile, ...]
     command: str
     seed: int
+    measured: Measured | None = None
+    campaigns: tuple[Mapping[str, Any], ...] = ()
+    history: tuple[Mapping[str, Any], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +72,9 @@ def from_self(
         reasons=result.reasons,
         warnings=(*notes, *result.warnings),
         angles=_self_angles(result),
-        parameters=parameters_document(from_fit(result.fit, result.uncertainty.covariance)),
+        parameters=parameters_document(
+            from_fit(result.fit, result.uncertainty.covariance), _unscaled(result)
+        ),
         budget=result.uncertainty.contributions,
         **_self_parts(result, origin, result.fit.state, result.uncertainty.parameter_std),
     )
@@ -181,6 +188,9 @@ def _calibration(
         "status": "rejected" if reasons else "accepted",
         "method": method,
         "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "measured": None if origin.measured is None else measured_document(origin.measured),
+        "campaigns": origin.campaigns,
+        "history": origin.history,
         "rig": {**origin.rig.document, "sha256": origin.rig.sha256},
         "software": {"name": "tdfscal", "version": __version__},
         "command": origin.command,
@@ -229,6 +239,14 @@ def _self_parts(
         "stability": asdict(result.stability),
         "conformity": _conformity(result.conformity),
     }
+
+
+def _unscaled(result: SelfCalibration) -> FloatArray | None:
+    """Covariance (3n, 3n) of the rotations by the stated uncertainties, for `update`."""
+    if result.estimator != "ml":
+        return None
+    root = information_root(result.fit).root[: 3 * result.rig.n]
+    return np.asarray(root @ root.T)
 
 
 def _terminal(

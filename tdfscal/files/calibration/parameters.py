@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator
 
+from tdfscal.files.calibration.consistency import check_covariance
 from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy
 from tdfscal.model.parameters import deviation, layout, nominal, parameter_count, retract
 from tdfscal.records import FloatArray, Rig
@@ -47,6 +48,8 @@ class Parameters(Strict):
     parameters: Annotated[tuple[Text, ...], BeforeValidator(from_numpy)]
     value: Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]
     matrix: Matrix
+    unscaled: Matrix | None = None
+    """Covariance of the rotations by the stated uncertainties alone, before the Birge ratio."""
 
 
 def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
@@ -58,8 +61,8 @@ def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def parameters_document(given: Calibrated) -> dict[str, Any]:
-    """The block of a calibration whose covariance is joint."""
+def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -> dict[str, Any]:
+    """The block of a calibration whose covariance is joint; unscaled : (3n, 3n), rad²."""
     names = np.array(parameter_order(given.rig.supports))
     used = np.flatnonzero(np.diagonal(given.covariance))
     start = replace(nominal(given.rig), rotation=given.state.rotation)
@@ -68,6 +71,7 @@ def parameters_document(given: Calibrated) -> dict[str, Any]:
         "parameters": tuple(names[used].tolist()),
         "value": deviation(given.state, start)[used],
         "matrix": given.covariance[np.ix_(used, used)],
+        "unscaled": unscaled,
     }
 
 
@@ -104,6 +108,11 @@ def check_parameters(
         raise fault("is no covariance", "parameters", "matrix")
     turns = len(rotation_covariance)
     own = matrix[:turns, :turns]
+    unscaled = block.unscaled
+    if unscaled is not None:
+        if np.shape(unscaled) != rotation_covariance.shape:
+            raise fault(f"must have {turns} rows of {turns} numbers", "parameters", "unscaled")
+        check_covariance(np.array(unscaled), ("parameters", "unscaled"))
     same = place[:turns] == list(range(turns)) and own.shape == rotation_covariance.shape
     if not same or np.abs(own - rotation_covariance).max() > 1e-9 * np.abs(own).max():
         raise fault("does not begin with `covariance`", "parameters", "matrix")

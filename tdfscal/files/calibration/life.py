@@ -1,0 +1,87 @@
+"""The calibration file's blocks on time: when it was measured, and what it stands on."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, StringConstraints, model_validator
+
+from tdfscal.files.calibration.parts import Input, OpenStds, TerminalResult
+from tdfscal.files.field_types import (
+    Count,
+    NotNegative,
+    Sha256,
+    Strict,
+    Text,
+    Vectors,
+    fault,
+    from_numpy,
+)
+from tdfscal.records import Measured
+
+Instant = Annotated[
+    str,
+    StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
+]
+"""UTC, ISO 8601."""
+
+
+class MeasuredResult(Strict):
+    """When the data were recorded, and whether the log, the rig file or the file's date says so."""
+
+    begin: Instant
+    end: Instant
+    source: Literal["log", "rig", "file"]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if seconds(self.begin) > seconds(self.end):
+            raise fault("ends before it begins", "end")
+        return self
+
+    def record(self) -> Measured:
+        """Return it in seconds since 1970."""
+        return Measured(seconds(self.begin), seconds(self.end), self.source)
+
+
+class CampaignResult(Strict):
+    """One of several campaigns: zeros in N and load are its own; χ² and dof that it added."""
+
+    name: Text
+    measured: MeasuredResult | None = None
+    inputs: tuple[Input, ...]
+    zero: Vectors
+    zero_std: Annotated[tuple[OpenStds, ...], BeforeValidator(from_numpy)]
+    terminal: TerminalResult
+    postures: Count
+    chi2: NotNegative
+    dof: Count
+
+
+class HistoryEntry(Strict):
+    """A calibration that this one stands on, by the hash of its file; the oldest first."""
+
+    created: Instant
+    measured: MeasuredResult | None = None
+    method: Literal["self", "tracker", "joint"]
+    sha256: Sha256
+
+
+def instant(time: float) -> str:
+    """Write seconds since 1970 as an instant, to the second."""
+    return datetime.fromtimestamp(round(time), UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def seconds(text: str) -> float:
+    """Read an instant as seconds since 1970."""
+    return datetime.fromisoformat(text).timestamp()
+
+
+def measured_document(measured: Measured) -> dict[str, Any]:
+    """The block of a file."""
+    return {
+        "begin": instant(measured.begin),
+        "end": instant(measured.end),
+        "source": measured.source,
+    }
