@@ -7,7 +7,7 @@ from the prediction. Both are χ² of a turn of that one sensor, with all other 
 free to be what they are. The rate is spent evenly over time and shared among the tests of a check
 (Bonferroni), so that a year raises as many false alarms with daily checks as with monthly ones; as
 the tests overlap, there are somewhat fewer than stated.
-After an alarm the sensor's past counts no more, and the search goes on with what follows.
+After a step the sensor's past counts no more, a creep is followed, and the search goes on.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Alarm:
     sensor : its index; None where all together depart and no single one explains it.
     raised, onset : indices of the checks that raised it, and with which it began.
     turn : (3,), rad, BCS; of a creep, per month. std : (3,), its standard uncertainty.
-    p_value : that a sound rig departs as much at this check, in any of its tests. until : last check of a creep.
+    p_value : that a sound rig departs as much at this check, in any of its tests.
     """
 
     kind: Kind
@@ -68,7 +68,6 @@ class Alarm:
     turn: FloatArray
     std: FloatArray
     p_value: float
-    until: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +75,7 @@ class Watch:
     """The result of going through a history.
 
     alarms : in the order in which they were raised. steps : variance (C,) of the walk before each
-    check, the jumps of the alarms included. level : (K,), alarm level of a check, all tests together.
+    check, the jumps of the alarms included. level : (K,), of a check, all its tests together.
     smallest : (K, n), least p-value of a sensor's tests at each check, by Bonferroni over all tests
     of the check; 1 at the first.
     """
@@ -87,21 +86,26 @@ class Watch:
     smallest: FloatArray
 
 
-@dataclass(slots=True)
-class _Sums:
+@dataclass(frozen=True, slots=True)
+class _Sum:
     """EWMA of one sensor: score (3,) and its variance (3, 3)."""
 
     score: FloatArray
     variance: FloatArray
 
-    def take(self, departure: Contrast, where: slice) -> None:
+    def with_next(self, departure: Contrast, where: slice) -> _Sum:
         keep = 1 - FORGETTING
-        self.score = keep * self.score + departure.score[where]
-        self.variance = keep**2 * self.variance + departure.matrix[where, where]
+        return _Sum(
+            keep * self.score + departure.score[where],
+            keep**2 * self.variance + departure.matrix[where, where],
+        )
 
     @property
     def p_value(self) -> float:
         return p_value(Contrast(self.variance, self.score).chi2())
+
+
+_NO_SUM = _Sum(np.zeros(3), np.zeros((3, 3)))
 
 
 class Watching:
@@ -119,7 +123,7 @@ class Watching:
         self.own = [check.own for check in checks]
         self.steps = [step.copy() for step in steps]
         self.start = [0] * sensors
-        self.sums = [_Sums(np.zeros(3), np.zeros((3, 3))) for _ in range(sensors)]
+        self.sums: list[list[_Sum]] = []
         self.before: list[Information] = []
         self.alarms: list[Alarm] = []
         months = np.array([check.month for check in checks])
@@ -133,10 +137,6 @@ class Watching:
             self._filter(k)
             if k == 0:
                 continue
-            departure = contrast(self.before[k], self.own[k])
-            for i in range(self.n):
-                if self.start[i] < k:
-                    self.sums[i].take(departure, _turn(i))
             first = True
             while (found := self._worst(k, note=first)) is not None:
                 self._raise(k, *found)
@@ -144,12 +144,20 @@ class Watching:
         return Watch(tuple(self.alarms), tuple(self.steps), self.level, self.smallest)
 
     def _filter(self, k: int) -> None:
-        """What is known before check k."""
-        del self.before[k:]
+        """What is known before check k, and the sums with it."""
+        del self.before[k:], self.sums[k:]
         if k == 0:
             self.before.append(self.prior)
-        else:
-            self.before.append((self.before[k - 1] + self.own[k - 1]).walked(self.steps[k]))
+            self.sums.append([_NO_SUM] * self.n)
+            return
+        self.before.append((self.before[k - 1] + self.own[k - 1]).walked(self.steps[k]))
+        departure = contrast(self.before[k], self.own[k])
+        self.sums.append(
+            [
+                _NO_SUM if self.start[i] >= k else total.with_next(departure, _turn(i))
+                for i, total in enumerate(self.sums[k - 1])
+            ]
+        )
 
     def _since(self, k: int, last: int) -> Information:
         """What checks k … last say of the constants at k."""
@@ -164,7 +172,7 @@ class Watching:
         """Least p-value below the level at check k, and its sensor."""
         found: list[tuple[float, int | None]] = []
         for i in range(self.n):
-            tests = [self.sums[i].p_value / OF_CREEP]
+            tests = [self.sums[k][i].p_value / OF_CREEP]
             for size, share in WINDOWS.items():
                 if (onset := k - size + 1) > self.start[i]:
                     apart = contrast(self.before[onset], self._since(onset, k))
@@ -182,26 +190,23 @@ class Watching:
     def _raise(self, k: int, p: float, sensor: int | None) -> None:
         if sensor is None:
             turn = np.zeros(3)
-            self.alarms.append(Alarm("step", None, k, k, turn, turn, p, k))
+            self.alarms.append(Alarm("step", None, k, k, turn, turn, p))
             return
         kind, onset, turn, std = self._name(k, sensor)
-        before = next((a for a in reversed(self.alarms) if a.sensor == sensor), None)
-        if kind == "creep" and before is not None and before.kind == "creep":
-            self.alarms.remove(before)
-            self.alarms.append(
-                Alarm(kind, sensor, before.raised, before.onset, turn, std, before.p_value, k)
-            )
-        else:
-            self.alarms.append(Alarm(kind, sensor, k, onset, turn, std, p, k))
-        # From here on the sensor is one of which nothing is known.
+        self.alarms.append(Alarm(kind, sensor, k, onset, turn, std, p))
         self.start[sensor] = onset
-        self.steps[onset][_turn(sensor)] += EVEN_TURN**2
-        self.sums[sensor] = _Sums(np.zeros(3), np.zeros((3, 3)))
+        if kind == "step":  # what was known of the sensor holds no more
+            self.steps[onset][_turn(sensor)] += EVEN_TURN**2
+        else:  # it is followed from here on, at up to twice this speed
+            pace = 2 * float(np.linalg.norm(turn))
+            for j in range(onset, len(self.checks)):
+                gap = self.checks[j].month - self.checks[j - 1].month
+                self.steps[j][_turn(sensor)] += (pace * gap) ** 2
         for j in range(onset, k + 1):
             self._filter(j)
 
     def _name(self, k: int, sensor: int) -> tuple[Kind, int, FloatArray, FloatArray]:
-        """Step or creep, from which check on, and how far: what explains the checks up to k best."""
+        """Step or creep, since when, how far: what explains the checks up to k best."""
         first = max(self.start[sensor], k - _BACK)
         months = np.array([check.month for check in self.checks[: k + 1]])
         total = self.before[first]
@@ -226,9 +231,11 @@ class Watching:
     ) -> tuple[float, FloatArray, FloatArray]:
         """χ² that a turn of this shape in time takes away, the turn and its std (3,)."""
         turn = _turn(sensor)
-        cross = sum((shape[j] * self.own[j].matrix[:, turn] for j in where), start=0.0)
-        score = sum((shape[j] * self.own[j].score[turn] for j in where), start=0.0)
-        square = sum((shape[j] ** 2 * self.own[j].matrix[turn, turn] for j in where), start=0.0)
+        own = [self.own[j] for j in where]
+        weight = shape[where.start : where.stop]
+        cross = np.tensordot(weight, [item.matrix[:, turn] for item in own], axes=1)
+        score = np.tensordot(weight, [item.score[turn] for item in own], axes=1)
+        square = np.tensordot(weight**2, [item.matrix[turn, turn] for item in own], axes=1)
         covariance = total.covariance
         left = score - cross.T @ (covariance @ total.score)
         information = square - cross.T @ covariance @ cross

@@ -12,15 +12,16 @@ from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
+from tdfscal.model.earlier import loosened
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import Postures, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import Dwells, InputFile, Rig
+from tdfscal.records import Dwells, InputFile, IntArray, Rig
 from tdfscal.selfcal import observability, repeatability
 from tdfscal.selfcal.covariance import Quality, Uncertainty, evaluate, information_root, quality
 from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
-from tdfscal.selfcal.estimator import Fit, best_start, spread
+from tdfscal.selfcal.estimator import Fit, best_start, fit, spread
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import MonteCarlo, simulate
@@ -96,24 +97,8 @@ def self_calibrate(
     NotConvergedError
         The iteration does not settle.
     """
-    if len(dwells) == 0:
-        raise DataError(
-            "no static dwell was found: the NCPs never rest with settled forces",
-            where="log",
-            hint="hold each posture for at least two seconds, or check the position fields",
-        )
-    log_against_rig.check_geometry(rig, dwells.position)
-    screened = faulty_sensors.screen(rig, dwells, extremes)
-    index = np.flatnonzero(screened.keep)
-    if len(index) == 0:
-        raise DataError(
-            f"no posture can be used: {screened.reasons[0]}",
-            where="log forces",
-            hint="check the sensors, and supports.capacity in rig.yaml",
-        )
-    observed = postures(rig, dwells).subset(index)
-    log_against_rig.check_weight(rig, observed)
-    observed, measured_noise = _with_noise(rig, observed)
+    usable = usable_postures(rig, dwells, extremes)
+    index, observed, measured_noise = usable.index, usable.postures, usable.measured_noise
     found: tuple[Rejection, ...] = ()
     if estimator == "ml":
         result, found = _fit(rig, observed)
@@ -150,7 +135,7 @@ def self_calibrate(
     if estimator == "ml" and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
         trials = simulate(result, parts, uncertainty, stats.birge, rng, max_trials or MAX_TRIALS)
-    rejected = dict(screened.reasons) | {int(index[r.index]): r.reason for r in found}
+    rejected = dict(usable.reasons) | {int(index[r.index]): r.reason for r in found}
     return SelfCalibration(
         rig=rig,
         estimator=estimator,
@@ -181,11 +166,55 @@ def self_calibrate(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Usable:
+    """Postures that a fit may use.
+
+    index : (K,), their dwells. reasons : dwell → why it is not among them. measured_noise : nobody
+    states a force noise; it was taken from the residuals.
+    """
+
+    postures: Postures
+    index: IntArray
+    reasons: dict[int, str]
+    measured_noise: bool
+
+
+def usable_postures(
+    rig: Rig, dwells: Dwells, extremes: faulty_sensors.Extremes | None = None
+) -> Usable:
+    """Hold the dwells against the rig file and leave out what no sensor can have felt.
+
+    Raises DataError where there is nothing left, or log and rig file contradict each other.
+    """
+    if len(dwells) == 0:
+        raise DataError(
+            "no static dwell was found: the NCPs never rest with settled forces",
+            where="log",
+            hint="hold each posture for at least two seconds, or check the position fields",
+        )
+    log_against_rig.check_geometry(rig, dwells.position)
+    screened = faulty_sensors.screen(rig, dwells, extremes)
+    index = np.flatnonzero(screened.keep)
+    if len(index) == 0:
+        raise DataError(
+            f"no posture can be used: {screened.reasons[0]}",
+            where="log forces",
+            hint="check the sensors, and supports.capacity in rig.yaml",
+        )
+    observed = postures(rig, dwells).subset(index)
+    log_against_rig.check_weight(rig, observed)
+    observed, measured_noise = _with_noise(rig, observed)
+    return Usable(observed, index, dict(screened.reasons), measured_noise)
+
+
 def _fit(rig: Rig, observed: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
     """Robust fit; a poor one is held against other wirings before it is believed."""
-    result, found = fit_robust(rig, observed)
+    result, found = fit_robust(loosened(rig), observed)
     if np.sqrt(spread(result.distance, result.at.rows)) > _POOR:
         _check_wiring(rig, observed)
+    if rig.earlier is not None:
+        result = fit(rig, observed, result.state, result.weight)
     return result, found
 
 

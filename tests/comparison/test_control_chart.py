@@ -1,0 +1,98 @@
+"""Alarms of a rig's history: what is named, when, and how often for nothing.
+
+Histories are drawn from the model itself (linear, Gaussian), so that rates are exact; what the
+estimator makes of simulated campaigns is in `test_pooling.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tdfscal.comparison.control_chart import Check, Watch, Watching
+from tdfscal.numerics.information import Information
+from tdfscal.records import FloatArray
+
+SENSORS, HINGES = 3, 4
+SIZE = 3 * SENSORS + HINGES
+#: What one check sees of a turn, rad; what the hinges' coordinates are known to, m.
+SEEN, KNOWN = 3e-4, 2e-5
+PRIOR = Information(np.diag([1e-4] * 3 * SENSORS + [KNOWN**-2] * HINGES), np.zeros(SIZE))
+
+
+def watched(
+    rng: np.random.Generator, turns: FloatArray, *, rate: float = 0.01, gap: float = 1.0
+) -> Watch:
+    """Go through checks of a rig whose sensors are turned by turns (months, 9), rad."""
+    truth = np.concatenate([np.zeros(3 * SENSORS), KNOWN * rng.standard_normal(HINGES)])
+    checks = []
+    for k, turn in enumerate(turns):
+        J = rng.standard_normal((14, SIZE)) / SEEN / 2
+        J[:, 3 * SENSORS :] *= SEEN / KNOWN
+        x = truth.copy()
+        x[: 3 * SENSORS] += turn
+        reading = J @ x + rng.standard_normal(len(J))
+        checks.append(Check(str(k), gap * k, Information(J.T @ J, J.T @ reading)))
+    steps = [np.zeros(SIZE)] * len(checks)
+    return Watching(checks, PRIOR, steps, SENSORS, rate).run()
+
+
+def turned(months: int, at: int, sensor: int, turn: FloatArray) -> FloatArray:
+    turns = np.zeros((months, 3 * SENSORS))
+    turns[at:, 3 * sensor : 3 * sensor + 3] = turn
+    return turns
+
+
+def test_a_step_is_named_with_sensor_and_month() -> None:
+    rng = np.random.default_rng(1)
+    found = watched(rng, turned(20, 11, 2, np.array([0.0, 3e-3, 0.0])))
+    (alarm,) = found.alarms
+    assert (alarm.kind, alarm.sensor, alarm.raised, alarm.onset) == ("step", 2, 11, 11)
+    assert np.abs(alarm.turn - [0.0, 3e-3, 0.0]).max() < 4 * alarm.std.max()
+
+
+def test_two_sensors_turned_in_one_month_and_one_again_later() -> None:
+    rng = np.random.default_rng(2)
+    turns = turned(20, 6, 0, np.array([3e-3, 0.0, 0.0]))
+    turns += turned(20, 6, 1, np.array([0.0, 0.0, 3e-3]))
+    turns += turned(20, 14, 0, np.array([0.0, 3e-3, 0.0]))
+    alarms = watched(rng, turns, rate=1e-4).alarms
+    assert {(a.sensor, a.onset) for a in alarms} == {(0, 6), (1, 6), (0, 14)}
+
+
+def test_creep_is_told_from_a_step() -> None:
+    rng, called = np.random.default_rng(3), []
+    for _ in range(8):
+        slope = 2e-4 * np.array([1.0, 0.0, 0.0])
+        turns = np.zeros((24, 3 * SENSORS))
+        turns[:, 3:6] = np.arange(24)[:, None] * slope
+        alarms = watched(rng, turns, rate=1e-4).alarms
+        assert alarms[0].sensor == 1
+        called.append(alarms[0].kind)
+    assert called.count("creep") >= 5
+
+
+@pytest.mark.parametrize("gap", [1.0, 1 / 30.4375])
+def test_the_rate_of_false_alarms_is_kept_whatever_the_interval(gap: float) -> None:
+    """A third of sound rig-years at most is to alarm at a rate of 0.4; half of it is too few."""
+    rng, months, histories = np.random.default_rng(5), 13, 120
+    years = (months - 1) * gap / 12
+    rate = 0.4 / years
+    still = np.zeros((months, 3 * SENSORS))
+    wrong = sum(bool(watched(rng, still, rate=rate, gap=gap).alarms) for _ in range(histories))
+    expected = histories * (1 - np.exp(-0.4))
+    assert 0.25 * expected < wrong < expected + 2.6 * np.sqrt(expected)
+
+
+def test_no_alarm_where_the_declared_walk_explains_the_changes() -> None:
+    rng = np.random.default_rng(7)
+    walk = 1e-3
+    turns = np.cumsum(walk * rng.standard_normal((18, 3 * SENSORS)), axis=0)
+    assert watched(rng, turns).alarms
+    checks = []
+    for k, turn in enumerate(turns):
+        J = rng.standard_normal((14, SIZE)) / SEEN / 2
+        x = np.concatenate([turn, np.zeros(HINGES)])
+        checks.append(Check(str(k), k, Information(J.T @ J, J.T @ (J @ x))))
+    step = np.concatenate([np.full(3 * SENSORS, walk**2), np.zeros(HINGES)])
+    assert not Watching(checks, PRIOR, [step] * 18, SENSORS, 0.01).run().alarms
