@@ -33,6 +33,8 @@ _MONTHS = 12.0
 _SHORTEST = 1 / 30.4375
 #: A ramp must explain a departure by so much χ² more than a step to be called one.
 _RAMP_BETTER = 4.0
+#: Two steps have three unknowns and a date more than one creep: they must explain so much more.
+_TWO_STEPS_COST = 12.0
 #: Onsets that are tried for naming, in checks back.
 _BACK = 48
 
@@ -193,6 +195,12 @@ class Watching:
             self.alarms.append(Alarm("step", None, k, k, turn, turn, p))
             return
         kind, onset, turn, std = self._name(k, sensor)
+        earlier = next((a for a in reversed(self.alarms) if a.sensor == sensor), None)
+        if earlier is not None and earlier.kind == "step":
+            creep = self._one_creep(k, earlier, onset)
+            if creep is not None:  # what seemed a step was the beginning of it
+                self.alarms.remove(earlier)
+                kind, (onset, turn, std), p = "creep", creep, earlier.p_value
         self.alarms.append(Alarm(kind, sensor, k, onset, turn, std, p))
         self.start[sensor] = onset
         if kind == "step":  # what was known of the sensor holds no more
@@ -208,40 +216,60 @@ class Watching:
     def _name(self, k: int, sensor: int) -> tuple[Kind, int, FloatArray, FloatArray]:
         """Step or creep, since when, how far: what explains the checks up to k best."""
         first = max(self.start[sensor], k - _BACK)
+        tried = range(first + 1, k + 1)
+        steps = [(self._explains(first, k, sensor, self._step(j, k)), j) for j in tried]
+        ramps = [(self._explains(first, k, sensor, self._ramp(j, k)), j) for j in tried]
+        step, ramp = (max(found, key=lambda pair: pair[0][0]) for found in (steps, ramps))
+        creeps = ramp[0][0] > step[0][0] + _RAMP_BETTER
+        (_, turn, std), onset = ramp if creeps else step
+        return "creep" if creeps else "step", onset, turn, std
+
+    def _one_creep(
+        self, k: int, earlier: Alarm, onset: int
+    ) -> tuple[int, FloatArray, FloatArray] | None:
+        """Onset, turn per month and std of a creep that does as well as two steps, if one does."""
+        assert earlier.sensor is not None
+        first = max(0, earlier.onset - _BACK)
+        two = np.stack([self._step(earlier.onset, k)[0], self._step(onset, k)[0]])
+        stepped = self._explains(first, k, earlier.sensor, two)[0]
+        ramps = [
+            (self._explains(first, k, earlier.sensor, self._ramp(j, k)), j)
+            for j in range(first + 1, k)
+        ]
+        if not ramps:
+            return None
+        (explained, turn, std), begin = max(ramps, key=lambda pair: pair[0][0])
+        return (begin, turn, std) if explained > stepped - _TWO_STEPS_COST else None
+
+    def _step(self, onset: int, k: int) -> FloatArray:
+        return (np.arange(k + 1) >= onset).astype(np.float64)[None]
+
+    def _ramp(self, onset: int, k: int) -> FloatArray:
         months = np.array([check.month for check in self.checks[: k + 1]])
-        total = self.before[first]
-        for j in range(first, k + 1):
-            total = total + self.own[j]
-        best: dict[Kind, tuple[float, int, FloatArray, FloatArray]] = {}
-        for onset in range(first + 1, k + 1):
-            shapes: tuple[tuple[Kind, FloatArray], ...] = (
-                ("step", (np.arange(k + 1) >= onset).astype(np.float64)),
-                ("creep", np.maximum(months - months[onset - 1], 0.0)),
-            )
-            for kind, shape in shapes:
-                entry = self._explains(total, shape, range(onset, k + 1), sensor)
-                if kind not in best or entry[0] > best[kind][0]:
-                    best[kind] = (entry[0], onset, entry[1], entry[2])
-        ramp = best["creep"][0] > best["step"][0] + _RAMP_BETTER
-        kind = "creep" if ramp else "step"
-        return kind, *best[kind][1:]
+        return np.asarray(np.maximum(months - months[onset - 1], 0.0)[None])
 
     def _explains(
-        self, total: Information, shape: FloatArray, where: range, sensor: int
+        self, first: int, k: int, sensor: int, shapes: FloatArray
     ) -> tuple[float, FloatArray, FloatArray]:
-        """χ² that a turn of this shape in time takes away, the turn and its std (3,)."""
-        turn = _turn(sensor)
-        own = [self.own[j] for j in where]
-        weight = shape[where.start : where.stop]
-        cross = np.tensordot(weight, [item.matrix[:, turn] for item in own], axes=1)
-        score = np.tensordot(weight, [item.score[turn] for item in own], axes=1)
-        square = np.tensordot(weight**2, [item.matrix[turn, turn] for item in own], axes=1)
-        covariance = total.covariance
-        left = score - cross.T @ (covariance @ total.score)
-        information = square - cross.T @ covariance @ cross
+        """χ² that turns of these shapes (m, k + 1) in time take away from checks first … k.
+
+        Also the first shape's turn (3,) and its standard uncertainty.
+        """
+        turn, m = _turn(sensor), len(shapes)
+        own, shapes = self.own[first : k + 1], shapes[:, first:]
+        matrices = np.array([item.matrix for item in own])
+        scores = np.array([item.score for item in own])
+        known = self.before[first]
+        covariance = Information(known.matrix + matrices.sum(axis=0), known.score).covariance
+        total = known.score + scores.sum(axis=0)
+        cross = np.einsum("mj,jca->cma", shapes, matrices[:, :, turn]).reshape(-1, 3 * m)
+        score = (shapes @ scores[:, turn]).ravel()
+        square = np.einsum("mj,lj,jab->malb", shapes, shapes, matrices[:, turn, turn])
+        left = score - cross.T @ (covariance @ total)
+        information = square.reshape(3 * m, 3 * m) - cross.T @ covariance @ cross
         spread = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
         amount = spread @ left
-        return float(left @ amount), amount, np.sqrt(np.diagonal(spread).clip(0.0))
+        return float(left @ amount), amount[:3], np.sqrt(np.diagonal(spread)[:3].clip(0.0))
 
 
 def _turn(sensor: int) -> slice:

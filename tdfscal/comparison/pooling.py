@@ -256,7 +256,9 @@ def _moved(
     """The campaign's fit at the constants reference + move, its own parameters at their best."""
     if at is None or item.postures is None:
         return None
-    common = free_constants(item.rig)
+    common = np.zeros_like(at.active)
+    free = free_constants(item.rig)
+    common[: len(free)] = free
     state = _with_constants(at.state, reference)
     step = np.zeros(len(common))
     step[common] = move

@@ -75,7 +75,7 @@ def test_creep_is_told_from_a_step() -> None:
 @pytest.mark.parametrize("gap", [1.0, 1 / 30.4375])
 def test_the_rate_of_false_alarms_is_kept_whatever_the_interval(gap: float) -> None:
     """A third of sound rig-years at most is to alarm at a rate of 0.4; half of it is too few."""
-    rng, months, histories = np.random.default_rng(5), 13, 120
+    rng, months, histories = np.random.default_rng(5), 13, 60
     years = (months - 1) * gap / 12
     rate = 0.4 / years
     still = np.zeros((months, 3 * SENSORS))
