@@ -12,6 +12,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import dump_calibration, save_calibration
 from tdfscal.files.output_places import check_place
 from tdfscal.files.saving import write_text
+from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.terminal import show
 from tdfscal.reporting.text import render
 from tdfscal.selfcal.pipeline import Estimator
@@ -75,9 +76,11 @@ def run(
     if json:
         sys.stdout.write(dump_calibration(result, "json"))
     elif to_stdout:
-        sys.stdout.write(dump_calibration(result, "yaml") if write else render(result))
+        sys.stdout.write(
+            dump_calibration(result, "yaml") if write else render(calibration_report(result))
+        )
     else:
-        show(result)
+        show(calibration_report(result))
         if write:
             print(f"\nwrote {target}")
     if verbose and outcome.own is not None:

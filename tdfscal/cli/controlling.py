@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +24,8 @@ from tdfscal.files.writers.rows import save_rows
 from tdfscal.records import FloatArray, Log, Rig, Series
 from tdfscal.reporting import controlstudies as words
 from tdfscal.reporting.figures.style import Drawing
+from tdfscal.reporting.layout import Report
+from tdfscal.reporting.terminal import show
 from tdfscal.simulation import Options
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking, free_space
@@ -71,7 +72,7 @@ def run_free_space(rig: Path, folder: Path, choices: Choices, moves: Path | None
     tables = {"deviations.csv": words.free_space_rows(study)}
     files = _write(folder, tables, free_space_drawings(study), study)
     files += _logs(folder, loaded.rig, study, choices.logs)
-    _tell(choices, folder, files, study, words.free_space_document, words.free_space_text)
+    _tell(choices, folder, files, study, words.free_space_document, words.free_space_report)
 
 
 def run_docking(rig: Path, folder: Path, choices: Choices, engagement: float | None) -> None:
@@ -89,7 +90,7 @@ def run_docking(rig: Path, folder: Path, choices: Choices, engagement: float | N
     tables = {"maxima.csv": words.docking_rows(study)}
     files = _write(folder, tables, docking_drawings(study), study)
     files += _logs(folder, loaded.rig, study, choices.logs)
-    _tell(choices, folder, files, study, words.docking_document, words.docking_text)
+    _tell(choices, folder, files, study, words.docking_document, words.docking_report)
 
 
 def _tell(
@@ -98,12 +99,12 @@ def _tell(
     files: list[str],
     study: _S,
     document: Callable[[_S, list[str]], dict[str, Any]],
-    text: Callable[[_S], str],
+    report: Callable[[_S], Report],
 ) -> None:
     if choices.json:
         emit(document(study, files))
         return
-    sys.stdout.write(text(study))
+    show(report(study))
     print(f"\nwrote {len(files)} files to {folder}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,8 @@ from tdfscal.planning import (
     travel_limits,
 )
 from tdfscal.planning.recorded_postures import recorded, scatter_of
-from tdfscal.reporting.planning import plan_document, plan_text
+from tdfscal.reporting.planning import plan_document, plan_report
+from tdfscal.reporting.terminal import show
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.workflows.campaign import resolve
 
@@ -82,7 +82,7 @@ def run(
     if json:
         emit(plan_document(plan, str(output), seed))
         return
-    sys.stdout.write(plan_text(plan))
+    show(plan_report(plan))
     print(f"\nwrote {output}")
 
 

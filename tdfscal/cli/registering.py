@@ -7,7 +7,8 @@ from pathlib import Path
 
 from tdfscal.cli.app import emit
 from tdfscal.files.points import read_point_file
-from tdfscal.reporting.registration import document, render
+from tdfscal.reporting.registration import document, registration_report
+from tdfscal.reporting.terminal import show
 from tdfscal.trackercal import register
 
 
@@ -22,4 +23,4 @@ def run(measured: Path, reference: Path, *, unit: str | None, json: bool) -> Non
     if json:
         emit(document(found, notes))
     else:
-        sys.stdout.write(render(found))
+        show(registration_report(found))

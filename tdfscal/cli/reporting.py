@@ -12,6 +12,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration, load_calibration, parse_calibration
 from tdfscal.files.output_places import check_calibration, check_place
 from tdfscal.files.saving import write_text
+from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.terminal import show
 
 Named = tuple[str, Calibration]
@@ -40,19 +41,18 @@ def run(
     if json:
         _print_json(loaded)
     elif len(loaded) == 1:
-        show(loaded[0][1])
+        show(calibration_report(loaded[0][1]))
     else:
-        from tdfscal.reporting.several import put_side_by_side
-        from tdfscal.reporting.several_text import render_several
+        from tdfscal.reporting.several import put_side_by_side, several_report
 
-        sys.stdout.write(render_several(put_side_by_side(loaded)))
+        show(several_report(put_side_by_side(loaded)))
 
 
 def compare(files: list[Path], *, json: bool) -> None:
     """Compare the first calibration with each of the others, in the order given."""
     from tdfscal.comparison.compatibility import compare_pair
-    from tdfscal.reporting.several import comparison_document
-    from tdfscal.reporting.several_text import render_comparison
+    from tdfscal.reporting.several import comparison_document, comparison_report
+    from tdfscal.reporting.text import render
 
     if len(files) < 2:
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
@@ -66,7 +66,7 @@ def compare(files: list[Path], *, json: bool) -> None:
             else {"verified": all(pair.verified for pair in pairs), "comparisons": documents}
         )
     else:
-        sys.stdout.write("\n".join(render_comparison(pair) for pair in pairs))
+        sys.stdout.write("\n".join(render(comparison_report(pair)) for pair in pairs))
 
 
 def load(files: Sequence[Path]) -> list[Named]:
@@ -108,9 +108,9 @@ def _print_json(loaded: list[Named]) -> None:
 
 
 def _write_figures(loaded: list[Named], folder: Path) -> None:
-    from tdfscal.reporting.figures import write_figures
+    from tdfscal.reporting.figures import several_drawings, write_figures
     from tdfscal.reporting.figures.style import save
-    from tdfscal.reporting.several import put_side_by_side, several_drawings
+    from tdfscal.reporting.several import put_side_by_side
 
     if len(loaded) == 1:
         write_figures(loaded[0][1], folder)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from tdfscal.files.saving import make_folder
 from tdfscal.files.writers.rows import save_rows
 from tdfscal.records import FloatArray
 from tdfscal.reporting import stakes, studies
+from tdfscal.reporting.terminal import show
 from tdfscal.simulation import Options
 from tdfscal.studies.accuracy import Setup, accuracy
 from tdfscal.studies.sensitivity import Sweep, sensitivity
@@ -62,8 +62,8 @@ def run_sensitivity(
         found = studies.sensitivity_document(record.name, record.supports, sweeps, files)
         emit(found | {"calibrations": stakes.stakes_document(worth)})
         return
-    sys.stdout.write(studies.sensitivity_text(record.supports, sweeps))
-    sys.stdout.write(stakes.stakes_text(record.supports, worth))
+    tables = stakes.stakes_tables(record.supports, worth)
+    show(studies.sensitivity_report(record.supports, sweeps, tables))
     print(f"\nwrote {len(files)} files to {folder}")
 
 
@@ -133,9 +133,7 @@ def run_accuracy(
         found = studies.accuracy_document(study, files)
         emit(found | {"calibrations": stakes.stated_document(study, stated)})
         return
-    sys.stdout.write(studies.accuracy_text(study))
-    for line in stakes.stated_text(study, stated):
-        print(line)
+    show(studies.accuracy_report(study, stakes.stated_against(study, stated)))
     print(f"\nwrote {len(files)} files to {folder}")
 
 

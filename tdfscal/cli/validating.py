@@ -17,7 +17,8 @@ from tdfscal.files.output_places import check_calibration, check_place
 from tdfscal.files.saving import write_text
 from tdfscal.logs import iter_log
 from tdfscal.records import InputFile, Log
-from tdfscal.reporting.verdict import document, render
+from tdfscal.reporting.terminal import show
+from tdfscal.reporting.validation import document, validation_report
 from tdfscal.validation.residual_wrench import validate
 from tdfscal.workflows.calibration_in_use import InUse, take
 
@@ -69,16 +70,16 @@ def run(
     warnings = (*use.warnings, *notes, *result.warnings)
     if html is not None:
         from tdfscal.reporting.html import render_validation
-        from tdfscal.reporting.validationpage import Origin
+        from tdfscal.reporting.validation import Origin
 
         say("drawing the report")
         created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-        origin = Origin(str(calibration), command_line(), created, tuple(inputs))
-        write_text(html, render_validation(result, use.calibration, warnings, origin))
+        origin = Origin(use.calibration, str(calibration), command_line(), created, tuple(inputs))
+        write_text(html, render_validation(result, warnings, origin))
     if json:
         emit(document(result, warnings))
     else:
-        print(render(result, warnings))
+        show(validation_report(result, warnings))
     return 0 if result.holds else 1
 
 

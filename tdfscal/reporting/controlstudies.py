@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.records import FloatArray
-from tdfscal.reporting.text import table, wrapped
+from tdfscal.records import BoolArray, FloatArray
+from tdfscal.reporting.layout import Block, Report, Section, Table
 from tdfscal.studies import docking, free_space
 from tdfscal.studies.docking import DockingStudy
 from tdfscal.studies.free_space import FreeSpaceStudy
@@ -47,53 +47,48 @@ def _paper_ratio(paper: dict[str, tuple[float, float]], of: str, to: str, quanti
     return f"{paper[of][quantity] / paper[to][quantity]:.3g}"
 
 
-def free_space_text(study: FreeSpaceStudy) -> str:
-    """Table of the deviations, ratios, and what lies behind them."""
-    moves, length = len(study.setup.moves), study.length
-    lines = wrapped(
-        f"{study.setup.rig.name}: {moves} moves in free space, {study.arms.runs} runs; "
-        f"{_machine(study)}; {study.arms.origin}",
-        "",
-        "",
-    )
-    lines += ["", "Deviation of the final pose, mean and standard deviation; the paper's means"]
+def free_space_report(study: FreeSpaceStudy) -> Report:
+    """Lay out the deviations, their ratios, and what lies behind them."""
     rows = []
     for c, arm in enumerate(study.arms.arms):
         paper = free_space.PAPER.get(arm.name)
-        mm, mrad = 1e3 * length[c, ..., 0], 1e3 * length[c, ..., 1]
-        rows.append(
-            [
-                arm.name,
-                f"{1e3 * arm.angle_error:.3g}",
-                f"{mm.mean():.3f}",
-                _spread(mm),
-                f"{paper[0]:.3f}" if paper else "",
-                f"{mrad.mean():.3f}",
-                _spread(mrad),
-                f"{paper[1]:.3f}" if paper else "",
-            ]
-        )
-    header = ["", "angles off, mrad", "mm", "std", "paper", "mrad", "std", "paper"]
-    lines += [*table(header, rows), "", "Ratios of the means ± standard error"]
-    lines += table(
-        ["", "position", "paper", "posture", "paper"],
-        _ratio_rows(study, free_space.PAPER),
+        row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
+        for quantity in (0, 1):
+            values = 1e3 * study.length[c, ..., quantity]
+            row += [f"{values.mean():.3f}", _spread(values)]
+            row.append(f"{paper[quantity]:.3f}" if paper else "")
+        rows.append(tuple(row))
+    header = ("", "angles off, mrad", "mm", "std", "paper", "mrad", "std", "paper")
+    caption = "Deviation of the final pose, mean and standard deviation; the paper's means"
+    blocks = (
+        Table(caption, header, tuple(rows)),
+        _ratio_table("Ratios of the means ± standard error", ("position", "posture"), study,
+                     free_space.PAPER),
+        FREE_SPACE_NOTE,
+    )  # fmt: skip
+    return Report(
+        title=f"Free space: {study.setup.rig.name}",
+        subtitle=f"{len(study.setup.moves)} moves in free space, {study.arms.runs} runs; "
+        f"{_machine(study)}; {study.arms.origin}",
+        sections=(Section("Free space", blocks),),
     )
-    lines += ["", *wrapped(FREE_SPACE_NOTE, "", "")]
-    return "\n".join(lines) + "\n"
 
 
-def _ratio_rows(
-    study: Study, paper: dict[str, tuple[float, float]], **which: bool
-) -> list[list[str]]:
+def _ratio_table(
+    caption: str,
+    names: tuple[str, str],
+    study: Study,
+    paper: dict[str, tuple[float, float]],
+    **which: bool,
+) -> Table:
     rows = []
     for of, to in pairs(study.names):
         row = [f"{of} / {to}"]
         for quantity in (0, 1):
             found = study.ratio(quantity, of, to, **which)
             row += [_said(found), _paper_ratio(paper, of, to, quantity)]
-        rows.append(row)
-    return rows
+        rows.append(tuple(row))
+    return Table(caption, ("", names[0], "paper", names[1], "paper"), tuple(rows))
 
 
 def _machine(study: Study) -> str:
@@ -121,44 +116,46 @@ DOCKING_NOTE = (
 )
 
 
-def docking_text(study: DockingStudy) -> str:
-    """Tables of the maxima, outcomes, ratios, and what lies behind them."""
+def docking_report(study: DockingStudy) -> Report:
+    """Lay out the maxima, outcomes, ratios, and what lies behind them."""
     setup = study.setup
-    lines = wrapped(
-        f"{setup.rig.name}: docking at {1e3 * setup.speed:g} mm/s over {1e3 * setup.gap:g} mm of "
-        f"free space and {1e3 * setup.gears.length:.3g} mm of engagement, {study.arms.runs} runs; "
-        f"{_machine(study)}; {study.arms.origin}",
-        "",
-        "",
+    outcomes = tuple(
+        (arm.name, *map(str, _outcomes(study, c))) for c, arm in enumerate(study.arms.arms)
     )
-    lines += ["", "Maxima, mean of x, y and z: mean and standard deviation; the paper's means"]
-    header = ["", "angles off, mrad", "force, N", "std", "paper", "torque, N·m", "std", "paper"]
-    for title, average, counted in (
-        ("true", study.average, study.touched),
-        ("seen", study.average_seen, np.ones_like(study.touched)),
-    ):
-        rows = []
-        for c, arm in enumerate(study.arms.arms):
-            paper = docking.PAPER.get(arm.name)
-            row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
-            for quantity in (0, 1):
-                values = average[c, counted[c], quantity]
-                row += [
-                    f"{values.mean():.2f}" if values.size else "none",
-                    _spread(values),
-                    f"{paper[quantity]:.2f}" if paper else "",
-                ]
-            rows.append(row)
-        lines += table([title, *header[1:]], rows)
-    lines += ["", "Outcome, runs"]
-    outcome = [[arm.name, *map(str, _outcomes(study, c))] for c, arm in enumerate(study.arms.arms)]
-    lines += table(["", "seated", "jammed", "false contact", "not finished"], outcome)
-    lines += ["", "Ratios of the means ± standard error"]
-    header = ["", "force", "paper", "torque", "paper"]
-    lines += table(["true", *header[1:]], _ratio_rows(study, docking.PAPER))
-    lines += table(["seen", *header[1:]], _ratio_rows(study, docking.PAPER, seen=True))
-    lines += ["", *wrapped(DOCKING_NOTE, "", "")]
-    return "\n".join(lines) + "\n"
+    blocks: tuple[Block, ...] = (
+        _maxima("true", study, study.average, study.touched),
+        _maxima("seen", study, study.average_seen, np.ones_like(study.touched)),
+        Table("Outcome, runs", ("", "seated", "jammed", "false contact", "not finished"), outcomes),
+        *(
+            _ratio_table(f"Ratios of the means ± standard error, {name}", ("force", "torque"),
+                         study, docking.PAPER, **which)
+            for name, which in (("true", {}), ("seen", {"seen": True}))
+        ),
+        DOCKING_NOTE,
+    )  # fmt: skip
+    return Report(
+        title=f"Docking: {setup.rig.name}",
+        subtitle=f"{1e3 * setup.speed:g} mm/s over {1e3 * setup.gap:g} mm of free space and "
+        f"{1e3 * setup.gears.length:.3g} mm of engagement, {study.arms.runs} runs; "
+        f"{_machine(study)}; {study.arms.origin}",
+        sections=(Section("Docking", blocks),),
+    )
+
+
+def _maxima(name: str, study: DockingStudy, average: FloatArray, counted: BoolArray) -> Table:
+    """Mean and scatter of the maxima (C, R, 2) of the runs that count (C, R)."""
+    rows = []
+    for c, arm in enumerate(study.arms.arms):
+        paper = docking.PAPER.get(arm.name)
+        row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
+        for quantity in (0, 1):
+            values = average[c, counted[c], quantity]
+            row += [f"{values.mean():.2f}" if values.size else "none", _spread(values)]
+            row.append(f"{paper[quantity]:.2f}" if paper else "")
+        rows.append(tuple(row))
+    caption = f"Maxima, {name}, mean of x, y and z: mean and standard deviation; the paper's means"
+    header = ("", "angles off, mrad", "force, N", "std", "paper", "torque, N·m", "std", "paper")
+    return Table(caption, header, tuple(rows))
 
 
 def _outcomes(study: DockingStudy, c: int) -> tuple[int, int, int, int]:

@@ -4,31 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
 from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.saving import write_text
+from tdfscal.reporting.calibration import calibration_report
+from tdfscal.reporting.figures import drawings, several_drawings, validation
 from tdfscal.reporting.figures.style import Drawing, to_svg
-from tdfscal.reporting.page import compose
-from tdfscal.reporting.several import Several, put_side_by_side, several_drawings
-from tdfscal.reporting.validationpage import Origin, compose_validation
+from tdfscal.reporting.layout import Facts, Items, Report, Table
+from tdfscal.reporting.several import put_side_by_side, several_report
+from tdfscal.reporting.validation import Origin, validation_report
 from tdfscal.validation.residual_wrench import Validation
+
+
+def render(report: Report) -> str:
+    """Return the page of a report."""
+    return _environment().get_template("report.html.j2").render(report=report, version=__version__)
 
 
 def render_page(calibration: Calibration) -> str:
     """Return the page of one calibration."""
-    return _render("report.html.j2", page=compose(calibration))
+    return render(calibration_report(calibration, drawings(calibration)))
 
 
-def render_validation(
-    v: Validation, c: Calibration, warnings: Sequence[str], origin: Origin
-) -> str:
-    """Return the page of a validation of a calibration."""
-    return _render("report.html.j2", page=compose_validation(v, c, warnings, origin))
+def render_validation(v: Validation, warnings: Sequence[str], origin: Origin) -> str:
+    """Return the page of a validation."""
+    return render(validation_report(v, warnings, origin, (validation.draw(v),)))
 
 
 def render_several(calibrations: Sequence[tuple[str, Calibration]]) -> str:
@@ -36,17 +39,8 @@ def render_several(calibrations: Sequence[tuple[str, Calibration]]) -> str:
 
     Raises DataError where they are of different supports.
     """
-    view: Several = put_side_by_side(calibrations)
-    return _render("several.html.j2", view=view, drawings=several_drawings(view))
-
-
-def write_page(calibration: Calibration, path: Path) -> None:
-    """Write the page of one calibration, whole or not at all. Raises UsageError."""
-    write_text(path, render_page(calibration))
-
-
-def _render(template: str, **content: object) -> str:
-    return _environment().get_template(template).render(version=__version__, **content)
+    view = put_side_by_side(calibrations)
+    return render(several_report(view, several_drawings(view)))
 
 
 @cache
@@ -60,6 +54,8 @@ def _environment() -> Environment:
     )
     environment.filters["svg"] = _inline
     environment.filters["minus"] = lambda text: str(text).replace("-", "−")
+    for kind in (Table, Facts, Items):
+        environment.tests[kind.__name__.lower()] = lambda block, kind=kind: isinstance(block, kind)
     return environment
 
 

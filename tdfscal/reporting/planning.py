@@ -8,63 +8,63 @@ import numpy as np
 
 from tdfscal.planning import Forecast, Plan
 from tdfscal.records import ANGLES
-from tdfscal.reporting.text import table, wrapped
+from tdfscal.reporting.layout import Block, Report, Section, Table
 
 
-def plan_text(plan: Plan) -> str:
-    """What to drive, and what to expect of it, in 80 columns."""
-    limits, request = plan.request.limits, plan.request
-    lines = wrapped(
-        f"Plan for {plan.rig.name}: {len(plan)} postures, {_times(len(plan.returns))} the first "
-        f"again, tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to {limits.squeeze:g} N, "
-        f"{request.noise:g} N noise per axis and posture",
-        "",
-        "",
+def plan_report(plan: Plan) -> Report:
+    """Lay out what to drive, and what to expect of it."""
+    limits, request, expected = plan.request.limits, plan.request, plan.expected
+    more = f", on top of {plan.given} postures recorded before" if plan.given else ""
+    angles = tuple(
+        (name, *(f"{1e3 * v:.3f}" for v in row))
+        for name, row in zip(plan.rig.supports, expected.rpy_std, strict=True)
     )
-    if plan.given:
-        lines += wrapped(f"on top of {plan.given} postures recorded before", "", "")
-    lines += ["", "Standard uncertainty to expect of the installation angles, mrad"]
-    lines += table(
-        ["sensor", *ANGLES],
-        [
-            [name, *(f"{1e3 * v:.3f}" for v in row)]
-            for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True)
-        ],
-    )
-    if plan.expected.contact_force is not None and plan.expected.contact_torque is not None:
-        at = ", ".join(f"{v:g}" for v in request.at or plan.rig.acceptance.contact_rpy)
-        lines += ["", f"… and of the contact wrench at roll, pitch, yaw {at} rad"]
-        lines += table(
-            ["", "x", "y", "z"],
-            [
-                ["force, N", *(f"{v:.3f}" for v in plan.expected.contact_force)],
-                ["torque, N·m", *(f"{v:.3f}" for v in plan.expected.contact_torque)],
-            ],
+    blocks: list[Block] = [
+        Table(
+            "Standard uncertainty to expect of the installation angles, mrad",
+            ("sensor", *ANGLES),
+            angles,
         )
-    lines += ["", *_comparison(plan)]
+    ]
+    if expected.contact_force is not None and expected.contact_torque is not None:
+        at = ", ".join(f"{v:g}" for v in request.at or plan.rig.acceptance.contact_rpy)
+        rows = tuple(
+            (name, *(f"{v:.3f}" for v in values))
+            for name, values in (
+                ("force, N", expected.contact_force),
+                ("torque, N·m", expected.contact_torque),
+            )
+        )
+        caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
+        blocks.append(Table(caption, ("", "x", "y", "z"), rows))
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
-    lines += wrapped(
-        f"travel used about the middle: ±{reach[0]:.3f}, ±{reach[1]:.3f}, ±{reach[2]:.3f} m along "
-        f"x, y, z; way of the slowest axis {plan.tour:.2f} m",
-        "",
+    blocks.append(
+        f"{_comparison(plan)}. Travel used about the middle: ±{reach[0]:.3f}, ±{reach[1]:.3f}, "
+        f"±{reach[2]:.3f} m along x, y, z; way of the slowest axis {plan.tour:.2f} m."
     )
-    return "\n".join(lines) + "\n"
+    return Report(
+        title=f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
+        subtitle=f"{_times(len(plan.returns))} the first again, tilt up to "
+        f"{np.rad2deg(limits.tilt):g}°, squeeze up to {limits.squeeze:g} N, {request.noise:g} N "
+        "noise per axis and posture",
+        sections=(Section("What to expect", tuple(blocks)),),
+    )
 
 
 def _times(count: int) -> str:
     return "never" if count == 0 else "once" if count == 1 else f"{count} times"
 
 
-def _comparison(plan: Plan) -> list[str]:
+def _comparison(plan: Plan) -> str:
     mean, random = (1e3 * f.rpy_std.mean() for f in (plan.expected, plan.random))
     text = (
-        f"mean {mean:.3g} mrad; {len(plan)} random postures within the same limits "
+        f"Mean {mean:.3g} mrad; {len(plan)} random postures within the same limits "
         f"{random:.3g} mrad"
     )
     if plan.before is not None:
         text += f"; before the plan {1e3 * plan.before.rpy_std.mean():.3g} mrad"
     what = "contact wrench" if plan.request.objective == "wrench" else "angles"
-    return wrapped(f"{text}; for the {what} the plan is {plan.improvement:.2f} times better", "")
+    return f"{text}; for the {what} the plan is {plan.improvement:.2f} times better"
 
 
 def plan_document(plan: Plan, path: str, seed: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A registration of two point files, as text and as a JSON document."""
+"""A registration of two point files, laid out and as a JSON document."""
 
 from __future__ import annotations
 
@@ -7,60 +7,56 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.reporting.text import table, wrapped
+from tdfscal.records import ANGLES
+from tdfscal.reporting.layout import Facts, Report, Section, Table
 from tdfscal.trackercal import PointRegistration
 
 CONVENTION = "measured = rotation · reference + translation"
+CAPTION = f"{CONVENTION}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
 
 
-def render(r: PointRegistration) -> str:
-    """Transform with its standard uncertainties, residual of each point, warnings."""
-    lines = [
-        f"{len(r.names)} points fit within {1e3 * r.rms:.3g} mm (rms)",
-        "",
-        CONVENTION,
-        "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
-    ]
-    rows = [
-        (name, f"{1e3 * value:.6f}", f"{1e3 * std:.6f}", "mrad")
-        for name, value, std in zip(("roll", "pitch", "yaw"), r.rpy, r.rpy_std, strict=True)
-    ]
-    rows += [
-        (name, f"{1e3 * value:.6f}", f"{1e3 * std:.6f}", "mm")
-        for name, value, std in zip(
-            ("translation x", "translation y", "translation z"),
-            r.translation,
-            r.translation_std,
-            strict=True,
+def registration_report(r: PointRegistration) -> Report:
+    """Lay out the transform with its standard uncertainties, and the residual of each point."""
+    values = [
+        (name, f"{1e3 * value:.6f}", f"{1e3 * std:.6f}", unit)
+        for names, unit, value_of, std_of in (
+            (ANGLES, "mrad", r.rpy, r.rpy_std),
+            (("translation x", "translation y", "translation z"), "mm", r.translation,
+             r.translation_std),
         )
-    ]
-    lines += table(["", "value", "std. unc.", "unit"], rows)
-    lines += [
-        "",
-        "Rotation, by rows",
-        *("  " + "  ".join(f"{v:+.12f}" for v in row) for row in r.rotation),
-    ]
-    lines += ["", "Residuals, mm (x, y, z, length)"]
-    lines += table(
-        ["point", "x", "y", "z", "length"],
-        [
-            (name, *(f"{1e3 * v:.4f}" for v in d), f"{1e3 * np.linalg.norm(d):.4f}")
-            for name, d in zip(r.names, r.residual, strict=True)
-        ],
+        for name, value, std in zip(names, value_of, std_of, strict=True)
+    ]  # fmt: skip
+    rotation = tuple(tuple(f"{v:+.12f}" for v in row) for row in r.rotation)
+    residuals = tuple(
+        (name, *(f"{1e3 * v:.4f}" for v in (*d, np.linalg.norm(d))))
+        for name, d in zip(r.names, r.residual, strict=True)
     )
-    lines += ["", *_statistics(r)]
-    if r.warnings:
-        lines += ["", "Warnings", *(line for w in r.warnings for line in wrapped(f"- {w}"))]
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+    blocks = (
+        Table(
+            CAPTION,
+            ("", "value", "std. unc.", "unit"),
+            tuple(values),
+        ),
+        Table("Rotation, by rows", ("", "", ""), rotation, left=0),
+        Table("Residuals, mm", ("point", "x", "y", "z", "length"), residuals),
+        Facts(_statistics(r)),
+    )
+    return Report(
+        title=f"{len(r.names)} points fit within {1e3 * r.rms:.3g} mm (rms)",
+        sections=(Section("Transform", blocks),),
+        warnings=r.warnings,
+    )
 
 
-def _statistics(r: PointRegistration) -> list[str]:
-    scale = f"Scale     1 {1e6 * (r.scale - 1):+.1f} ppm, std. unc. {1e6 * r.scale_std:.1f} ppm"
+def _statistics(r: PointRegistration) -> tuple[tuple[str, str], ...]:
+    scale = f"1 {1e6 * (r.scale - 1):+.1f} ppm, std. unc. {1e6 * r.scale_std:.1f} ppm"
     if r.chi2 is None or r.p_value is None:
         noise = f"{1e3 * r.sigma:.3g} mm per coordinate" if r.sigma is not None else "none"
-        return [f"Noise     {noise}, from the residuals ({r.dof} degrees of freedom)", scale]
-    fit = f"Fit       χ² = {r.chi2:.4g} for {r.dof} degrees of freedom, p = {r.p_value:.2g}"
-    return [fit, scale]
+        first = ("Noise", f"{noise}, from the residuals ({r.dof} degrees of freedom)")
+    else:
+        chi2 = f"χ² = {r.chi2:.4g} for {r.dof} degrees of freedom"
+        first = ("Fit", f"{chi2}, p = {r.p_value:.2g}")
+    return first, ("Scale", scale)
 
 
 def document(r: PointRegistration, notes: Sequence[str] = ()) -> dict[str, Any]:

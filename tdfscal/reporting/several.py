@@ -1,4 +1,4 @@
-"""Several calibrations side by side and over time: rows, verdict, figure."""
+"""Several calibrations side by side and over time, and the comparison of two."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from tdfscal.comparison.compatibility import ANGLES, Comparison, History, compare
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.summary import METHODS
-from tdfscal.reporting.tables import Table
+from tdfscal.reporting.calibration import METHODS
+from tdfscal.reporting.layout import Facts, Report, Section, Table, illustrated
+from tdfscal.reporting.phrases import probability
+from tdfscal.significance import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from tdfscal.reporting.figures.style import Drawing
@@ -20,55 +22,61 @@ _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 @dataclass(frozen=True, slots=True)
 class Several:
-    """What a reader of several calibrations needs; letters stand for the files in tables.
+    """Calibrations in the order of their creation; letters stand for the files in tables.
 
-    days : since the first was created. agrees : every later one agrees with the first.
+    days : since the first was created.
     """
 
-    title: str
     names: tuple[str, ...]
     letters: tuple[str, ...]
+    content: tuple[Calibration, ...]
     days: tuple[float, ...]
     history: History
-    agrees: bool
-    verdicts: tuple[str, ...]
-    advice: tuple[str, ...]
-    warnings: tuple[str, ...]
-    files: Table
-    angles: Table
-    en: Table
 
     @property
-    def word(self) -> str:
-        """The verdict in capitals."""
-        return "AGREEMENT" if self.agrees else "NO AGREEMENT"
+    def agrees(self) -> bool:
+        """Every later one is compatible with the first."""
+        return all(step.verified for step in self.history.against_first)
 
 
 def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several:
-    """Order by the time of creation, compare, and work out the rows.
+    """Order by the time of creation and compare.
 
     Raises DataError where there is one only, or where their supports differ.
     """
     ordered = sorted(calibrations, key=lambda pair: _instant(pair[1]))
     letters = tuple(letter(i) for i in range(len(ordered)))
-    history = compare(
-        [(names, c.rotations()) for names, (_, c) in zip(letters, ordered, strict=True)]
-    )
-    content = [c for _, c in ordered]
-    agrees = all(step.verified for step in history.against_first)
+    content = tuple(c for _, c in ordered)
+    first = _instant(content[0])
     return Several(
-        title=" and ".join(dict.fromkeys(c.rig.name for c in content)),
         names=tuple(name for name, _ in ordered),
         letters=letters,
-        days=tuple((_instant(c) - _instant(content[0])).total_seconds() / 86400 for c in content),
-        history=history,
-        agrees=agrees,
-        verdicts=tuple(step.verdict for step in history.against_first),
-        advice=_advice(agrees),
-        warnings=_warnings(letters, content),
-        files=_files(letters, ordered),
-        angles=_angles(letters, history),
-        en=_en(history),
+        content=content,
+        days=tuple((_instant(c) - first).total_seconds() / 86400 for c in content),
+        history=compare([(a, c.rotations()) for a, c in zip(letters, content, strict=True)]),
+    )
+
+
+def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
+    """Lay out several calibrations: verdict first, then the files, their angles, and E_n."""
+    return Report(
+        title=" and ".join(dict.fromkeys(c.rig.name for c in view.content)),
+        subtitle=f"{len(view.names)} calibrations side by side, oldest first",
+        verdict="COMPATIBLE" if view.agrees else "NOT COMPATIBLE",
+        accepted=view.agrees,
+        reasons=tuple(step.verdict for step in view.history.against_first),
+        sections=(
+            Section("Calibrations", (Facts(_files(view)),)),
+            *illustrated(drawings, {}),
+            Section(
+                "Angles and E_n",
+                (_angles(view), _en(view.history)),
+                "E_n is the difference divided by its expanded uncertainty (k = 2); above 1 two "
+                "calibrations are not compatible in that angle.",
+            ),
+        ),
+        warnings=_warnings(view),
+        advice=_ADVICE[view.agrees],
     )
 
 
@@ -113,36 +121,29 @@ def comparison_document(c: Comparison, names: dict[str, str]) -> dict[str, Any]:
     }
 
 
-def several_drawings(view: Several) -> tuple[Drawing, ...]:
-    """Return the figures of several calibrations."""
-    from tdfscal.reporting.figures import drift
-
-    return (drift.draw(view.history, view.letters, view.days),)
-
-
 def _instant(c: Calibration) -> datetime:
     return datetime.fromisoformat(c.created)
 
 
-def _advice(agrees: bool) -> tuple[str, ...]:
-    if agrees:
-        return ("Keep the first calibration in use, or the one with the smallest uncertainty.",)
-    return (
+_ADVICE = {
+    True: ("Keep the first calibration in use, or the one with the smallest uncertainty.",),
+    False: (
         "Validate the newest on a held-out log: tdfscal validate CALIBRATION LOG.",
         "Look for what was loosened, exchanged or mounted anew between the two; where nothing was, "
-        "one of them states its uncertainty too small.",
-    )
+        "one of them understates its uncertainty.",
+    ),
+}
 
 
-def _warnings(letters: Sequence[str], content: Sequence[Calibration]) -> tuple[str, ...]:
+def _warnings(view: Several) -> tuple[str, ...]:
     found = [
         f"{name} was rejected by the quality gate"
-        for name, c in zip(letters, content, strict=True)
+        for name, c in zip(view.letters, view.content, strict=True)
         if c.status == "rejected"
     ]
-    if len({c.rig.sha256 for c in content}) > 1:
+    if len({c.rig.sha256 for c in view.content}) > 1:
         found.append("the rig files differ between these calibrations")
-    logs = [frozenset(f.sha256 for f in c.inputs) for c in content]
+    logs = [frozenset(f.sha256 for f in c.inputs) for c in view.content]
     if any(a & b for i, a in enumerate(logs) for b in logs[i + 1 :]):
         found.append(
             "some share input files: they are not independent, and E_n is then only a guide"
@@ -150,37 +151,32 @@ def _warnings(letters: Sequence[str], content: Sequence[Calibration]) -> tuple[s
     return tuple(found)
 
 
-def _files(letters: Sequence[str], ordered: Sequence[tuple[str, Calibration]]) -> Table:
-    rows = tuple(
+def _files(view: Several) -> tuple[tuple[str, str], ...]:
+    return tuple(
         (
             mark,
-            name,
-            c.created.replace("T", " ").replace("Z", ""),
-            METHODS[c.method].split(",")[0],
-            c.status,
-            f"{1e3 * c.rpy_std.max():.2g}",
+            f"{name}: {METHODS[c.method].split(',')[0]}, "
+            f"{c.created.replace('T', ' ').replace('Z', '')} UTC, {c.status}, weakest angle "
+            f"{1e3 * c.rpy_std.max():.2g} mrad",
         )
-        for mark, (name, c) in zip(letters, ordered, strict=True)
+        for mark, name, c in zip(view.letters, view.names, view.content, strict=True)
     )
-    header = ("", "file", "created, UTC", "method", "status", "weakest, mrad")
-    return Table("", header, rows, left=5)
 
 
-def _angles(letters: Sequence[str], h: History) -> Table:
+def _angles(view: Several) -> Table:
+    h = view.history
+    values, expanded = 1e3 * h.rpy, 1e3 * COVERAGE_FACTOR * h.rpy_std
     rows = tuple(
         (
             name,
             ANGLES[j],
-            *(
-                f"{1e3 * h.rpy[f, i, j]:.3f} ± {2e3 * h.rpy_std[f, i, j]:.3f}"
-                for f in range(len(letters))
-            ),
+            *(f"{values[f, i, j]:.3f} ± {expanded[f, i, j]:.3f}" for f in range(len(view.letters))),
         )
         for i, name in enumerate(h.supports)
         for j in range(3)
     )
-    caption = "Angles in mrad with expanded uncertainty, k = 2"
-    return Table(caption, ("sensor", "angle", *letters), rows, left=2)
+    caption = f"Angles in mrad with expanded uncertainty, k = {COVERAGE_FACTOR:g}"
+    return Table(caption, ("sensor", "angle", *view.letters), rows, left=2)
 
 
 def _en(h: History) -> Table:
@@ -190,14 +186,40 @@ def _en(h: History) -> Table:
         for i, name in enumerate(h.supports)
         for j in range(3)
     ]
-    rows.append(("all", "p(χ²)", *(_p(c.p_value) for c in columns)))
+    rows.append(("all", "p(χ²)", *(_short(c.p_value) for c in columns)))
     header = ("sensor", "angle", *(f"{c.names[0]} − {c.names[1]}" for c in columns))
     return Table("E_n per angle; ! marks those above 1", header, tuple(rows), left=2)
+
+
+def comparison_report(c: Comparison) -> Report:
+    """Lay out differences, their uncertainties and E_n of one pair."""
+    rows = tuple(
+        (
+            name,
+            ANGLES[j],
+            f"{1e3 * c.rpy[i, j]:+.3f}",
+            f"{1e3 * COVERAGE_FACTOR * c.rpy_std[i, j]:.3f}",
+            f"{c.en[i, j]:.2f}" + (" !" if c.en[i, j] > 1 else "  "),
+        )
+        for i, name in enumerate(c.supports)
+        for j in range(3)
+    )
+    header = ("sensor", "angle", "difference", "U", "E_n  ")
+    caption = f"{c.names[0]} minus {c.names[1]}, mrad; U with k = {COVERAGE_FACTOR:g}"
+    together = (
+        f"All together: χ² = {c.chi2:.4g} for {c.dof} degrees of freedom, "
+        f"p = {probability(c.p_value)}"
+    )
+    return Report(
+        title=f"{c.verdict[0].upper()}{c.verdict[1:]}",
+        accepted=c.verified,
+        sections=(Section("Differences", (Table(caption, header, rows, left=2), together)),),
+    )
 
 
 def _marked(en: float) -> str:
     return f"! {en:.2f}" if en > 1 else f"{en:.2f}"
 
 
-def _p(value: float) -> str:
+def _short(value: float) -> str:
     return f"{value:.2f}" if value >= 0.01 else f"{value:.0e}" if value > 0 else "0"

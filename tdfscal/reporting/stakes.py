@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from tdfscal.records import ANGLES, FloatArray
+from tdfscal.reporting import layout
+from tdfscal.reporting.layout import Table
 from tdfscal.reporting.studies import CASE, Row, posture_name
-from tdfscal.reporting.text import table, wrapped
 from tdfscal.studies.accuracy import Accuracy
 from tdfscal.studies.wrench_error import Stake
 
@@ -15,33 +16,29 @@ Stakes = Mapping[str, list[Stake]]
 """Name of a calibration → its stakes, one per posture and internal force."""
 
 
-def stakes_text(supports: tuple[str, ...], stakes: Stakes) -> str:
-    """Error without each calibration and with it, and the angles that matter most."""
-    lines: list[str] = []
-    for name, found in stakes.items():
-        lines += wrapped(
+def stakes_tables(supports: tuple[str, ...], stakes: Stakes) -> tuple[Table, ...]:
+    """Error without each calibration and with it, and the angle that matters most."""
+    header = ("terminal", "internal, N", "N before", "after", "N·m before", "after",
+              "dominant contribution")  # fmt: skip
+    return tuple(
+        Table(
             f"{name}: error of the contact wrench that its angles take away, and the standard "
             "uncertainty that they leave",
-            "",
-            "",
+            header,
+            tuple(_row(supports, stake) for stake in found),
         )
-        rows = []
-        for stake in found:
-            i, j = divmod(int(stake.force.argmax()), 3)
-            rows.append(
-                [
-                    posture_name(stake.rpy),
-                    f"{stake.internal:g}",
-                    f"{stake.before[0]:.2f}",
-                    f"{stake.after[0]:.2f}",
-                    f"{stake.before[1]:.2f}",
-                    f"{stake.after[1]:.2f}",
-                    f"{ANGLES[j]} of {supports[i]}",
-                ]
-            )
-        head = ["terminal", "internal, N", "N before", "after", "N·m before", "after", "most from"]
-        lines += [*table(head, rows, left=1), ""]
-    return "\n".join(lines)
+        for name, found in stakes.items()
+    )
+
+
+def _row(supports: tuple[str, ...], stake: Stake) -> layout.Row:
+    i, j = divmod(int(stake.force.argmax()), 3)
+    return (
+        posture_name(stake.rpy),
+        f"{stake.internal:g}",
+        *(f"{side[k]:.2f}" for k in (0, 1) for side in (stake.before, stake.after)),
+        f"{ANGLES[j]} of {supports[i]}",
+    )
 
 
 def stake_rows(supports: tuple[str, ...], stakes: Stakes) -> Iterator[Row]:
@@ -88,11 +85,11 @@ def stakes_document(stakes: Stakes) -> list[dict[str, Any]]:
     ]
 
 
-def stated_text(study: Accuracy, stated: Mapping[str, FloatArray]) -> list[str]:
+def stated_against(study: Accuracy, stated: Mapping[str, FloatArray]) -> list[str]:
     """How far each calibration, by its stated (n, 3) in rad, is from what this rig allows."""
     best = study.ranking[0]
     reached = float(best.rms.mean())
-    lines = []
+    sentences = []
     for name, std in stated.items():
         mean = float(std.mean())
         text = f"{name} states {1e3 * mean:.3g} mrad for an angle in the mean: "
@@ -100,8 +97,8 @@ def stated_text(study: Accuracy, stated: Mapping[str, FloatArray]) -> list[str]:
             text += f"{mean / reached:.3g} times what {best.name} reaches here"
         else:
             text += f"as good as {best.name} gets here ({1e3 * reached:.3g} mrad)"
-        lines += wrapped(f"- {text}")
-    return lines
+        sentences.append(text)
+    return sentences
 
 
 def stated_document(study: Accuracy, stated: Mapping[str, FloatArray]) -> list[dict[str, Any]]:

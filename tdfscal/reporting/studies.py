@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.text import table, wrapped
-from tdfscal.studies.accuracy import Accuracy, angle_names
+from tdfscal.reporting.layout import Block, Items, Report, Section, Table
+from tdfscal.studies.accuracy import Accuracy, MethodResult, angle_names
 from tdfscal.studies.sensitivity import Sweep
 
 SHORT = {"ml": "self, ML", "linear": "self, linear", "tracker": "tracker"}
@@ -32,30 +32,27 @@ def forces_name(internal: float) -> str:
     return f"internal forces of {internal:g} N" if internal else "no internal forces"
 
 
-def sensitivity_text(supports: tuple[str, ...], sweeps: list[Sweep]) -> str:
-    """Largest error of each sweep."""
-    lines: list[str] = []
-    for sweep in sweeps:
-        span = sweep.deviation[-1]
-        lines += wrapped(
+def sensitivity_report(
+    supports: tuple[str, ...], sweeps: list[Sweep], stakes: Sequence[Block] = ()
+) -> Report:
+    """Lay out the largest error of each sweep; stakes : what given calibrations are worth."""
+    span = sweeps[0].deviation[-1]
+    tables = tuple(
+        Table(
             f"Error of the contact wrench with one angle of one sensor off by ±{span:g} rad, "
             f"{posture_name(sweep.rpy)}, {forces_name(sweep.internal)}",
-            "",
-            "",
+            ("sensor", "angle", "force, N", "torque, N·m"),
+            tuple(
+                (name, ANGLES[j], f"{sweep.force[i, j].max():.2f}",
+                 f"{sweep.torque[i, j].max():.2f}")
+                for i, name in enumerate(supports)
+                for j in range(3)
+            ),
+            left=2,
         )
-        rows = [
-            [
-                name if j == 0 else "",
-                ANGLES[j],
-                f"{sweep.force[i, j].max():.2f}",
-                f"{sweep.torque[i, j].max():.2f}",
-            ]
-            for i, name in enumerate(supports)
-            for j in range(3)
-        ]
-        lines += table(["sensor", "angle", "force, N", "torque, N·m"], rows, left=2)
-        lines.append("")
-    return "\n".join(lines)
+        for sweep in sweeps
+    )  # fmt: skip
+    return Report("Sensitivity", sections=(Section("Sensitivity", (*tables, *stakes)),))
 
 
 def sensitivity_rows(supports: tuple[str, ...], sweeps: list[Sweep]) -> Iterator[Row]:
@@ -110,42 +107,44 @@ def sensitivity_document(
     }
 
 
-def accuracy_text(study: Accuracy) -> str:
-    """Table 2 of this rig, and the verdict."""
-    rig, options = study.setup.rig, study.setup.options
-    lines = wrapped(
-        f"{rig.name}: {study.setup.runs} simulated campaigns of {len(study.command)} postures, "
-        f"tilt {np.rad2deg(options.tilt):g}°, internal forces {options.squeeze:g} N; tracker "
-        f"{study.setup.survey.distance:g} m away, {len(study.setup.survey.targets)} targets per "
-        "sensor",
-        "",
-        "",
-    )
-    lines += ["", "Error of the installation angles, mrad: mean and standard deviation"]
+def accuracy_report(study: Accuracy, stated: Sequence[str] = ()) -> Report:
+    """Lay out Table 2 of this rig; stated : how given calibrations compare, in sentences."""
+    rig, options, survey = study.setup.rig, study.setup.options, study.setup.survey
     header = ["sensor", "angle"]
     for result in study.results:
         header += [f"{COLUMN[result.method]} mean", "std"]
     rows = []
     for i, j, name, angle in angle_names(rig):
-        row = [name if j == 0 else "", angle]
+        row = [name, angle]
         for result in study.results:
             row += [f"{1e3 * result.mean[i, j]:.4f}", f"{1e3 * result.std[i, j]:.4f}"]
-        rows.append(row)
-    lines += [*table(header, rows, left=2), ""]
-    lines += wrapped(study.verdict, "")
-    for result in study.results:
-        worst = float(np.abs(result.bias).max())
-        text = f"{result.name}: " + ("unbiased" if result.unbiased else "biased")
-        text += f", the largest mean is {worst:.1f} standard errors"
-        if result.stated is not None:
-            ratio = result.std / result.stated
-            text += f"; scatter is {ratio.min():.2f} to {ratio.max():.2f} times the stated"
-        if result.failed:
-            text += f"; no result in {result.failed} campaigns"
-        lines += wrapped(f"- {text}")
-    for method, why in study.left_out.items():
-        lines += wrapped(f"- {SHORT[method]} is left out: {why}")
-    return "\n".join(lines) + "\n"
+        rows.append(tuple(row))
+    left_out = (f"{SHORT[name]} is left out: {why}" for name, why in study.left_out.items())
+    caption = "Error of the installation angles, mrad: mean and standard deviation"
+    blocks = (
+        Table(caption, tuple(header), tuple(rows), left=2),
+        Items(study.verdict, (*map(_judged, study.results), *left_out, *stated)),
+    )
+    return Report(
+        title=f"Accuracy of {rig.name}",
+        subtitle=f"{study.setup.runs} simulated campaigns of {len(study.command)} postures, tilt "
+        f"{np.rad2deg(options.tilt):g}°, internal forces {options.squeeze:g} N; tracker "
+        f"{survey.distance:g} m away, {len(survey.targets)} targets per sensor",
+        sections=(Section("Accuracy", blocks),),
+    )
+
+
+def _judged(result: MethodResult) -> str:
+    """Bias and honesty of one method."""
+    worst = float(np.abs(result.bias).max())
+    text = f"{result.name}: " + ("unbiased" if result.unbiased else "biased")
+    text += f", the largest mean is {worst:.1f} standard errors"
+    if result.stated is not None:
+        ratio = result.std / result.stated
+        text += f"; scatter is {ratio.min():.2f} to {ratio.max():.2f} times the stated"
+    if result.failed:
+        text += f"; no result in {result.failed} campaigns"
+    return text
 
 
 def accuracy_rows(study: Accuracy) -> Iterator[Row]:

@@ -1,82 +1,72 @@
-"""A calibration on standard output: tables by rich on a terminal, plain text elsewhere."""
+"""A report on standard output: tables by rich on a terminal, plain text elsewhere."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.summary import summarise
+from tdfscal.reporting.layout import Block, Facts, Items, Report, Table
 from tdfscal.reporting.text import WIDTH, render
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+    from rich.console import Console, RenderableType
 
 
-def show(calibration: Calibration) -> None:
-    """Print one calibration; NO_COLOR and TERM=dumb are obeyed."""
+def show(report: Report) -> None:
+    """Print a report; NO_COLOR and TERM=dumb are obeyed."""
     if not sys.stdout.isatty():
-        sys.stdout.write(render(calibration))
+        sys.stdout.write(render(report))
         return
     from rich.console import Console
 
     console = Console(highlight=False)
     console.width = min(console.width, WIDTH)
-    show_on(console, calibration)
+    show_on(console, report)
 
 
-def show_on(console: Console, calibration: Calibration) -> None:
-    """Print one calibration on a console that understands styles."""
+def show_on(console: Console, report: Report) -> None:
+    """Print a report on a console that understands styles."""
     from rich.padding import Padding
     from rich.panel import Panel
     from rich.text import Text
 
-    s = summarise(calibration)
-    colour = "green" if s.accepted else "red"
-    mark = "✓" if s.accepted else "✗"
-    head = Text.assemble((f"{mark} {s.verdict}", f"bold {colour}"), f"  {s.subtitle}")
-    for reason in s.reasons:
+    colour = "green" if report.accepted else "red"
+    head = Text(report.subtitle)
+    if report.verdict:
+        mark = "✓" if report.accepted else "✗"
+        head = Text.assemble((f"{mark} {report.verdict}", f"bold {colour}"), f"  {report.subtitle}")
+    if report.claim:
+        head.append(f"\n{report.claim}")
+    for reason in report.reasons:
         head.append(f"\n- {reason}")
-    console.print(Panel(head, title=Text(s.title), title_align="left", border_style=colour))
-    console.print(_rows(s.angle_title, *s.angle_table(), left=2))
-    if s.zeros:
-        console.print(_rows("Zero offsets, N", ("sensor", "x", "y", "z"), s.zeros))
-    if s.proof:
-        header = ("", "rms before", "rms after", "largest before", "largest after")
-        console.print(_rows("Contact wrench left at postures held out", header, s.proof))
-    facts = _rows("", ("", ""), s.facts)
-    facts.show_header = False
-    facts.columns[1].justify = "left"
-    console.print(facts)
-    for heading, items in (
-        ("Rejected postures", s.rejected),
-        ("Warnings", s.warnings),
-        ("What next", s.advice),
-    ):
-        if items:
-            console.print(Text(f"\n{heading}", style="bold"))
-            for item in items:
+    console.print(Panel(head, title=Text(report.title), title_align="left", border_style=colour))
+    for block in (*report.brief(), *report.closing()):
+        if isinstance(block, Items):
+            console.print(Text(f"\n{block.caption}", style="bold"))
+            for item in block.items:
                 console.print(Padding(Text(f"- {item}"), (0, 0, 0, 1)))
+        else:
+            console.print(_renderable(block))
 
 
-def _rows(
-    title: str,
-    header: tuple[str, ...],
-    rows: Sequence[tuple[str, ...]],
-    left: int = 1,
-) -> Table:
+def _renderable(block: Block) -> RenderableType:
     from rich import box
-    from rich.table import Table
+    from rich.table import Table as Rich
     from rich.text import Text
 
-    table = Table(
+    if isinstance(block, Table):
+        title, header, left, rows = block.caption, block.header, block.left, block.rows
+    elif isinstance(block, Facts):
+        title, header, left, rows = "", ("", ""), 2, block.rows
+    else:
+        return Text(f"\n{block}")
+    table = Rich(
         title=Text(title) if title else None,
         title_justify="left",
         box=box.SIMPLE_HEAD,
         pad_edge=False,
         collapse_padding=True,
+        show_header=isinstance(block, Table),
     )
     for place, name in enumerate(header):
         # Where it is narrow, the last column, of words, gives way.

@@ -1,91 +1,117 @@
-"""Plain text in 80 columns: readable without colour, in a file, and by a screen reader."""
+"""A report as plain text: readable without colour, in a file, and by a screen reader."""
 
 from __future__ import annotations
 
+import os
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
-from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.summary import Summary, summarise
+from tdfscal.reporting.layout import Block, Facts, Items, Report, Table
 
 WIDTH = 80
+_LEAST_WIDTH = 40
 _NARROWEST = 8
 
 
-def render(calibration: Calibration) -> str:
-    """One calibration as text."""
-    return "\n".join(_lines(summarise(calibration))) + "\n"
+def render(report: Report) -> str:
+    """Return the report in 80 columns, or as many fewer as COLUMNS says."""
+    lines = wrapped(f"{report.title}: {report.verdict}" if report.verdict else report.title, "", "")
+    lines += wrapped(report.subtitle, "", "")
+    lines += wrapped(report.claim, "", "")
+    lines += _bullets(report.reasons)
+    for block in (*report.brief(), *report.closing()):
+        lines += ["", *_lines(block)]
+    return "\n".join(lines) + "\n"
+
+
+def width() -> int:
+    """Columns to write: 80, or what the environment's COLUMNS says where that is less."""
+    stated = os.environ.get("COLUMNS", "")
+    return min(WIDTH, max(_LEAST_WIDTH, int(stated))) if stated.isdecimal() else WIDTH
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     """Align columns: the first `left` to the left, the others to the right.
 
-    Where they do not fit the width, the widest column of words gives way.
+    Where they do not fit the width, the widest column of words gives way; where that is not
+    enough, columns go on below, with those at the left repeated.
     """
     cells = [list(header), *(list(row) for row in rows)]
     words = [c for c in range(len(header)) if c < left or not _numeric(row[c] for row in rows)]
     widths = [max(len(row[c]) for row in cells) for c in range(len(header))]
-    while words and 2 * len(widths) + sum(widths) > WIDTH:
+    room = width()
+    while words and 2 * len(widths) + sum(widths) > room:
         widest = max(words, key=lambda c: widths[c])
         if widths[widest] <= _NARROWEST:
             break
         widths[widest] -= 1
-    return [
-        "  "
-        + "  ".join(
-            _fit(cell, width).ljust(width) if c < left else _fit(cell, width).rjust(width)
-            for c, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in cells
-    ]
+    lines: list[str] = []
+    for chosen in _folded(widths, left, room):
+        lines += [""] if lines else []
+        for row in cells:
+            fitted = (_fit(row[c], widths[c]) for c in chosen)
+            aligned = (
+                cell.ljust(widths[c]) if c < left else cell.rjust(widths[c])
+                for c, cell in zip(chosen, fitted, strict=True)
+            )
+            lines.append("  " + "  ".join(aligned).rstrip())
+    return lines
+
+
+def _folded(widths: Sequence[int], left: int, room: int) -> Iterator[list[int]]:
+    """Columns of each part of a table that is too wide."""
+    fixed = list(range(left))
+    chosen = fixed.copy()
+    for c in range(left, len(widths)):
+        if len(chosen) > left and sum(widths[k] + 2 for k in (*chosen, c)) > room:
+            yield chosen
+            chosen = fixed.copy()
+        chosen.append(c)
+    yield chosen
 
 
 def _numeric(column: Iterable[str]) -> bool:
     return all(not cell or not cell[0].isalpha() for cell in column)
 
 
-def _fit(cell: str, width: int) -> str:
+def _fit(cell: str, room: int) -> str:
     """Cut from the middle, where names differ least."""
-    if len(cell) <= width:
+    if len(cell) <= room:
         return cell
-    tail = (width - 1) // 2
-    return f"{cell[: width - 1 - tail]}…{cell[len(cell) - tail :]}"
+    tail = (room - 1) // 2
+    return f"{cell[: room - 1 - tail]}…{cell[len(cell) - tail :]}"
 
 
 def wrapped(text: str, indent: str = "  ", hanging: str = "  ") -> list[str]:
     """Fold a paragraph to the width."""
     return textwrap.wrap(
         text,
-        WIDTH,
+        width(),
         initial_indent=indent,
         subsequent_indent=indent + hanging,
         break_long_words=False,
     )
 
 
-def _lines(s: Summary) -> list[str]:
-    lines = [f"{s.title}: {s.verdict}", *wrapped(s.subtitle, "", "")]
-    lines += [line for reason in s.reasons for line in wrapped(f"- {reason}")]
-    lines += ["", s.angle_title]
-    lines += table(*s.angle_table(), left=2)
-    if s.zeros:
-        lines += ["", "Zero offsets, N", *table(["sensor", "x", "y", "z"], s.zeros)]
-    if s.proof:
-        lines += [
-            "",
-            "Contact wrench that remains at postures held out, about the LCS origin",
-            *table(["", "rms before", "rms after", "largest before", "largest after"], s.proof),
-        ]
-    lines.append("")
-    label = max((len(name) for name, _ in s.facts), default=0)
-    for name, text in s.facts:
-        lines += wrapped(f"{name.ljust(label)}  {text}", "", " " * (label + 2))
-    for heading, items in (
-        ("Rejected postures", s.rejected),
-        ("Warnings", s.warnings),
-        ("What next", s.advice),
-    ):
-        if items:
-            lines += ["", heading]
-            lines += [line for item in items for line in wrapped(f"- {item}")]
-    return lines
+def _bullets(items: Iterable[str]) -> list[str]:
+    return [line for item in items for line in wrapped(f"- {item}")]
+
+
+def _lines(block: Block) -> list[str]:
+    if isinstance(block, str):
+        return wrapped(block, "", "")
+    if isinstance(block, Table):
+        caption = wrapped(block.caption, "", "")
+        return caption + table(block.header, block.rows, block.left)
+    if isinstance(block, Items):
+        return wrapped(block.caption, "", "") + _bullets(block.items)
+    return _facts(block)
+
+
+def _facts(facts: Facts) -> list[str]:
+    label = max((len(name) for name, _ in facts.rows), default=0)
+    return [
+        line
+        for name, text in facts.rows
+        for line in wrapped(f"{name.ljust(label)}  {text}", "", " " * (label + 2))
+    ]

@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.html import render_several
-from tdfscal.reporting.several import letter, put_side_by_side
-from tdfscal.reporting.several_text import render_several as as_text
+from tdfscal.reporting.layout import Report, Table
+from tdfscal.reporting.several import letter, put_side_by_side, several_report
+from tdfscal.reporting.text import render
 from tests.reporting.samples import changed, run, sample, saved
 
 STD = 2e-4
@@ -57,6 +58,10 @@ FEBRUARY = flat(5e-4, "2026-02-05T08:00:00Z")
 MARCH = flat(1.5e-3, "2026-03-05T08:00:00Z")
 
 
+def several(calibrations: list[tuple[str, Calibration]]) -> Report:
+    return several_report(put_side_by_side(calibrations))
+
+
 def test_oldest_first_and_e_n_by_hand() -> None:
     view = put_side_by_side([("m", MARCH), ("j", JANUARY), ("f", FEBRUARY)])
     assert view.names == ("j", "f", "m")
@@ -66,20 +71,19 @@ def test_oldest_first_and_e_n_by_hand() -> None:
         assert comparison.en[1, 2] == pytest.approx(change / root, rel=1e-9)
         assert comparison.chi2 == pytest.approx(change**2 / (2 * STD**2), rel=1e-9)
     assert not view.agrees
-    rows = {(row[0], row[1]): row[2:] for row in view.en.rows}
-    assert view.en.header[2:] == ("B − A", "C − A", "C − B")
+    (en,) = (b for b in several_report(view).brief() if isinstance(b, Table) and "E_n" in b.caption)
+    rows = {(row[0], row[1]): row[2:] for row in en.rows}
+    assert en.header[2:] == ("B − A", "C − A", "C − B")
     assert rows["support_2", "yaw"] == ("0.88", "! 2.65", "! 1.77")
     assert rows["support_1", "yaw"] == ("0.00", "0.00", "0.00")
 
 
 def test_text_has_eighty_columns_and_the_verdict_first() -> None:
-    text = as_text(put_side_by_side([("j" * 60, JANUARY), ("f", FEBRUARY), ("m", MARCH)]))
-    assert text.startswith("Test rig: NO AGREEMENT\n")
+    text = render(several([("j" * 60, JANUARY), ("f", FEBRUARY), ("m", MARCH)]))
+    assert text.startswith("Test rig: NOT COMPATIBLE\n")
     assert max(map(len, text.splitlines())) <= 80
     assert "! 2.65" in text
-    assert as_text(put_side_by_side([("j", JANUARY), ("f", FEBRUARY)])).startswith(
-        "Test rig: AGREEMENT"
-    )
+    assert render(several([("j", JANUARY), ("f", FEBRUARY)])).startswith("Test rig: COMPATIBLE")
 
 
 def test_many_calibrations_still_fit() -> None:
@@ -87,7 +91,7 @@ def test_many_calibrations_still_fit() -> None:
         (f"{day}.yaml", changed(JANUARY, created=f"2026-01-{day:02}T00:00:00Z"))
         for day in range(1, 29)
     ]
-    text = as_text(put_side_by_side(many))
+    text = render(several(many))
     assert max(map(len, text.splitlines())) <= 80
     assert [letter(i) for i in (0, 25, 26, 51, 52)] == ["A", "Z", "A2", "Z2", "A3"]
 
@@ -95,10 +99,10 @@ def test_many_calibrations_still_fit() -> None:
 def test_warnings() -> None:
     bad = flat(0.0, "2026-04-05T08:00:00Z", status="rejected")
     again = changed(JANUARY, created="2026-05-05T08:00:00Z")
-    said = " ".join(put_side_by_side([("a", JANUARY), ("b", bad), ("c", again)]).warnings)
+    said = " ".join(several([("a", JANUARY), ("b", bad), ("c", again)]).warnings)
     assert "B was rejected" in said
     assert "share input files" in said
-    assert put_side_by_side([("a", JANUARY), ("b", FEBRUARY)]).warnings == ()
+    assert several([("a", JANUARY), ("b", FEBRUARY)]).warnings == ()
 
 
 def test_other_rigs_are_refused() -> None:
@@ -108,7 +112,7 @@ def test_other_rigs_are_refused() -> None:
 
 def test_page() -> None:
     page = render_several([("<j>", JANUARY), ("f", FEBRUARY), ("m", MARCH)])
-    assert page.index("NO AGREEMENT") < page.index("<svg")
+    assert page.index("NOT COMPATIBLE") < page.index("<svg")
     assert "&lt;j&gt;" in page
     assert "C: +1.5 mrad, E_n = 2.65; beyond its uncertainty" in page
     assert "<script" not in page
@@ -123,7 +127,7 @@ def files(tmp_path: Path) -> list[Path]:
 def test_report_of_several(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     done = run(capsys, "report", *files)
     assert (done.status, done.err) == (0, "")
-    assert done.out.startswith("Test rig: NO AGREEMENT")
+    assert done.out.startswith("Test rig: NOT COMPATIBLE")
     page = files[0].with_name("page.html")
     done = run(capsys, "report", *files, "--json", "--html", page)
     document = json.loads(done.out)

@@ -12,12 +12,17 @@ from rich.console import Console
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.figures.log_time import clock
+from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.html import render_page
-from tdfscal.reporting.summary import summarise
+from tdfscal.reporting.log_time import clock
 from tdfscal.reporting.terminal import show, show_on
-from tdfscal.reporting.text import render
+from tdfscal.reporting.text import render as as_text
 from tests.reporting.samples import NASTY, changed, sample, surveyed
+
+
+def render(c: Calibration) -> str:
+    return as_text(calibration_report(c))
+
 
 EPOCH = 1_750_000_000.25
 
@@ -97,7 +102,10 @@ def on_terminal(c: Calibration, monkeypatch: pytest.MonkeyPatch, **settings: str
     for name, value in settings.items():
         monkeypatch.setenv(name, value)
     stream = io.StringIO()
-    show_on(Console(file=stream, force_terminal=True, width=80, highlight=False), c)
+    show_on(
+        Console(file=stream, force_terminal=True, width=80, highlight=False),
+        calibration_report(c),
+    )
     return stream.getvalue()
 
 
@@ -125,7 +133,7 @@ def test_markup_in_names_is_only_text(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_pipe_gets_plain_text(capsys: pytest.CaptureFixture[str]) -> None:
     c = sample().calibration
-    show(c)
+    show(calibration_report(c))
     assert capsys.readouterr().out == render(c)
 
 
@@ -148,9 +156,13 @@ def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPat
 def test_an_edited_rig_is_said_first() -> None:
     c = sample().calibration
     rig = c.rig.model_dump(mode="json", exclude_none=True)
-    assert summarise(changed(c, rig=rig)).warnings == summarise(c).warnings == c.warnings
+    assert (
+        calibration_report(changed(c, rig=rig)).warnings
+        == calibration_report(c).warnings
+        == c.warnings
+    )
     rig["terminal"]["mass"]["value"] += 1.0
     edited = changed(c, rig=rig)
-    assert "was edited after the calibration" in summarise(edited).warnings[0]
+    assert "was edited after the calibration" in calibration_report(edited).warnings[0]
     del rig["content_sha256"]
-    assert summarise(changed(c, rig=rig)).warnings == c.warnings
+    assert calibration_report(changed(c, rig=rig)).warnings == c.warnings

@@ -9,15 +9,15 @@ import pytest
 
 from tdfscal.records import InputFile
 from tdfscal.reporting.html import render_validation
-from tdfscal.reporting.validationpage import Origin
-from tdfscal.reporting.verdict import render
+from tdfscal.reporting.text import render
+from tdfscal.reporting.validation import Origin, validation_report
 from tdfscal.validation.residual_wrench import Validation, validate
 from tdfscal.workflows.calibration_in_use import calibrated
 from tests.reporting.samples import sample
 from tests.reporting.test_page import read
 
 LOG = InputFile("march/log.csv", "cd" * 32, 4321, "verified")
-ORIGIN = Origin("january.yaml", "tdfscal validate january.yaml march", "2026-03-02 10:00", (LOG,))
+COMMAND = "tdfscal validate january.yaml march"
 
 
 def validation(push: float, offset: float = 0.0) -> Validation:
@@ -31,7 +31,8 @@ def validation(push: float, offset: float = 0.0) -> Validation:
 
 
 def words(v: Validation, *warnings: str) -> str:
-    page = render_validation(v, sample().calibration, warnings, ORIGIN)
+    origin = Origin(sample().calibration, "january.yaml", COMMAND, "2026-03-02 10:00", (LOG,))
+    page = render_validation(v, warnings, origin)
     assert "http" not in page.split("</style>")[1].split("<svg")[0]
     assert page.count("<svg") == 1
     return " ".join(read(page).words)
@@ -45,7 +46,7 @@ def test_still_valid() -> None:
     assert "Keep this calibration in use" in said
     assert "a warning" in said
     assert f"{len(v.dwells)} of {len(v.dwells)}" in said
-    assert all(text in said for text in ("january.yaml", ORIGIN.command, LOG.sha256, "4,321"))
+    assert all(text in said for text in ("january.yaml", COMMAND, LOG.sha256, "4,321"))
 
 
 def test_what_changed_is_named_with_its_posture() -> None:
@@ -63,4 +64,5 @@ def test_what_changed_is_named_with_its_posture() -> None:
 def test_dates_count_from_the_first_dwell(push: float) -> None:
     start = float(sample().dwells.start[0])
     assert 0 <= start < 1
-    assert render(validation(push, 1.75e9), ()) == render(validation(push), ())
+    dated, counted = (render(validation_report(validation(push, t), ())) for t in (1.75e9, 0.0))
+    assert dated == counted

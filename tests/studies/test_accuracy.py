@@ -11,7 +11,8 @@ from tdfscal.errors import UsageError
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
-from tdfscal.reporting.studies import accuracy_text
+from tdfscal.reporting.studies import accuracy_report
+from tdfscal.reporting.text import render
 from tdfscal.selfcal.linear_method import fit_linear
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, reference_rig, simulate_dwells
@@ -62,7 +63,7 @@ def test_unbiased_and_as_accurate_as_stated(study: Accuracy) -> None:
 
 
 def test_table_2_in_words(study: Accuracy) -> None:
-    text = accuracy_text(study)
+    text = render(accuracy_report(study))
     assert "is the most accurate on this rig" in text.replace("\n  ", " ")
     assert f"{1e3 * study.of('tracker').std[1, 2]:.4f}" in text
     assert max(map(len, text.splitlines())) <= 80

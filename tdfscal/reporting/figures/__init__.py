@@ -8,6 +8,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import (
     angles,
     budget,
+    drift,
     methods,
     observability,
     residuals,
@@ -17,6 +18,7 @@ from tdfscal.reporting.figures import (
     trials,
 )
 from tdfscal.reporting.figures.style import Drawing, save
+from tdfscal.reporting.several import Several
 
 _ALL = (
     angles.draw,
@@ -35,6 +37,11 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     """Return every figure for which the file holds the data, in the order of reading."""
     found = (draw(calibration) for draw in _ALL)
     return tuple(drawing for drawing in found if drawing is not None)
+
+
+def several_drawings(view: Several) -> tuple[Drawing, ...]:
+    """Return the figures of several calibrations."""
+    return (drift.draw(view.history, view.letters, view.days),)
 
 
 def write_figures(calibration: Calibration, folder: Path) -> tuple[Path, ...]:

@@ -1,24 +1,51 @@
-"""The verdict of a validation, as plain values and as text."""
+"""The verdict of a validation: does the calibration still hold, and if not, why."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.log_time import origin_of
-from tdfscal.reporting.text import table, wrapped
+from tdfscal import __version__
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.records import FloatArray, InputFile
+from tdfscal.reporting.calibration import METHODS, RESIDUAL_HEADER
+from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
+from tdfscal.reporting.log_time import origin_of
+from tdfscal.reporting.phrases import inputs_table
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import Cause
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
+if TYPE_CHECKING:
+    from tdfscal.reporting.figures.style import Drawing
+
 #: At most as many postures are listed one by one.
 _LISTED = 12
 
-Cells = tuple[tuple[str, ...], list[tuple[str, ...]]]
+_LISTED_ON_PAGE = 40
+_KEEP = (
+    "Keep this calibration in use.",
+    "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
+)
+_RENEW = (
+    "Do not steer by this calibration until the cause is found.",
+    "Undo the cause and validate again; where that is not possible, calibrate again.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What a validation was made of: calibration and its name, command, time in words, logs."""
+
+    calibration: Calibration
+    name: str
+    command: str
+    created: str
+    inputs: tuple[InputFile, ...]
 
 
 def lengths(wrench: FloatArray) -> FloatArray:
@@ -154,32 +181,11 @@ def _sure(v: Validation) -> str:
     lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
     text = (
         f"A single sensor turned by more than {1e3 * lean:.2g} mrad in roll or pitch would have "
-        f"been found with {DETECTION_POWER:.0%} probability"
+        f"been detected with {DETECTION_POWER:.0%} probability"
     )
     if twist > np.pi / 4:
         return f"{text}; a turn about the vertical would not show in these postures."
     return f"{text}, about the vertical by more than {1e3 * twist:.2g} mrad."
-
-
-def render(v: Validation, warnings: Sequence[str]) -> str:
-    """Text in 80 columns."""
-    lines = [f"{v.rig.name}: {'STILL VALID' if v.holds else 'RECALIBRATE'}"]
-    lines += [line for sentence in reasons(v) for line in wrapped(sentence, "", "")]
-    for cause in v.suspected:
-        lines += wrapped(f"- {describe(v, cause)}")
-    lines += ["", "Contact wrench that should be zero, LCS, about its origin"]
-    lines += table(*totals(v))
-    which = f"The {_LISTED} worst postures" if len(v.calibrated) > _LISTED else "Postures"
-    lines += ["", f"{which}, calibrated; u is the standard uncertainty"]
-    lines += table(*postures(v, _LISTED))
-    for heading, items in (
-        ("Left out", [f"posture {k + 1}: {reason}" for k, reason in sorted(v.left_out.items())]),
-        ("Warnings", list(warnings)),
-    ):
-        if items:
-            lines += ["", heading]
-            lines += [line for item in items for line in wrapped(f"- {item}")]
-    return "\n".join(lines)
 
 
 def _start(v: Validation, k: int) -> str:
@@ -187,20 +193,57 @@ def _start(v: Validation, k: int) -> str:
     return f"{v.dwells.start[k] - origin_of(float(v.dwells.start[0])):.1f}"
 
 
-def totals(v: Validation) -> Cells:
-    """Header and rows of what remains over all postures, without and with the calibration."""
-    rows = []
-    for column, (name, unit) in enumerate((("force", "N"), ("moment", "N·m"))):
-        r = _residual(v, column)
-        names = ("rms_before", "rms_after", "max_before", "max_after")
-        rows.append((name, *(f"{r[key]:.3g} {unit}" for key in names)))
-    return ("", "rms before", "rms after", "largest before", "largest after"), rows
+def validation_report(
+    v: Validation,
+    warnings: Sequence[str],
+    origin: Origin | None = None,
+    drawings: tuple[Drawing, ...] = (),
+) -> Report:
+    """Lay out a verdict; origin and drawings are those of a page."""
+    why = tuple(reasons(v))
+    postures = (_totals(v), _postures(v, _LISTED_ON_PAGE if drawings else _LISTED))
+    left_out = tuple(f"posture {k + 1}: {reason}" for k, reason in sorted(v.left_out.items()))
+    report = Report(
+        title=v.rig.name,
+        verdict="STILL VALID" if v.holds else "RECALIBRATE",
+        accepted=v.holds,
+        claim=" ".join(why),
+        reasons=tuple(describe(v, cause) for cause in v.suspected),
+        tiles=_tiles(v),
+        sections=(
+            *illustrated(drawings, {"validation": postures}),
+            Section("Postures left out", (Items("Left out", left_out),) if left_out else ()),
+            _power(v),
+        ),
+        warnings=tuple(warnings),
+        advice=_KEEP if v.holds else _RENEW,
+    )
+    if origin is None:
+        return report
+    c = origin.calibration
+    return replace(
+        report,
+        subtitle=f"validation of {origin.name}, a {METHODS[c.method]} of {c.created[:10]}, on "
+        f"{len(v.used)} postures",
+        created=origin.created,
+        sections=(*report.sections, _provenance(v, origin)),
+    )
 
 
-def postures(v: Validation, most: int) -> Cells:
-    """Header and rows of the postures with the largest residual force, in the order of the log."""
+def _totals(v: Validation) -> Table:
+    """Residual wrench over all postures, without and with the calibration."""
+    names = ("rms_before", "rms_after", "max_before", "max_after")
+    rows = tuple(
+        (name, *(f"{_residual(v, column)[key]:.3g} {unit}" for key in names))
+        for column, (name, unit) in enumerate((("force", "N"), ("moment", "N·m")))
+    )
+    return Table("Residual contact wrench, LCS, about its origin", RESIDUAL_HEADER, rows)
+
+
+def _postures(v: Validation, most: int) -> Table:
+    """The postures with the largest residual force, in the order of the log."""
     order = np.sort(np.argsort(lengths(v.calibrated)[:, 0])[::-1][:most])
-    rows = [
+    rows = tuple(
         (
             str(v.used[k] + 1),
             _start(v, int(v.used[k])),
@@ -208,6 +251,53 @@ def postures(v: Validation, most: int) -> Cells:
             f"{np.max(np.abs(v.calibrated[k]) / v.std[k]):.1f}",
         )
         for k in order
-    ]
+    )
     units = (f"{c} {'N' if c[0] == 'f' else 'N·m'}" for c in COMPONENTS)
-    return ("", "s", *units, "largest / u"), rows
+    which = f"The {most} worst postures" if len(v.calibrated) > most else "Postures"
+    caption = f"{which}, calibrated; u is the standard uncertainty"
+    return Table(caption, ("", "s", *units, "largest / u"), rows)
+
+
+def _tiles(v: Validation) -> tuple[Row, ...]:
+    wrench = [
+        (
+            f"residual contact {name}",
+            f"{_residual(v, column)['rms_after']:.2g} {unit}",
+            f"uncalibrated {_residual(v, column)['rms_before']:.3g} {unit}",
+        )
+        for column, (name, unit) in enumerate((("force", "N"), ("moment", "N·m")))
+    ]
+    return (
+        ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test"),
+        *wrench,
+        ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
+    )
+
+
+def _power(v: Validation) -> Section:
+    rows = tuple(
+        (name, *("none" if not np.isfinite(t) else f"{1e3 * t:.2f}" for t in turn))
+        for name, turn in zip(v.rig.supports, v.detectable, strict=True)
+    )
+    return Section(
+        "What these postures would have shown",
+        (Table("Turn about the BCS's axes, mrad", ("sensor", "x", "y", "z"), rows),),
+        "The smallest turn of a single sensor that is detected with a probability of "
+        f"{DETECTION_POWER:.0%}; more postures, more tilt and a squeeze make it smaller.",
+        page_only=True,
+    )
+
+
+def _provenance(v: Validation, origin: Origin) -> Section:
+    c = origin.calibration
+    facts = (
+        ("Calibration", f"{origin.name}, {METHODS[c.method]}, {c.created}, {c.status}"),
+        ("Command", origin.command),
+        ("Created", origin.created),
+        ("Software", f"tdfscal {__version__}"),
+        ("Test", f"χ² = {v.chi2:.4g} for {v.dof} degrees of freedom, p = {v.p_value:.2g}"),
+        ("Single causes", f"the likeliest by chance alone: p = {v.search_p:.2g}"),
+        ("Convention", c.convention),
+    )
+    blocks = (Facts(facts), inputs_table(origin.inputs, "Logs"))
+    return Section("Where this result comes from", blocks, page_only=True)

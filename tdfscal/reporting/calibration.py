@@ -1,0 +1,264 @@
+"""The report of one calibration."""
+
+from __future__ import annotations
+
+import math
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.records import ANGLES
+from tdfscal.reporting.advice import advise
+from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
+from tdfscal.reporting.log_time import clock
+from tdfscal.reporting.phrases import inputs_table, probability, utc
+
+if TYPE_CHECKING:
+    from tdfscal.reporting.figures.style import Drawing
+
+METHODS = {
+    "self": "self-calibration",
+    "tracker": "laser-tracker calibration",
+    "joint": "joint calibration, self and tracker",
+}
+_ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
+RESIDUAL_HEADER = ("", "rms before", "rms after", "largest before", "largest after")
+
+
+def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Report:
+    """Lay out a calibration; drawings are those of a page."""
+    names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
+    proof, rejected = _residual_wrench(c), _rejected(c)
+    sections = illustrated(
+        drawings,
+        {
+            "angles": (_angles(c),),
+            "methods": (),
+            "residuals": (proof,) if proof else (),
+            "budget": (),
+            "timeline": (Items("Rejected postures", rejected),) if rejected else (),
+            "observability": (),
+            "rig": _adjusted(c),
+        },
+    )
+    return Report(
+        title=c.rig.name,
+        subtitle=f"{METHODS[c.method]}{_ESTIMATORS[c.estimator]} of {len(c.supports)} sensors "
+        f"from {names}",
+        verdict=c.status.upper(),
+        accepted=c.status == "accepted",
+        claim="" if c.quality.reasons or not drawings else _claim(c),
+        reasons=c.quality.reasons,
+        tiles=_tiles(c),
+        sections=(
+            *sections,
+            Section("Statistics", (Facts(_statistics(c)),)),
+            Section(
+                "Where this result comes from", (Facts(_provenance(c)), inputs_table(c.inputs)),
+                page_only=True,
+            ),
+            *_absent(c, {drawing.name for drawing in drawings}),
+        ),
+        warnings=(*c.cautions, *c.warnings),
+        advice=advise(c),
+        created=utc(c.created),
+    )  # fmt: skip
+
+
+def _angles(c: Calibration) -> Table:
+    """Every angle in mrad; its turn from the nominal mounting where that is not zero."""
+    turned = any(any(support.nominal_rpy) for support in c.rig.supports)
+    rows = []
+    for i, (support, stated) in enumerate(zip(c.supports, c.rig.supports, strict=True)):
+        low, high = support.rpy_interval.low, support.rpy_interval.high
+        for j, angle in enumerate(ANGLES):
+            turn = math.remainder(support.rpy[j] - stated.nominal_rpy[j], math.tau)
+            rows.append(
+                (
+                    support.name,
+                    angle,
+                    f"{1e3 * support.rpy[j]:.3f}",
+                    *([f"{1e3 * turn:+.3f}"] if turned else []),
+                    f"{1e3 * support.rpy_std[j]:.3f}",
+                    f"{1e3 * low[j]:.3f} to {1e3 * high[j]:.3f}",
+                    _dominant(c, 3 * i + j),
+                )
+            )
+    beside = ", and their turn from the nominal mounting" if turned else ""
+    return Table(
+        f"Installation angles in the BCS{beside}, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
+        ("sensor", "angle", "value", *(["turn"] if turned else []), "std. unc.", "95 % interval",
+         "dominant source"),
+        tuple(rows),
+        left=2,
+    )  # fmt: skip
+
+
+def _dominant(c: Calibration, row: int) -> str:
+    """The largest contribution to an angle's variance and its share."""
+    if c.budget is None or len(c.budget.sources) < 2:
+        return ""
+    variance = c.budget.angles[row].variance
+    name = max(variance, key=lambda source: variance[source])
+    total = sum(variance.values())
+    return f"{name} {variance[name] / total:.0%}" if total > 0 else ""
+
+
+def _residual_wrench(c: Calibration) -> Table | None:
+    if c.validation is None:
+        return None
+    rows = tuple(
+        (name, *(f"{value:.3g} {unit}" for value in
+                 (w.rms_before, w.rms_after, w.max_before, w.max_after)))
+        for name, unit, w in (
+            ("force", "N", c.validation.force), ("moment", "N·m", c.validation.moment))
+    )  # fmt: skip
+    caption = "Residual contact wrench, leave-one-out postures, about the LCS origin"
+    return Table(caption, RESIDUAL_HEADER, rows)
+
+
+def _rejected(c: Calibration) -> tuple[str, ...]:
+    time = clock(c)
+    sentences = []
+    for r in c.fit.rejected if c.fit is not None else ():
+        dated = r.start is not None and r.end is not None
+        when = f" ({time.stretch(r.start or 0.0, r.end or 0.0)})" if dated else ""
+        sentences.append(f"posture {r.index + 1}{when}: {r.reason}")
+    return tuple(sentences)
+
+
+def _adjusted(c: Calibration) -> tuple[Table, ...]:
+    """Zeros, mass and barycentre as estimated; the tracker sees none of them."""
+    if c.method == "tracker":
+        return ()
+    zeros = tuple(
+        (support.name, *(f"{value:.2f} ± {std:.2f}" if std is not None else f"{value:.2f} (open)"
+                         for value, std in zip(support.zero, support.zero_std, strict=True)))
+        for support in c.supports
+    )  # fmt: skip
+    mass, bary = c.terminal.mass, c.terminal.barycenter
+    terminal = [("mass, kg", f"{mass.value:.3f}", _std(mass.std, 3))]
+    terminal += [
+        (f"barycentre {axis}, mm", f"{1e3 * value:.3f}", _std(std, 3, 1e3))
+        for axis, value, std in zip("xyz", bary.value, bary.std, strict=True)
+    ]
+    return (
+        Table("Zero offsets, N, sensor frames", ("sensor", "x", "y", "z"), zeros),
+        Table("Terminal after the adjustment, LCS", ("", "value", "std. unc."), tuple(terminal)),
+    )
+
+
+def _std(value: float | None, digits: int, scale: float = 1.0) -> str:
+    return "open" if value is None else f"{scale * value:.{digits}f}"
+
+
+def _claim(c: Calibration) -> str:
+    """Say in one sentence what was achieved."""
+    said = f"Every angle is known to {1e3 * c.rpy_std.max():.2g} mrad or better"
+    if c.validation is not None:
+        v = c.validation.force
+        said += (
+            f"; the residual contact force falls from {v.rms_before:.3g} N to {v.rms_after:.2g} N "
+            "at leave-one-out postures"
+        )
+    return f"{said}."
+
+
+def _tiles(c: Calibration) -> tuple[Row, ...]:
+    limits = c.rig.acceptance
+    tiles = [
+        (
+            "weakest angle",
+            f"{1e3 * c.rpy_std.max():.2g} mrad",
+            f"limit {1e3 * limits.angle_std:.2g} mrad",
+        )
+    ]
+    if c.validation is not None:
+        tiles += [
+            (f"residual contact {name}", f"{w.rms_after:.2g} {unit}",
+             f"before {w.rms_before:.3g} {unit}")
+            for name, unit, w in (
+                ("force", "N", c.validation.force), ("moment", "N·m", c.validation.moment))
+        ]  # fmt: skip
+    birge = c.tracker.get("birge") if c.tracker is not None else None
+    if c.fit is not None:
+        total = c.fit.postures + len(c.fit.rejected)
+        tiles.append(("postures", f"{c.fit.postures} of {total}", "in the fit"))
+        birge = c.fit.birge
+    elif c.tracker is not None and isinstance(birge, float):
+        tiles.append(("points", f"{c.tracker.get('points')}", "of the survey"))
+    if isinstance(birge, float):
+        tiles.append(("Birge ratio", f"{birge:.2f}", f"limit {limits.birge_max:.2g}"))
+    return tuple(tiles)
+
+
+def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
+    """How well the fit agrees with what is stated, and the largest correlation of two angles."""
+    facts = []
+    if c.fit is not None:
+        f = c.fit
+        facts += [
+            ("Postures", f"{f.postures} used, {len(f.rejected)} rejected"),
+            ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),
+            ("Fit", _chi2(f.chi2, f.dof, f.p_value)),
+        ]
+    if c.tracker is not None:
+        t = {name: float(str(c.tracker[name])) for name in ("chi2", "dof", "p_value")}
+        facts.append(("Survey", _chi2(t["chi2"], int(t["dof"]), t["p_value"])))
+    if c.observability is not None:
+        alone = "by the log alone, " if c.method == "joint" else ""
+        facts.append(("Observability", alone + c.observability.verdict))
+    if c.monte_carlo is not None:
+        m = c.monte_carlo
+        said = "confirm" if m.linear_interval_validated else "do not confirm"
+        facts.append(("Monte Carlo", f"{m.trials} trials {said} the linear 95 % intervals"))
+    std = np.sqrt(np.diagonal(c.rotation_covariance))
+    if np.all(std > 0):
+        off = c.rotation_covariance / np.outer(std, std) - np.eye(len(std))
+        a, b = np.unravel_index(int(np.abs(off).argmax()), off.shape)
+        names = c.covariance.parameters
+        facts.append(("Correlation", f"largest {off[a, b]:+.2f}, {names[a]} and {names[b]}"))
+    return tuple(facts)
+
+
+def _chi2(chi2: float, dof: int, p: float) -> str:
+    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, p = {probability(p)}"
+
+
+def _provenance(c: Calibration) -> tuple[tuple[str, str], ...]:
+    estimator = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
+    return (
+        ("Method", METHODS[c.method] + estimator[c.estimator]),
+        ("Command", c.command),
+        ("Created", c.created),
+        ("Software", f"{c.software.name} {c.software.version}"),
+        ("Seed", str(c.seed)),
+        ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
+        ("Convention", c.convention),
+        ("Covariance", c.covariance.definition),
+    )
+
+
+def _absent(c: Calibration, drawn: set[str]) -> tuple[Section, ...]:
+    """What a page does not show, and why."""
+    notes = []
+    if c.method == "tracker":
+        notes.append("A tracker survey has no postures: no residual wrench and no timeline.")
+    elif "residuals" not in drawn:
+        notes.append(
+            "This file holds no single postures, so neither their residuals nor the log's timeline "
+            "can be drawn; calibrate again to have them."
+        )
+    if "trials" not in drawn:
+        notes.append(
+            "A joint result has no Monte Carlo of its own; see each method alone."
+            if c.method == "joint"
+            else "No Monte Carlo histogram: the trials were switched off, or not kept."
+        )
+    if "survey" not in drawn and c.method != "self":
+        notes.append("This file holds no residuals of single points; calibrate again to have them.")
+    if not notes:
+        return ()
+    return (Section("What this page does not show", (Items("", tuple(notes)),), page_only=True),)

@@ -1,0 +1,110 @@
+"""What a report says, laid out once: words, tables and figures in the order of reading.
+
+A builder turns a result into a `Report`; `text`, `terminal` and `html` print any report and add
+nothing of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tdfscal.reporting.figures.style import Drawing
+
+Row = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of text under a header; the first `left` columns are words, the others numbers."""
+
+    caption: str
+    header: Row
+    rows: tuple[Row, ...]
+    left: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """Names with what is to be said of each."""
+
+    rows: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A list of sentences under a caption."""
+
+    caption: str
+    items: tuple[str, ...]
+
+
+#: A str is a paragraph.
+Block = Table | Facts | Items | str
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """Blocks that belong together, on a page under a title, with a figure.
+
+    reading : what the figure shows, one sentence. page_only : details that text leaves out.
+    """
+
+    title: str
+    blocks: tuple[Block, ...] = ()
+    reading: str = ""
+    drawing: Drawing | None = None
+    page_only: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A result as a reader meets it: verdict, reasons, evidence, what next.
+
+    verdict : one or two words in capitals; none where nothing is judged. accepted : its colour.
+    claim : what was achieved, in a sentence. tiles : name, number, remark; seen at a glance.
+    """
+
+    title: str
+    subtitle: str = ""
+    verdict: str = ""
+    accepted: bool = True
+    claim: str = ""
+    reasons: tuple[str, ...] = ()
+    tiles: tuple[Row, ...] = ()
+    sections: tuple[Section, ...] = ()
+    warnings: tuple[str, ...] = ()
+    advice: tuple[str, ...] = ()
+    created: str = ""
+
+    def brief(self) -> Iterator[Block]:
+        """Blocks of a rendering without pages."""
+        for section in self.sections:
+            if not section.page_only:
+                yield from section.blocks
+
+    def closing(self) -> Iterator[Items]:
+        """Lists that a rendering without pages ends with."""
+        for caption, items in (("Warnings", self.warnings), ("What next", self.advice)):
+            if items:
+                yield Items(caption, items)
+
+
+def illustrated(
+    drawings: tuple[Drawing, ...], blocks: dict[str, tuple[Block, ...]]
+) -> list[Section]:
+    """Sections of figures with the blocks beside them, by the figure's name; blocks may be alone.
+
+    The order is that of `blocks`, and then of the figures which it does not name.
+    """
+    by_name = {drawing.name: drawing for drawing in drawings}
+    sections = []
+    for name in [*blocks, *(name for name in by_name if name not in blocks)]:
+        drawing, beside = by_name.get(name), blocks.get(name, ())
+        if drawing is not None:
+            sections.append(Section(drawing.title, beside, drawing.reading, drawing))
+        elif beside:
+            sections.append(Section("", beside))
+    return sections

@@ -1,0 +1,25 @@
+"""Phrases that several reports share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from tdfscal.files.calibration.parts import Input
+from tdfscal.records import InputFile
+from tdfscal.reporting.layout import Table
+
+
+def inputs_table(inputs: Iterable[Input | InputFile], caption: str = "Input files") -> Table:
+    """Files with their digests."""
+    rows = tuple((f.path, f.sha256, f"{f.bytes:,}", f.integrity) for f in inputs)
+    return Table(caption, ("file", "SHA-256", "bytes", "integrity"), rows, left=2)
+
+
+def probability(p: float) -> str:
+    """Two digits where they say something, else the magnitude."""
+    return f"{p:.2f}" if p >= 0.01 else f"{p:.1g}"
+
+
+def utc(instant: str) -> str:
+    """An ISO 8601 instant as people read it."""
+    return instant.replace("T", " ").replace("Z", " UTC")
