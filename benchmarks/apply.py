@@ -72,7 +72,7 @@ def main() -> None:
             folder, calibration = home / form, home / "calibration.yaml"
             simulate_to_folder(folder, format=form, postures=POSTURES, recorder=RECORDER, seed=1)
             if form == FORMATS[0]:
-                save_calibration(calibrate([folder], trials=0).calibration, calibration)
+                save_calibration(calibrate([folder], trials=0), calibration)
             use = take(calibration, [folder])
             t_read, rows = timed(partial(read, use))
             t_apply, _ = timed(partial(apply, use, None))

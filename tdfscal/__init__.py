@@ -4,8 +4,10 @@
 >>> result = tdfscal.calibrate("sample_data/parquet", trials=0)
 >>> result.status
 'accepted'
->>> tdfscal.angles_frame(result).shape
+>>> result.to_frame().shape
 (9, 6)
+>>> tdfscal.validate(result, "sample_data/parquet").holds
+True
 """
 
 from __future__ import annotations
@@ -21,15 +23,27 @@ if TYPE_CHECKING:
         Dwells,
         LoadedRig,
         Log,
+        Progress,
         TdfscalError,
         angles_frame,
+        apply,
         calibrate,
+        compare,
         dwells_frame,
+        export,
         find_dwells,
+        info,
         load_calibration,
         load_rig,
+        plan,
         read_log,
+        register,
+        report,
         save_calibration,
+        schema,
+        simulate,
+        study,
+        validate,
     )
 
 __all__ = [
@@ -38,16 +52,28 @@ __all__ = [
     "Dwells",
     "LoadedRig",
     "Log",
+    "Progress",
     "TdfscalError",
     "__version__",
     "angles_frame",
+    "apply",
     "calibrate",
+    "compare",
     "dwells_frame",
+    "export",
     "find_dwells",
+    "info",
     "load_calibration",
     "load_rig",
+    "plan",
     "read_log",
+    "register",
+    "report",
     "save_calibration",
+    "schema",
+    "simulate",
+    "study",
+    "validate",
 ]
 
 
@@ -56,7 +82,8 @@ def __getattr__(name: str) -> Any:
     if name in __all__:
         from tdfscal import api
 
-        return getattr(api, name)
+        globals()[name] = value = getattr(api, name)
+        return value
     raise AttributeError(f"module 'tdfscal' has no attribute {name!r}")
 
 

@@ -1,8 +1,7 @@
-"""What `import tdfscal` offers: all that the commands do, for scripts and notebooks."""
+"""What `import tdfscal` offers: every command as a function, and the steps behind them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,72 +11,47 @@ import numpy as np
 from tdfscal import logs
 from tdfscal.dwells import DwellOptions, find_dwells
 from tdfscal.errors import TdfscalError
-from tdfscal.files.calibration.document import Calibration, load_calibration, save_calibration
+from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.records import Dwells, Log
-from tdfscal.selfcal.pipeline import Estimator
-from tdfscal.workflows.calibrate import Method
-from tdfscal.workflows.calibrate import calibrate as calibrate_campaign
+from tdfscal.workflows import study
+from tdfscal.workflows.apply import apply
+from tdfscal.workflows.arguments import PathLikes, listed
+from tdfscal.workflows.calibrate import calibrate
+from tdfscal.workflows.calibration import Calibration, angles_frame, load_calibration
+from tdfscal.workflows.compare import compare
+from tdfscal.workflows.export import export
+from tdfscal.workflows.info import info
+from tdfscal.workflows.plan import plan
+from tdfscal.workflows.progress import Progress
+from tdfscal.workflows.register import register
+from tdfscal.workflows.report import report
+from tdfscal.workflows.schema import schema
+from tdfscal.workflows.simulate import simulate
+from tdfscal.workflows.validate import validate
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Paths = str | PathLike[str] | Sequence[str | PathLike[str]]
 
-
-def _listed(paths: Paths) -> list[Path]:
-    if isinstance(paths, str | PathLike):
-        return [Path(paths)]
-    return [Path(p) for p in paths]
-
-
-def read_log(paths: Paths, rig: LoadedRig, *, salvage: bool = False) -> Log:
+def read_log(
+    paths: PathLikes, rig: LoadedRig | str | PathLike[str], *, salvage: bool = False
+) -> Log:
     """Read one or several recorded logs of a campaign into memory, SI units.
 
-    Raises UsageError, RigError, DataError.
+    Parameters
+    ----------
+    paths : log files.
+    rig : a loaded rig, or its file.
+    salvage : read what is sound of damaged logs.
+
+    Raises
+    ------
+    UsageError, RigError, DataError
+        By cause.
     """
-    return logs.read_log(_listed(paths), rig.log, rig.rig.supports, salvage=salvage)
-
-
-def calibrate(
-    paths: Paths,
-    *,
-    rig: str | PathLike[str] | None = None,
-    method: Method | None = None,
-    estimator: Estimator = "ml",
-    trials: int | None = None,
-    seed: int = 0,
-    salvage: bool = False,
-) -> Calibration:
-    """Calibrate from a campaign folder, or from logs with a rig file.
-
-    The result may be rejected: look at `.status` and `.quality.reasons`.
-    `workflows.calibrate.calibrate` takes the same and also returns the records behind the result.
-
-    Raises TdfscalError by cause.
-    """
-    return calibrate_campaign(
-        _listed(paths),
-        rig=Path(rig) if rig is not None else None,
-        method=method,
-        estimator=estimator,
-        trials=trials,
-        seed=seed,
-        salvage=salvage,
-    ).calibration
-
-
-def angles_frame(calibration: Calibration) -> pd.DataFrame:
-    """One row per angle: support, angle, value, std, low, high, in rad."""
-    import pandas as pd
-
-    rows = [
-        (support.name, angle, support.rpy[j], support.rpy_std[j],
-         support.rpy_interval.low[j], support.rpy_interval.high[j])
-        for support in calibration.supports
-        for j, angle in enumerate(("roll", "pitch", "yaw"))
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=["support", "angle", "value", "std", "low", "high"])
+    loaded = rig if isinstance(rig, LoadedRig) else load_rig(Path(rig))
+    return logs.read_log(listed(paths), loaded.log, loaded.rig.supports, salvage=salvage)
 
 
 def dwells_frame(dwells: Dwells) -> pd.DataFrame:
@@ -107,13 +81,25 @@ __all__ = [
     "Dwells",
     "LoadedRig",
     "Log",
+    "Progress",
     "TdfscalError",
     "angles_frame",
+    "apply",
     "calibrate",
+    "compare",
     "dwells_frame",
+    "export",
     "find_dwells",
+    "info",
     "load_calibration",
     "load_rig",
+    "plan",
     "read_log",
+    "register",
+    "report",
     "save_calibration",
+    "schema",
+    "simulate",
+    "study",
+    "validate",
 ]

@@ -52,3 +52,9 @@ class NotConvergedError(TdfscalError):
     """The iteration found no answer that can be trusted."""
 
     exit_status = 4
+
+
+class RejectedError(TdfscalError):
+    """The quality gate rejected what is asked to be used."""
+
+    exit_status = 1

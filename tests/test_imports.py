@@ -16,7 +16,7 @@ HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "y
 ORDER = (
     "errors", "records", "significance", "numerics", "model", "simulation", "dwells", "wrench",
     "checks", "acceptance", "selfcal", "motioncal", "trackercal", "comparison", "validation",
-    "planning", "studies", "files", "logs", "reporting", "export", "workflows", "api", "cli",
+    "planning", "studies", "files", "logs", "reporting", "exports", "workflows", "api", "cli",
 )  # fmt: skip
 OUTER = set(ORDER[ORDER.index("files") :])
 

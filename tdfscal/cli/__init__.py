@@ -7,7 +7,21 @@ import sys
 
 import typer
 
-from tdfscal.cli import commands  # noqa: F401 - registers the commands
+# Each module registers its command, in the order in which the help lists them.
+from tdfscal.cli import (  # noqa: F401
+    apply,
+    calibrate,
+    compare,
+    export,
+    info,
+    plan,
+    register,
+    report,
+    schema,
+    simulate,
+    study,
+    validate,
+)
 from tdfscal.cli.app import app
 from tdfscal.errors import TdfscalError
 

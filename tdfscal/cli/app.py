@@ -1,10 +1,9 @@
-"""The application, and what its commands share."""
+"""The application, and the options that its commands share."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -37,21 +36,16 @@ def _common(
 
 
 Paths = Annotated[list[Path], typer.Argument(metavar="PATH", help="Campaign folder, or log files.")]
+CalibrationFile = Annotated[
+    Path, typer.Argument(metavar="CALIBRATION", help="Calibration file; - for stdin.")
+]
+Rig = Annotated[Path, typer.Argument(metavar="RIG", help="rig.yaml, or its folder.")]
 RigFile = Annotated[
     Path | None, typer.Option("--rig", metavar="FILE", help="rig.yaml, where no folder holds one.")
+]
+Html = Annotated[
+    Path | None, typer.Option("--html", metavar="FILE", help="Also write a report page.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
-
-
-def command_line() -> str:
-    """Return the command as the user gave it."""
-    return " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
-
-
-def emit(document: Any) -> None:
-    """Print one JSON object."""
-    import json
-
-    print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1))

@@ -7,32 +7,30 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tdfscal.workflows.progress import Progress
 
 
-def speaker(*, quiet: bool) -> Callable[[str], None]:
-    """Return what says a line of progress, headed by the seconds since now."""
+def on_stderr(*, quiet: bool) -> Progress:
+    """Return what shows progress to a user; each line is headed by the seconds since now."""
+    from tdfscal.workflows.progress import SILENT, Progress
+
+    if quiet:
+        return SILENT
     started = time.monotonic()
 
     def say(text: str) -> None:
-        if not quiet:
-            print(f"[{time.monotonic() - started:5.1f} s] {text}", file=sys.stderr, flush=True)
+        print(f"[{time.monotonic() - started:5.1f} s] {text}", file=sys.stderr, flush=True)
 
-    return say
-
-
-def stages(*, quiet: bool) -> Callable[[str], None]:
-    """Return what says that a stage of a work begins."""
-    say = speaker(quiet=quiet)
-    return lambda stage: say(f"{stage} …")
+    return Progress(stage=lambda stage: say(f"{stage} …"), count=say, reading=_reading_bar)
 
 
 @contextmanager
-def reading_bar(paths: Sequence[Path], *, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """Give what `iter_log` takes as `progress`; None where nobody looks.
-
-    paths : log files, for the rate in bytes.
-    """
-    if quiet or not sys.stderr.isatty():
+def _reading_bar(paths: Sequence[Path]) -> Iterator[Callable[[float], None] | None]:
+    """Give what takes the share of the files that is read; None where nobody looks."""
+    if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console

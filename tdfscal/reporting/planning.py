@@ -67,7 +67,7 @@ def _comparison(plan: Plan) -> str:
     return f"{text}; for the {what} the plan is {plan.improvement:.2f} times better"
 
 
-def plan_document(plan: Plan, path: str, seed: int) -> dict[str, Any]:
+def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:
     """The same as plain JSON values, SI units."""
     limits, request = plan.request.limits, plan.request
     return {

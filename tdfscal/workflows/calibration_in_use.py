@@ -10,10 +10,11 @@ import numpy as np
 
 from tdfscal.checks.same_rig import contradictions
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.document import Calibration, load_calibration
+from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated_from
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.records import FloatArray, UncertainValue
+from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
 from tdfscal.workflows.campaign import Campaign, resolve
 
 
@@ -21,17 +22,18 @@ from tdfscal.workflows.campaign import Campaign, resolve
 class InUse:
     """A calibration with the logs that it is used on.
 
-    given : with the inertia and the declared uncertainties of the logs' rig. warnings : what a
-    user must hear first.
+    name : of its file, for messages. given : with the inertia and the declared uncertainties of
+    the logs' rig. warnings : what a user must know first.
     """
 
+    name: str
     calibration: Calibration
     given: Calibrated
     campaign: Campaign
     warnings: tuple[str, ...]
 
 
-def calibrated(calibration: Calibration, source: Path | str = "calibration") -> Calibrated:
+def calibrated(calibration: CalibrationFile, source: Path | str = "calibration") -> Calibrated:
     """Return the parameters of a calibration file with their covariance; source is for messages."""
     rig = calibration.loaded_rig(source).rig
     if calibration.parameters is not None:
@@ -54,7 +56,7 @@ def _std(values: Sequence[float | None]) -> FloatArray:
     return np.array([np.inf if value is None else value for value in values])
 
 
-def take(calibration: Path, paths: Sequence[Path], rig: Path | None = None) -> InUse:
+def take(calibration: CalibrationSource, paths: Sequence[Path], rig: Path | None = None) -> InUse:
     """Load a calibration and find the logs to use it on, with their rig.
 
     The rig is that of the campaign folder, or `rig`, else the one that the calibration embeds.
@@ -62,15 +64,15 @@ def take(calibration: Path, paths: Sequence[Path], rig: Path | None = None) -> I
     Raises UsageError where that rig contradicts the calibrated one, or there is no log; else as
     `load_calibration` and `resolve`.
     """
-    loaded = load_calibration(calibration)
-    campaign = resolve(paths, rig, fallback=loaded.loaded_rig(calibration))
+    name, loaded = read_source(calibration)
+    campaign = resolve(paths, rig, fallback=loaded.loaded_rig(name))
     if not campaign.logs:
         raise UsageError(
             "there is no log here",
             where=", ".join(map(str, paths)),
             hint="name a folder with .csv, .parquet or .mcap logs, or the logs themselves",
         )
-    given = calibrated(loaded, calibration)
+    given = calibrated(loaded, name)
     other = campaign.rig.rig
     found = contradictions(given.rig, other)
     if found:
@@ -80,10 +82,10 @@ def take(calibration: Path, paths: Sequence[Path], rig: Path | None = None) -> I
             hint="correct the rig file, or calibrate this rig",
         )
     used = replace(given.rig, inertia=other.inertia, declared=other.declared)
-    return InUse(loaded, replace(given, rig=used), campaign, _warnings(loaded, calibration))
+    return InUse(name, loaded, replace(given, rig=used), campaign, _warnings(loaded, name))
 
 
-def _warnings(calibration: Calibration, path: Path) -> tuple[str, ...]:
+def _warnings(calibration: Calibration, path: str) -> tuple[str, ...]:
     cautions = tuple(f"{path}: {caution}" for caution in calibration.cautions)
     if calibration.status == "accepted":
         return cautions

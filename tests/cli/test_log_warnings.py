@@ -13,8 +13,10 @@ import pytest
 import yaml
 
 from tdfscal.errors import DataError, NotIdentifiableError
-from tdfscal.workflows.calibrate import _Passing
-from tests.cli.running import run
+from tdfscal.workflows.campaign import resolve
+from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.progress import SILENT
+from tests.cli.running import SAMPLES, run
 
 REPEATED = "1 repeat the time of the sample before"
 Change = Callable[[pa.Table], pa.Table]
@@ -79,8 +81,9 @@ def test_a_failure_says_what_the_log_warned_of(
 
 
 def test_clocks_come_first_and_long_lists_are_cut() -> None:
-    heard = ["a gap", "b gap", "the header times of /f are +100 s off the recorder's", "c gap"]
-    passing = _Passing(heard=dict.fromkeys(heard))
+    messages = ["a gap", "b gap", "the header times of /f are +100 s off the recorder's", "c gap"]
+    campaign = resolve([SAMPLES / "parquet"])
+    passing = LogPass(campaign, SILENT, messages=dict.fromkeys(messages))
     with (
         pytest.raises(
             NotIdentifiableError,
@@ -90,7 +93,8 @@ def test_clocks_come_first_and_long_lists_are_cut() -> None:
         passing.explaining(),
     ):
         raise NotIdentifiableError("what", hint="do it")
-    with pytest.raises(DataError, match=r"^log: what\. Do it\.$"), _Passing().explaining():
+    silent = LogPass(campaign, SILENT)
+    with pytest.raises(DataError, match=r"^log: what\. Do it\.$"), silent.explaining():
         raise DataError("what", where="log", hint="do it")
 
 

@@ -53,8 +53,8 @@ def _turned(table: pa.Table) -> pa.Table:
 
 
 def _calibrations(home: Path) -> None:
-    own = calibrate([home / "campaign"], trials=0).calibration
-    survey = calibrate([home / "campaign"], method="tracker", trials=0).calibration
+    own = calibrate([home / "campaign"], trials=0)
+    survey = calibrate([home / "campaign"], method="tracker", trials=0)
     document: dict[str, Any] = own.model_dump()
     document |= {"status": "rejected", "quality": {"reasons": ["a reason"]}}
     save_calibration(own, home / "own.yaml")

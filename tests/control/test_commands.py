@@ -39,7 +39,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
         simulate_to_folder(
             home / name, rig, postures=12, rows="postures", recorder=Recorder(mean_sd=0.1)
         )
-        save_calibration(calibrate([home / name], trials=0).calibration, home / f"{name}.yaml")
+        save_calibration(calibrate([home / name], trials=0), home / f"{name}.yaml")
     (home / "moves.csv").write_text(MOVE, encoding="utf-8")
     return Bench(home / "rig", home / "rig.yaml", home / "heavier.yaml", home / "moves.csv")
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.export.certificate import certificate
-from tdfscal.export.schemacheck import check, schema_version
+from tdfscal.exports.certificate import certificate
+from tdfscal.exports.schemacheck import check, schema_version
 from tdfscal.files.calibration.document import Calibration
 from tests.export.rules import write_schemas
 from tests.reporting.samples import NASTY, changed, run, sample, saved

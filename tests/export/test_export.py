@@ -18,7 +18,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import UsageError
-from tdfscal.export import FORMATS, c_header, csv_table, ros_transforms, urdf
+from tdfscal.exports import FORMATS, c_header, csv_table, ros_transforms, urdf
 from tdfscal.files.calibration.document import CONVENTION_WITH_SENSITIVITY, Calibration
 from tests.reporting.samples import NASTY, changed, run, sample, saved
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tdfscal.cli.reporting import page_of
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.reporting.html import render_page
+from tdfscal.workflows.report import report
 from tests.reporting.samples import NASTY, changed, run, sample, saved, surveyed
 
 VOID = {"meta", "br", "link", "img"}
@@ -135,7 +135,7 @@ def test_size_and_paper(page: str) -> None:
 def test_page_of_a_file_is_that_of_the_calibration(tmp_path: Path) -> None:
     c = sample(touched=True).calibration
     again = load_calibration(saved(c, tmp_path, "c.yaml"))
-    assert render_page(again) == page_of(("", c))
+    assert render_page(again) == report(c).html
 
 
 @pytest.mark.usefixtures("plain")

@@ -121,7 +121,7 @@ def test_a_long_log_is_thinned_evenly_and_its_pieces_let_go() -> None:
 @pytest.fixture(scope="module")
 def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("inspection") / "cal.yaml"
-    save_calibration(calibrate([SAMPLES / "csv"], trials=0).calibration, target)
+    save_calibration(calibrate([SAMPLES / "csv"], trials=0), target)
     return target
 
 

@@ -42,6 +42,7 @@ from tdfscal.files.yaml.reading import Document, Format, parse_document, read_do
 from tdfscal.records import FloatArray, Rotations
 
 AXES = ("rx", "ry", "rz")
+_FORMS: dict[str, Format] = {".json": "json", ".yaml": "yaml", ".yml": "yaml"}
 
 
 class Calibration(Strict):
@@ -232,15 +233,20 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 
     Raises UsageError for another suffix or where it cannot be written.
     """
-    forms: dict[str, Format] = {".json": "json", ".yaml": "yaml", ".yml": "yaml"}
-    form = forms.get(Path(path).suffix.lower())
+    form = check_calibration_name(path)
+    write_text(Path(path), dump_calibration(calibration, form))
+
+
+def check_calibration_name(path: Path | str) -> Format:
+    """Return the form that a file's name asks for. Raises UsageError for any other suffix."""
+    form = _FORMS.get(Path(path).suffix.lower())
     if form is None:
         raise UsageError(
             "a calibration file's name ends in .json, .yaml or .yml",
             where=str(path),
             hint="choose one of them",
         )
-    write_text(Path(path), dump_calibration(calibration, form))
+    return form
 
 
 def _from_document(document: Document) -> Calibration:
@@ -254,6 +260,7 @@ __all__ = [
     "CONVENTION_WITH_SENSITIVITY",
     "COVARIANCE_DEFINITION",
     "Calibration",
+    "check_calibration_name",
     "dump_calibration",
     "load_calibration",
     "parameter_names",

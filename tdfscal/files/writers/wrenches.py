@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.output_places import check_place
 from tdfscal.files.saving import replacing
+from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.stream import WrenchPiece
 
@@ -57,8 +58,7 @@ def write_wrenches(
     with replacing(path) as beside:
         try:
             with _writer(path, beside, schema) as sink:
-                for piece in pieces:
-                    _check_numbers(piece)
+                for piece in numbers_only(pieces):
                     sink.write_table(_table(piece, schema))
                     rows += piece.time.size
                     watch(piece)
@@ -71,15 +71,25 @@ def write_wrenches(
     return rows
 
 
-def _check_numbers(piece: WrenchPiece) -> None:
-    """Raise DataError at the first wrench that is no number."""
-    bad = ~np.isfinite(piece.wrench.value.sum(axis=1) + piece.wrench.raw.sum(axis=1))
-    if bad.any():
-        raise DataError(
-            f"the contact wrench at {piece.time[int(np.argmax(bad))]:.9g} s is no number",
-            where="log",
-            hint="check the positions and forces there, and the units of the log block in rig.yaml",
-        )
+def numbers_only(pieces: Iterable[WrenchPiece]) -> Iterator[WrenchPiece]:
+    """Pass pieces on. Raises DataError at the first wrench that is no number."""
+    for piece in pieces:
+        bad = ~np.isfinite(piece.wrench.value.sum(axis=1) + piece.wrench.raw.sum(axis=1))
+        if bad.any():
+            raise DataError(
+                f"the contact wrench at {piece.time[int(np.argmax(bad))]:.9g} s is no number",
+                where="log",
+                hint="check the positions and forces there, and the units of the log block in "
+                "rig.yaml",
+            )
+        yield piece
+
+
+def columns_of(piece: WrenchPiece) -> dict[str, FloatArray]:
+    """Return the columns of a piece by their names; an unknown uncertainty is NaN."""
+    w = piece.wrench
+    std = np.where(np.isfinite(w.std), w.std, np.nan)
+    return dict(zip(COLUMNS, [piece.time, *w.value.T, *std.T, *w.raw.T], strict=True))
 
 
 def _writer(path: Path, beside: Path, schema: Any) -> Any:
@@ -104,11 +114,10 @@ def _table(piece: WrenchPiece, schema: Any) -> Any:
 
     from tdfscal.files.arrow import as_arrow
 
-    w = piece.wrench
-    values = [piece.time, *w.value.T, *w.std.T, *w.raw.T]
-    return pa.table([as_arrow(v, _unknown(v)) for v in values], schema=schema)
+    columns = columns_of(piece).values()
+    return pa.table([as_arrow(v, _unknown(v)) for v in columns], schema=schema)
 
 
-def _unknown(values: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
+def _unknown(values: FloatArray) -> Any:
     finite = np.isfinite(values)
     return None if finite.all() else ~finite

@@ -89,6 +89,12 @@ def legend_above(ax: Axes, columns: int) -> None:
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, borderaxespad=0.3)
 
 
+def to_figure(drawing: Drawing) -> Figure:
+    """Return the figure itself, for a notebook or to be changed."""
+    with look():
+        return drawing.paint()
+
+
 def to_svg(drawing: Drawing) -> str:
     """SVG element for a page: no XML prologue, identifiers of its own, text as outlines."""
     with look():

@@ -1,0 +1,41 @@
+"""`tdfscal apply`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from tdfscal.cli.app import CalibrationFile, Json, Paths, Quiet, RigFile, app
+from tdfscal.cli.perform import perform
+
+Filter = Literal["none", "kalman", "smooth"]
+
+
+@app.command()
+def apply(
+    calibration: CalibrationFile,
+    paths: Paths,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FILE", help="Result: .csv or .parquet."),
+    ],
+    rig: RigFile = None,
+    quasi_static: Annotated[
+        bool,
+        typer.Option("--quasi-static", help="Leave inertia out although the rig file states it."),
+    ] = False,
+    filter: Annotated[
+        Filter,
+        typer.Option(help="Kalman filter: causal, as a controller's; or smoothed, without delay."),
+    ] = "none",
+    walk: Annotated[
+        float | None,
+        typer.Option(metavar="N", help="What a force may walk by in 1 s, for the filter; 15 N."),
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Work out the contact force and torque over a whole log."""
+    return perform("apply", locals()).exit_status

@@ -1,0 +1,77 @@
+"""`tdfscal calibrate`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, cast
+
+import typer
+
+from tdfscal.cli.app import Html, Json, Paths, Quiet, RigFile, Seed, app
+from tdfscal.cli.perform import perform, show_words
+
+if TYPE_CHECKING:
+    from tdfscal.workflows.calibration import Calibration
+    from tdfscal.workflows.result import Result
+
+DEFAULT_OUTPUT = Path("calibration.yaml")
+Method = Literal["self", "tracker", "joint"]
+Estimator = Literal["ml", "linear"]
+
+
+@app.command()
+def calibrate(
+    paths: Paths,
+    rig: RigFile = None,
+    method: Annotated[
+        Method | None, typer.Option(help="Default: self where there is a log, else tracker.")
+    ] = None,
+    estimator: Annotated[
+        Estimator, typer.Option(help="Maximum likelihood, or the paper's linear method.")
+    ] = "ml",
+    trials: Annotated[
+        int | None, typer.Option(min=0, help="Monte Carlo trials at most; 0 for none.")
+    ] = None,
+    seed: Seed = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Default: calibration.yaml here; - for stdout."
+        ),
+    ] = None,
+    json: Json = False,
+    allow_rejected: Annotated[
+        bool, typer.Option("--allow-rejected", help="Write the file even if the gate rejects it.")
+    ] = False,
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="Read what is sound of a damaged log; never accepted.")
+    ] = False,
+    html: Html = None,
+    quiet: Quiet = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Say which stretches of rest were left out.")
+    ] = False,
+) -> int:
+    """Calibrate the sensors of a rig from a recorded campaign."""
+    options = locals()
+    del options["verbose"]
+    options["output"] = target = output or DEFAULT_OUTPUT
+
+    def show(result: Result) -> None:
+        show_words(result)
+        if result.exit_status == 0 or allow_rejected:
+            print(f"\nwrote {target}")
+
+    done = perform("calibrate", options, dash={"output": "content"}, show=show)
+    result = cast("Calibration", done)
+    if verbose and result.records is not None and result.records.own is not None:
+        for stretch in result.records.own.dwells.left_out:
+            span = f"{stretch.start:.2f} to {stretch.end:.2f} s"
+            print(f"left out: {span}: {stretch.reason}", file=sys.stderr)
+    if not result.accepted:
+        what = "it was written as rejected" if allow_rejected else "nothing was written"
+        if html is not None and not allow_rejected:
+            what += " (--allow-rejected writes result and page)"
+        print(f"tdfscal: the quality gate rejects this result; {what}", file=sys.stderr)
+    return result.exit_status

@@ -1,0 +1,22 @@
+"""`tdfscal compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tdfscal.cli.app import Json, app
+from tdfscal.cli.perform import perform
+
+
+@app.command()
+def compare(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="A B…", help="Calibration files of one rig.")
+    ],
+    json: Json = False,
+) -> int:
+    """Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict."""
+    return perform("compare", locals()).exit_status

@@ -1,0 +1,37 @@
+"""`tdfscal export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from tdfscal.cli.app import CalibrationFile, Json, app
+from tdfscal.cli.perform import perform
+
+Target = Literal["urdf", "ros", "csv", "c", "dcc"]
+
+
+@app.command()
+def export(
+    calibration: CalibrationFile,
+    to: Annotated[Target, typer.Option("--to", help="Format.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="Default: stdout (-).")
+    ] = Path("-"),
+    parent: Annotated[
+        str,
+        typer.Option("--parent", metavar="FRAME", help="Frame with the BCS's axes (URDF, ROS)."),
+    ] = "bcs",
+    schema: Annotated[
+        Path | None,
+        typer.Option("--schema", metavar="XSD", help="Check a DCC against this schema file."),
+    ] = None,
+    allow_rejected: Annotated[
+        bool, typer.Option("--allow-rejected", help="Export what the quality gate rejected.")
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate."""
+    return perform("export", locals(), dash={"output": "content"}).exit_status

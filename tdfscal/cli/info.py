@@ -1,0 +1,12 @@
+"""`tdfscal info`."""
+
+from __future__ import annotations
+
+from tdfscal.cli.app import Json, Paths, Quiet, RigFile, app
+from tdfscal.cli.perform import perform
+
+
+@app.command()
+def info(paths: Paths, rig: RigFile = None, json: Json = False, quiet: Quiet = False) -> int:
+    """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste."""
+    return perform("info", locals()).exit_status

@@ -1,0 +1,78 @@
+"""`tdfscal plan`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from tdfscal.cli.app import Json, Quiet, Rig, Seed, app
+from tdfscal.cli.perform import perform
+
+Objective = Literal["angles", "wrench"]
+
+
+@app.command()
+def plan(
+    rig: Rig,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE.csv", help="Postures to drive.")
+    ],
+    postures: Annotated[
+        int | None, typer.Option(min=1, help="Postures to drive, returns included; default 24.")
+    ] = None,
+    target: Annotated[
+        float | None,
+        typer.Option(metavar="MRAD", help="As many postures as bring every angle within this."),
+    ] = None,
+    tilt: Annotated[float, typer.Option(metavar="DEG", help="Largest tilt, degrees.")] = 5.0,
+    squeeze: Annotated[
+        float, typer.Option(metavar="N", help="Largest internal force at any NCP, N.")
+    ] = 200.0,
+    force_limit: Annotated[
+        float | None, typer.Option(metavar="N", help="Largest force at any NCP in all, N.")
+    ] = None,
+    travel: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[NCP=]M[,M,M]", help="Way from home, either side, m: of all NCPs, or of one."
+        ),
+    ] = None,
+    home: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="LCS origin in the BCS at home, m; default 0,0,0."),
+    ] = None,
+    stiffness: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N/M", help="Of an NCP: squeeze by displacements; else by servoed forces."
+        ),
+    ] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="Noise of a posture's mean force per axis, N; default 1, or that of --given.",
+        ),
+    ] = None,
+    candidates: Annotated[int, typer.Option(min=1, help="Postures to choose from.")] = 1000,
+    objective: Annotated[
+        Objective, typer.Option(help="The quantity whose uncertainty is minimised.")
+    ] = "angles",
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="R,P,Y", help="Assembly posture for the contact wrench, rad."),
+    ] = None,
+    given: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="PATH", help="Campaign or log recorded already; plan what is next."),
+    ] = None,
+    seed: Seed = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Choose the postures and squeezes to drive, and say what to expect of them."""
+    options = locals()
+    options |= {"travel": travel or (), "given": given or ()}
+    return perform("plan", options, dash={"output": "content"}).exit_status

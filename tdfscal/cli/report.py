@@ -1,0 +1,31 @@
+"""`tdfscal report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tdfscal.cli.app import Json, Quiet, app
+from tdfscal.cli.perform import perform
+
+
+@app.command()
+def report(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE", help="Calibration files; - for stdin.")
+    ],
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Also write one HTML page; - for stdout."),
+    ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option("--figures", metavar="DIR", help="Also write the figures, PNG and SVG."),
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Summarise a calibration file, or several side by side and over time."""
+    return perform("report", locals(), dash={"html": "html"}).exit_status

@@ -1,0 +1,36 @@
+"""`tdfscal simulate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from tdfscal.cli.app import Json, Quiet, RigFile, Seed, app
+from tdfscal.cli.perform import perform
+
+LogFormat = Literal["csv", "parquet", "mcap"]
+
+
+@app.command()
+def simulate(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Campaign folder to write.")],
+    rig: RigFile = None,
+    scenario: Annotated[
+        str, typer.Option(help="self, tracker, or a fault; an unknown name lists them all.")
+    ] = "self",
+    format: Annotated[LogFormat, typer.Option(help="Format of the log.")] = "csv",
+    postures: Annotated[int, typer.Option(min=1, help="Number of postures.")] = 24,
+    tilt: Annotated[float, typer.Option(help="Largest tilt, degrees.")] = 5.0,
+    squeeze: Annotated[float, typer.Option(help="Commanded internal forces, N.")] = 200.0,
+    rate: Annotated[
+        float, typer.Option(min=10.0, max=20e3, help="Samples per second of all signals.")
+    ] = 100.0,
+    seed: Seed = 0,
+    force: Annotated[bool, typer.Option("--force", help="Replace what is in the folder.")] = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Write a synthetic campaign with its truth.yaml."""
+    return perform("simulate", locals()).exit_status

@@ -1,0 +1,144 @@
+"""`tdfscal study …`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from tdfscal.cli.app import Json, Quiet, Rig, Seed, app
+from tdfscal.cli.perform import perform
+
+study = typer.Typer(no_args_is_help=True, help="The paper's studies, on any rig.")
+app.add_typer(study, name="study")
+
+Filter = Literal["none", "kalman"]
+LogFormat = Literal["csv", "parquet", "mcap"]
+
+Folder = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for tables and figures.")
+]
+Calibrations = Annotated[
+    list[Path] | None,
+    typer.Option("--calibration", metavar="FILE", help="What it is worth; may be repeated."),
+]
+Runs = Annotated[int, typer.Option(min=1, help="Runs per calibration.")]
+Perfect = Annotated[
+    bool, typer.Option("--perfect", help="Also the best that any calibration could do.")
+]
+Mounting = Annotated[
+    str | None,
+    typer.Option(
+        metavar="R,P,Y",
+        help="Simulated mounting: std of roll, pitch, yaw, rad; default 0.003,0.003,0.03.",
+    ),
+]
+Drift = Annotated[
+    float, typer.Option(metavar="N", min=0, help="Std of the zeros' drift since the calibration.")
+]
+Tare = Annotated[bool, typer.Option(help="Tare the wrench at the start.")]
+Filtered = Annotated[Filter, typer.Option("--filter", help="Kalman filter of the sensors.")]
+Walking = Annotated[
+    float | None,
+    typer.Option("--walk", metavar="N", help="What a force may walk by in 1 s, for it; 15 N."),
+]
+Logs = Annotated[LogFormat | None, typer.Option("--logs", help="Write each run's log.")]
+
+
+def _perform(name: str, options: dict[str, Any]) -> int:
+    return perform(
+        f"study.{name}", options | {"calibration": options["calibration"] or ()}
+    ).exit_status
+
+
+@study.command()
+def sensitivity(
+    rig: Rig,
+    output: Folder,
+    calibration: Calibrations = None,
+    rpy: Annotated[
+        str | None,
+        typer.Option(metavar="R,P,Y", help="A posture beside the aligned one, rad."),
+    ] = None,
+    squeeze: Annotated[
+        float, typer.Option(metavar="N", min=0, help="Internal forces, standard deviation, N.")
+    ] = 200.0,
+    span: Annotated[float, typer.Option(metavar="RAD", help="Sweep by ± this.")] = 0.05,
+    seed: Seed = 0,
+    json: Json = False,
+) -> int:
+    """Contact force and torque error against each installation angle (Fig. 4)."""
+    return _perform("sensitivity", locals())
+
+
+@study.command()
+def accuracy(
+    rig: Rig,
+    output: Folder,
+    calibration: Calibrations = None,
+    runs: Annotated[int, typer.Option(min=2, help="Simulated campaigns per method.")] = 1000,
+    postures: Annotated[int, typer.Option(min=1, help="Postures of a campaign.")] = 24,
+    tilt: Annotated[float, typer.Option(metavar="DEG", help="Largest tilt, degrees.")] = 5.0,
+    squeeze: Annotated[
+        float, typer.Option(metavar="N", help="Commanded internal forces, N.")
+    ] = 200.0,
+    stiffness: Annotated[float, typer.Option(metavar="N/M", help="Of an NCP.")] = 20.0e6,
+    distance: Annotated[float, typer.Option(metavar="M", help="Tracker to rig, m.")] = 5.0,
+    seed: Seed = 0,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default one per core.")
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Monte Carlo of self-calibration and laser tracker (Figs. 7–9, 12–14, Table 2)."""
+    return _perform("accuracy", locals())
+
+
+@study.command("free-space")
+def free_space(
+    rig: Rig,
+    output: Folder,
+    calibration: Calibrations = None,
+    runs: Runs = 10,
+    moves: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="CSV of moves instead of the six stated.")
+    ] = None,
+    perfect: Perfect = False,
+    mounting: Mounting = None,
+    drift: Drift = 0.0,
+    tare: Tare = False,
+    filter: Filtered = "none",
+    walk: Walking = None,
+    logs: Logs = None,
+    seed: Seed = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Deviation of the terminal in free space under impedance control (Table 4, Fig. 16)."""
+    return _perform("free_space", locals())
+
+
+@study.command()
+def docking(
+    rig: Rig,
+    output: Folder,
+    calibration: Calibrations = None,
+    runs: Runs = 10,
+    engagement: Annotated[
+        float | None, typer.Option(metavar="MM", help="Length of the engagement, default 333 mm.")
+    ] = None,
+    perfect: Perfect = False,
+    mounting: Mounting = None,
+    drift: Drift = 0.0,
+    tare: Tare = False,
+    filter: Filtered = "none",
+    walk: Walking = None,
+    logs: Logs = None,
+    seed: Seed = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Contact force and torque while the gears are docked (Figs. 17 and 18)."""
+    return _perform("docking", locals())

@@ -1,0 +1,36 @@
+"""CSV: one row per sensor, rotation matrix by rows."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+
+from tdfscal.exports.words import number
+from tdfscal.files.calibration.document import Calibration
+
+_AXES = "xyz"
+
+
+def csv_table(c: Calibration) -> str:
+    """Return sensor, r_xx … r_zz, zero in N, inverse sensitivity u_xx … u_zz, convention.
+
+    F_bcs = r · u · (F_sensor − zero); u = (I + S)⁻¹ stands only where a sensitivity was estimated.
+    """
+    scaled = any(support.sensitivity for support in c.supports)
+    header = ["sensor", *_names("r"), *(f"zero_{a}" for a in _AXES)]
+    header += _names("u") if scaled else []
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([*header, "status", "created", "convention"])
+    for support, mixing in zip(c.supports, c.sensitivity, strict=True):
+        row = [number(v) for v in np.ravel(support.rotation)]
+        row += [number(v) for v in support.zero]
+        row += [number(v) for v in np.linalg.inv(mixing).ravel()] if scaled else []
+        writer.writerow([support.name, *row, c.status, c.created, c.convention])
+    return stream.getvalue()
+
+
+def _names(letter: str) -> list[str]:
+    return [f"{letter}_{a}{b}" for a in _AXES for b in _AXES]

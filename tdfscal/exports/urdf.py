@@ -1,0 +1,45 @@
+"""URDF: a fixed joint per sensor, whose `<origin rpy>` is the calibration."""
+
+from __future__ import annotations
+
+from xml.sax.saxutils import quoteattr
+
+from tdfscal.exports.words import child, frame, number, origin
+from tdfscal.files.calibration.document import Calibration
+
+
+def urdf(c: Calibration, parent: str = "bcs") -> str:
+    """Return a small robot of one base and a link per sensor; its joints are for pasting.
+
+    URDF's rpy are fixed-axis roll, pitch, yaw, so that R = Rz(yaw)·Ry(pitch)·Rx(roll) takes the
+    child's frame to the parent's: the same convention as here.
+    """
+    base = frame(parent)
+    notes = [
+        *origin(c),
+        "An NCP only translates, so its link has the BCS's axes: paste each joint under that link. "
+        "xyz is not calibrated; set it from the drawing.",
+        "A rotation alone does not correct a reading: subtract the zero, given with each joint.",
+    ]
+    lines = ['<?xml version="1.0" encoding="utf-8"?>', "<!--"]
+    lines += [f"  {note.replace('--', '- -')}" for note in notes]
+    lines += ["-->", f"<robot name={quoteattr(_name(c.rig.name))}>", f'  <link name="{base}"/>']
+    for support in c.supports:
+        sensor = child(support.name)
+        rpy = " ".join(map(number, support.rpy))
+        zero = " ".join(map(number, support.zero))
+        lines += [
+            f'  <link name="{sensor}"/>',
+            f"  <!-- zero of {support.name}: {zero} N -->",
+            f'  <joint name="{sensor}_joint" type="fixed">',
+            f'    <parent link="{base}"/>',
+            f'    <child link="{sensor}"/>',
+            f'    <origin xyz="0 0 0" rpy="{rpy}"/>',
+            "  </joint>",
+        ]
+    lines.append("</robot>")
+    return "\n".join(lines) + "\n"
+
+
+def _name(text: str) -> str:
+    return "_".join(text.split()) or "rig"

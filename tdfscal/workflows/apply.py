@@ -1,0 +1,283 @@
+"""`apply`: the contact wrench of a whole log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+
+from tdfscal.checks.log_against_calibration import Inspection
+from tdfscal.errors import DataError
+from tdfscal.files.writers.wrenches import (
+    COLUMNS,
+    check_wrench_path,
+    columns_of,
+    numbers_only,
+    write_wrenches,
+)
+from tdfscal.records import FloatArray
+from tdfscal.reporting.contact_wrench import summary_report
+from tdfscal.workflows.arguments import PathLikes, listed, one, one_of
+from tdfscal.workflows.calibration import CalibrationSource, paths_of
+from tdfscal.workflows.calibration_in_use import InUse, take
+from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
+from tdfscal.wrench.resampling import Tally, aligned
+from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ApplyResult(Result):
+    """Contact wrenches of a log.
+
+    summary : what the command prints. output : the file that holds the samples; without one,
+    columns : the samples in memory, by name.
+    """
+
+    summary: dict[str, Any]
+    output: Path | None
+    columns: dict[str, FloatArray] | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of the calibration and the log."""
+        return tuple(self.summary["warnings"])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The warnings: the text does not repeat them."""
+        return self.warnings
+
+    def to_report(self) -> Report:
+        """Return size of the wrench with and without the calibration."""
+        return summary_report(self.summary)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary as plain JSON values."""
+        return dict(self.summary)
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per sample: time in s, wrench, `u_` standard uncertainty, `raw_` uncalibrated."""
+        import pandas as pd
+
+        if self.columns is not None:
+            return pd.DataFrame(self.columns)
+        assert self.output is not None
+        if self.output.suffix.lower() == ".csv":
+            return pd.read_csv(self.output, float_precision="round_trip")
+        return pd.read_parquet(self.output)
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figure of the contact wrench over the time of the log."""
+        from tdfscal.reporting.figures.contact_wrench import draw
+
+        frame = self.to_frame()
+        return (draw({name: frame[name].to_numpy() for name in COLUMNS}),)
+
+
+@dataclass(slots=True)
+class _Totals:
+    """What the summary says of the rows: sums over components (6,), and largest lengths (2,)."""
+
+    squares: FloatArray = field(default_factory=lambda: np.zeros(6))
+    raw_squares: FloatArray = field(default_factory=lambda: np.zeros(6))
+    variance: FloatArray = field(default_factory=lambda: np.zeros(6))
+    largest: FloatArray = field(default_factory=lambda: np.zeros(2))
+    span: list[float] = field(default_factory=list)
+
+    def add(self, piece: WrenchPiece) -> None:
+        w = piece.wrench
+        self.squares += np.einsum("ka,ka->a", w.value, w.value)
+        self.raw_squares += np.einsum("ka,ka->a", w.raw, w.raw)
+        self.variance += np.einsum("ka,ka->a", w.std, w.std)
+        lengths = np.sqrt(np.sum(w.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
+        self.largest = np.maximum(self.largest, lengths)
+        self.span = [*self.span[:1], float(piece.time[0]), float(piece.time[-1])]
+        self.span = [self.span[0], self.span[-1]]
+
+
+def apply(
+    calibration: CalibrationSource,
+    paths: PathLikes,
+    *,
+    output: str | PathLike[str] | None = None,
+    rig: str | PathLike[str] | None = None,
+    quasi_static: bool = False,
+    filter: Kind = "none",
+    walk: float | None = None,
+    progress: Progress = SILENT,
+) -> ApplyResult:
+    """Work out the contact force and torque over a whole log.
+
+    Parameters
+    ----------
+    calibration : file, or a calibration in memory.
+    paths : campaign folder, or log files.
+    output : file to write as the log passes, .csv or .parquet; without it the samples stay in
+        memory.
+    rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
+    quasi_static : leave inertia out although the rig file states it.
+    filter : none; kalman, causal as a controller's; or smooth, without delay.
+    walk : N, what a force may walk by in 1 s, for the filter; 15 N.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError.
+    """
+    target, files = one(output), listed(paths)
+    one_of("--filter", filter, get_args(Kind))
+    if target is not None:
+        check_wrench_path(target)
+    walk = checked_walk(filter, walk)
+    use = take(calibration, files, one(rig))
+    if target is not None:
+        check_wrench_path(target, [*paths_of([calibration]), *use.campaign.logs])
+    moving = use.given.rig.inertia is not None and not quasi_static
+    log = LogPass(use.campaign, progress)
+    progress.stage("reading the log and working out the contact wrench")
+    tally, totals, models = Tally(), _Totals(), list[Walk]()
+    inspection = Inspection(use.given)
+    samples = inspection.watch(aligned(log.pieces(), tally))
+    if walk is not None:
+        samples = filtered(samples, filter, walk, models.append)
+    wrenches = in_motion(use.given, samples) if moving else at_rest(use.given, samples)
+    notes: list[str] = []
+    judged = _judged(wrenches, files, inspection, notes)
+    # Numbers out of all proportion are refused by name, not warned of by numpy.
+    with np.errstate(all="ignore"):
+        if target is not None:
+            columns = None
+            about = _about(use, filter, walk, moving=moving)
+            rows = write_wrenches(target, judged, about, totals.add)
+        else:
+            columns = _kept(judged, totals.add)
+            rows = len(columns["time"])
+    notes = [*log.messages, *notes, *_notes(tally, use)]
+    summary = _summary(use, target, rows, tally, totals, notes, moving=moving)
+    summary["filter"] = _filter(filter, walk, models[0]) if walk is not None else None
+    return ApplyResult(summary, target, columns)
+
+
+def _kept(
+    pieces: Iterator[WrenchPiece], watch: Callable[[WrenchPiece], None]
+) -> dict[str, FloatArray]:
+    """Keep all samples in memory, by column."""
+    found: list[dict[str, FloatArray]] = []
+    for piece in numbers_only(pieces):
+        found.append(columns_of(piece))
+        watch(piece)
+    return {name: np.concatenate([columns[name] for columns in found]) for name in found[0]}
+
+
+def _filter(kind: str, walk: float, model: Walk) -> dict[str, Any]:
+    """What the filter does, SI units."""
+    return {
+        "kind": kind,
+        "walk": walk,
+        "noise": float(np.sqrt(model.r)),
+        "noise_left": model.left if kind == "kalman" else model.left_smooth,
+        "delay": model.delay if kind == "kalman" else 0.0,
+    }
+
+
+def _judged(
+    pieces: Iterator[WrenchPiece], paths: list[Path], inspection: Inspection, notes: list[str]
+) -> Iterator[WrenchPiece]:
+    """Pass the pieces on; at their end add to the notes what the inspection warns of.
+
+    Raises DataError where there is no piece, or the log contradicts the rig: while the result is
+    not in its place yet.
+    """
+    empty = True
+    for piece in pieces:
+        empty = False
+        yield piece
+    if empty:
+        raise DataError(
+            "there is no instant at which every NCP's position and force are known",
+            where=", ".join(map(str, paths)),
+            hint="check that all streams were recorded at the same time",
+        )
+    notes += inspection.finish()
+
+
+def _about(use: InUse, kind: str, walk: float | None, *, moving: bool) -> dict[str, str]:
+    """Metadata of a Parquet file."""
+    return {
+        "quantity": "contact wrench on the terminal: force, and moment about the LCS origin",
+        "frame": "LCS",
+        "units": "s, N, N·m",
+        "u_": "standard uncertainty (k = 1) from the calibration and the rig's constants; "
+        "noise of the single sample not included",
+        "raw_": "the same with the nominal mounting and the stated zeros, mass and barycentre",
+        "filter": "none" if walk is None else f"{kind}, walk {walk:g} N in 1 s",
+        "inertia": "included" if moving else "not included (quasi-static)",
+        "calibration": f"{use.calibration.method}, {use.calibration.created}, "
+        f"{use.calibration.status}",
+        "rig": use.given.rig.name,
+    }
+
+
+def _notes(tally: Tally, use: InUse) -> list[str]:
+    notes = []
+    if tally.uncovered:
+        notes.append(
+            f"{tally.uncovered} force samples lie where another stream has a gap, has not begun "
+            "or has ended; they are left out"
+        )
+    if tally.unreadable:
+        notes.append(f"{tally.unreadable} samples hold no number and are left out")
+    if use.given.open.any():
+        notes.append(
+            "the calibration leaves zeros, mass or barycentre open: the uncertainty of the "
+            "components that they touch is unknown (empty)"
+        )
+    return notes
+
+
+def _summary(
+    use: InUse,
+    output: Path | None,
+    rows: int,
+    tally: Tally,
+    totals: _Totals,
+    notes: list[str],
+    *,
+    moving: bool,
+) -> dict[str, Any]:
+    def rms(squares: FloatArray) -> dict[str, float | None]:
+        root = np.sqrt(squares / rows)
+        return {
+            name: float(v) if np.isfinite(v) else None
+            for name, v in zip(COMPONENTS, root, strict=True)
+        }
+
+    return {
+        "output": None if output is None else str(output),
+        "rows": rows,
+        "start": totals.span[0],
+        "end": totals.span[1],
+        "quasi_static": not moving,
+        "calibration_status": use.calibration.status,
+        "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
+        "rms": rms(totals.squares),
+        "rms_uncalibrated": rms(totals.raw_squares),
+        "std": rms(totals.variance),
+        "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
+        "warnings": [*use.warnings, *notes],
+    }

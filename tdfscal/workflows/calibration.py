@@ -1,0 +1,202 @@
+"""A calibration in Python: the content of its file, and what scripts and notebooks want of it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from pydantic import PrivateAttr
+
+from tdfscal.comparison.joint import Joint
+from tdfscal.errors import UsageError
+from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.document import (
+    dump_calibration,
+    parse_calibration,
+    save_calibration,
+)
+from tdfscal.files.calibration.document import load_calibration as load_file
+from tdfscal.files.output_places import check_calibration
+from tdfscal.records import ANGLES
+from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.trackercal import TrackerCalibration
+from tdfscal.workflows.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+#: What a command takes as a calibration: a file, `-` for standard input, or one in memory.
+CalibrationSource = str | PathLike[str] | CalibrationFile
+Named = tuple[str, CalibrationFile]
+
+
+@dataclass(frozen=True, slots=True)
+class Records:
+    """The records behind a calibration that was worked out here."""
+
+    own: SelfCalibration | None = None
+    tracker: TrackerCalibration | None = None
+    joint: Joint | None = None
+
+
+class Calibration(Result, CalibrationFile):
+    """The installation rotations of a rig's sensors, with all that belongs to them.
+
+    The fields are those of the calibration file; see `docs/reference.md`. `records` holds what a
+    calibration worked out in this process stands on; None for one that was read from a file.
+    """
+
+    _records: Records | None = PrivateAttr(default=None)
+
+    @classmethod
+    def of(cls, file: CalibrationFile, records: Records | None = None) -> Self:
+        """Take over the content of a checked calibration file."""
+        made = cls.model_construct(**{name: getattr(file, name) for name in cls.model_fields})
+        made._records = records
+        return made
+
+    @property
+    def records(self) -> Records | None:
+        """The records behind it, where it was worked out here."""
+        return self._records
+
+    @property
+    def accepted(self) -> bool:
+        """The quality gate accepts it; `quality.reasons` says why not."""
+        return self.status == "accepted"
+
+    @property
+    def exit_status(self) -> int:
+        """1 where the quality gate rejects it."""
+        return 0 if self.accepted else 1
+
+    def to_report(self) -> Report:
+        """Return verdict, angles, evidence, what next."""
+        from tdfscal.reporting.calibration import calibration_report
+
+        return calibration_report(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of the file as plain JSON values."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per angle: support, angle, value, std, low, high, in rad."""
+        return angles_frame(self)
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return every figure for which there are data, in the order of the report."""
+        from tdfscal.reporting.figures import drawings
+
+        return drawings(self)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the file, .json, .yaml or .yml, whole or not at all. Raises UsageError."""
+        save_calibration(self, Path(path))
+
+    @property
+    def content(self) -> str:
+        """The file as YAML."""
+        return dump_calibration(self, "yaml")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, CalibrationFile) and self.model_dump() == other.model_dump()
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+class _NotHere:
+    """A name of pydantic's older interface, which would mean another thing than ours."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        raise AttributeError(f"a calibration has no {self.name!r}; see the functions of tdfscal")
+
+
+_HIDDEN = (
+    "construct", "copy", "dict", "from_orm", "json", "parse_file", "parse_obj", "parse_raw",
+    "schema", "schema_json", "update_forward_refs", "validate",
+)  # fmt: skip
+for _name in _HIDDEN:
+    setattr(Calibration, _name, _NotHere(_name))
+
+
+def load_calibration(path: str | PathLike[str]) -> Calibration:
+    """Read and check a calibration file, JSON where its suffix is .json, else YAML.
+
+    Raises
+    ------
+    DataError
+        It is no calibration file, of a newer format, or contradicts itself.
+    UsageError
+        It cannot be read.
+    """
+    return read_source(path)[1]
+
+
+def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
+    """Return the name that a calibration goes by in messages, and the calibration."""
+    if isinstance(source, CalibrationFile):
+        known = source if isinstance(source, Calibration) else Calibration.of(source)
+        return "calibration", known
+    if str(source) == "-":
+        name = "standard input"
+        return name, Calibration.of(parse_calibration(sys.stdin.buffer.read(), name))
+    path = Path(source)
+    check_calibration(path)
+    return str(path), Calibration.of(load_file(path))
+
+
+def read_sources(sources: Sequence[CalibrationSource]) -> list[tuple[str, Calibration]]:
+    """Read several, each under a name of its own. Raises DataError, UsageError."""
+    if sum(str(source) == "-" for source in paths_of(sources)) > 1:
+        raise UsageError("standard input can be read once only", hint="name files")
+    loaded = [read_source(source) for source in sources]
+    if sum(name == "calibration" for name, _ in loaded) > 1:
+        loaded = [
+            (f"{name} {k + 1}" if name == "calibration" else name, c)
+            for k, (name, c) in enumerate(loaded)
+        ]
+    if len({name for name, _ in loaded}) < len(loaded):
+        raise UsageError("a calibration file is named twice", hint="name each file once")
+    return loaded
+
+
+def sources_of(
+    *given: CalibrationSource | Iterable[CalibrationSource],
+) -> list[CalibrationSource]:
+    """Return calibrations that are named one by one, or as a list."""
+    found: list[CalibrationSource] = []
+    for item in given:
+        if isinstance(item, str | PathLike | CalibrationFile):
+            found.append(item)
+        else:
+            found += item
+    return found
+
+
+def paths_of(sources: Iterable[CalibrationSource]) -> list[Path]:
+    """Return those that are files."""
+    return [Path(s) for s in sources if not isinstance(s, CalibrationFile)]
+
+
+def angles_frame(calibration: CalibrationFile) -> pd.DataFrame:
+    """One row per angle: support, angle, value, std, low, high, in rad."""
+    import pandas as pd
+
+    rows = [
+        (support.name, angle, support.rpy[j], support.rpy_std[j],
+         support.rpy_interval.low[j], support.rpy_interval.high[j])
+        for support in calibration.supports
+        for j, angle in enumerate(ANGLES)
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=["support", "angle", "value", "std", "low", "high"])

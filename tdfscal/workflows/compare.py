@@ -1,0 +1,91 @@
+"""`compare`: do calibrations agree within their uncertainties?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.comparison.compatibility import Comparison, compare_pair
+from tdfscal.errors import UsageError
+from tdfscal.records import ANGLES
+from tdfscal.reporting.several import comparison_document, comparison_report
+from tdfscal.reporting.text import render
+from tdfscal.workflows.calibration import CalibrationSource, read_sources, sources_of
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class CompareResult(Result):
+    """The first calibration against each of the others. pairs : one comparison each."""
+
+    pairs: tuple[Comparison, ...]
+
+    @property
+    def verified(self) -> bool:
+        """Every pair agrees."""
+        return all(pair.verified for pair in self.pairs)
+
+    @property
+    def text(self) -> str:
+        """Verdict, differences and E_n of each pair."""
+        return "\n".join(render(comparison_report(pair)) for pair in self.pairs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison, or all under `comparisons`, as plain JSON values."""
+        documents = [comparison_document(pair, {}) for pair in self.pairs]
+        if len(documents) == 1:
+            return documents[0]
+        return {"verified": self.verified, "comparisons": documents}
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per pair and angle: the difference, its standard uncertainty, E_n; rad."""
+        import pandas as pd
+
+        rows = [
+            (*pair.names, name, angle, pair.rpy[i, j], pair.rpy_std[i, j], pair.en[i, j])
+            for pair in self.pairs
+            for i, name in enumerate(pair.supports)
+            for j, angle in enumerate(ANGLES)
+        ]
+        return pd.DataFrame(
+            rows, columns=["of", "against", "support", "angle", "difference", "std", "en"]
+        )
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return one figure per pair: differences with their expanded uncertainty."""
+        from tdfscal.reporting.figures.comparison import draw
+
+        return tuple(draw(pair, k + 1) for k, pair in enumerate(self.pairs))
+
+
+def compare(
+    *files: CalibrationSource | Iterable[CalibrationSource], progress: Progress = SILENT
+) -> CompareResult:
+    """Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.
+
+    Parameters
+    ----------
+    files : two or more, each a file or a calibration in memory; the first is compared with each
+        of the others.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    UsageError
+        There are fewer than two, or one cannot be read.
+    DataError
+        One is no calibration, or they are of different supports.
+    """
+    del progress
+    sources = sources_of(*files)
+    if len(sources) < 2:
+        raise UsageError("one calibration cannot be compared", hint="name two files or more")
+    loaded = [(name, c.rotations()) for name, c in read_sources(sources)]
+    return CompareResult(tuple(compare_pair(loaded[0], other) for other in loaded[1:]))

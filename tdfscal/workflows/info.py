@@ -1,0 +1,102 @@
+"""`info`: what is in a log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.files.rig import RIG_NAME
+from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.logs import expand, is_log
+from tdfscal.logs.describe import LogInfo, describe_logs
+from tdfscal.logs.description.document import as_document
+from tdfscal.reporting.log_description import as_text
+from tdfscal.workflows.arguments import PathLikes, listed, one
+from tdfscal.workflows.campaign import find_logs
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class InfoResult(Result):
+    """What is in some logs. description : fields, rates, gaps, dwells, problems, a mapping."""
+
+    description: LogInfo
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What keeps the logs from being used, or wants a look."""
+        return self.description.problems
+
+    @property
+    def text(self) -> str:
+        """Description in words."""
+        return as_text(self.description)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the description as plain JSON values."""
+        return as_document(self.description)
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per field of each file: path, stream, field, type, unit, count, low, high."""
+        import pandas as pd
+
+        columns = ["path", "stream", "field", "type", "unit", "count", "low", "high"]
+        rows = [
+            (str(file.path), stream.name, f.name, f.kind, f.unit, stream.count, f.low, f.high)
+            for file in self.description.contents
+            for stream in file.streams
+            for f in stream.fields
+        ]
+        return pd.DataFrame(rows, columns=columns)
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figure of the dwells, where some are found."""
+        from tdfscal.reporting.figures.dwells import draw
+
+        dwells = self.description.dwells
+        return (draw(dwells),) if dwells is not None and len(dwells) else ()
+
+
+def info(
+    paths: PathLikes,
+    *,
+    rig: str | PathLike[str] | None = None,
+    progress: Progress = SILENT,
+) -> InfoResult:
+    """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.
+
+    Parameters
+    ----------
+    paths : campaign folder, or log files.
+    rig : rig.yaml, where no folder holds one; none is needed.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError where a file cannot be read at all.
+    """
+    files = listed(paths)
+    loaded = _rig(files, one(rig))
+    apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
+    logs = find_logs(files, apart=apart)
+    with progress.reading(expand(logs)) as share:
+        return InfoResult(describe_logs(logs, loaded, progress=share))
+
+
+def _rig(paths: list[Path], named: Path | None) -> LoadedRig | None:
+    """The rig that is named, or the rig.yaml of a campaign folder; none is fine."""
+    if named is not None:
+        return load_rig(named)
+    for path in paths:
+        if path.is_dir() and not is_log(path) and (path / RIG_NAME).is_file():
+            return load_rig(path / RIG_NAME)
+    return None

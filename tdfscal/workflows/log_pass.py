@@ -1,0 +1,70 @@
+"""A log as it passes: its pieces go on to the work, what they say of their files stays here."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from tdfscal.checks import faulty_sensors
+from tdfscal.dwells import find_dwells
+from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
+from tdfscal.logs import iter_log
+from tdfscal.records import Dwells, InputFile, Log
+from tdfscal.workflows.campaign import Campaign
+from tdfscal.workflows.progress import Progress
+
+#: Warnings of a log that an error repeats at most; those of its clocks come first.
+_REPEATED = 3
+_CLOCK = re.compile(r"clock|header time|step back|repeat the time")
+
+
+@dataclass(slots=True)
+class LogPass:
+    """What one reading of a campaign's logs leaves behind.
+
+    inputs : files that were read. messages : warnings of the logs, in order, each once.
+    extremes : of all readings of every sensor; None before the first piece.
+    """
+
+    campaign: Campaign
+    progress: Progress
+    salvage: bool = False
+    inputs: list[InputFile] = field(default_factory=list)
+    messages: dict[str, None] = field(default_factory=dict)
+    extremes: faulty_sensors.Extremes | None = None
+
+    def pieces(self) -> Iterator[Log]:
+        """Read the logs once, piece by piece. Raises UsageError, DataError."""
+        logs, rig = self.campaign.logs, self.campaign.rig
+        with self.progress.reading(logs) as share:
+            for piece in iter_log(
+                logs, rig.log, rig.rig.supports, salvage=self.salvage, progress=share
+            ):
+                self.inputs += piece.inputs
+                self.messages |= dict.fromkeys(piece.warnings)
+                self.extremes = faulty_sensors.extremes(piece, self.extremes)
+                yield piece
+
+    def dwells(self) -> Dwells:
+        """Read the logs and find the static dwells."""
+        self.progress.stage("reading the log and finding the dwells")
+        dwells = find_dwells(self.pieces())
+        self.messages |= dict.fromkeys(dwells.warnings)
+        return dwells
+
+    @contextmanager
+    def explaining(self) -> Iterator[None]:
+        """Let an error say what the log's messages told before it."""
+        try:
+            yield
+        except (DataError, NotIdentifiableError, NotConvergedError) as error:
+            messages = sorted(self.messages, key=lambda text: _CLOCK.search(text) is None)
+            if not messages:
+                raise
+            rest = len(messages) - _REPEATED
+            more = f"; and {rest} more" if rest > 0 else ""
+            look = f"look first at the log: {'; '.join(messages[:_REPEATED])}{more}"
+            advice = f"{look}. {error.hint[0].upper()}{error.hint[1:]}" if error.hint else look
+            raise type(error)(error.what, where=error.where, hint=advice) from error

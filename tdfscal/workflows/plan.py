@@ -1,0 +1,217 @@
+"""`plan`: which postures and squeezes to drive, and what to expect of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.files.saving import write_text
+from tdfscal.files.writers.plan import plan_csv
+from tdfscal.planning import (
+    Limits,
+    Objective,
+    Plan,
+    Request,
+    make_plan,
+    plan_for_target,
+    travel_limits,
+)
+from tdfscal.planning.recorded_postures import recorded, scatter_of
+from tdfscal.records import ANGLES
+from tdfscal.reporting.planning import plan_document, plan_report
+from tdfscal.selfcal.estimator import Fit
+from tdfscal.workflows.arguments import (
+    Numbers,
+    PathLikes,
+    at_least,
+    listed,
+    numbers,
+    one,
+    one_of,
+    triple,
+)
+from tdfscal.workflows.campaign import resolve
+from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.rigs import rig_named
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+DEFAULT_POSTURES = 24
+DEFAULT_NOISE = 1.0
+"""N per axis and posture, where nothing is recorded yet."""
+#: Ways from home as `--travel` writes them, or by the NCP's name.
+Travel = Sequence[str] | Mapping[str | None, Sequence[float]]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PlanResult(Result):
+    """A plan. plan : its postures and what to expect. output : the file. seed, command : for it."""
+
+    plan: Plan
+    output: Path | None
+    seed: int
+    command: str
+
+    def to_report(self) -> Report:
+        """Return what to drive, and what to expect of it."""
+        return plan_report(self.plan)
+
+    @property
+    def content(self) -> str:
+        """The file, CSV."""
+        return plan_csv(self.plan, self.command, self.seed)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as plain JSON values, SI units."""
+        output = None if self.output is None else str(self.output)
+        return plan_document(self.plan, output, self.seed)
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per posture: hinge centres in m, squeezes in N, BCS, as in the file."""
+        import io
+
+        import pandas as pd
+
+        return pd.read_csv(io.StringIO(self.content), comment="#")
+
+    def expected_frame(self) -> pd.DataFrame:
+        """One row per angle: standard uncertainty to expect, and of random postures, in rad."""
+        import pandas as pd
+
+        expected, random = self.plan.expected.rpy_std, self.plan.random.rpy_std
+        rows = [
+            (name, angle, expected[i, j], random[i, j])
+            for i, name in enumerate(self.plan.rig.supports)
+            for j, angle in enumerate(ANGLES)
+        ]
+        return pd.DataFrame(rows, columns=["support", "angle", "std", "random_std"])
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figure of the uncertainties to expect."""
+        from tdfscal.reporting.figures.plan import draw
+
+        return (draw(self.plan),)
+
+
+def plan(
+    rig: str | PathLike[str],
+    *,
+    output: str | PathLike[str] | None = None,
+    postures: int | None = None,
+    target: float | None = None,
+    tilt: float = 5.0,
+    squeeze: float = 200.0,
+    force_limit: float | None = None,
+    travel: Travel = (),
+    home: Numbers | None = None,
+    stiffness: float | None = None,
+    noise: float | None = None,
+    candidates: int = 1000,
+    objective: Objective = "angles",
+    at: Numbers | None = None,
+    given: PathLikes = (),
+    seed: int = 0,
+    command: str = "tdfscal.plan",
+    progress: Progress = SILENT,
+) -> PlanResult:
+    """Choose the postures and squeezes to drive, and say what to expect of them.
+
+    Parameters
+    ----------
+    rig : rig.yaml, or its folder.
+    output : CSV file to write.
+    postures : to drive, returns included; default 24. target : mrad, as many postures as bring
+        every angle within this; not both.
+    tilt : degrees, largest tilt.
+    squeeze, force_limit : N, largest internal force, and largest force in all, at any NCP.
+    travel : m, way from home, either side: `0.1`, `0.1,0.1,0.2` or `ncp1=0.1`, one or several.
+    home : m, LCS origin in the BCS at home; default 0, 0, 0.
+    stiffness : N/m, of an NCP: squeeze by displacements; else by servoed forces.
+    noise : N, of a posture's mean force per axis; default 1, or that of `given`.
+    candidates : postures to choose from.
+    objective : the quantity whose uncertainty is minimised: angles, or wrench.
+    at : rad, assembly posture for the contact wrench.
+    given : campaign or log recorded already; plan what is next.
+    seed : of all random numbers.
+    command : kept in the file, as what was asked for.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError, NotIdentifiableError.
+    """
+    file = one(output)
+    if postures is not None and target is not None:
+        raise UsageError(
+            "--postures and --target ask for two different things", hint="give one of them"
+        )
+    one_of("--objective", objective, get_args(Objective))
+    for option, value in (("--postures", postures), ("--candidates", candidates)):
+        at_least(option, 1 if value is None else value, 1)
+    at_least("--seed", seed, 0)
+    loaded = rig_named(rig).rig
+    limits = Limits(
+        tilt=float(np.deg2rad(tilt)),
+        squeeze=squeeze,
+        force=np.inf if force_limit is None else force_limit,
+        travel=travel_limits(loaded, _travels(travel)),
+        home=np.array(triple("--home", home) if home is not None else (0.0, 0.0, 0.0)),
+        stiffness=stiffness,
+    )
+    before = _recorded(rig, listed(given), noise or DEFAULT_NOISE, progress)
+    request = Request(
+        limits=limits,
+        noise=noise if noise is not None else _noise(before),
+        candidates=candidates,
+        objective=objective,
+        at=triple("--at", at) if at is not None else None,
+    )
+    rng = np.random.default_rng(seed)
+    if target is None:
+        found = make_plan(loaded, request, postures or DEFAULT_POSTURES, rng, given=before)
+    else:
+        found = plan_for_target(loaded, request, 1e-3 * target, rng, given=before)
+    result = PlanResult(found, file, seed, command)
+    if file is not None:
+        write_text(file, result.content)
+    return result
+
+
+def _recorded(
+    rig: str | PathLike[str], paths: list[Path], noise: float, progress: Progress
+) -> Fit | None:
+    """The fit of the postures that are recorded already."""
+    if not paths:
+        return None
+    campaign = resolve(paths, rig_named(rig).path)
+    if not campaign.logs:
+        raise UsageError("there is no log to build on", where=", ".join(map(str, paths)))
+    return recorded(campaign.rig.rig, LogPass(campaign, progress).dwells(), noise)
+
+
+def _noise(before: Fit | None) -> float:
+    """Return the noise to expect of a posture, N: that of the recorded ones."""
+    return DEFAULT_NOISE if before is None else scatter_of(before)
+
+
+def _travels(travel: Travel | str | float) -> dict[str | None, tuple[float, ...]]:
+    if isinstance(travel, Mapping):
+        return {name: numbers("--travel", value) for name, value in travel.items()}
+    found = {}
+    for text in [travel] if isinstance(travel, str | float | int) else travel:
+        name, equals, value = str(text).rpartition("=")
+        found[name if equals else None] = numbers("--travel", value)
+    return found

@@ -1,0 +1,36 @@
+"""How a caller follows a work: a record of functions that are called as it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+#: Takes the share that is read, from 0 to 1.
+Share = Callable[[float], None]
+
+
+def _silent(text: str) -> None:
+    del text
+
+
+def _unseen(paths: Sequence[Path]) -> AbstractContextManager[Share | None]:
+    del paths
+    return nullcontext()
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Called while a command works.
+
+    stage : with the name of each stage that begins. count : with a line of what is done so far.
+    reading : with the log files that are read; gives what takes the share of them, or None.
+    """
+
+    stage: Callable[[str], None] = _silent
+    count: Callable[[str], None] = _silent
+    reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = _unseen
+
+
+SILENT = Progress()

@@ -1,0 +1,117 @@
+"""`report`: one calibration summarised, or several side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.files.output_places import check_place
+from tdfscal.files.saving import write_text
+from tdfscal.workflows.arguments import one
+from tdfscal.workflows.calibration import (
+    Calibration,
+    CalibrationSource,
+    paths_of,
+    read_sources,
+    sources_of,
+)
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ReportResult(Result):
+    """Calibrations to look at. named : name and content of each, in the order given."""
+
+    named: tuple[tuple[str, Calibration], ...]
+
+    def to_report(self) -> Report:
+        """Return the summary of the one, or all side by side."""
+        from tdfscal.reporting.several import put_side_by_side, several_report
+
+        if len(self.named) == 1:
+            return self.named[0][1].to_report()
+        return several_report(put_side_by_side(self.named))
+
+    @property
+    def html(self) -> str:
+        """The page."""
+        from tdfscal.reporting.html import render_page, render_several
+
+        if len(self.named) == 1:
+            return render_page(self.named[0][1])
+        return render_several(self.named)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of the file, or of all with their comparison, as JSON values."""
+        from tdfscal.reporting.several import document, put_side_by_side
+
+        documents = [c.to_dict() for _, c in self.named]
+        if len(documents) == 1:
+            return documents[0]
+        comparison = document(put_side_by_side(self.named))
+        return {"calibrations": documents, "comparison": comparison}
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per calibration and angle: calibration, created, support, angle …, in rad."""
+        import pandas as pd
+
+        frames = []
+        for name, c in self.named:
+            frame = c.to_frame()
+            frame.insert(0, "calibration", name)
+            frame.insert(1, "created", c.created)
+            frames.append(frame)
+        return pd.concat(frames, ignore_index=True)
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figures of the one, or those of all together."""
+        from tdfscal.reporting.figures import several_drawings
+        from tdfscal.reporting.several import put_side_by_side
+
+        if len(self.named) == 1:
+            return self.named[0][1].drawings()
+        return several_drawings(put_side_by_side(self.named))
+
+
+def report(
+    *files: CalibrationSource | Iterable[CalibrationSource],
+    html: str | PathLike[str] | None = None,
+    figures: str | PathLike[str] | None = None,
+    progress: Progress = SILENT,
+) -> ReportResult:
+    """Summarise a calibration file, or several side by side and over time.
+
+    Parameters
+    ----------
+    files : each a file or a calibration in memory.
+    html : page to write. figures : folder for the figures, PNG and SVG.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    UsageError, DataError
+        A file cannot be read, is no calibration, or they are of different supports.
+    """
+    sources, page, folder = sources_of(*files), one(html), one(figures)
+    if page is not None:
+        check_place(page, paths_of(sources))
+    result = ReportResult(tuple(read_sources(sources)))
+    if folder is not None:
+        from tdfscal.reporting.figures import style
+
+        progress.stage("drawing the figures")
+        for drawing in result.drawings():
+            style.save(drawing, folder)
+    if page is not None:
+        progress.stage("drawing the report")
+        write_text(page, result.html)
+    return result

@@ -1,0 +1,94 @@
+"""What every command's result can do: be printed, drawn, put into a table, written as JSON."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.errors import UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+#: Lines of a result's repr, and rows of its table in a notebook, at most.
+_LINES = 6
+_ROWS = 60
+
+
+class Result(ABC):
+    """Base of the results; `print(result)` shows what the command prints.
+
+    Each carries `to_dict()` (what `--json` prints), `to_frame()`, `plot()` and `exit_status`.
+    """
+
+    __slots__ = ()
+
+    def to_report(self) -> Report | None:
+        """Return the result in words and tables; None where its text has no such parts."""
+        return None
+
+    @property
+    def text(self) -> str:
+        """What the command prints, as plain text."""
+        from tdfscal.reporting.text import render
+
+        report = self.to_report()
+        return "" if report is None else render(report)
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON values, SI units: the object that `--json` prints."""
+
+    @abstractmethod
+    def to_frame(self) -> pd.DataFrame:
+        """Return the result's main table."""
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figures of this result, each named."""
+        return ()
+
+    def plot(self, name: str | None = None) -> Figure:
+        """Draw one of the result's figures; the first, unless named.
+
+        Raises
+        ------
+        UsageError
+            There is no such figure.
+        """
+        from tdfscal.reporting.figures.style import to_figure
+
+        drawings = {drawing.name: drawing for drawing in self.drawings()}
+        if not drawings:
+            raise UsageError(f"{type(self).__name__} has no figure", hint="use to_frame()")
+        if name is not None and name not in drawings:
+            raise UsageError(
+                f"there is no figure {name!r}", hint=f"choose from {', '.join(drawings)}"
+            )
+        return to_figure(drawings[name] if name else next(iter(drawings.values())))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the command says on standard error beside the result."""
+        return ()
+
+    @property
+    def exit_status(self) -> int:
+        """Status with which the command ends: 1 where the result is a refusal."""
+        return 0
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __repr__(self) -> str:
+        first = self.text.strip().split("\n\n", 1)[0].splitlines()
+        more = [" …"] if len(first) > _LINES else []
+        return "\n".join([f"{type(self).__name__}: {first[0]}", *first[1:_LINES], *more])
+
+    def _repr_html_(self) -> str:
+        head = f"<pre>{escape(repr(self))}</pre>"
+        return head + self.to_frame().to_html(max_rows=_ROWS, index=False)

@@ -1,0 +1,54 @@
+"""`schema`: the JSON Schemas of the file formats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.files.schema import write_schemas
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class SchemaResult(Result):
+    """Schemas that were written. files : where."""
+
+    files: tuple[Path, ...]
+
+    @property
+    def text(self) -> str:
+        """One path per line."""
+        return "".join(f"{path}\n" for path in self.files)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the paths."""
+        return {"files": [str(path) for path in self.files]}
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per file: its path."""
+        import pandas as pd
+
+        return pd.DataFrame({"file": [str(path) for path in self.files]})
+
+
+def schema(folder: str | PathLike[str] = "schemas", *, progress: Progress = SILENT) -> SchemaResult:
+    """Write the JSON Schemas of the rig, calibration and point files.
+
+    Parameters
+    ----------
+    folder : where to write; it is made where it is missing.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be written.
+    """
+    del progress
+    return SchemaResult(write_schemas(Path(folder)))

@@ -1,0 +1,136 @@
+"""`study accuracy`: Monte Carlo of both methods (Figs. 7–9, 12–14, Table 2)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdfscal.files.output_places import check_folder
+from tdfscal.records import FloatArray
+from tdfscal.reporting import stakes, studies
+from tdfscal.simulation import Options
+from tdfscal.studies.accuracy import Accuracy, Setup
+from tdfscal.studies.accuracy import accuracy as simulate_accuracy
+from tdfscal.workflows.arguments import at_least, one
+from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.rigs import calibrations_named, rig_named, survey_of
+from tdfscal.workflows.study.result import frame_of, write_study
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class AccuracyResult(Result):
+    """Errors of both methods over simulated campaigns.
+
+    stated : (n, 3), rad, standard uncertainties that given calibrations state, by name.
+    files : that were written.
+    """
+
+    study: Accuracy
+    stated: dict[str, FloatArray]
+    files: tuple[str, ...] = ()
+
+    def to_report(self) -> Report:
+        """Return Table 2, and how given calibrations compare with it."""
+        against = stakes.stated_against(self.study, self.stated)
+        return studies.accuracy_report(self.study, against)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the study as plain JSON values."""
+        found = studies.accuracy_document(self.study, list(self.files))
+        return found | {"calibrations": stakes.stated_document(self.study, self.stated)}
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows of `accuracy.csv`."""
+        return frame_of(studies.accuracy_rows(self.study))
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the histograms of each sensor, and all standard deviations together."""
+        from tdfscal.reporting.studyfigures import accuracy_drawings
+
+        return accuracy_drawings(self.study)
+
+
+def accuracy(
+    rig: str | PathLike[str],
+    *,
+    output: str | PathLike[str] | None = None,
+    calibration: CalibrationSource | Sequence[CalibrationSource] = (),
+    runs: int = 1000,
+    postures: int = 24,
+    tilt: float = 5.0,
+    squeeze: float = 200.0,
+    stiffness: float = 20.0e6,
+    distance: float = 5.0,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Progress = SILENT,
+) -> AccuracyResult:
+    """Monte Carlo of self-calibration and laser tracker (Figs. 7–9, 12–14, Table 2).
+
+    Parameters
+    ----------
+    rig : rig.yaml, or its folder.
+    output : folder for tables and figures.
+    calibration : what it is worth; one or several.
+    runs : simulated campaigns per method.
+    postures : of a campaign.
+    tilt : degrees, largest tilt.
+    squeeze : N, commanded internal forces.
+    stiffness : N/m, of an NCP.
+    distance : m, tracker to rig.
+    seed : of all random numbers.
+    workers : processes; default one per core.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError.
+    """
+    folder = one(output)
+    for option, value, least in (
+        ("--runs", runs, 2), ("--postures", postures, 1), ("--seed", seed, 0),
+        ("--workers", 1 if workers is None else workers, 1),
+    ):  # fmt: skip
+        at_least(option, value, least)
+    loaded = rig_named(rig)
+    named = calibrations_named(sources_of(calibration), loaded)
+    stated = {name: c.rpy_std for name, c in named.items()}
+    setup = Setup(
+        rig=loaded.rig,
+        options=Options(
+            postures=postures, tilt=float(np.deg2rad(tilt)), squeeze=squeeze, stiffness=stiffness
+        ),
+        survey=survey_of(loaded, distance),
+        runs=runs,
+        seed=seed,
+    )
+    if folder is not None:
+        check_folder(folder)
+    study = simulate_accuracy(
+        setup,
+        workers=workers or os.cpu_count() or 1,
+        progress=lambda done: progress.count(f"{done} of {runs} campaigns"),
+    )
+    result = AccuracyResult(study, stated)
+    if folder is None:
+        return result
+    tables = {
+        "accuracy.csv": studies.accuracy_rows(study),
+        "histograms.csv": studies.histogram_rows(study),
+        "errors.csv": studies.error_rows(study),
+    }
+    return replace(result, files=tuple(write_study(folder, tables, result.drawings())))

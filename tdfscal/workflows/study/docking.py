@@ -1,0 +1,113 @@
+"""`study docking`: contact while the gears are docked (Figs. 17 and 18)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.files.output_places import check_folder
+from tdfscal.files.writers.campaign import LogFormat
+from tdfscal.reporting import controlstudies as words
+from tdfscal.studies import docking as study_of
+from tdfscal.workflows.arguments import Numbers, one
+from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.rigs import rig_named
+from tdfscal.workflows.study.controlled import Choices, write_controlled
+from tdfscal.workflows.study.result import frame_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class DockingResult(Result):
+    """Contact while docking. files : that were written."""
+
+    study: study_of.DockingStudy
+    files: tuple[str, ...] = ()
+
+    def to_report(self) -> Report:
+        """Return largest contact forces and torques, and their ratios, beside the paper's."""
+        return words.docking_report(self.study)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the study as plain JSON values."""
+        return words.docking_document(self.study, list(self.files))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows of `maxima.csv`."""
+        return frame_of(words.docking_rows(self.study))
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figures."""
+        from tdfscal.reporting.controlfigures import docking_drawings
+
+        return docking_drawings(self.study)
+
+
+def docking(
+    rig: str | PathLike[str],
+    *,
+    output: str | PathLike[str] | None = None,
+    calibration: CalibrationSource | Sequence[CalibrationSource] = (),
+    runs: int = 10,
+    engagement: float | None = None,
+    perfect: bool = False,
+    mounting: Numbers | None = None,
+    drift: float = 0.0,
+    tare: bool = False,
+    filter: str = "none",
+    walk: float | None = None,
+    logs: LogFormat | None = None,
+    seed: int = 0,
+    progress: Progress = SILENT,
+) -> DockingResult:
+    """Contact force and torque while the gears are docked (Figs. 17 and 18).
+
+    Parameters
+    ----------
+    rig : rig.yaml, or its folder.
+    output : folder for tables and figures.
+    calibration : one or several; default none, tracker and self, simulated.
+    runs : per calibration.
+    engagement : mm, length of the engagement; default 333.
+    perfect : also the best that any calibration could do.
+    mounting : rad, simulated mounting: std of roll, pitch, yaw; default 0.003, 0.003, 0.03.
+    drift : N, std of the zeros' drift since the calibration.
+    tare : tare the wrench at the start.
+    filter : of the sensors, none or kalman. walk : N, what a force may walk by in 1 s, for it.
+    logs : write each run's log, in this format.
+    seed : of all random numbers.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError.
+    """
+    folder = one(output)
+    choices = Choices(
+        calibration=sources_of(calibration), runs=runs, perfect=perfect, mounting=mounting,
+        drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
+    )  # fmt: skip
+    loaded = rig_named(rig)
+    setup = study_of.Setup(loaded.rig, controller=choices.controller())
+    if engagement is not None:
+        setup = replace(setup, gears=replace(setup.gears, length=1e-3 * engagement))
+    if folder is not None:
+        check_folder(folder)
+    arms, study_seed = choices.arms(loaded, progress)
+    progress.count(f"docking, {runs} runs × {len(arms.arms)} calibrations")
+    result = DockingResult(study_of.docking(setup, arms, study_seed, seed))
+    if folder is None:
+        return result
+    tables = {"maxima.csv": words.docking_rows(result.study)}
+    files = write_controlled(folder, tables, result.drawings(), result.study, logs)
+    return replace(result, files=files)

@@ -1,0 +1,141 @@
+"""`study free-space`: deviation of the terminal without contact (Table 4, Fig. 16)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdfscal.errors import UsageError
+from tdfscal.files.output_places import check_folder
+from tdfscal.files.writers.campaign import LogFormat
+from tdfscal.records import FloatArray
+from tdfscal.reporting import controlstudies as words
+from tdfscal.studies import free_space as study_of
+from tdfscal.workflows.arguments import Numbers, one
+from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.rigs import rig_named
+from tdfscal.workflows.study.controlled import Choices, write_controlled
+from tdfscal.workflows.study.result import frame_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+_MOVES_HINT = (
+    "write a header and 12 numbers per row: initial and target roll, pitch, yaw (rad), x, y, z (m)"
+)
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class FreeSpaceResult(Result):
+    """Deviations in free space. files : that were written."""
+
+    study: study_of.FreeSpaceStudy
+    files: tuple[str, ...] = ()
+
+    def to_report(self) -> Report:
+        """Return deviations and their ratios beside the paper's."""
+        return words.free_space_report(self.study)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the study as plain JSON values."""
+        return words.free_space_document(self.study, list(self.files))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows of `deviations.csv`."""
+        return frame_of(words.free_space_rows(self.study))
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figures."""
+        from tdfscal.reporting.controlfigures import free_space_drawings
+
+        return free_space_drawings(self.study)
+
+
+def free_space(
+    rig: str | PathLike[str],
+    *,
+    output: str | PathLike[str] | None = None,
+    calibration: CalibrationSource | Sequence[CalibrationSource] = (),
+    runs: int = 10,
+    moves: str | PathLike[str] | None = None,
+    perfect: bool = False,
+    mounting: Numbers | None = None,
+    drift: float = 0.0,
+    tare: bool = False,
+    filter: str = "none",
+    walk: float | None = None,
+    logs: LogFormat | None = None,
+    seed: int = 0,
+    progress: Progress = SILENT,
+) -> FreeSpaceResult:
+    """Deviation of the terminal in free space under impedance control (Table 4, Fig. 16).
+
+    Parameters
+    ----------
+    rig : rig.yaml, or its folder.
+    output : folder for tables and figures.
+    calibration : one or several; default none, tracker and self, simulated.
+    runs : per calibration.
+    moves : CSV of moves instead of the six stated.
+    perfect : also the best that any calibration could do.
+    mounting : rad, simulated mounting: std of roll, pitch, yaw; default 0.003, 0.003, 0.03.
+    drift : N, std of the zeros' drift since the calibration.
+    tare : tare the wrench at the start.
+    filter : of the sensors, none or kalman. walk : N, what a force may walk by in 1 s, for it.
+    logs : write each run's log, in this format.
+    seed : of all random numbers.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError.
+    """
+    folder = one(output)
+    choices = Choices(
+        calibration=sources_of(calibration), runs=runs, perfect=perfect, mounting=mounting,
+        drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
+    )  # fmt: skip
+    loaded = rig_named(rig)
+    table = study_of.MOVES.copy() if moves is None else read_moves(Path(moves))
+    setup = study_of.Setup(loaded.rig, controller=choices.controller(), moves=table)
+    if folder is not None:
+        check_folder(folder)
+    arms, study_seed = choices.arms(loaded, progress)
+    progress.count(f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")
+    result = FreeSpaceResult(study_of.free_space(setup, arms, study_seed, seed))
+    if folder is None:
+        return result
+    tables = {"deviations.csv": words.free_space_rows(result.study)}
+    files = write_controlled(folder, tables, result.drawings(), result.study, logs)
+    return replace(result, files=files)
+
+
+def read_moves(path: Path) -> FloatArray:
+    """Moves (M, 2, 6) from CSV: initial and target roll, pitch, yaw (rad) and x, y, z (m, from
+    home), one move per row under a header. Raises UsageError.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = [row for row in csv.reader(stream) if row][1:]
+        moves = np.array([[float(cell) for cell in row] for row in rows])
+    except OSError as fault:
+        raise UsageError("cannot be read", where=str(path), hint="name a CSV file") from fault
+    except ValueError as fault:
+        raise UsageError(
+            f"holds no table of numbers: {fault}", where=str(path), hint=_MOVES_HINT
+        ) from fault
+    if moves.ndim != 2 or moves.shape[1] != 12 or not np.all(np.isfinite(moves)):
+        raise UsageError("is no table of moves", where=str(path), hint=_MOVES_HINT)
+    return moves.reshape(-1, 2, 6)

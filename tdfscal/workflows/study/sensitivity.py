@@ -1,0 +1,133 @@
+"""`study sensitivity`: what each wrong angle costs (Fig. 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdfscal.files.output_places import check_folder
+from tdfscal.records import Rig
+from tdfscal.reporting import stakes, studies
+from tdfscal.studies.sensitivity import Sweep
+from tdfscal.studies.sensitivity import sensitivity as sweep
+from tdfscal.studies.wrench_error import stake
+from tdfscal.workflows.arguments import Numbers, at_least, one, triple
+from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.rigs import calibrations_named, rig_named
+from tdfscal.workflows.study.result import frame_of, write_study
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class SensitivityResult(Result):
+    """Contact wrench error against each angle. sweeps : by posture and squeeze.
+
+    worth : what the given calibrations leave of it. files : that were written.
+    """
+
+    rig: Rig
+    sweeps: list[Sweep]
+    worth: stakes.Stakes
+    files: tuple[str, ...] = ()
+
+    def to_report(self) -> Report:
+        """Return errors at the end of the sweep."""
+        tables = stakes.stakes_tables(self.rig.supports, self.worth)
+        return studies.sensitivity_report(self.rig.supports, self.sweeps, tables)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the study as plain JSON values."""
+        found = studies.sensitivity_document(
+            self.rig.name, self.rig.supports, self.sweeps, list(self.files)
+        )
+        return found | {"calibrations": stakes.stakes_document(self.worth)}
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows of `sensitivity.csv`."""
+        return frame_of(studies.sensitivity_rows(self.rig.supports, self.sweeps))
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return one figure per posture and squeeze."""
+        from tdfscal.reporting.studyfigures import sensitivity_drawing
+
+        return tuple(
+            sensitivity_drawing(self.rig.supports, one_of_them, _name(one_of_them))
+            for one_of_them in self.sweeps
+        )
+
+
+def sensitivity(
+    rig: str | PathLike[str],
+    *,
+    output: str | PathLike[str] | None = None,
+    calibration: CalibrationSource | Sequence[CalibrationSource] = (),
+    rpy: Numbers | None = None,
+    squeeze: float = 200.0,
+    span: float = 0.05,
+    seed: int = 0,
+    progress: Progress = SILENT,
+) -> SensitivityResult:
+    """Contact force and torque error against each installation angle (Fig. 4).
+
+    Parameters
+    ----------
+    rig : rig.yaml, or its folder.
+    output : folder for tables and figures.
+    calibration : what it is worth; one or several.
+    rpy : rad, a posture beside the aligned one.
+    squeeze : N, standard deviation of the internal forces.
+    span : rad, sweep by ± this.
+    seed : nothing here is random; every study takes one.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError.
+    """
+    del seed, progress
+    folder = one(output)
+    at_least("--squeeze", squeeze, 0)
+    loaded = rig_named(rig)
+    record = loaded.rig
+    named = calibrations_named(sources_of(calibration), loaded)
+    postures = [np.zeros(3)]
+    if rpy is not None:
+        postures.append(np.array(triple("--rpy", rpy)))
+    if folder is not None:
+        check_folder(folder)
+    forces = [0.0, squeeze] if squeeze > 0.0 else [0.0]
+    sweeps = [
+        sweep(record, posture, internal=internal, span=span)
+        for posture in postures
+        for internal in forces
+    ]
+    worth = {
+        name: [stake(record, c.rotation, c.rotation_covariance, s.rpy, internal=s.internal)
+               for s in sweeps]
+        for name, c in named.items()
+    }  # fmt: skip
+    result = SensitivityResult(record, sweeps, worth)
+    if folder is None:
+        return result
+    tables = {"sensitivity.csv": studies.sensitivity_rows(record.supports, sweeps)}
+    if worth:
+        tables["calibrations.csv"] = stakes.stake_rows(record.supports, worth)
+    files = write_study(folder, tables, result.drawings())
+    return replace(result, files=tuple(files))
+
+
+def _name(found: Sweep) -> str:
+    name = "sensitivity-tilted" if np.any(found.rpy) else "sensitivity-aligned"
+    return name + ("-squeezed" if found.internal > 0.0 else "")
