@@ -45,26 +45,24 @@ def perform(
         sys.stdout.write(getattr(result, carried))
     elif show is not None:
         show(result)
-    else:
-        show_words(result)
-        if output is not None:
-            files = getattr(result, "files", None)
-            where = output if files is None else f"{len(files)} files to {output}"
-            print(f"\nwrote {where}")
+    elif show_words(result) and output is not None:
+        files = getattr(result, "files", None)
+        where = output if files is None else f"{len(files)} files to {output}"
+        print(f"\nwrote {where}")
     for text in result.notes:
         print(f"tdfscal: warning: {text}", file=sys.stderr)
     return result
 
 
-def show_words(result: Result) -> None:
-    """Print a result in words, with tables by rich on a terminal."""
+def show_words(result: Result) -> bool:
+    """Print a result in words, with tables by rich on a terminal; False where it has none."""
     from tdfscal.reporting import terminal
 
     report = result.to_report()
     if report is None:
-        sys.stdout.write(result.text)
-    else:
-        terminal.show(report)
+        return sys.stdout.write(result.text) > 0
+    terminal.show(report)
+    return True
 
 
 def _carried(options: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> str | None:
