@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
+from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.description.document import as_document
-from tdfscal.logs.description.info import LogInfo, describe_logs
+from tdfscal.logs.description.info import LogInfo
 from tdfscal.reporting.log_description import as_text
 from tdfscal.workflows.arguments import PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
