@@ -45,7 +45,7 @@ def driven(rig: Rig, plan: Plan, stiffness: float) -> float:
     options = Options(command=plan.position, stiffness=stiffness, recorder=Recorder(mean_sd=NOISE))
     batch = simulate_dwells(rig, options, np.random.default_rng(1), CAMPAIGNS)
     errors = [
-        so3.to_rpy(fit_robust(rig, postures(rig, batch.dwells(k)))[0].state.rotation)
+        so3.to_rpy(fit_robust(rig, postures(rig, batch.dwells(k))).fit.state.rotation)
         - batch.truth.rpy[k]
         for k in range(CAMPAIGNS)
     ]

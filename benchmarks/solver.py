@@ -72,7 +72,7 @@ def monte_carlo() -> None:
     rig = simulation.reference_rig()
     options = Options(postures=30, squeeze=100.0)
     batch = simulation.simulate_dwells(rig, options, np.random.default_rng(0), 1)
-    result, _ = fit_robust(rig, postures(rig, batch.dwells(0)))
+    result = fit_robust(rig, postures(rig, batch.dwells(0))).fit
     sampler = Sampler(result, information_root(result), 1.0)
     rng = np.random.default_rng(1)
 

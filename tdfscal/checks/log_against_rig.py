@@ -12,7 +12,7 @@ from itertools import permutations, product
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.model.parameters import State, gravity, nominal
+from tdfscal.model.parameters import State, gravity
 from tdfscal.model.statics import Postures, forces, register
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
@@ -32,6 +32,12 @@ _FORCES = {
     1e-3: "in kN where N is declared",
     1 / 9.80665: "in kgf",
 }
+
+
+#: How the readings of the reaction are named, with a place for whose.
+REACTION = "the opposite sign of every axis of {}"
+#: Whose, where it is every sensor's.
+EVERYONE = "every sensor"
 
 
 def check_geometry(rig: Rig, position: FloatArray) -> None:
@@ -198,9 +204,8 @@ def rewired(rig: Rig, seen: Postures) -> Iterator[tuple[str, Postures]]:
             f"the sensors of {renamed(rig, order)}",
             replace(seen, force=seen.force[:, order], force_cov=seen.force_cov[:, order]),
         )
-    everyone = "every sensor"
-    for name in (*rig.supports, everyone):
-        here = np.array([name in (support, everyone) for support in rig.supports])
+    for name in (*rig.supports, EVERYONE):
+        here = np.array([name in (support, EVERYONE) for support in rig.supports])
         for words, mirror in _mirrors():
             M = np.where(here[:, None, None], mirror, np.eye(3))
             yield (
@@ -225,6 +230,7 @@ def _mirrors() -> Iterator[tuple[str, FloatArray]]:
             f"the opposite sign of F{'xyz'[a]} of {{}}",
             eye * np.where(np.arange(3) == a, -1.0, 1.0),
         )
+    yield REACTION, -eye
 
 
 def renamed(rig: Rig, order: list[int]) -> str:
@@ -235,16 +241,15 @@ def renamed(rig: Rig, order: list[int]) -> str:
     return " and ".join(moved)
 
 
-def check_weight(rig: Rig, postures: Postures) -> None:
-    """Compare the sum of the forces at the nominal mounting with the weight.
+def check_weight(rig: Rig, postures: Postures, state: State) -> None:
+    """Compare the sum of the forces at a state's mounting with the weight.
 
     Raises
     ------
     DataError
-        A unit, a sign, or a mounting that is not the nominal one.
+        A unit, a sign, or another mounting.
     """
-    start = nominal(rig)
-    ratio = float(np.median(weight_share(start, rig.gravity, postures.force)))
+    ratio = float(np.median(weight_share(state, rig.gravity, postures.force)))
     allowed = weight_tolerance(float(rig.mass.std) / float(rig.mass.value))
     if abs(ratio - 1) > allowed:
         raise weight_error(ratio, allowed, float(rig.mass.value))

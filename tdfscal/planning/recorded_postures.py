@@ -37,7 +37,7 @@ def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
     if np.diagonal(observed.force_cov, axis1=2, axis2=3).min() == 0.0:
         observed = replace(observed, force_cov=observed.force_cov + noise**2 * np.eye(3))
     try:
-        result, _ = fit_robust(rig, observed)
+        result = fit_robust(rig, observed).fit
     except NotConvergedError:
         return at_state(rig, observed, nominal(rig), np.ones(len(observed)))
     std = evaluate(result, information_root(result), 1.0).rpy_std

@@ -8,7 +8,7 @@ its column, ∞ drops its prior row (theory, section 3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,23 +29,14 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import STEPS, Solution, gauss_newton
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-from tdfscal.selfcal.initial_guess import linear_start
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
 _SETTLED = 1e-6
 _PASSES = 40
 #: Iterations for a look at a start, which settles in ten if it is good.
-_LOOK = 15
+LOOK = 15
 #: Residuals per posture.
 ROWS = 6
-#: Scale of the median residual up to which a start is good, and above which it is lost.
-_EXPLAINED, _LOST = 2.0, 900.0
-#: Quarter turns about the BCS's axes that bring z up or down: the ways to mount a sensor.
-_MOUNTINGS = tuple(
-    so3.from_rpy(np.array([flip, 0.0, quarter]))
-    for flip in (0.0, np.pi)
-    for quarter in np.pi / 2 * np.arange(4)
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +77,12 @@ class Fit:
     def distance(self) -> FloatArray:
         """Squared Mahalanobis length (K,) of each posture's residual."""
         return np.asarray(np.sum((self.whitener @ self.residual[..., None])[..., 0] ** 2, axis=1))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of `cost`, all free parameters taken as determined."""
+        used = int(np.sum(self.at.rows[self.weight > 0]))
+        return used + len(self.prior_residual) - int(self.jacobian.shape[-1])
 
     @property
     def cost(self) -> float:
@@ -238,34 +235,3 @@ def spread(distance: FloatArray, rows: IntArray | int = ROWS) -> float:
     """Variance of the residuals by their median, never below 1: d² (K,) is χ² of `rows` at 1."""
     typical = max(1, int(np.median(rows)))
     return max(1.0, float(np.median(distance) / chi2_quantile(0.5, typical)))
-
-
-def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
-    """Fit from the first start that explains the postures, or from the best of all.
-
-    The nominal mounting; the linear solution; then, where neither comes near and mountings are
-    to be tried, each sensor turned by quarter turns and upside down, one after the other.
-    """
-    everyone, priors = np.ones(len(postures)), Priors(rig, postures.motion)
-
-    def tried(start: State) -> tuple[float, Fit]:
-        start = with_motions(start, postures.motions)
-        at = balance(postures, start, rig.barycentre.value, rig.gravity)
-        held = statistic(at, everyone)
-        solution = solve_statistic(rig, at, held, start, priors, iterations=_LOOK)
-        found = at_state(rig, postures, solution.state, everyone)
-        return spread(found.distance, found.at.rows), found
-
-    best = tried(starting_state(rig))
-    if best[0] > _EXPLAINED:
-        best = min(best, tried(linear_start(rig, postures)), key=lambda pair: pair[0])
-    for i in range(rig.n):
-        if best[0] <= _LOST or not mountings:
-            break
-        for turn in _MOUNTINGS:
-            rotation = nominal(rig).rotation.copy()
-            rotation[:i] = best[1].state.rotation[:i]
-            rotation[i] = turn @ rotation[i]
-            start = replace(best[1].state, rotation=rotation)
-            best = min(best, tried(start), key=lambda pair: pair[0])
-    return best[1]

@@ -16,11 +16,23 @@ from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import BoolArray, Rig
-from tdfscal.selfcal.estimator import ROWS, Fit, best_start, fit, spread
+from tdfscal.selfcal.estimator import ROWS, Fit, fit, spread
+from tdfscal.selfcal.mounting_search import Rival, best_start, rivals
 from tdfscal.significance import OUTLYING_POSTURE
 
 _HEAVY_TAIL = 3.0
 _ROUNDS = 12
+#: Times that a lower minimum is gone to.
+_MOVES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class RobustFit:
+    """A fit, the postures that it leaves out, and the mountings that come near, likeliest first."""
+
+    fit: Fit
+    rejections: tuple[Rejection, ...]
+    rivals: tuple[Rival, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,20 +80,40 @@ def sound(result: Fit, used: BoolArray) -> BoolArray:
     return np.asarray(d2 <= limit * scale)
 
 
-def fit_robust(rig: Rig, postures: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
-    """Fit with the postures that do not belong left out, each with its evidence."""
-    K = len(postures)
-    result = fit(rig, postures, best_start(rig, postures).state)
-    if not sound(result, np.ones(K, dtype=bool)).all():
-        result = _reweighted(rig, postures, result.state)
-        used = sound(result, np.ones(K, dtype=bool))
-        for _ in range(_ROUNDS):
-            result = fit(rig, postures, result.state, used.astype(np.float64))
-            passed = sound(result, used)
-            if (passed == used).all():
-                break
-            used = passed
-    return result, rejections(result)
+def fit_robust(rig: Rig, postures: Postures, start: State | None = None) -> RobustFit:
+    """Fit with the postures that do not belong left out, each with its evidence.
+
+    start : where to begin; by default the lowest minimum over all mountings. Where the postures
+    that are left have a lower one elsewhere, it is gone to.
+    """
+    begin = best_start(rig, postures).state if start is None else start
+    result = _fit_from(rig, postures, begin)
+    near = rivals(result)
+    for _ in range(_MOVES):
+        if not near or near[0].gap >= 0:
+            break
+        other = _fit_from(rig, postures, near[0].state)
+        if other.cost / max(1, other.dof) >= result.cost / max(1, result.dof):
+            break
+        result, near = other, rivals(other)
+    return RobustFit(result, rejections(result), tuple(near))
+
+
+def _fit_from(rig: Rig, postures: Postures, start: State) -> Fit:
+    """Fit from one start; postures that fail are left out until no verdict changes."""
+    everyone = np.ones(len(postures), dtype=bool)
+    result = fit(rig, postures, start)
+    if sound(result, everyone).all():
+        return result
+    result = _reweighted(rig, postures, result.state)
+    used = sound(result, everyone)
+    for _ in range(_ROUNDS):
+        result = fit(rig, postures, result.state, used.astype(np.float64))
+        passed = sound(result, used)
+        if (passed == used).all():
+            break
+        used = passed
+    return result
 
 
 def _reweighted(rig: Rig, postures: Postures, start: State) -> Fit:

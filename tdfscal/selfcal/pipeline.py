@@ -11,22 +11,24 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import faulty_sensors, log_against_rig
-from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
+from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.model.earlier import loosened
-from tdfscal.model.parameters import nominal
-from tdfscal.model.statics import Postures, postures
+from tdfscal.model.parameters import State, nominal
+from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import Dwells, InputFile, IntArray, Rig
+from tdfscal.records import Dwells, InputFile, Rig
 from tdfscal.selfcal import observability, repeatability
 from tdfscal.selfcal.covariance import Quality, Uncertainty, evaluate, information_root, quality
 from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
-from tdfscal.selfcal.estimator import Fit, best_start, fit, spread
+from tdfscal.selfcal.estimator import Fit, fit
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import MonteCarlo, simulate
+from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.observability import Observability
-from tdfscal.selfcal.outliers import Rejection, fit_robust
+from tdfscal.selfcal.outliers import Rejection, RobustFit, fit_robust
+from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.score_tests import Suspicion, suspicions
 from tdfscal.selfcal.slip import find_slip
@@ -38,10 +40,8 @@ Estimator = Literal["ml", "linear"]
 MAX_TRIALS = 40_000
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
-#: Residuals this many times the expected ones make another wiring worth a try.
-_POOR = 10.0
-#: Rounds that bring an unknown noise level and the fit into agreement.
-_LEVELS = 6
+#: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
+_FAR_TURNED = np.pi / 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +100,10 @@ def self_calibrate(
     usable = usable_postures(rig, dwells, extremes)
     index, observed, measured_noise = usable.index, usable.postures, usable.measured_noise
     found: tuple[Rejection, ...] = ()
+    near: tuple[Rival, ...] = ()
     if estimator == "ml":
-        result, found = _fit(rig, observed)
+        robust = _fit(rig, observed, usable.start)
+        result, found, near = robust.fit, robust.rejections, robust.rivals
         parts = information_root(result)
         stats = quality(result, parts)
         uncertainty = evaluate(result, parts, stats.birge, noise_from_residuals=measured_noise)
@@ -120,6 +122,7 @@ def self_calibrate(
             f"the estimate did not settle in {result.iterations} iterations",
             hint="check mass, hinges and nominal mounting in rig.yaml, and record more postures",
         )
+    _check_rivals(rig, result, near)
     held = ((dwells.start + dwells.end) / 2)[index]
     steady = repeatability.examine(result, held)
     doubts: tuple[Suspicion, ...] = ()
@@ -161,101 +164,30 @@ def self_calibrate(
             conformity=conformity,
         ),
         warnings=_warnings(
-            rig, dwells, stats, trials, doubts, steady, measured_noise=measured_noise
+            rig, result.state, dwells, stats, trials, doubts, steady, measured_noise=measured_noise
         ),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Usable:
-    """Postures that a fit may use.
-
-    index : (K,), their dwells. reasons : dwell → why it is not among them. measured_noise : nobody
-    states a force noise; it was taken from the residuals.
-    """
-
-    postures: Postures
-    index: IntArray
-    reasons: dict[int, str]
-    measured_noise: bool
+def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
+    """Robust fit; what earlier campaigns know comes in whole once the outliers are out."""
+    robust = fit_robust(loosened(rig), observed, start)
+    if rig.earlier is None:
+        return robust
+    return replace(robust, fit=fit(rig, observed, robust.fit.state, robust.fit.weight))
 
 
-def usable_postures(
-    rig: Rig, dwells: Dwells, extremes: faulty_sensors.Extremes | None = None
-) -> Usable:
-    """Hold the dwells against the rig file and leave out what no sensor can have felt.
-
-    Raises DataError where there is nothing left, or log and rig file contradict each other.
-    """
-    if len(dwells) == 0:
-        raise DataError(
-            "no static dwell was found: the NCPs never rest with settled forces",
-            where="log",
-            hint="hold each posture for at least two seconds, or check the position fields",
-        )
-    log_against_rig.check_geometry(rig, dwells.position)
-    screened = faulty_sensors.screen(rig, dwells, extremes)
-    index = np.flatnonzero(screened.keep)
-    if len(index) == 0:
-        raise DataError(
-            f"no posture can be used: {screened.reasons[0]}",
-            where="log forces",
-            hint="check the sensors, and supports.capacity in rig.yaml",
-        )
-    observed = postures(rig, dwells).subset(index)
-    log_against_rig.check_weight(rig, observed)
-    observed, measured_noise = _with_noise(rig, observed)
-    return Usable(observed, index, dict(screened.reasons), measured_noise)
-
-
-def _fit(rig: Rig, observed: Postures) -> tuple[Fit, tuple[Rejection, ...]]:
-    """Robust fit; a poor one is held against other wirings before it is believed."""
-    result, found = fit_robust(loosened(rig), observed)
-    if np.sqrt(spread(result.distance, result.at.rows)) > _POOR:
-        _check_wiring(rig, observed)
-    if rig.earlier is not None:
-        result = fit(rig, observed, result.state, result.weight)
-    return result, found
-
-
-def _check_wiring(rig: Rig, observed: Postures) -> None:
-    """Raise DataError where the forces' fields, named otherwise, explain the postures.
-
-    Several may, each with sensors that are turned by quarters: the least turned is the likely one.
-    """
-    back, fitting = np.swapaxes(nominal(rig).rotation, 1, 2), []
-    for words, other in log_against_rig.rewired(rig, observed):
-        started = best_start(rig, other, mountings=False)
-        if np.sqrt(spread(started.distance, started.at.rows)) < _POOR:
-            turn = np.linalg.norm(so3.log(started.state.rotation @ back), axis=1)
-            fitting.append((float(turn.max()), words))
-    if fitting:
-        raise DataError(
-            f"the forces fit with {min(fitting)[1]}, and not as they are named",
-            where="log forces",
-            hint="correct the force fields of the log block in rig.yaml, or the cabling",
-        )
-
-
-def _with_noise(rig: Rig, observed: Postures) -> tuple[Postures, bool]:
-    """Postures with a noise level; found from the residuals where nobody states one.
-
-    Averaged postures (`rows: postures`) without `uncertainty.force_noise` carry no scatter. The
-    level is then the one with χ² = dof, at the price that χ² can no longer warn of anything.
-    """
-    if np.diagonal(observed.force_cov, axis1=2, axis2=3).min() > 0:
-        return observed, False
-    level = 1.0
-    for _ in range(_LEVELS):
-        guess = replace(
-            observed, force_cov=np.broadcast_to(level**2 * np.eye(3), observed.force_cov.shape)
-        )
-        result, _ = fit_robust(rig, guess)
-        stats = quality(result, information_root(result))
-        if stats.dof <= 0 or abs(stats.birge - 1) < 1e-3:
-            break
-        level *= stats.birge
-    return guess, True
+def _check_rivals(rig: Rig, result: Fit, near: tuple[Rival, ...]) -> None:
+    """Raise NotIdentifiableError where another mounting explains the postures as well."""
+    if not near or not near[0].as_likely:
+        return
+    rival = near[0]
+    raise NotIdentifiableError(
+        "two mountings explain the log about equally well (χ² apart by "
+        f"{abs(rival.gap):.2g}): {describe(rig, result.state, rival.state)}",
+        hint="state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or "
+        "squeeze harder, tilt more and record more postures",
+    )
 
 
 def _unseen(seen: Observability) -> str:
@@ -267,8 +199,20 @@ def _unseen(seen: Observability) -> str:
     return f"the data do not determine {names}; for {first.angle.name}, {first.cause}"
 
 
+def _turned_sensors(rig: Rig, state: State) -> list[str]:
+    """Warnings for sensors that stand far from their nominal mounting."""
+    back = np.swapaxes(nominal(rig).rotation, 1, 2)
+    turn = np.linalg.norm(so3.log(state.rotation @ back), axis=1)
+    return [
+        f"the sensor of {rig.supports[i]} is turned by {np.degrees(turn[i]):.0f}° from its "
+        "nominal mounting: look whether it is, and state nominal_rpy in rig.yaml"
+        for i in np.flatnonzero(turn > _FAR_TURNED)
+    ]
+
+
 def _warnings(
     rig: Rig,
+    state: State,
     dwells: Dwells,
     stats: Quality,
     trials: MonteCarlo | None,
@@ -281,6 +225,7 @@ def _warnings(
     found = list(dwells.warnings)
     if turned := log_against_rig.turned(rig, dwells.position):
         found.append(turned)
+    found += _turned_sensors(rig, state)
     if rig.declared.force_sensitivity > 0:
         found.append(
             "gain and crosstalk of the sensors were decoupled in situ, from a prior of "

@@ -123,7 +123,7 @@ def _self(rig: Rig, campaigns: list[Dwells], truth: Truth) -> Errors:
     stated: list[FloatArray] = []
     for i, dwells in enumerate(campaigns):
         try:
-            fit, _ = fit_robust(rig, postures(rig, dwells))
+            fit = fit_robust(rig, postures(rig, dwells)).fit
         except TdfscalError:
             continue
         errors[i] = _errors(fit.state.rotation, truth.rpy[i])

@@ -28,7 +28,7 @@ def simulated_mean_std(rig: Rig, plan: Plan, campaigns: int, noise: float) -> fl
     options = Options(command=plan.position, stiffness=STIFFNESS, recorder=Recorder(mean_sd=noise))
     batch = simulate_dwells(rig, options, RNG(11), campaigns)
     errors = [
-        so3.to_rpy(fit_robust(rig, postures(rig, batch.dwells(k)))[0].state.rotation)
+        so3.to_rpy(fit_robust(rig, postures(rig, batch.dwells(k))).fit.state.rotation)
         - batch.truth.rpy[k]
         for k in range(campaigns)
     ]

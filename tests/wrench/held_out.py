@@ -12,8 +12,8 @@ from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.covariance import evaluate, information_root, quality
-from tdfscal.selfcal.estimator import best_start
 from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.simulation import Batch, Faults, Options, make_rig, simulate_dwells
 
 USED = 24

@@ -1,0 +1,126 @@
+"""Least squares linear in rotation matrices, minimised over SO(3)ⁿ for many problems at once.
+
+cost(X) = |A y(X)|² with y(X) = (vec X₁, …, vec Xₙ, 1), vec by rows: what is left of the balance
+when all other parameters are eliminated. A may be common to all starts, or differ between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.numerics import so3
+from tdfscal.records import BoolArray, FloatArray
+
+_DAMPING, _UP, _DOWN, _GIVEN_UP = 1e-6, 10.0, 0.1, 1e12
+_HATS = so3.hat(np.eye(3))  # [e_j]×
+
+
+@dataclass(frozen=True, slots=True)
+class Descent:
+    """Ends of T descents.
+
+    rotation : (T, n, 3, 3). cost : (T,). settled : (T,), the last step was below the tolerance.
+    """
+
+    rotation: FloatArray
+    cost: FloatArray
+    settled: BoolArray
+
+
+def stacked(rotation: FloatArray) -> FloatArray:
+    """Y (..., 9n + 1) of rotations (..., n, 3, 3)."""
+    batch = rotation.shape[:-3]
+    return np.concatenate([rotation.reshape(*batch, -1), np.ones((*batch, 1))], axis=-1)
+
+
+def costs(root: FloatArray, rotation: FloatArray) -> FloatArray:
+    """|A y|² (T,) of rotations (T, n, 3, 3); root A (m, 9n + 1) or (T, m, 9n + 1)."""
+    residual = (root @ stacked(rotation)[..., None])[..., 0]
+    return np.asarray(np.sum(residual**2, axis=-1))
+
+
+def descend(
+    root: FloatArray,
+    start: FloatArray,
+    *,
+    iterations: int,
+    tolerance: float,
+    curved: bool = False,
+) -> Descent:
+    """Minimise each cost from its start (T, n, 3, 3) by damped Gauss–Newton or Newton steps.
+
+    Parameters
+    ----------
+    root : A, (m, 9n + 1), or (T, m, 9n + 1) for a problem of its own per start.
+    tolerance : change of |A y| by a step, in the units of the rows, below which it has settled.
+    curved : Newton's steps, with the second order of exp: fast near a minimum, but far from one
+        they run to saddles.
+
+    Notes
+    -----
+    A step that does not descend is taken back and damped (Levenberg), problem by problem, so that
+    no trial can diverge and none slows the others down.
+    """
+    rotation, T = start.copy(), len(start)
+    cost = costs(root, rotation)
+    damping = np.full(T, 0.0)
+    open_ = np.arange(T)
+    for _ in range(iterations):
+        own = root if root.ndim == 2 else root[open_]
+        hessian, gradient, normal = _expansion(own, rotation[open_], curved=curved)
+        scale = np.einsum("tii->ti", normal)
+        lifted = hessian.copy()
+        np.einsum("tii->ti", lifted)[:] += damping[open_, None] * scale + np.finfo(float).tiny
+        step = -_solve(lifted, gradient)
+        trial = so3.exp(step.reshape(len(open_), -1, 3)) @ rotation[open_]
+        new = costs(own, trial)
+        size = np.sqrt(np.maximum(np.einsum("ti,tij,tj->t", step, normal, step), 0.0))
+        lower = new <= cost[open_]
+        down = open_[lower]
+        rotation[down], cost[down] = trial[lower], new[lower]
+        small = size < tolerance
+        damping[open_] = np.where(
+            lower, damping[open_] * _DOWN, np.maximum(_UP * damping[open_], _DAMPING)
+        )
+        open_ = open_[~small & (damping[open_] < _GIVEN_UP)]
+        if len(open_) == 0:
+            break
+    settled = np.ones(T, dtype=bool)
+    settled[open_] = False
+    return Descent(rotation, cost, settled & (damping < _GIVEN_UP))
+
+
+def _expansion(
+    root: FloatArray, rotation: FloatArray, *, curved: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Half the Hessian (T, 3n, 3n) and gradient (T, 3n) by left turns, and JᵀJ."""
+    T, n = rotation.shape[:2]
+    residual = (root @ stacked(rotation)[..., None])[..., 0]
+    turned = _HATS @ rotation[:, :, None]  # (T, n, 3, 3, 3): [e_j]× X_i
+    columns = np.swapaxes(turned.reshape(T, n, 3, 9), 2, 3)  # (T, n, 9, 3)
+    blocks = [root[..., 9 * i : 9 * i + 9] @ columns[:, i] for i in range(n)]
+    J = np.concatenate(blocks, axis=-1)
+    Jt = np.swapaxes(J, 1, 2)
+    normal = Jt @ J
+    gradient = (Jt @ residual[..., None])[..., 0]
+    if not curved:
+        return normal, gradient, normal
+    # Second order of exp: X → ½ [δ]×² X = ½ (δδᵀ − |δ|²) X, against G = ½ ∂cost/∂X.
+    pull = (np.swapaxes(root, -1, -2) @ residual[..., None])[..., :-1, 0].reshape(T, n, 3, 3)
+    XG = rotation @ np.swapaxes(pull, -1, -2)
+    bend = (XG + np.swapaxes(XG, -1, -2)) / 2
+    bend = bend - np.trace(XG, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
+    hessian = normal.copy()
+    for i in range(n):
+        hessian[:, 3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += bend[:, i]
+    return hessian, gradient, normal
+
+
+def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve (T, p, p) x = (T, p); a singular one takes no step."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        return np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right[..., None])[..., 0])

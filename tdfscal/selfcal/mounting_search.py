@@ -1,0 +1,237 @@
+"""Where the cost has its minima: mountings that may explain the postures, the nominal one or not.
+
+Turning all sensors about the vertical by half a turn reverses every horizontal force, and where
+those are small the balance hardly notices. A start is therefore never believed because it fits:
+the landscape over all mountings is searched, on the few dozen numbers that the postures leave of
+it when everything but the rotations is eliminated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from tdfscal.model.parameters import State, nominal, starting_state, with_motions
+from tdfscal.model.statics import Balance, Postures, balance
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.numerics.rotation_descent import descend
+from tdfscal.records import FloatArray, Rig
+from tdfscal.selfcal.estimator import (
+    LOOK,
+    ROWS,
+    Fit,
+    Priors,
+    at_state,
+    fit,
+    solve_statistic,
+    spread,
+    statistic,
+)
+from tdfscal.selfcal.initial_guess import linear_start
+from tdfscal.selfcal.profile import profile
+from tdfscal.significance import AMBIGUOUS_MOUNTING
+
+#: Joint starts at most whose yaws are quarter turns apart; of more combinations so many are drawn.
+_YAWS = 256
+#: Starts drawn evenly over all rotations.
+_DRAWN = 64
+#: Steps for all starts, and then for the best of them.
+_LOOK, _BEST, _FINISH = 6, 40, 40
+#: Two ends are one minimum when no sensor differs by more, rad.
+APART = 0.1
+#: A minimum is offered when its cost is below this many times the lowest, plus so much.
+_WORTH, _MARGIN, _OFFERED = 4.0, 300.0, 6
+#: Degrees of freedom of Student's t by which starts are compared: a few touched postures must not
+#: decide between mountings.
+_HEAVY_TAIL = 3.0
+#: Rivals whose cost is within this many times the limit are fitted in full before they are judged.
+_NEAR = 4.0
+#: The 24 rotations that carry axes on axes, (24, 3, 3).
+_CUBE = np.unique(
+    np.round(so3.from_rpy(np.pi / 2 * np.array(list(product(range(4), repeat=3))))) + 0.0, axis=0
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Another mounting that explains the postures about as well.
+
+    state : its estimate. gap : its χ² less that of the estimate, in units of the residuals'
+    variance.
+    """
+
+    state: State
+    gap: float
+
+    @property
+    def as_likely(self) -> bool:
+        """The data do not tell it from the estimate.
+
+        With χ² apart by D on average the wrong one comes out lower by g with probability
+        Φ(−(D + g)/2√D) ≤ Φ(−√g).
+        """
+        return self.gap < float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2
+
+
+def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
+    """Estimate, not yet settled, in the basin of the lowest minimum over all mountings.
+
+    mountings : search everywhere, or only about the nominal mounting and the linear solution.
+    """
+    start = with_motions(starting_state(rig), postures.motions)
+    everyone, priors = np.ones(len(postures)), Priors(rig, postures.motion)
+    at = balance(postures, start, rig.barycentre.value, rig.gravity)
+    compressed = statistic(at, everyone)
+    if mountings:
+        starts = np.concatenate([start.rotation[None], wide_starts(rig, postures)])
+    else:
+        starts = np.stack([start.rotation, linear_start(rig, postures).rotation])
+    tried = []
+    for rotation in minima(rig, at, compressed, start, priors, starts):
+        begin = replace(start, rotation=rotation)
+        solution = solve_statistic(rig, at, compressed, begin, priors, iterations=LOOK)
+        tried.append(at_state(rig, postures, solution.state, everyone))
+    scale = min(spread(each.distance, each.at.rows) for each in tried)
+    return min(tried, key=lambda each: _robust_cost(each, scale))
+
+
+def _robust_cost(result: Fit, scale: float) -> float:
+    """−2 log likelihood under Student's t, residuals in units of √scale."""
+    tail = np.log1p(result.distance / (_HEAVY_TAIL * scale))
+    prior = float(result.prior_residual @ result.prior_residual)
+    return float((_HEAVY_TAIL + ROWS) * np.sum(tail)) + prior / scale
+
+
+def rivals(result: Fit, others: Iterable[FloatArray] = ()) -> list[Rival]:
+    """Other mountings that explain the used postures, the likeliest first.
+
+    others : rotations (n, 3, 3) to start from besides those that half turns lead to.
+    """
+    rig, priors = result.rig, Priors(result.rig, result.postures.motion)
+    compressed = statistic(result.at, result.weight)
+    starts = near_starts(result.state.rotation, others)
+    scale = max(1.0, result.cost / max(1, result.dof))
+    here = result.state.rotation
+    found: list[Rival] = []
+    for rotation in minima(rig, result.at, compressed, result.state, priors, starts):
+        if apart(rotation, here) <= APART:
+            continue
+        begin = replace(result.state, rotation=rotation)
+        solution = solve_statistic(rig, result.at, compressed, begin, priors)
+        rival = Rival(solution.state, (solution.cost - result.cost) / scale)
+        if rival.gap < _NEAR * float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2:
+            again = fit(rig, result.postures, solution.state, result.weight)
+            rival = Rival(again.state, (again.cost - result.cost) / scale)
+        if apart(rival.state.rotation, here) > APART:
+            found.append(rival)
+    return sorted(found, key=lambda rival: rival.gap)
+
+
+def describe(rig: Rig, state: State, rival: State) -> str:
+    """Words for two mountings: roll, pitch, yaw in degrees of the sensors that differ."""
+    turn = np.linalg.norm(so3.log(state.rotation @ np.swapaxes(rival.rotation, 1, 2)), axis=1)
+    mine, other = (np.degrees(so3.to_rpy(each.rotation)) for each in (state, rival))
+
+    def angles(rpy: FloatArray) -> str:
+        return "(" + ", ".join(f"{value + 0.0:.1f}" for value in rpy) + ")°"
+
+    return "; ".join(
+        f"{rig.supports[i]} at roll, pitch, yaw {angles(mine[i])} or {angles(other[i])}"
+        for i in np.flatnonzero(turn > APART)
+    )
+
+
+def minima(
+    rig: Rig,
+    at: Balance,
+    compressed: FloatArray,
+    state: State,
+    priors: Priors,
+    starts: FloatArray,
+) -> list[FloatArray]:
+    """Distinct minima (n, 3, 3) of the cost over all mountings, the lowest first.
+
+    Parameters
+    ----------
+    at, compressed : the balance at some state, and the postures as `estimator.statistic` forms
+        them there. state : its other parameters are the ones that the search starts from.
+    starts : (T, n, 3, 3).
+    """
+    s = rig.declared.force_sensitivity
+    landscape = profile(rig, at, compressed, state, priors, mixing=s).root
+    found = descend(landscape, starts, iterations=_LOOK, tolerance=1e-3)
+    best = np.argsort(found.cost, kind="stable")[:_BEST]
+    found = descend(landscape, found.rotation[best], iterations=_FINISH, tolerance=1e-3)
+    order = np.argsort(found.cost, kind="stable")
+    limit = _WORTH * float(found.cost[order[0]]) + _MARGIN
+    left = found.rotation[order[found.cost[order] <= limit]]
+    kept: list[FloatArray] = []
+    while len(left) and len(kept) < _OFFERED:
+        kept.append(left[0])
+        left = left[apart(left, left[0]) > APART]
+    return kept
+
+
+def apart(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Largest angle (...,), rad, by which a sensor of mountings a, b (..., n, 3, 3) is turned."""
+    cosine = (np.sum(a * b, axis=(-2, -1)) - 1) / 2
+    return np.asarray(np.arccos(np.clip(cosine, -1, 1)).max(axis=-1))
+
+
+def wide_starts(rig: Rig, postures: Postures) -> FloatArray:
+    """Starts (T, n, 3, 3) from everywhere: none is nearer to the truth than half a right angle.
+
+    The nominal mounting; the linear solution; each sensor turned by quarter turns; each turned so
+    that its mean load points upwards, with all yaws in quarter turns; and rotations drawn evenly.
+    """
+    n, rng = rig.n, np.random.default_rng(0)
+    base, linear = nominal(rig).rotation, linear_start(rig, postures).rotation
+    singles = np.repeat(base[None], 24 * n, axis=0)
+    for i in range(n):
+        singles[24 * i : 24 * i + 24, i] = _CUBE @ base[i]
+    upright = _upright(rig, postures)
+    quarters = np.array(list(product(range(4), repeat=n)) if 4**n <= _YAWS else [])
+    if len(quarters) == 0:
+        quarters = rng.integers(0, 4, (_YAWS, n))
+    turned = _yaw(np.pi / 2 * quarters) @ upright
+    drawn = so3.project(rng.standard_normal((_DRAWN, n, 3, 3)))
+    everywhere = np.concatenate([base[None], linear[None], singles, turned, drawn])
+    return np.asarray(everywhere)
+
+
+def near_starts(rotation: FloatArray, others: Iterable[FloatArray] = ()) -> FloatArray:
+    """Starts (T, n, 3, 3) that a minimum (n, 3, 3) has for rivals.
+
+    Half turns about the vertical of any one sensor, any two, all, and all but one; quarter turns
+    of one; and others, as given.
+    """
+    n = len(rotation)
+    flips = [np.zeros(n), np.ones(n), *np.eye(n), *(1 - np.eye(n)), *(np.eye(n) / 2)]
+    flips += [*(-np.eye(n) / 2), *(row for row in _pairs(n))]
+    turned = _yaw(np.pi * np.array(flips)) @ rotation
+    return np.concatenate([turned, *(other[None] for other in others)])
+
+
+def _pairs(n: int) -> list[FloatArray]:
+    eye = np.eye(n)
+    return [eye[i] + eye[j] for i in range(n) for j in range(i)]
+
+
+def _yaw(angle: FloatArray) -> FloatArray:
+    """Turns (..., 3, 3) about the vertical."""
+    return so3.exp(angle[..., None] * np.array([0.0, 0.0, 1.0]))
+
+
+def _upright(rig: Rig, postures: Postures) -> FloatArray:
+    """Rotations (n, 3, 3) that turn each sensor's mean load to the vertical by the least angle."""
+    load = np.mean(postures.force - rig.zero.value, axis=0)
+    length = np.linalg.norm(load, axis=1, keepdims=True)
+    down = load / np.where(length > 0, length, 1.0)
+    across = np.cross(down, np.array([0.0, 0.0, 1.0]))
+    sine = np.linalg.norm(across, axis=1, keepdims=True)
+    axis = np.where(sine > 1e-9, across / np.maximum(sine, 1e-9), np.array([1.0, 0.0, 0.0]))
+    return so3.exp(axis * np.arctan2(sine, down[:, 2:]))

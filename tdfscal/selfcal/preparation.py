@@ -1,0 +1,92 @@
+"""From dwells to postures that a fit may use: held against the rig file, with noise and a start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.errors import DataError
+from tdfscal.model.parameters import State
+from tdfscal.model.statics import Postures, postures
+from tdfscal.records import Dwells, IntArray, Rig
+from tdfscal.selfcal.covariance import information_root, quality
+from tdfscal.selfcal.mounting_search import best_start
+from tdfscal.selfcal.outliers import fit_robust
+from tdfscal.selfcal.wiring import check_forces
+
+#: Rounds that bring an unknown noise level and the fit into agreement.
+_LEVELS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Usable:
+    """Postures that a fit may use.
+
+    index : (K,), their dwells. reasons : dwell → why it is not among them. measured_noise : nobody
+    states a force noise; it was taken from the residuals. start : in the basin of the lowest
+    minimum over all mountings.
+    """
+
+    postures: Postures
+    index: IntArray
+    reasons: dict[int, str]
+    measured_noise: bool
+    start: State
+
+
+def usable_postures(
+    rig: Rig, dwells: Dwells, extremes: faulty_sensors.Extremes | None = None
+) -> Usable:
+    """Hold the dwells against the rig file and leave out what no sensor can have felt.
+
+    Raises DataError where there is nothing left, or log and rig file contradict each other.
+    """
+    if len(dwells) == 0:
+        raise DataError(
+            "no static dwell was found: the NCPs never rest with settled forces",
+            where="log",
+            hint="hold each posture for at least two seconds, or check the position fields",
+        )
+    log_against_rig.check_geometry(rig, dwells.position)
+    screened = faulty_sensors.screen(rig, dwells, extremes)
+    index = np.flatnonzero(screened.keep)
+    if len(index) == 0:
+        raise DataError(
+            f"no posture can be used: {screened.reasons[0]}",
+            where="log forces",
+            hint="check the sensors, and supports.capacity in rig.yaml",
+        )
+    observed = postures(rig, dwells).subset(index)
+    measured_noise = bool(np.diagonal(observed.force_cov, axis1=2, axis2=3).min() <= 0)
+    start = best_start(rig, _with_noise(observed, 1.0) if measured_noise else observed)
+    check_forces(rig, start.postures, start)
+    if measured_noise:
+        observed = _with_residual_noise(rig, observed, start.state)
+    return Usable(observed, index, dict(screened.reasons), measured_noise, start.state)
+
+
+def _with_noise(observed: Postures, level: float) -> Postures:
+    """Postures whose forces have this standard uncertainty, N per axis."""
+    return replace(
+        observed, force_cov=np.broadcast_to(level**2 * np.eye(3), observed.force_cov.shape)
+    )
+
+
+def _with_residual_noise(rig: Rig, observed: Postures, start: State) -> Postures:
+    """Postures with the noise level that their residuals show.
+
+    Averaged postures (`rows: postures`) without `uncertainty.force_noise` carry no scatter. The
+    level is then the one with χ² = dof, at the price that χ² can no longer warn of anything.
+    """
+    level = 1.0
+    for _ in range(_LEVELS):
+        guess = _with_noise(observed, level)
+        result = fit_robust(rig, guess, start).fit
+        start = result.state
+        stats = quality(result, information_root(result))
+        if stats.dof <= 0 or abs(stats.birge - 1) < 1e-3:
+            break
+        level *= stats.birge
+    return guess
