@@ -219,7 +219,8 @@ def _first_round(
         rig = item.rig
         if known is not None and reference is not None:
             rig = replace(rig, earlier=joint_prior(rig, reference, known))
-        result, rejected[k] = fit_robust(loosened(rig), item.postures)
+        robust = fit_robust(loosened(rig), item.postures)
+        result, rejected[k] = robust.fit, robust.rejections
         fits[k] = result
         if reference is None or known is None:
             reference = result.state
