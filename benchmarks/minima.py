@@ -2,8 +2,8 @@
 
     python -m benchmarks.minima [RUNS] > benchmarks/minima.md
 
-Nominal mountings that are wrong (every sensor's yaw off by half a turn; random yaws), weak
-and strong internal forces, few and many postures, friction of the hinges declared, noise of 1 N.
+Nominal mountings that are wrong (every sensor's yaw off by half a turn; random yaws), internal
+forces of N newtons, K postures, friction of the hinges declared, noise of 1 N.
 Right: accepted or rejected, and every angle within 5 σ. Ambiguous: exit 4 with two mountings
 named; unseen: exit 4 since a turn is not determined. Wrong: an angle more than 5 σ off is stated.
 """
@@ -62,9 +62,7 @@ def main() -> None:
     """Print the table."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 40
     print(f"# The right minimum\n\n`python -m benchmarks.minima {runs}`: {runs} campaigns a row.\n")
-    print(
-        "| nominal | tilt, ° | internal, N | postures | right | ambiguous | unseen | refused | wrong |"
-    )
+    print("| nominal | tilt, ° | N | K | right | ambiguous | unseen | refused | wrong |")
     print("|---|---|---|---|---|---|---|---|---|")
     total: Counter[str] = Counter()
     for seed, ((kind, tilt), force, count) in enumerate(product(CASES, FORCES, POSTURES)):
