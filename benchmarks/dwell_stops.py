@@ -156,12 +156,34 @@ def _never_at_rest(rng: Random) -> Recorded:
     return replace(_changed(recorded, moved(1), moved(0)), stops=np.array([[1e6, 1e6 + 60.0]]))
 
 
+def _few_ringing(rng: Random) -> Recorded:
+    """Too few stops to see that they ring alike."""
+    return record(_settling(rng, _log(rng, 0.3, 2.0), _log(rng, 0.5, 3.0), count=4))
+
+
+def _filled(rng: Random, hertz: float) -> Recorded:
+    """Stops that end while 2 to 20 N of settling have one to two time constants behind them."""
+    tau = _log(rng, 1.0, 4.0)
+    return record(
+        _usual(
+            rng,
+            settle=(_log(rng, 2.0, 20.0), tau, hertz),
+            stops=tuple(tau * rng.uniform(1.0, 2.0, 12)),
+            force_noise=_log(rng, 0.1, 1.0),
+            rate=200.0,
+        )
+    )
+
+
 #: Faults that an ablation asks for besides; each is found here as a stop is, or not at all.
 FAULTS: dict[str, Callable[[Random], Recorded]] = {
     "bursts of force amid stops": _bursts,
     "some stops four times as noisy": _noisy_stops,
     "encoders that miscount samples": _wrong_samples,
     "never at rest": _never_at_rest,
+    "ringing, four stops": _few_ringing,
+    "settling that fills the stops": lambda rng: _filled(rng, 0.0),
+    "ringing that fills the stops": lambda rng: _filled(rng, _log(rng, 0.2, 1.0)),
 }
 
 

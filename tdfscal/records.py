@@ -257,6 +257,20 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
+class Absence:
+    """Why a log holds no dwell: what was seen, and what would do.
+
+    stop : s, how long each posture would have to be held. bin_width : s, of `DwellOptions`, with
+    which such stops are found. None where that is not what is missing.
+    """
+
+    seen: str
+    advice: str
+    stop: float | None = None
+    bin_width: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Dwells:
     """Static dwells: NCPs at rest, forces settled.
 
@@ -267,6 +281,7 @@ class Dwells:
     force_min, force_max : (K, n, 3), N, extremes within the dwell.
     count : (K, n), force samples averaged. effective : (K, n), effective sample size.
     temperature : (K, n), °C at each sensor; None where the log has none.
+    absence : where there is no dwell, why.
     """
 
     supports: tuple[str, ...]
@@ -283,6 +298,7 @@ class Dwells:
     left_out: tuple[LeftOut, ...] = ()
     warnings: tuple[str, ...] = ()
     temperature: FloatArray | None = None
+    absence: Absence | None = None
 
     def __len__(self) -> int:
         return len(self.start)

@@ -7,11 +7,17 @@ from collections.abc import Iterable
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.records import Dwells, Log
+from tdfscal.records import Dwells, FloatArray, Log
+
+_DIGITS = range(9, 1, -1)  # after the point, that files are rounded to in m and N
+_EPS = 1e-12
 
 
 def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
     """Each row is one dwell: mean as recorded, covariance zero, one sample.
+
+    A row that repeats an earlier one is the same recording (a copy of a file, an export to a second
+    format, doubled rows); it counts once, and a warning says so.
 
     Raises
     ------
@@ -40,6 +46,20 @@ def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
         raise DataError(
             "a reading is not a number", where=f"posture {row + 1}", hint="leave this posture out"
         )
+    resolution = np.concatenate(
+        [np.tile(_resolution(*of), (len(of[0]), 1)) for of in zip(position, force, strict=True)]
+    )
+    repeats = _repeated(np.concatenate([p, f], axis=1).reshape(len(t), -1), resolution)
+    warnings: tuple[str, ...] = ()
+    if repeats:
+        keep = np.setdiff1d(np.arange(len(t)), list(repeats))
+        later, earlier = min(repeats.items())
+        warnings = (
+            f"{len(repeats)} of {len(t)} postures repeat an earlier one in every digit (the first: "
+            f"posture {later + 1} is posture {earlier + 1}): a recording that is there twice is "
+            "counted once",
+        )
+        t, p, f = t[keep], p[keep], f[keep]
     zero = np.zeros((*f.shape, 3))
     return Dwells(
         supports=supports,
@@ -53,4 +73,37 @@ def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
         force_max=f.copy(),
         count=np.ones(f.shape[:2], dtype=np.int64),
         effective=np.ones(f.shape[:2]),
+        warnings=warnings,
     )
+
+
+def _resolution(position: FloatArray, force: FloatArray) -> FloatArray:
+    """Power of ten (6n,) that all readings of a file's columns are multiples of; 0 for none."""
+    value = np.concatenate([position, force], axis=1).reshape(len(position), -1)
+    resolution = np.zeros(value.shape[1])
+    for digits in _DIGITS:
+        rest = np.abs(np.round(value, digits) - value)
+        coarse = (rest <= _EPS * (1.0 + np.abs(value))).all(axis=0)
+        resolution[coarse] = 10.0**-digits
+    return resolution
+
+
+def _repeated(value: FloatArray, resolution: FloatArray) -> dict[int, int]:
+    """Rows (K, A) that equal an earlier one as far as both are resolved: row → that one."""
+    repeats: dict[int, int] = {}
+    lively = int(np.argmax([len(np.unique(column)) for column in value.T]))
+    key = value[:, lively]
+    order = np.argsort(key, kind="stable")
+    reach = 1.02 * float(resolution[:, lively].max()) + _EPS * float(np.abs(key).max())
+    for step in range(1, len(value)):
+        a, b = order[:-step], order[step:]
+        close = key[b] - key[a] <= reach
+        if not close.any():
+            break
+        a, b = a[close], b[close]
+        limit = 0.51 * (resolution[a] + resolution[b]) + _EPS * np.abs(value[a])
+        same = (np.abs(value[a] - value[b]) <= limit).all(axis=1)
+        for one, other in zip(a[same].tolist(), b[same].tolist(), strict=True):
+            first, second = sorted((one, other))
+            repeats[second] = min(first, repeats.get(second, first))
+    return repeats

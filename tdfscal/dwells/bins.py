@@ -18,7 +18,10 @@ from tdfscal.records import FloatArray, IntArray, Log, Series
 
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
 _SLOWEST = 2.0  # s
-_PEEK, _PEEK_OF = 2048, 65536  # samples searched for the smallest step of the readings
+_PEEK, _PEEK_OF = (
+    2048,
+    65536,
+)  # samples searched for the smallest step of the readings, and for zeros
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +32,8 @@ class Bins:
     count : (B, S). mean : (B, S, 3), NaN where count is 0. scatter : (B, S, 3), sum of squared
     deviations from the bin's mean. low, high : (B, n, 3), extremes of the forces minus their mean.
     period : (S,), s, median sample interval. quantum : (S, 3), smallest step between successive
-    readings, 0 where none was seen.
+    readings, 0 where none was seen. zeros : (S,), share of samples at which a
+    stream drops to exactly 0, 0, 0.
 
     In memory each axis is one row: `mean[:, s, a]` is contiguous.
     """
@@ -44,6 +48,7 @@ class Bins:
     high: Float32Array
     period: FloatArray
     quantum: FloatArray
+    zeros: FloatArray
 
     def __len__(self) -> int:
         return len(self.start)
@@ -59,6 +64,7 @@ class _Binner:
         self.store = Store(streams, limit)
         self.last = np.full(streams, -np.inf)
         self.quantum = np.full((streams, 3), np.inf)
+        self.zeros, self.seen = np.zeros(streams), np.zeros(streams)
 
     def add(self, piece: Log) -> None:
         """Take a piece's samples in."""
@@ -85,7 +91,7 @@ class _Binner:
             with np.errstate(invalid="ignore", over="ignore"):
                 found = moments(series.value, first, extremes=stream >= len(self.supports))
             self._check_finite(stream, series, found.mean)
-            self._note_quantum(stream, series.value)
+            self._look(stream, series.value)
             self.store.add(stream, place, found)
         while self.store.size > self.limit and self.store.coarsen():
             self.width *= 2
@@ -106,6 +112,7 @@ class _Binner:
             high=store.high.transpose(2, 0, 1),
             period=period,
             quantum=np.where(np.isfinite(self.quantum), self.quantum, 0.0),
+            zeros=self.zeros / np.maximum(self.seen, 1.0),
         )
 
     def _name(self, stream: int) -> str:
@@ -137,9 +144,14 @@ class _Binner:
             hint="repair the recording or cut this stretch out",
         )
 
-    def _note_quantum(self, stream: int, value: FloatArray) -> None:
+    def _look(self, stream: int, value: FloatArray) -> None:
+        """Smallest step and zero readings of a share of the samples."""
         for begin in range(0, len(value), _PEEK_OF):
-            step = np.abs(np.diff(value[begin : begin + _PEEK].T))
+            some = value[begin : begin + _PEEK]
+            self.seen[stream] += len(some)
+            zero = (some == 0.0).all(axis=1)
+            self.zeros[stream] += np.count_nonzero(zero[1:] & ~zero[:-1])
+            step = np.abs(np.diff(some.T))
             smallest = step.min(axis=1, initial=np.inf, where=step > 0)
             np.minimum(self.quantum[stream], smallest, out=self.quantum[stream])
 

@@ -9,6 +9,7 @@ from itertools import chain
 import numpy as np
 from scipy.special import ndtri
 
+from tdfscal.dwells.absence import explain, zeros
 from tdfscal.dwells.averaged_postures import postures_as_dwells
 from tdfscal.dwells.bins import Bins, reduce_to_bins
 from tdfscal.dwells.clock_offset import motion_offset
@@ -74,6 +75,10 @@ def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
             long_run = np.where(found > 0, found, field.long_run)
         extents, left_out = search(field, rate, long_run, some=some)
     dwells = _with_statistics(field, extents, left_out)
+    if not len(dwells):
+        return replace(dwells, absence=explain(bins, field.moving, field.shortest * bins.width))
+    if dropped := zeros(bins):
+        dwells = replace(dwells, warnings=(*dwells.warnings, f"{dropped.seen}: {dropped.advice}"))
     offset = motion_offset(bins, dwells)
     if offset is not None and offset.large:
         return replace(dwells, warnings=(*dwells.warnings, f"clocks: {offset}"))

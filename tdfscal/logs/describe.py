@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.dwells import dwells_of_bins, find_dwells, motion_offset, reduce_to_bins
+from tdfscal.dwells import dwells_of_bins, find_dwells, motion_offset, no_dwell, reduce_to_bins
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.reading import LoadedRig, default_mapping
@@ -75,7 +75,8 @@ def describe_logs(
                        problems=(*problems, *watch.warnings, printable(str(error))))  # fmt: skip
     problems += [*watch.warnings, *dwells.warnings]
     if not len(dwells):
-        problems.append("no dwell is found: the NCPs never rest, or the forces never settle")
+        absence = no_dwell(dwells)
+        problems.append(f"{absence.what}; {absence.hint}")
     return LogInfo(
         contents, guess, mapping, known, watch.signals(), tuple(watch.inputs), dwells, offset,
         tuple(dict.fromkeys(problems)),

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, NotConvergedError
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import postures
@@ -24,11 +25,7 @@ def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
     Raises DataError where no dwell can be used or the log contradicts the rig file.
     """
     if len(dwells) == 0:
-        raise DataError(
-            "no static dwell was found: the NCPs never rest with settled forces",
-            where="given log",
-            hint="hold each posture for at least two seconds, or plan without --given",
-        )
+        raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position)
     kept = faulty_sensors.screen(rig, dwells).keep
     if not kept.any():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, postures
@@ -44,11 +45,7 @@ def usable_postures(
     Raises DataError where there is nothing left, or log and rig file contradict each other.
     """
     if len(dwells) == 0:
-        raise DataError(
-            "no static dwell was found: the NCPs never rest with settled forces",
-            where="log",
-            hint="hold each posture for at least two seconds, or check the position fields",
-        )
+        raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position)
     screened = faulty_sensors.screen(rig, dwells, extremes)
     index = np.flatnonzero(screened.keep)

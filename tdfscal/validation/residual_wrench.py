@@ -12,12 +12,13 @@ import numpy as np
 from scipy import special
 
 from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import Postures, balance, postures
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import Dwells, FloatArray, IntArray, LeftOut, Rig
+from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation import causes
 from tdfscal.validation.causes import Cause, Whitened, whiten
@@ -88,12 +89,7 @@ def validate(
     """
     rig = rig or given.rig
     if len(dwells) == 0:
-        raise DataError(
-            "no static dwell was found: the NCPs never rest with settled forces",
-            where="log",
-            hint="hold three to five postures for at least two seconds each"
-            + _nearest(dwells.left_out),
-        )
+        raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position)
     screened = faulty_sensors.screen(rig, dwells, extremes)
     used = np.flatnonzero(screened.keep)
@@ -124,10 +120,6 @@ def validate(
         detectable=_detectable(causes.turn_information(white), tried),
         warnings=(*dwells.warnings, *warnings, *([turned] if turned else [])),
     )
-
-
-def _nearest(left_out: tuple[LeftOut, ...]) -> str:
-    return f"; for one stretch, {left_out[0].reason}" if left_out else ""
 
 
 def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[str, ...]]:

@@ -1,0 +1,228 @@
+"""Why a log holds no static dwell: what was seen, and what would do.
+
+The search itself only knows that no stretch passed. Here the log is looked at once more, and only
+coarsely: where the NCPs are slow, do positions and forces decay towards a level, or wander about?
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tdfscal.dwells.bins import Bins
+from tdfscal.dwells.change_points import runs, signals
+from tdfscal.errors import DataError
+from tdfscal.records import Absence, BoolArray, Dwells, FloatArray, IntArray
+
+_ZEROS = 1e-4  # share of samples at which a stream drops to 0, 0, 0
+_SLOW = 0.2  # of the usual speed of a move: below it a stop, or what looks like one
+_THIRDS = 6  # bins at least that are parted in three
+_ALIKE = 0.9  # correlation of the changes in successive parts of a decay
+_FALLS = (0.02, 0.8)  # ratio of those changes
+_BINS_OF_WHITE = 3  # a correlation beyond is none of white noise
+_SAMPLES = 20  # per stop: ten for the shortest dwell, as many for what is kept clear of moves
+_SHORTEST = 0.2  # s, of a dwell sampled fast
+_STOP = 2.0  # s, that a stop should last at least
+_CORRELATIONS = 30.0  # correlation times that a stop should last
+_DECAYED = 0.1  # standard errors of a mean that may be left of a decay
+_FINE = 0.3  # bins / correlation time: windows of 32 bins then reach beyond it
+
+
+@dataclass(frozen=True, slots=True)
+class _Decay:
+    """tau : s. size : (A,), change over the first third of the stops, rms."""
+
+    tau: float
+    size: FloatArray
+
+
+def no_dwell(dwells: Dwells) -> DataError:
+    """The error for a log without any dwell."""
+    absence = dwells.absence or Absence(
+        "the NCPs never rest with settled forces", "hold each posture for at least two seconds"
+    )
+    return DataError(f"no static dwell was found: {absence.seen}", where="log", hint=absence.advice)
+
+
+def explain(bins: Bins, moving: BoolArray, shortest: float) -> Absence:
+    """Say why no stretch of the log passes.
+
+    moving : (B,), where the search sees the NCPs move. shortest : s, of a dwell.
+    """
+    n = len(bins.supports)
+    position = signals(bins, slice(0, n)).value
+    force = signals(bins, slice(n, 2 * n)).value
+    first, last = _slow(position)
+    return (
+        zeros(bins)
+        or _too_slow(bins, first, last)
+        or _too_short(bins, moving, shortest)
+        or _smoothed("positions", position, first, last, bins.width)
+        or _restless(moving)
+        or _smoothed("forces", force, first, last, bins.width)
+        or _correlated(force, first, last, bins.width)
+        or Absence(
+            "the NCPs rest, and the forces never settle meanwhile",
+            "hold each posture for longer, and look whether something moves or touches the "
+            "terminal",
+        )
+    )
+
+
+def zeros(bins: Bins) -> Absence | None:
+    """Readings that drop to 0, 0, 0 and return, as no noisy signal does."""
+    worst = int(np.argmax(bins.zeros))
+    if bins.zeros[worst] <= _ZEROS:
+        return None
+    n = len(bins.supports)
+    what = "position" if worst < n else "force"
+    return Absence(
+        f"the {what} of {bins.supports[worst % n]} drops to 0, 0, 0 and returns, at "
+        f"{100 * bins.zeros[worst]:.2g} % of the samples, as if the recorder wrote zeros where it "
+        "had no reading",
+        "let the recorder leave such cells empty, or repeat the last reading",
+    )
+
+
+def _too_slow(bins: Bins, first: IntArray, last: IntArray) -> Absence | None:
+    """A clock too slow for the stops [first, last)."""
+    period = float(bins.period.max())
+    rest = float((last - first).max(initial=0) * bins.width)
+    if _SAMPLES / 2 * period < max(rest, _SHORTEST):
+        return None
+    stop, rate = _rounded_up(_SAMPLES * period), _rounded_up(_SAMPLES / max(rest, _STOP))
+    return Absence(
+        f"sampled too slowly: there is a sample every {period:.3g} s, a dwell takes "
+        f"{_SAMPLES / 2:.0f} of them, and the NCPs rest for {rest:.2g} s at most",
+        f"record at {rate:g} Hz or more, or hold each posture for at least {stop:g} s",
+        stop,
+    )
+
+
+def _too_short(bins: Bins, moving: BoolArray, shortest: float) -> Absence | None:
+    """Stops that end before a dwell is long enough."""
+    begin, end = runs(~moving)
+    rest = float((end - begin).max(initial=0) * bins.width)
+    if not len(begin) or rest >= shortest:
+        return None
+    return Absence(
+        f"the stops are too short: the NCPs rest {len(begin)} times, for {rest:.2g} s at most, and "
+        f"a dwell takes {shortest:.2g} s of settled forces",
+        f"hold each posture for at least {_STOP:g} s",
+        _STOP,
+    )
+
+
+def _restless(moving: BoolArray) -> Absence | None:
+    """NCPs that move all the time."""
+    if not moving.all():
+        return None
+    return Absence(
+        "the NCPs never rest: their positions change from the first sample to the last",
+        f"hold each posture for at least {_STOP:g} s, and check that the position fields are those "
+        "of the NCPs, unfiltered",
+    )
+
+
+def _slow(position: FloatArray) -> tuple[IntArray, IntArray]:
+    """Stretches of bins between the moves, as far as can be seen without knowing the noise."""
+    step = np.abs(np.diff(position, axis=1))
+    usual = np.quantile(step, 0.98, axis=1, keepdims=True) if step.shape[1] else step
+    speed = np.divide(step, usual, out=np.zeros_like(step), where=usual > 0).max(axis=0, initial=0)
+    return runs(np.concatenate([speed, [0.0]]) <= _SLOW)
+
+
+def _thirds(value: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+    """Means (3, R, A) of the thirds of the stops, in which (A, B) may settle."""
+    third = (last - first) // 3
+    total = np.cumsum(np.pad(value, ((0, 0), (1, 0))), axis=1)
+    ends = [total[:, first + k * third] for k in range(4)]
+    return np.stack([(b - a).T / third[:, None] for a, b in pairwise(ends)])
+
+
+def _decay(value: FloatArray, first: IntArray, last: IntArray, width: float) -> _Decay | None:
+    """A decay common to the stops: changes from third to third go the same way and fall alike."""
+    if not len(first):
+        return None
+    means = _thirds(value, first, last)
+    earlier, later = np.diff(means, axis=0)
+    size = np.sqrt(np.mean(earlier**2, axis=0))
+    scale = np.where(size > 0, size, np.inf)
+    earlier, later = earlier / scale, later / scale
+    across, own = float(np.sum(earlier * later)), float(np.sum(earlier**2))
+    alike = across / max(np.sqrt(own * float(np.sum(later**2))), np.finfo(float).tiny)
+    ratio = across / max(own, np.finfo(float).tiny)
+    if alike < _ALIKE or not _FALLS[0] < ratio < _FALLS[1]:
+        return None
+    return _Decay(float(np.median(last - first)) / 3 * width / -float(np.log(ratio)), size)
+
+
+def _smoothed(
+    what: str, value: FloatArray, first: IntArray, last: IntArray, width: float
+) -> Absence | None:
+    """A decay through the stops, and the stop that outlasts it."""
+    long = last - first >= _THIRDS
+    first, last = first[long], last[long]
+    decay = _decay(value, first, last, width)
+    if decay is None:
+        return None
+    bend = np.abs(np.diff(value, n=2, axis=1))
+    noise = 1.4826 * np.median(bend, axis=1) / np.sqrt(6.0)
+    left = _DECAYED * noise * np.sqrt(width / _STOP)
+    size = np.divide(decay.size, left, out=np.ones_like(left), where=left > 0).max()
+    rest = float(np.median(last - first)) * width
+    seen = (
+        f"the {what} creep on after each move with a time constant of {decay.tau:.2g} s, through "
+        f"stops of {rest:.2g} s: a smoothing filter, or slow settling"
+    )
+    unfiltered = "switch the smoothing of sensor, amplifier or recorder off"
+    if what == "positions":
+        return Absence(seen, unfiltered)
+    stop = _rounded_up(decay.tau * np.log(max(size, np.e)) + _STOP)
+    bin_width = _rounded_up(_FINE * decay.tau)
+    return Absence(
+        seen,
+        f"{unfiltered}, or hold each posture for at least {stop:g} s and look for dwells in bins "
+        f"of {bin_width:g} s (DwellOptions.bin_width)",
+        stop,
+        bin_width,
+    )
+
+
+def _correlated(force: FloatArray, first: IntArray, last: IntArray, width: float) -> Absence | None:
+    """Noise that stays alike for a good part of a stop."""
+    lasting = _correlation(force, first, last)
+    if lasting < _BINS_OF_WHITE:
+        return None
+    rest = float((last - first).max(initial=0) * width)
+    stop = _rounded_up(_CORRELATIONS * lasting * width)
+    bin_width = _rounded_up(_FINE * lasting * width)
+    return Absence(
+        f"the noise of the forces is correlated over {lasting * width:.2g} s or more, and the NCPs "
+        f"rest for {rest:.2g} s at most: a settled level does not stand out of it",
+        f"hold each posture for at least {stop:g} s and look for dwells in bins of {bin_width:g} s "
+        "(DwellOptions.bin_width), or find what shakes or warms the sensors",
+        stop,
+        bin_width,
+    )
+
+
+def _correlation(value: FloatArray, first: IntArray, last: IntArray) -> float:
+    """Bins over which the forces stay alike about the level of each stop; largest of all axes."""
+    length = int((last - first).max(initial=0))
+    lag_sum = np.zeros((len(value), max(length, 1)))
+    for a, b in zip(first, last, strict=True):
+        rest = value[:, a:b] - value[:, a:b].mean(axis=1, keepdims=True)
+        spectrum = np.abs(np.fft.rfft(rest, 2 * (b - a), axis=1)) ** 2
+        lag_sum[:, : b - a] += np.fft.irfft(spectrum, axis=1)[:, : b - a]
+    own = np.divide(lag_sum, lag_sum[:, :1], out=np.zeros_like(lag_sum), where=lag_sum[:, :1] > 0)
+    below = own < np.exp(-1.0)
+    return float(np.where(below.any(axis=1), below.argmax(axis=1), length).max())
+
+
+def _rounded_up(value: float) -> float:
+    """To two digits, never less."""
+    digit = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return float(np.ceil(value / digit - 1e-9) * digit)
