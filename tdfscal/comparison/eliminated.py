@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.earlier import EVEN_TURN
-from tdfscal.model.parameters import State, constants, deviation, with_motions
+from tdfscal.model.parameters import EVEN_TURN, State, constants, deviation, with_motions
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information, nothing
 from tdfscal.records import FloatArray

@@ -10,8 +10,6 @@ from tdfscal.model.parameters import State, constants, prior_std, retract, vecto
 from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, JointPrior, Rig
 
-#: A turn spread evenly over the circle, rad: stands where nothing is known of a rotation.
-EVEN_TURN = np.pi / np.sqrt(3)
 #: A sensor that was mounted anew turns by about this much, rad per axis. Postures are not called
 #: outliers for a turn that all of them share.
 REMOUNTED = 5e-3

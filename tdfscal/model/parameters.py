@@ -24,6 +24,8 @@ for _j, (_a, _b) in enumerate(_VOIGT):
     SYMMETRIC[_j, _a, _b] = SYMMETRIC[_j, _b, _a] = 1.0
 
 
+#: Standard deviation of a turn spread evenly over the circle, rad: nothing is known of it.
+EVEN_TURN = np.pi / np.sqrt(3)
 #: Groups that are constants of the rig: one realisation in every campaign. The others (zeros,
 #: load) are each campaign's own.
 CONSTANTS = ("rotation", "sensitivity", "hinge", "datum", "tilt", "compliance")
@@ -199,6 +201,16 @@ def prior_std(rig: Rig, motion: ZeroMotion | None = None) -> FloatArray:
     if rig.earlier is not None:
         std[constants(n, motions) & (std > 0)] = np.inf
     return std
+
+
+def rpy_prior_std(rig: Rig) -> FloatArray:
+    """Standard deviation (n, 3), rad, of the prior on roll, pitch, yaw; ∞ none.
+
+    A sensor that lacks axes may have turns that no posture shows, down to rounding. It gets a
+    turn spread evenly over the circle, which outweighs nothing that is measured.
+    """
+    lacking = np.repeat(~np.all(rig.axes, axis=1, keepdims=True), 3, axis=1)
+    return np.where(lacking & np.isinf(rig.rpy_std), EVEN_TURN, rig.rpy_std)
 
 
 def symmetric(voigt: FloatArray) -> FloatArray:

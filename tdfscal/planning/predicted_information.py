@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.parameters import State, layout, nominal, prior_std, sensing
+from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, hanging
@@ -14,7 +14,7 @@ from tdfscal.planning.exchange import inverse
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.static_loads import internal_modes
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.selfcal.covariance import EVEN_TURN, faked_information
+from tdfscal.selfcal.covariance import faked_information
 from tdfscal.selfcal.estimator import Fit, at_state
 
 #: What an unknown quantity (std ∞) is at most: so wide that it says nothing, so narrow that the

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.parameters import layout, sensing
+from tdfscal.model.parameters import EVEN_TURN, layout, sensing
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum, spectrum
@@ -32,8 +32,6 @@ PRIORS = {
     "drift": "drift",
     "rotation": "prior angles",
 }
-#: Standard deviation of a turn spread evenly over the circle, rad: nothing is known of it.
-EVEN_TURN = np.pi / np.sqrt(3)
 #: A share of a null vector below this is rounding.
 _ROUNDING = 1e-6
 

@@ -19,6 +19,7 @@ from tdfscal.model.parameters import (
     nominal,
     prior_std,
     retract,
+    rpy_prior_std,
     starting_state,
     vector,
     with_motions,
@@ -103,9 +104,9 @@ class Priors:
         self.rows = np.zeros((len(self.held), len(std)))
         self.rows[np.arange(len(self.held)), self.held] = 1 / self.std
         self.rows = self.rows[:, self.active]
-        self.rpy, self.rpy_std = rig.nominal_rpy, rig.rpy_std
+        self.rpy, self.rpy_std = rig.nominal_rpy, rpy_prior_std(rig)
         self.earlier, self.known = rig.earlier, starting_state(rig, motions)
-        own = np.isfinite(rig.rpy_std).ravel() & (rig.earlier is None)
+        own = np.isfinite(self.rpy_std).ravel() & (rig.earlier is None)
         self.angled = np.flatnonzero(own)
 
     def __call__(self, state: State) -> tuple[FloatArray, FloatArray]:
