@@ -12,6 +12,8 @@ from tdfscal.records import BoolArray, Dwells, FloatArray, Log, Rig
 AXES = ("x", "y", "z")
 #: A reading this close to a limit, relative, stands at it.
 _AT = 1e-6
+#: An axis that varies by this share of what the others do, and by so many times its noise, lives.
+_FOLLOWS, _AUDIBLE = 0.1, 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +57,13 @@ def screen(rig: Rig, dwells: Dwells, log: Extremes | None = None) -> Screened:
     low, high = dwells.force_min, dwells.force_max
     if len(dwells) > 1:
         stuck = (low.min(axis=0) == high.max(axis=0)) & (dwells.count.max(axis=0) > 0)[:, None]
+        stuck &= rig.axes
+        _check_unmeasured(rig, dwells)
         for i, j in np.argwhere(stuck):
             raise _stuck(rig, dwells, int(i), int(j), log)
     reasons: dict[int, str] = {}
     over = (np.maximum(np.abs(low), np.abs(high)) >= rig.capacity) & np.isfinite(rig.capacity)
+    over &= rig.axes
     for k, i, j in np.argwhere(over):
         reasons.setdefault(
             int(k),
@@ -66,7 +71,7 @@ def screen(rig: Rig, dwells: Dwells, log: Extremes | None = None) -> Screened:
         )
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
     still = (low == high) & (dwells.count >= 8)[..., None]
-    lively = ~still.all(axis=(0, 1, 2)) & (np.mean(~still, axis=0) > 0.5)
+    lively = rig.axes & ~still.all(axis=(0, 1, 2)) & (np.mean(~still, axis=0) > 0.5)
     for k, i, j in np.argwhere(still & lively):
         reasons.setdefault(
             int(k),
@@ -77,6 +82,30 @@ def screen(rig: Rig, dwells: Dwells, log: Extremes | None = None) -> Screened:
     keep = np.ones(len(dwells), dtype=bool)
     keep[list(reasons)] = False
     return Screened(keep, reasons)
+
+
+def _check_unmeasured(rig: Rig, dwells: Dwells) -> None:
+    """Raise DataError where an axis that the rig file calls not measured follows the load."""
+    scatter = np.nanstd(dwells.force, axis=0) if len(dwells) > 1 else np.zeros(rig.axes.shape)
+    live = rig.axes & (scatter > 0)
+    if rig.axes.all() or not live.any():
+        return
+    noise = np.sqrt(np.median(np.diagonal(dwells.force_cov, axis1=2, axis2=3), axis=0))
+    moves = scatter > np.maximum(_FOLLOWS * np.median(scatter[live]), _AUDIBLE * noise)
+    for i, j in np.argwhere(~rig.axes & moves):
+        raise DataError(
+            f"{_axis(rig, i, j)} is declared as not measured, but its reading follows the load: it "
+            f"varies by {scatter[i, j]:.3g} N over the postures",
+            where="log forces",
+            hint=f"add {AXES[j]} to the axes of {rig.supports[i]} in rig.yaml, or check the force "
+            "fields",
+        )
+
+
+def _axes_line(rig: Rig, i: int, j: int) -> str:
+    """The line of the rig file that takes an axis out."""
+    left = [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j]
+    return f"write `axes: [{', '.join(left)}]` for {rig.supports[i]} in rig.yaml"
 
 
 def _axis(rig: Rig, i: int, j: int) -> str:
@@ -118,5 +147,6 @@ def _stuck(rig: Rig, dwells: Dwells, i: int, j: int, log: Extremes | None) -> Da
     return DataError(
         f"{_axis(rig, i, j)} reads {value:.6g} N in every posture: it is dead or not connected",
         where="log forces",
-        hint="check the sensor, its amplifier and the force fields in rig.yaml",
+        hint="check the sensor, its amplifier and the force fields in rig.yaml; to calibrate the "
+        f"rest without it, {_axes_line(rig, i, j)}",
     )

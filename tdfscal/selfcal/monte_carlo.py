@@ -10,7 +10,7 @@ from tdfscal.model.batch import Equations, Perturbed, Trials
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.numerics.propagation import propagate
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -110,17 +110,24 @@ def simulate(
     birge: float,
     rng: np.random.Generator,
     max_trials: int,
+    *,
+    known: BoolArray | None = None,
 ) -> MonteCarlo:
-    """Perturb and solve until the averages are stable or the trials run out."""
+    """Perturb and solve until the averages are stable or the trials run out.
+
+    known : (n,), sensors whose angles the data determine; those of the others are not followed.
+    """
+    followed = np.ones((fit.rig.n, 1)) if known is None else known[:, None].astype(np.float64)
     sampler = Sampler(fit, parts, birge)
     estimate = so3.to_rpy(fit.state.rotation)
 
     def draw(size: int) -> FloatArray:
         chunks = [min(CHUNK, size - start) for start in range(0, size, CHUNK)]
-        return np.concatenate([_angles(sampler, rng, estimate, chunk) for chunk in chunks])
+        drawn = np.concatenate([_angles(sampler, rng, estimate, chunk) for chunk in chunks])
+        return np.asarray(followed * drawn)
 
     found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
-    half = linear.coverage_factor * linear.rpy_std
+    half = followed * linear.coverage_factor * linear.rpy_std
     return MonteCarlo(
         trials=found.trials,
         mean=estimate + found.mean,

@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
-from tdfscal.records import ANGLES, FloatArray, Rig
+from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
 
 #: An angle known better than half its prior owes more to the data than to the prior.
 _PRIOR_SHARE = 0.5
@@ -56,6 +56,8 @@ class Correlation:
 class Observability:
     """The verdict: every angle, the weak ones with cause and advice, and close couples.
 
+    undetermined : sensors that lack an axis and have an angle that the data do not determine;
+    they go without a number. lacking : their weaknesses. weak : those of all other sensors.
     spread : (n,), rad, angle about the mean load within which the loads on each sensor stay.
     """
 
@@ -63,23 +65,35 @@ class Observability:
     weak: tuple[Weakness, ...]
     correlations: tuple[Correlation, ...]
     spread: FloatArray
+    undetermined: tuple[str, ...] = ()
+    lacking: tuple[Weakness, ...] = ()
+
+    @property
+    def determined(self) -> BoolArray:
+        """Which sensors (n,) have angles that the data determine."""
+        names = dict.fromkeys(angle.support for angle in self.angles)
+        return np.array([name not in self.undetermined for name in names])
 
     @property
     def identified(self) -> bool:
-        """All angles are determined by the data."""
+        """All angles are determined by the data, but those of sensors that lack an axis."""
         return not self.weak
 
     @property
     def weakest(self) -> Angle:
         """The angle with the largest standard uncertainty."""
-        return max(self.angles, key=lambda angle: angle.std)
+        stand = [angle for angle in self.angles if angle.support not in self.undetermined]
+        return max(stand or self.angles, key=lambda angle: angle.std)
 
     @property
     def verdict(self) -> str:
         """One sentence."""
         if self.identified:
             w = self.weakest
-            return f"every angle is determined by the data; the weakest is {w.name}, {_mrad(w.std)}"
+            every = "every angle"
+            if self.undetermined:
+                every = f"every angle of a sensor but {', '.join(self.undetermined)}"
+            return f"{every} is determined by the data; the weakest is {w.name}, {_mrad(w.std)}"
         names = ", ".join(weakness.angle.name for weakness in self.weak)
         return f"the data do not determine {names}"
 
@@ -128,7 +142,15 @@ def verdict(
         i, j = divmod(k, 3)
         turn = np.linalg.inv(turns[i])[:, j]  # that this angle is, BCS
         weak.append(_explain(angle, turn, axis[i], spread[i], across[i], limit))
-    return Observability(angles, tuple(weak), _couples(angles, covariance, turns), spread)
+    lacks = {name for name, axes in zip(rig.supports, rig.axes, strict=True) if not axes.all()}
+    return Observability(
+        angles,
+        tuple(w for w in weak if w.angle.support not in lacks),
+        _couples(angles, covariance, turns),
+        spread,
+        undetermined=tuple(n for n in rig.supports if n in {w.angle.support for w in weak} & lacks),
+        lacking=tuple(w for w in weak if w.angle.support in lacks),
+    )
 
 
 def _explain(

@@ -113,8 +113,10 @@ def self_calibrate(
         stats = quality(result, parts)
         uncertainty = evaluate_linear(result, rng, max_trials or LINEAR_TRIALS)
     seen = observability.verdict(
-        rig, result.state, observed, uncertainty.covariance, uncertainty.rpy_covariance
+        rig, result.state, result.postures, uncertainty.covariance, uncertainty.rpy_covariance
     )
+    if not seen.determined.any():
+        raise NotIdentifiableError(_unseen(seen), hint=seen.lacking[0].advice)
     if not seen.identified:
         raise NotIdentifiableError(_unseen(seen), hint=seen.weak[0].advice)
     if not result.converged:
@@ -137,7 +139,15 @@ def self_calibrate(
     trials = None
     if estimator == "ml" and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
-        trials = simulate(result, parts, uncertainty, stats.birge, rng, max_trials or MAX_TRIALS)
+        trials = simulate(
+            result,
+            parts,
+            uncertainty,
+            stats.birge,
+            rng,
+            max_trials or MAX_TRIALS,
+            known=seen.determined,
+        )
     rejected = dict(usable.reasons) | {int(index[r.index]): r.reason for r in found}
     return SelfCalibration(
         rig=rig,
@@ -155,7 +165,7 @@ def self_calibrate(
         rejected=rejected,
         reasons=judge(
             rig,
-            uncertainty.rpy_std,
+            np.where(seen.determined[:, None], uncertainty.rpy_std, 0.0),
             stats.birge,
             used=len(dwells) - len(rejected),
             rejected=len(rejected),
@@ -164,7 +174,15 @@ def self_calibrate(
             conformity=conformity,
         ),
         warnings=_warnings(
-            rig, result.state, dwells, stats, trials, doubts, steady, measured_noise=measured_noise
+            rig,
+            result.state,
+            dwells,
+            stats,
+            trials,
+            doubts,
+            steady,
+            seen,
+            measured_noise=measured_noise,
         ),
     )
 
@@ -193,9 +211,9 @@ def _check_rivals(rig: Rig, result: Fit, near: tuple[Rival, ...]) -> None:
 def _unseen(seen: Observability) -> str:
     """Name the angles without a number; the first cause stands for all."""
     names = ", ".join(weakness.angle.name for weakness in seen.weak)
-    if len(seen.weak) == len(seen.angles):
+    if len(seen.weak) + len(seen.lacking) == len(seen.angles):
         names = "any angle of any sensor"
-    first = seen.weak[0]
+    first = (*seen.weak, *seen.lacking)[0]
     return f"the data do not determine {names}; for {first.angle.name}, {first.cause}"
 
 
@@ -218,6 +236,7 @@ def _warnings(
     trials: MonteCarlo | None,
     doubts: tuple[Suspicion, ...],
     steady: Stability,
+    seen: Observability,
     *,
     measured_noise: bool,
 ) -> tuple[str, ...]:
@@ -226,6 +245,11 @@ def _warnings(
     if turned := log_against_rig.turned(rig, dwells.position):
         found.append(turned)
     found += _turned_sensors(rig, state)
+    if seen.undetermined:
+        found.append(
+            f"{', '.join(seen.undetermined)}: the axes that are measured leave the mounting of the "
+            "sensor undetermined, so that it has no angles; the others stand"
+        )
     if rig.declared.force_sensitivity > 0:
         found.append(
             "gain and crosstalk of the sensors were decoupled in situ, from a prior of "
