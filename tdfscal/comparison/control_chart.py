@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.model.earlier import EVEN_TURN
+from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.information import Contrast, Information, contrast, nothing, p_value
 from tdfscal.records import FloatArray
 

@@ -17,6 +17,7 @@ from tdfscal.dwells.common_drift import common_drift
 from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.search import INTERRUPTED, Field, prepare, search, within
+from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
 from tdfscal.significance import DRIFT_PER_LOG
@@ -48,12 +49,17 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     if first is None:
         raise DataError("the log is empty", hint="give a log with recorded samples")
     warnings: list[str] = []
-    rest = _noting(chain([first], stream), warnings)
+    thermometer = Thermometer()
+    rest = thermometer.passing(_noting(chain([first], stream), warnings))
     if first.rows == "postures":
         found = postures_as_dwells(rest)
     else:
         found = dwells_of_bins(reduce_to_bins(rest, options), options)
-    return replace(found, warnings=(*dict.fromkeys(warnings), *found.warnings))
+    return replace(
+        found,
+        warnings=(*dict.fromkeys(warnings), *found.warnings),
+        temperature=thermometer.at(found.start, found.end, len(found.supports)),
+    )
 
 
 def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:

@@ -80,9 +80,11 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool) ->
     result = _add(results, "result")
     _named(result, f"Installation angles of {support.name}")
     data = _add(result, "data")
-    interval = support.rpy_interval
+    mounting = support.mounting
     for k, angle in enumerate(ANGLES):
-        value, std = support.rpy[k], support.rpy_std[k]
+        if mounting is None:
+            break
+        interval, value, std = mounting.interval, mounting.rpy[k], mounting.rpy_std[k]
         # D-SI knows no coverage factor below 1.
         half = max(interval.high[k] - value, value - interval.low[k], std)
         quantity = _add(data, "quantity")

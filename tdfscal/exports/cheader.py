@@ -33,18 +33,20 @@ def c_header(c: Calibration) -> str:
     tdfscal_matrix is the rotation, times the inverse sensitivity where one was estimated.
     """
     scaled = any(support.sensitivity for support in c.supports)
-    matrix = c.rotation @ np.linalg.inv(c.sensitivity) if scaled else c.rotation
+    stand = c.determined
+    rotation = c.rotation[stand]
+    matrix = rotation @ np.linalg.inv(c.sensitivity[stand]) if scaled else rotation
     notes = [*origin(c), "Rows of a matrix are the BCS's axes, columns the sensor's."]
-    names = ", ".join(f'"{support.name}"' for support in c.supports)
-    n = len(c.supports)
+    names = ", ".join(f'"{support.name}"' for support in c.mounted)
+    n = len(c.mounted)
     lines = ["/*", *(f" * {_safe(note)}" for note in notes), " */"]
     lines += ["#ifndef TDFSCAL_CALIBRATION_H", "#define TDFSCAL_CALIBRATION_H", ""]
     lines += [f"#define TDFSCAL_SENSORS {n}", ""]
     lines += [f"static const char *const tdfscal_sensor[TDFSCAL_SENSORS] = {{{names}}};", ""]
-    lines += _matrices("tdfscal_rotation", c.rotation)
+    lines += _matrices("tdfscal_rotation", rotation)
     lines += _matrices("tdfscal_matrix", matrix)
     lines += ["/* N, sensor frames */"]
-    rows = ",\n".join(f"    {_row(zero)}" for zero in c.zero)
+    rows = ",\n".join(f"    {_row(zero)}" for zero in c.zero[stand])
     lines += [f"static const double tdfscal_zero[TDFSCAL_SENSORS][3] = {{\n{rows}\n}};", ""]
     return "\n".join(lines) + f"\n{_FUNCTION}\n#endif\n"
 

@@ -25,7 +25,9 @@ def csv_table(c: Calibration) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*header, "status", "created", "convention"])
     for support, mixing in zip(c.supports, c.sensitivity, strict=True):
-        row = [number(v) for v in np.ravel(support.rotation)]
+        if support.rotation is None:
+            continue
+        row = [number(v) for v in np.array(support.rotation).ravel()]
         row += [number(v) for v in support.zero]
         row += [number(v) for v in np.linalg.inv(mixing).ravel()] if scaled else []
         writer.writerow([support.name, *row, c.status, c.created, c.convention])

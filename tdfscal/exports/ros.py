@@ -21,8 +21,8 @@ def ros_transforms(c: Calibration, parent: str = "bcs") -> str:
         "Subtract a sensor's zero (N) before turning its reading.",
     ]
     lines = [f"# {note}" for note in notes]
-    for support in c.supports:
-        x, y, z, w = map(number, support.quaternion_xyzw)
+    for support in c.mounted:
+        x, y, z, w = map(number, support.quaternion)
         lines.append(
             f"# {_PUBLISHER} --x 0 --y 0 --z 0 --qx {x} --qy {y} --qz {z} --qw {w} "
             f"--frame-id {base} --child-frame-id {child(support.name)}"
@@ -39,10 +39,10 @@ def _document(c: Calibration, base: str) -> dict[str, object]:
                 "child_frame_id": child(support.name),
                 "transform": {
                     "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
-                    "rotation": dict(zip("xyzw", support.quaternion_xyzw, strict=True)),
+                    "rotation": dict(zip("xyzw", support.quaternion, strict=True)),
                 },
             }
-            for support in c.supports
+            for support in c.mounted
         ],
         "zero": {support.name: list(support.zero) for support in c.supports},
         **(

@@ -26,7 +26,9 @@ def urdf(c: Calibration, parent: str = "bcs") -> str:
     lines += ["-->", f"<robot name={quoteattr(_name(c.rig.name))}>", f'  <link name="{base}"/>']
     for support in c.supports:
         sensor = child(support.name)
-        rpy = " ".join(map(number, support.rpy))
+        if support.mounting is None:
+            continue
+        rpy = " ".join(map(number, support.mounting.rpy))
         zero = " ".join(map(number, support.zero))
         lines += [
             f'  <link name="{sensor}"/>',

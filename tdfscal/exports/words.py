@@ -19,6 +19,8 @@ def origin(c: Calibration) -> list[str]:
         c.convention,
         "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
     ]
+    if c.undetermined:
+        lines.append(f"without {', '.join(c.undetermined)}: its axes determine no mounting")
     if c.status == "rejected":
         lines.append("REJECTED by the quality gate: not for use on a machine")
     return lines

@@ -20,7 +20,7 @@ from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
 
 Progress = Callable[[float], None]
 #: Largest magnitudes that are read, by quantity.
-_LARGEST = {"position": (1e9, "m"), "force": (1e9, "N")}
+_LARGEST = {"position": (1e9, "m"), "force": (1e9, "N"), "temperature": (1e4, "°C")}
 _NO_TIME, _NO_VALUE = np.empty(0), np.empty((0, 3))
 
 
@@ -90,6 +90,9 @@ def concatenate(pieces: Iterable[Log]) -> Log:
         first,
         position=tuple(joined([p.position[i] for p in parts]) for i in n),
         force=tuple(joined([p.force[i] for p in parts]) for i in n),
+        temperature=tuple(
+            joined([p.temperature[i] for p in parts]) for i in range(len(first.temperature))
+        ),
         inputs=tuple(i for p in parts for i in p.inputs),
         warnings=tuple(dict.fromkeys(w for p in parts for w in p.warnings)),
     )
@@ -266,14 +269,16 @@ def _check_counts(
 
 
 def _log(piece: Piece | list[Block], request: Request) -> Log:
+    n = len(request.supports)
     series = [Series(_NO_TIME, _NO_VALUE)] * len(request.signals)
     for block in piece:
         for number, value in block.value.items():
             series[number] = Series(block.time, value)
     return Log(
         supports=request.supports,
-        position=tuple(series[0::2]),
-        force=tuple(series[1::2]),
+        position=tuple(series[0 : 2 * n : 2]),
+        force=tuple(series[1 : 2 * n : 2]),
+        temperature=tuple(series[2 * n :]),
         rows=request.rows,
     )
 

@@ -71,10 +71,11 @@ def _angles(c: Calibration) -> Table:
     """Every angle in mrad; its turn from the nominal mounting where that is not zero."""
     turned = any(any(support.nominal_rpy) for support in c.rig.supports)
     rows = []
-    for i, (support, stated) in enumerate(zip(c.supports, c.rig.supports, strict=True)):
-        low, high = support.rpy_interval.low, support.rpy_interval.high
+    nominal = {stated.name: stated.nominal_rpy for stated in c.rig.supports}
+    for i, support in enumerate(c.mounted):
+        low, high = support.interval.low, support.interval.high
         for j, angle in enumerate(ANGLES):
-            turn = math.remainder(support.rpy[j] - stated.nominal_rpy[j], math.tau)
+            turn = math.remainder(support.rpy[j] - nominal[support.name][j], math.tau)
             rows.append(
                 (
                     support.name,
@@ -86,6 +87,9 @@ def _angles(c: Calibration) -> Table:
                     _dominant(c, 3 * i + j),
                 )
             )
+    for name in c.undetermined:
+        cells = 6 if turned else 5
+        rows.append((name, "undetermined", *[""] * (cells - 1)))
     beside = ", and their turn from the nominal mounting" if turned else ""
     return Table(
         f"Installation angles in the BCS{beside}, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",

@@ -66,7 +66,7 @@ def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
     # pinv: a posture that alone carries a direction predicts nothing there.
     deleted = (L @ np.linalg.pinv(np.eye(6) - J @ np.swapaxes(J, 1, 2), hermitian=True) @ e)[..., 0]
 
-    rig, start = fit.rig, nominal(fit.rig)
+    rig, start = fit.rig, nominal(fit.rig, fit.postures.motions)
     at = balance(fit.postures, start, rig.barycentre.value, rig.gravity)
     before = (at.design @ features(start, at, rig.gravity))[used]
     return CrossValidation(

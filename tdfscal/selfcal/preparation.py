@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, RigError
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, postures
 from tdfscal.records import Dwells, IntArray, Rig
@@ -55,13 +55,34 @@ def usable_postures(
             where="log forces",
             hint="check the sensors, and supports.capacity in rig.yaml",
         )
+    _check_temperature(rig, dwells)
     observed = postures(rig, dwells).subset(index)
-    measured_noise = bool(np.diagonal(observed.force_cov, axis1=2, axis2=3).min() <= 0)
+    scatter = np.diagonal(observed.force_cov, axis1=2, axis2=3)[:, observed.measured]
+    measured_noise = bool(scatter.min(initial=np.inf) <= 0)
     start = best_start(rig, _with_noise(observed, 1.0) if measured_noise else observed)
     check_forces(rig, start.postures, start)
     if measured_noise:
         observed = _with_residual_noise(rig, observed, start.state)
     return Usable(observed, index, dict(screened.reasons), measured_noise, start.state)
+
+
+def _check_temperature(rig: Rig, dwells: Dwells) -> None:
+    """Raise where zeros are to follow a temperature that nobody recorded, or that never changes."""
+    if not rig.drift.temperature > 0:
+        return
+    if dwells.temperature is None:
+        raise RigError(
+            "zeros are declared to follow the temperature, but the log has none",
+            where="drift.temperature",
+            hint="name the recorder's field as log.temperature, or declare drift.time",
+        )
+    if np.any(np.ptp(dwells.temperature, axis=0) == 0):
+        raise DataError(
+            f"the temperature is {dwells.temperature[0].min():.6g} °C in every posture, so that no "
+            "slope against it can be known",
+            where="log.temperature",
+            hint="check the sensor and the field, or take drift.temperature out of rig.yaml",
+        )
 
 
 def _with_noise(observed: Postures, level: float) -> Postures:

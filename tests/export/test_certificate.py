@@ -29,19 +29,19 @@ def test_numbers_come_back_to_the_bit() -> None:
         content(quantity): quantity.find("si:real", NAMES)
         for quantity in root.iterfind(".//dcc:quantity", NAMES)
     }
-    for support in C.supports:
+    for support, mounting in zip(C.supports, C.mounted, strict=True):
         for k, angle in enumerate(("roll", "pitch", "yaw")):
             real = found[f"{angle} of {support.name}"]
             assert real is not None
-            assert float(str(real.findtext("si:value", namespaces=NAMES))) == support.rpy[k]
+            assert float(str(real.findtext("si:value", namespaces=NAMES))) == mounting.rpy[k]
             assert real.findtext("si:unit", namespaces=NAMES) == "\\radian"
             place = real.find("si:measurementUncertaintyUnivariate/si:expandedMU", NAMES)
             assert place is not None
             U, factor, p = (float(str(part.text)) for part in place)
-            assert U / factor == pytest.approx(support.rpy_std[k], rel=1e-14)
-            assert p == support.rpy_interval.coverage == 0.95
-            assert support.rpy[k] + U >= support.rpy_interval.high[k] - 1e-15
-            assert support.rpy[k] - U <= support.rpy_interval.low[k] + 1e-15
+            assert U / factor == pytest.approx(mounting.rpy_std[k], rel=1e-14)
+            assert p == mounting.interval.coverage == 0.95
+            assert mounting.rpy[k] + U >= mounting.interval.high[k] - 1e-15
+            assert mounting.rpy[k] - U <= mounting.interval.low[k] + 1e-15
         zeros = [found[f"zero {a} of {support.name}"] for a in "xyz"]
         values = [float(str(z.findtext("si:value", namespaces=NAMES))) for z in zeros if z]
         assert values == list(support.zero)

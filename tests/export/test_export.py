@@ -69,7 +69,7 @@ def test_urdf(c: Calibration) -> None:
         rpy = [float(v) for v in str(origin.get("rpy")).split()]
         # URDF: fixed axes, x then y then z
         R = Rotation.from_euler("xyz", rpy).as_matrix()
-        np.testing.assert_allclose(R, support.rotation, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(R, np.array(support.rotation), rtol=0, atol=1e-14)
     assert CONVENTION in urdf(c)
 
 
@@ -94,7 +94,7 @@ def test_ros(c: Calibration) -> None:
         given = transform["transform"]["rotation"]
         for q in ([given[a] for a in "xyzw"], [float(options[f"--q{a}"]) for a in "xyzw"]):
             R = Rotation.from_quat(q).as_matrix()
-            np.testing.assert_allclose(R, support.rotation, rtol=0, atol=1e-14)
+            np.testing.assert_allclose(R, np.array(support.rotation), rtol=0, atol=1e-14)
         assert document["zero"][support.name] == list(support.zero)
     assert ("sensitivity" in document) == (c is SCALED)
 
@@ -105,7 +105,7 @@ def test_csv(c: Calibration) -> None:
     assert [row["sensor"] for row in rows] == list(c.support_names)
     for i, (row, support) in enumerate(zip(rows, c.supports, strict=True)):
         R = np.array([[float(row[f"r_{a}{b}"]) for b in "xyz"] for a in "xyz"])
-        assert R.tolist() == [list(line) for line in support.rotation]
+        assert R.tolist() == np.array(support.rotation).tolist()
         load = READING - [float(row[f"zero_{a}"]) for a in "xyz"]
         if c is SCALED:
             load = np.array([[float(row[f"u_{a}{b}"]) for b in "xyz"] for a in "xyz"]) @ load
@@ -138,7 +138,7 @@ def test_c_header_compiles_and_turns_a_reading(c: Calibration, tmp_path: Path) -
     for i, support in enumerate(c.supports):
         assert library.name(i).decode() == support.name
         values = [[library.rotation(i, a, b) for b in range(3)] for a in range(3)]
-        assert values == [list(row) for row in support.rotation]
+        assert values == np.array(support.rotation).tolist()
         in_place = vector(*READING)
         library.turn(i, in_place, in_place)
         np.testing.assert_allclose(list(in_place), force(c, i, READING), rtol=1e-12)

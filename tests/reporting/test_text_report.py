@@ -52,7 +52,7 @@ def test_eighty_columns_and_verdict_first(c: Calibration) -> None:
 def test_every_angle_in_mrad() -> None:
     c = sample().calibration
     text = render(c)
-    for support in c.supports:
+    for support in c.mounted:
         for value, std in zip(support.rpy, support.rpy_std, strict=True):
             assert re.search(rf" {1e3 * value:.3f} +{1e3 * std:.3f} ", text)
 
@@ -142,7 +142,7 @@ def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPat
     c = sample().calibration
     assert "turn" not in render(c)
     rig = c.rig.model_dump(mode="json", exclude_none=True)
-    yaw = c.supports[1].rpy[2]
+    yaw = c.mounted[1].rpy[2]
     near = yaw - 0.02
     rig["supports"][1]["nominal_rpy"] = [0.0, 0.0, near - math.copysign(2 * math.pi, near)]
     for text in (render(changed(c, rig=rig)), on_terminal(changed(c, rig=rig), monkeypatch)):

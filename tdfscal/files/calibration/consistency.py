@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sized
+from collections.abc import Sequence, Sized
+from typing import Any
 
 import numpy as np
 
-from tdfscal.files.calibration.parts import SupportResult
+from tdfscal.files.calibration.parts import Mounting
 from tdfscal.files.field_types import fault
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
@@ -30,7 +31,7 @@ def check_covariance(matrix: FloatArray, place: tuple[str, str] = ("covariance",
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def check_rotation(support: SupportResult, covariance: FloatArray, index: int) -> None:
+def check_rotation(support: Mounting, covariance: FloatArray, index: int) -> None:
     """Refuse a support whose rotation, angles, quaternion and uncertainties disagree.
 
     covariance : (3, 3), rad², of the support's rotation, perturbed in the BCS.
@@ -41,13 +42,33 @@ def check_rotation(support: SupportResult, covariance: FloatArray, index: int) -
         raise fault("is not a rotation: not orthonormal, or det ≠ +1", *place, "rotation")
     if not np.allclose(so3.from_rpy(support.rpy), R, rtol=0, atol=SAME):
         raise fault("is not the angles of `rotation`", *place, "rpy", hint=_HINT)
-    if not np.allclose(_from_quaternion(support.quaternion_xyzw), R, rtol=0, atol=SAME):
+    if not np.allclose(_from_quaternion(support.quaternion), R, rtol=0, atol=SAME):
         raise fault("is not the quaternion of `rotation`", *place, "quaternion_xyzw", hint=_HINT)
     if np.hypot(R[0, 0], R[1, 0]) > GIMBAL_LOCK:
         J = so3.rpy_jacobian(R)
         std = np.sqrt(np.maximum(np.diagonal(J @ covariance @ J.T), 0.0))
         if not np.allclose(support.rpy_std, std, rtol=SAME_STD, atol=0):
             raise fault("does not follow from the covariance", *place, "rpy_std", hint=_HINT)
+
+
+def from_directions(
+    nominal_rpy: Sequence[float], directions: dict[Any, tuple[float, float, float]]
+) -> FloatArray:
+    """Rotation (3, 3) next to the nominal mounting whose measured axes point along directions.
+
+    What no axis shows stays as it is nominally: readings turned by it are the same.
+    """
+    R = so3.from_rpy(np.array(nominal_rpy))
+    if len(directions) != 1:
+        columns = [directions.get(axis, np.zeros(3)) for axis in "xyz"]
+        return so3.project(np.stack(columns, axis=1)) if directions else R
+    ((axis, towards),) = directions.items()
+    own = R[:, "xyz".index(axis)]
+    about = np.cross(own, towards)
+    sine, cosine = np.linalg.norm(about), float(own @ np.array(towards))
+    if sine < SAME:
+        return R if cosine > 0 else so3.exp(np.pi * np.roll(own, 1)) @ R
+    return np.asarray(so3.exp(np.arctan2(sine, cosine) * about / sine) @ R)
 
 
 def check_shape(rows: Sized, n: int, name: str, *place: str | int) -> None:

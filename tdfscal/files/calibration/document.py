@@ -9,7 +9,12 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.calibration.consistency import check_covariance, check_rotation, check_shape
+from tdfscal.files.calibration.consistency import (
+    check_covariance,
+    check_rotation,
+    check_shape,
+    from_directions,
+)
 from tdfscal.files.calibration.evidence_model import MethodAngles, PostureTable
 from tdfscal.files.calibration.life import CampaignResult, HistoryEntry, Instant, MeasuredResult
 from tdfscal.files.calibration.parameters import Parameters, check_parameters
@@ -25,6 +30,7 @@ from tdfscal.files.calibration.parts import (
     FitResult,
     Input,
     MonteCarloResult,
+    Mounting,
     ObservabilityResult,
     QualityResult,
     Software,
@@ -39,7 +45,8 @@ from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import to_json, to_yaml, write_text
 from tdfscal.files.yaml.reading import Document, Format, parse_document, read_document
-from tdfscal.records import FloatArray, Rotations
+from tdfscal.model.parameters import EVEN_TURN
+from tdfscal.records import BoolArray, FloatArray, Rotations
 
 AXES = ("rx", "ry", "rz")
 _FORMS: dict[str, Format] = {".json": "json", ".yaml": "yaml", ".yml": "yaml"}
@@ -87,12 +94,18 @@ class Calibration(Strict):
     def _consistent(self) -> Self:
         self._check_status()
         self._check_names()
-        check_covariance(self.rotation_covariance)
+        check_covariance(np.array(self.covariance.matrix))
         if self.parameters is not None:
-            check_parameters(self.parameters, self.support_names, self.rotation_covariance)
+            check_parameters(
+                self.parameters,
+                self.support_names,
+                np.flatnonzero(np.repeat(self.determined, 3)).tolist(),
+                np.array(self.covariance.matrix),
+            )
         for index, support in enumerate(self.supports):
             block = slice(3 * index, 3 * index + 3)
-            check_rotation(support, self.rotation_covariance[block, block], index)
+            if support.mounting is not None:
+                check_rotation(support.mounting, self.rotation_covariance[block, block], index)
         if self.monte_carlo is not None:
             for name in ("rpy_std", "low", "high"):
                 check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
@@ -124,12 +137,20 @@ class Calibration(Strict):
         names = self.support_names
         if names != tuple(support.name for support in self.rig.supports):
             raise fault("are not those of the embedded rig, in its order", "supports")
-        if self.covariance.parameters != parameter_names(names):
+        lacks = [not support.determined for support in self.supports]
+        whole = [set(support.axes) == {"x", "y", "z"} for support in self.rig.supports]
+        for index, (missing, all_axes) in enumerate(zip(lacks, whole, strict=True)):
+            if missing and all_axes:
+                raise fault("is missing, though the sensor lacks no axis", "supports", index)
+        stand = tuple(support.name for support in self.supports if support.determined)
+        if not stand:
+            raise fault("have no rotation, none of them", "supports")
+        if self.covariance.parameters != parameter_names(stand):
             raise fault(
-                f"must be {names[0]}.rx, {names[0]}.ry and so on, in the order of the supports",
+                f"must be {stand[0]}.rx, {stand[0]}.ry and so on, in the order of the supports",
                 *("covariance", "parameters"),
             )
-        size = 3 * len(names)
+        size = 3 * len(stand)
         rows = self.covariance.matrix
         if len(rows) != size or any(len(row) != size for row in rows):
             raise fault(f"must have {size} rows of {size} numbers", "covariance", "matrix")
@@ -140,24 +161,54 @@ class Calibration(Strict):
         return tuple(support.name for support in self.supports)
 
     @property
+    def mounted(self) -> tuple[Mounting, ...]:
+        """The angles of the sensors that the data determine."""
+        found = (support.mounting for support in self.supports)
+        return tuple(mounting for mounting in found if mounting is not None)
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Sensors that lack an axis and have no rotation."""
+        return tuple(support.name for support in self.supports if not support.determined)
+
+    @property
+    def determined(self) -> BoolArray:
+        """(n,), which sensors have a rotation."""
+        return np.array([support.determined for support in self.supports])
+
+    @property
     def rotation(self) -> FloatArray:
-        """(n, 3, 3), sensor frame → BCS."""
-        return np.array([support.rotation for support in self.supports])
+        """(n, 3, 3), sensor frame → BCS; where undetermined, one with the directions measured."""
+        return np.array(
+            [
+                support.rotation
+                if support.rotation is not None
+                else from_directions(rig.nominal_rpy, dict(support.directions or {}))
+                for support, rig in zip(self.supports, self.rig.supports, strict=True)
+            ]
+        )
 
     @property
     def rpy(self) -> FloatArray:
-        """(n, 3), roll, pitch, yaw, rad."""
-        return np.array([support.rpy for support in self.supports])
+        """(n, 3), roll, pitch, yaw, rad; not a number where undetermined."""
+        return np.array([support.rpy for support in self.supports], dtype=np.float64)
 
     @property
     def rpy_std(self) -> FloatArray:
-        """(n, 3), standard uncertainties of roll, pitch, yaw, rad."""
-        return np.array([support.rpy_std for support in self.supports])
+        """(n, 3), standard uncertainties of roll, pitch, yaw, rad; ∞ where undetermined."""
+        std = np.array([support.rpy_std for support in self.supports], dtype=np.float64)
+        return np.where(self.determined[:, None], std, np.inf)
 
     @property
     def rotation_covariance(self) -> FloatArray:
-        """(3n, 3n), rad², of d with R_true = exp([d]×) · rotation, d in the BCS."""
-        return np.array(self.covariance.matrix)
+        """(3n, 3n), rad², of d with R_true = exp([d]×) · rotation, d in the BCS.
+
+        A sensor that is undetermined has turns spread evenly over the circle.
+        """
+        stand = np.repeat(self.determined, 3)
+        matrix = np.diag(np.where(stand, 0.0, EVEN_TURN**2))
+        matrix[np.ix_(stand, stand)] = self.covariance.matrix
+        return matrix
 
     @property
     def zero(self) -> FloatArray:
@@ -219,6 +270,9 @@ def parse_calibration(raw: bytes, source: str) -> Calibration:
 def dump_calibration(calibration: Calibration, form: Format) -> str:
     """Return the text of a calibration file in full double precision."""
     content = calibration.model_dump(mode="json", exclude_none=True)
+    for support in content["supports"]:
+        for name in ("rotation", "rpy_interval", "quaternion_xyzw"):
+            support.setdefault(name, None)
     match form:
         case "json":
             return to_json(content)

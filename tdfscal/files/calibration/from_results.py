@@ -26,7 +26,7 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.records import ANGLES, FloatArray, InputFile, Measured
+from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured
 from tdfscal.selfcal.covariance import information_root
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.monte_carlo import MonteCarlo
@@ -59,6 +59,7 @@ class _Angles:
     std: FloatArray
     low: FloatArray
     high: FloatArray
+    determined: BoolArray
 
 
 def from_self(
@@ -126,6 +127,7 @@ def from_joint(
         both.rpy_std,
         both.rpy - half,
         both.rpy + half,
+        determined=np.all(both.rpy_std < own.rig.acceptance.identifiable, axis=1),
     )
     std = np.where(given.open, np.inf, np.sqrt(np.diagonal(given.covariance)))
     # An open parameter of the self-calibration stays open: rotations alone do not fix it.
@@ -165,18 +167,33 @@ def _calibration(
 ) -> Calibration:
     names = origin.rig.rig.supports
     rpy, quaternion = so3.to_rpy(angles.rotation), so3.to_quaternion(angles.rotation)
+    nobody: dict[str, Any] = {
+        "rotation": None,
+        "rpy": (None,) * 3,
+        "rpy_std": (None,) * 3,
+        "rpy_interval": None,
+        "quaternion_xyzw": None,
+    }
+    stand = np.repeat(angles.determined, 3)
+    covariance = angles.covariance[np.ix_(stand, stand)]
     supports = [
         {
             "name": name,
-            "rotation": angles.rotation[i],
-            "rpy": rpy[i],
-            "rpy_std": angles.std[i],
-            "rpy_interval": {
-                "coverage": INTERVAL_COVERAGE,
-                "low": angles.low[i],
-                "high": angles.high[i],
-            },
-            "quaternion_xyzw": quaternion[i],
+            **(
+                {
+                    "rotation": angles.rotation[i],
+                    "rpy": rpy[i],
+                    "rpy_std": angles.std[i],
+                    "rpy_interval": {
+                        "coverage": INTERVAL_COVERAGE,
+                        "low": angles.low[i],
+                        "high": angles.high[i],
+                    },
+                    "quaternion_xyzw": quaternion[i],
+                }
+                if angles.determined[i]
+                else nobody | {"directions": _directions(origin, angles.rotation[i], i)}
+            ),
             "zero": zero[i],
             "zero_std": _open(zero_std[i]),
             "sensitivity": None if sensitivity is None else sensitivity[i],
@@ -202,15 +219,23 @@ def _calibration(
         "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
         "supports": supports,
         "covariance": {
-            "parameters": parameter_names(names),
+            "parameters": parameter_names(
+                tuple(n for n, known in zip(names, angles.determined, strict=True) if known)
+            ),
             "definition": COVARIANCE_DEFINITION,
-            "matrix": (angles.covariance + angles.covariance.T) / 2,
+            "matrix": (covariance + covariance.T) / 2,
         },
-        "budget": _budget(names, budget),
+        "budget": _budget(names, budget, angles.determined),
         "quality": {"reasons": tuple(reasons)},
         "warnings": tuple(warnings),
     }
     return Calibration.model_validate(document | parts)
+
+
+def _directions(origin: Provenance, rotation: FloatArray, index: int) -> dict[str, FloatArray]:
+    """Directions in the BCS of the axes that a sensor measures."""
+    axes = origin.rig.rig.axes[index]
+    return {name: rotation[:, j] for j, name in enumerate("xyz") if axes[j]}
 
 
 def _self_parts(
@@ -245,7 +270,8 @@ def _unscaled(result: SelfCalibration) -> FloatArray | None:
     """Covariance (3n, 3n) of the rotations by the stated uncertainties, for `update`."""
     if result.estimator != "ml":
         return None
-    root = information_root(result.fit).root[: 3 * result.rig.n]
+    turns = np.flatnonzero(np.repeat(result.observability.determined, 3))
+    root = information_root(result.fit).root[turns]
     return np.asarray(root @ root.T)
 
 
@@ -270,7 +296,14 @@ def _self_angles(result: SelfCalibration) -> _Angles:
     trials = result.monte_carlo
     if trials is not None and not trials.validated:
         low, high = trials.low, trials.high
-    return _Angles(result.fit.state.rotation, spread.covariance, spread.rpy_std, low, high)
+    return _Angles(
+        result.fit.state.rotation,
+        spread.covariance,
+        spread.rpy_std,
+        low,
+        high,
+        result.observability.determined,
+    )
 
 
 def _tracker_angles(result: TrackerCalibration) -> _Angles:
@@ -278,7 +311,8 @@ def _tracker_angles(result: TrackerCalibration) -> _Angles:
     low, high = result.low, result.high
     if result.monte_carlo is not None and not result.monte_carlo.linear_interval_validated:
         low, high = result.monte_carlo.low, result.monte_carlo.high
-    return _Angles(found.rotation, found.covariance, result.rpy_std, low, high)
+    known = np.ones(len(low), dtype=np.bool_)
+    return _Angles(found.rotation, found.covariance, result.rpy_std, low, high, known)
 
 
 def _fit(result: SelfCalibration) -> dict[str, Any]:
@@ -313,19 +347,24 @@ def _observability(seen: Observability) -> dict[str, Any]:
             {
                 "support": a.support,
                 "angle": a.angle,
-                "std": a.std,
+                "std": None if a.support in seen.undetermined else a.std,
                 "prior_std": _open(np.array([a.prior_std]))[0],
                 "identified": a.identified,
             }
             for a in seen.angles
         ],
+        "weak": [
+            {"name": w.angle.name, "cause": w.cause, "advice": w.advice} for w in seen.lacking
+        ],
         "correlations": [{"a": c.a, "b": c.b, "value": c.value} for c in seen.correlations],
     }
 
 
-def _budget(names: Sequence[str], shares: Mapping[str, FloatArray]) -> dict[str, Any]:
-    """Variances by source; sources that contribute nothing anywhere are left out."""
-    sources = [source for source, variance in shares.items() if np.any(variance > 0)]
+def _budget(
+    names: Sequence[str], shares: Mapping[str, FloatArray], determined: BoolArray
+) -> dict[str, Any]:
+    """Variances by source of the angles that are determined; sources without any are left out."""
+    sources = [source for source, variance in shares.items() if np.any(variance[determined] > 0)]
     return {
         "sources": sources,
         "angles": [
@@ -335,6 +374,7 @@ def _budget(names: Sequence[str], shares: Mapping[str, FloatArray]) -> dict[str,
                 "variance": {source: float(max(0.0, shares[source][i, j])) for source in sources},
             }
             for i, name in enumerate(names)
+            if determined[i]
             for j, angle in enumerate(ANGLES)
         ],
     }

@@ -95,9 +95,15 @@ def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibr
 
 
 def check_parameters(
-    block: Parameters, supports: tuple[str, ...], rotation_covariance: FloatArray
+    block: Parameters,
+    supports: tuple[str, ...],
+    turns: list[int],
+    rotation_covariance: FloatArray,
 ) -> None:
-    """Raise the model's fault where the block contradicts itself or the rotations' covariance."""
+    """Raise the model's fault where the block contradicts itself or the rotations' covariance.
+
+    turns : places of the rotations that the covariance (of as many rows) is about.
+    """
     place = _places(block, supports)
     matrix = np.array(block.matrix)
     if matrix.shape != (len(place), len(place)) or len(block.value) != len(place):
@@ -106,16 +112,18 @@ def check_parameters(
     unit = matrix / np.outer(scale, scale)
     if np.abs(unit - unit.T).max() > 1e-9 or np.linalg.eigvalsh(unit)[0] < -1e-9:
         raise fault("is no covariance", "parameters", "matrix")
-    turns = len(rotation_covariance)
-    own = matrix[:turns, :turns]
     unscaled = block.unscaled
     if unscaled is not None:
         if np.shape(unscaled) != rotation_covariance.shape:
-            raise fault(f"must have {turns} rows of {turns} numbers", "parameters", "unscaled")
+            size = len(rotation_covariance)
+            raise fault(f"must have {size} rows of {size} numbers", "parameters", "unscaled")
         check_covariance(np.array(unscaled), ("parameters", "unscaled"))
-    same = place[:turns] == list(range(turns)) and own.shape == rotation_covariance.shape
-    if not same or np.abs(own - rotation_covariance).max() > 1e-9 * np.abs(own).max():
-        raise fault("does not begin with `covariance`", "parameters", "matrix")
+    if not set(turns) <= set(place) or len(turns) != len(rotation_covariance):
+        raise fault("lacks turns that `covariance` has", "parameters", "parameters")
+    rows = [place.index(turn) for turn in turns]
+    own = matrix[np.ix_(rows, rows)]
+    if np.abs(own - rotation_covariance).max() > 1e-9 * np.abs(own).max():
+        raise fault("does not contain `covariance`", "parameters", "matrix")
 
 
 def _places(block: Parameters, supports: tuple[str, ...]) -> list[int]:

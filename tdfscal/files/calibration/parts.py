@@ -6,6 +6,7 @@ and the rig leave the quantity open.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, JsonValue, model_validator
@@ -21,7 +22,6 @@ from tdfscal.files.field_types import (
     Matrix3,
     Name,
     NotNegative,
-    NotNegativeVector,
     Number,
     Positive,
     PositiveCount,
@@ -55,6 +55,9 @@ COVARIANCE_DEFINITION: CovarianceDefinition = "R_true = exp([d]x) · rotation, d
 Angle = Literal["roll", "pitch", "yaw"]
 OpenStd = NotNegative | None
 OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(from_numpy)]
+OpenAngles = Annotated[
+    tuple[Number | None, Number | None, Number | None], BeforeValidator(from_numpy)
+]
 Quaternion = Annotated[tuple[Number, Number, Number, Number], BeforeValidator(from_numpy)]
 Texts = tuple[Text, ...]
 
@@ -89,18 +92,65 @@ class Interval(Strict):
         return self
 
 
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """The angles of a sensor that is determined, as `SupportResult` has them."""
+
+    name: str
+    rotation: tuple[tuple[float, float, float], ...]
+    rpy: tuple[float, float, float]
+    rpy_std: tuple[float, float, float]
+    interval: Interval
+    quaternion: tuple[float, float, float, float]
+
+
 class SupportResult(Strict):
-    """One sensor: rotation to the BCS, roll, pitch, yaw in rad, zero offset in N."""
+    """One sensor: rotation to the BCS, roll, pitch, yaw in rad, zero offset in N.
+
+    A sensor that lacks an axis and whose mounting the data do not determine has no rotation and
+    no angles, only the directions (unit vectors, BCS) of the axes that it measures.
+    """
 
     name: Name
-    rotation: Matrix3
-    rpy: Vector
-    rpy_std: NotNegativeVector
-    rpy_interval: Interval
-    quaternion_xyzw: Quaternion
+    rotation: Matrix3 | None
+    rpy: OpenAngles
+    rpy_std: OpenStds
+    rpy_interval: Interval | None
+    quaternion_xyzw: Quaternion | None
     zero: Vector
     zero_std: OpenStds
     sensitivity: Matrix3 | None = None
+    directions: dict[Literal["x", "y", "z"], Vector] | None = None
+
+    @property
+    def determined(self) -> bool:
+        """It has a rotation."""
+        return self.rotation is not None
+
+    @property
+    def mounting(self) -> Mounting | None:
+        """Its angles, where the data determine them."""
+        if self.rotation is None or self.rpy_interval is None or self.quaternion_xyzw is None:
+            return None
+        rpy, std = ([v for v in values if v is not None] for values in (self.rpy, self.rpy_std))
+        return Mounting(
+            self.name,
+            self.rotation,
+            (rpy[0], rpy[1], rpy[2]),
+            (std[0], std[1], std[2]),
+            self.rpy_interval,
+            self.quaternion_xyzw,
+        )
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        angles = (*self.rpy, *self.rpy_std, self.rpy_interval, self.quaternion_xyzw)
+        absent = [value is None for value in angles]
+        if any(absent) != (not self.determined) or all(absent) != (not self.determined):
+            raise fault("has some of its angles and lacks others", "rotation")
+        if self.determined != (self.directions is None):
+            raise fault("belongs to a sensor without rotation, and to no other", "directions")
+        return self
 
 
 class Covariance(Strict):
@@ -157,11 +207,14 @@ class FitResult(Strict):
 
 
 class AngleSeen(Strict):
-    """What the data say of one angle, rad; prior_std None where there is no prior."""
+    """What the data say of one angle, rad; prior_std None where there is no prior.
+
+    std None of an angle of a sensor that lacks an axis and stays undetermined.
+    """
 
     support: Name
     angle: Angle
-    std: NotNegative
+    std: OpenStd = None
     prior_std: OpenStd = None
     identified: Flag
 

@@ -19,12 +19,12 @@ from tdfscal.records import FloatArray, Integrity, LogMapping, Rows
 class Signal:
     """One vector signal of one support, as the file has it.
 
-    fields : three names, or one that has the members x, y, z.
+    fields : three names, or one that has the members x, y, z; of a temperature, one name thrice.
     factor : from the file's unit and sign to SI and tdfscal's sign.
     """
 
     support: str
-    quantity: Literal["position", "force"]
+    quantity: Literal["position", "force", "temperature"]
     fields: tuple[str, ...]
     unit: str
     factor: float
@@ -41,7 +41,10 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is wanted of a log: signal 2i is the position of support i, 2i + 1 its force."""
+    """What is wanted of a log: signal 2i is the position of support i, 2i + 1 its force.
+
+    Those of the temperatures, one or one per support, come last.
+    """
 
     supports: tuple[str, ...]
     signals: tuple[Signal, ...]
@@ -130,6 +133,9 @@ def make_request(mapping: LogMapping | None, supports: Sequence[str]) -> Request
             ),
             Signal(name, "force", _three(mapping.force[i], name), mapping.force_unit, sign * force),
         ]
+    for field, owner in zip(mapping.temperature, supports, strict=False):
+        name = owner if len(mapping.temperature) > 1 else "the rig"
+        signals.append(Signal(name, "temperature", (field,) * 3, "°C", 1.0))
     return Request(
         supports=tuple(supports),
         signals=tuple(signals),
@@ -166,8 +172,8 @@ def check_fields_differ(request: Request, *, where: str) -> None:
     """Refuse a mapping that uses one field twice: two sensors would read the same numbers."""
     seen: dict[str, Signal] = {}
     for signal in request.signals:
-        for name in signal.components:
-            if name in seen:
+        for name in dict.fromkeys(signal.components):
+            if name in seen and {seen[name].quantity, signal.quantity} != {"temperature"}:
                 other = seen[name]
                 raise RigError(
                     f"field {name} is named twice, for the {other.quantity} of {other.support} "

@@ -105,6 +105,9 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
     for signal in request.signals:
         x, y, z = (column_of[name] for name in signal.components)
         components.append((x, y, z))
+        if signal.quantity == "temperature":
+            factors.append(1.0)
+            continue
         one = {_unit(signal.quantity, signal.unit, stated[c], request, best.cells[c], here)
                for c in (x, y, z)}  # fmt: skip
         if len(one) > 1:

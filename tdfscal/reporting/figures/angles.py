@@ -27,12 +27,12 @@ def draw(c: Calibration) -> Drawing:
 
 
 def _paint(c: Calibration) -> Figure:
-    nominal = np.array([support.nominal_rpy for support in c.rig.supports])
-    turn = 1e3 * so3.wrapped(c.rpy - nominal).ravel()
-    low = 1e3 * np.array([s.rpy_interval.low for s in c.supports]).ravel()
-    high = 1e3 * np.array([s.rpy_interval.high for s in c.supports]).ravel()
-    value = 1e3 * c.rpy.ravel()
-    place = np.arange(len(value), dtype=float) + np.repeat(0.5 * np.arange(len(c.supports)), 3)
+    nominal = np.array([support.nominal_rpy for support in c.rig.supports])[c.determined]
+    turn = 1e3 * so3.wrapped(c.rpy[c.determined] - nominal).ravel()
+    low = 1e3 * np.array([s.interval.low for s in c.mounted]).ravel()
+    high = 1e3 * np.array([s.interval.high for s in c.mounted]).ravel()
+    value = 1e3 * c.rpy[c.determined].ravel()
+    place = np.arange(len(value), dtype=float) + np.repeat(0.5 * np.arange(len(c.mounted)), 3)
     fig = figure(0.9 + 0.23 * len(value))
     left, right = fig.subplots(1, 2, sharey=True)
     left.barh(place, turn, height=0.62, color=BLUE, edgecolor=INK, linewidth=0.4)
