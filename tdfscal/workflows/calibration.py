@@ -195,8 +195,8 @@ def angles_frame(calibration: CalibrationFile) -> pd.DataFrame:
 
     rows = [
         (support.name, angle, support.rpy[j], support.rpy_std[j],
-         support.rpy_interval.low[j], support.rpy_interval.high[j])
-        for support in calibration.supports
+         support.interval.low[j], support.interval.high[j])
+        for support in calibration.mounted
         for j, angle in enumerate(ANGLES)
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=["support", "angle", "value", "std", "low", "high"])
