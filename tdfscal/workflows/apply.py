@@ -77,7 +77,10 @@ class ApplyResult(Result):
             return pd.DataFrame(self.columns)
         assert self.output is not None
         if self.output.suffix.lower() == ".csv":
-            return pd.read_csv(self.output, float_precision="round_trip")
+            from pyarrow import csv
+
+            frame: pd.DataFrame = csv.read_csv(self.output).to_pandas()
+            return frame
         return pd.read_parquet(self.output)
 
     def drawings(self) -> tuple[Drawing, ...]:

@@ -1,0 +1,288 @@
+"""Python and the command line: the same options, the same numbers, the same errors."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+import typer.main
+from matplotlib.figure import Figure
+from pyarrow import csv
+
+import tdfscal
+from tdfscal.cli import app
+from tdfscal.errors import DataError, NotIdentifiableError, RejectedError, RigError, UsageError
+from tdfscal.studies import docking, free_space
+from tests.cli import world
+from tests.cli.running import SAMPLES, run
+
+#: What differs from call to call: the time, and how the call was written down.
+PASSING = ("created", "command")
+SMALL: dict[str, Any] = {"postures": 4, "candidates": 20}
+CONTROL: dict[str, Any] = {"runs": 1, "output": "out/f"}
+
+
+@dataclass(frozen=True)
+class Both:
+    """The same work by the command line and in Python."""
+
+    line: str
+    call: Callable[[], Any]
+
+
+BOTH = [
+    Both("calibrate campaign --trials 0 -o out/c.yaml",
+         lambda: tdfscal.calibrate("campaign", trials=0, output="out/c.yaml")),
+    Both("calibrate campaign --method tracker --trials 50 --seed 3 -o out/t.json",
+         lambda: tdfscal.calibrate(Path("campaign"), method="tracker", trials=50, seed=3)),
+    Both("validate own.yaml turned", lambda: tdfscal.validate("own.yaml", "turned")),
+    Both("apply own.yaml campaign -o out/w.csv --filter kalman --walk 20",
+         lambda: tdfscal.apply("own.yaml", ["campaign"], output="out/w.csv", filter="kalman",
+                               walk=20.0)),
+    Both("compare own.yaml survey.json rejected.yaml",
+         lambda: tdfscal.compare("own.yaml", "survey.json", "rejected.yaml")),
+    Both("plan campaign -o out/p.csv --postures 4 --candidates 20 --travel ncp1=0.4,0.4,0.4",
+         lambda: tdfscal.plan("campaign", output="out/p.csv", travel={"ncp1": (0.4, 0.4, 0.4)},
+                              **SMALL)),
+    Both("info campaign", lambda: tdfscal.info("campaign")),
+    Both("report own.yaml survey.json", lambda: tdfscal.report(["own.yaml", "survey.json"])),
+    Both("export own.yaml --to urdf --parent base", lambda: tdfscal.export("own.yaml", "urdf",
+                                                                           parent="base")),
+    Both("register moved.csv points.csv", lambda: tdfscal.register("moved.csv", "points.csv")),
+    Both("study sensitivity campaign -o out/s --rpy 0.1,0,0 --calibration own.yaml",
+         lambda: tdfscal.study.sensitivity("campaign", output="out/s", rpy=(0.1, 0, 0),
+                                           calibration="own.yaml")),
+    Both("study accuracy campaign -o out/a --runs 2 --postures 6 --workers 1",
+         lambda: tdfscal.study.accuracy("campaign", output="out/a", runs=2, postures=6,
+                                        workers=1)),
+    Both("study free-space campaign -o out/f --runs 1 --moves move.csv",
+         lambda: tdfscal.study.free_space("campaign", moves="move.csv", **CONTROL)),
+    Both("study docking campaign -o out/f --runs 1 --engagement 20",
+         lambda: tdfscal.study.docking("campaign", engagement=20.0, **CONTROL)),
+    Both("simulate out/new --postures 3 --rate 10 --force",
+         lambda: tdfscal.simulate("out/new", postures=3, rate=10.0, force=True)),
+    Both("schema out/schemas", lambda: tdfscal.schema("out/schemas")),
+]  # fmt: skip
+
+BAD: list[tuple[str, Callable[[], Any], type[tdfscal.TdfscalError]]] = [
+    ("calibrate nowhere", lambda: tdfscal.calibrate("nowhere"), UsageError),
+    ("calibrate badrig", lambda: tdfscal.calibrate("badrig"), RigError),
+    ("calibrate damaged", lambda: tdfscal.calibrate("damaged"), DataError),
+    ("calibrate brief --trials 0", lambda: tdfscal.calibrate("brief", trials=0),
+     NotIdentifiableError),
+    ("calibrate campaign -o out/c.txt",
+     lambda: tdfscal.calibrate("campaign", output="out/c.txt"), UsageError),
+    ("calibrate campaign -o campaign/rig.yaml",
+     lambda: tdfscal.calibrate("campaign", output="campaign/rig.yaml"), UsageError),
+    ("validate own.yaml damaged", lambda: tdfscal.validate("own.yaml", "damaged"), DataError),
+    ("validate campaign own.yaml", lambda: tdfscal.validate("campaign", "own.yaml"), UsageError),
+    ("apply broken.yaml campaign -o out/w.csv",
+     lambda: tdfscal.apply("broken.yaml", "campaign", output="out/w.csv"), DataError),
+    ("apply own.yaml campaign -o out/w.csv --walk 3",
+     lambda: tdfscal.apply("own.yaml", "campaign", output="out/w.csv", walk=3.0), UsageError),
+    ("compare own.yaml", lambda: tdfscal.compare("own.yaml"), UsageError),
+    ("compare own.yaml own.yaml", lambda: tdfscal.compare("own.yaml", "own.yaml"), UsageError),
+    ("plan campaign -o out/p.csv --home 1,2",
+     lambda: tdfscal.plan("campaign", home="1,2"), UsageError),
+    ("plan campaign -o out/p.csv --squeeze 0 --postures 4 --candidates 20",
+     lambda: tdfscal.plan("campaign", squeeze=0.0, **SMALL), NotIdentifiableError),
+    ("info empty.csv", lambda: tdfscal.info("empty.csv"), DataError),
+    ("report broken.yaml", lambda: tdfscal.report("broken.yaml"), DataError),
+    ("export rejected.yaml --to ros", lambda: tdfscal.export("rejected.yaml", "ros"),
+     RejectedError),
+    ("register line.csv line.csv", lambda: tdfscal.register("line.csv", "line.csv"),
+     NotIdentifiableError),
+    ("register moved.csv unitless.csv",
+     lambda: tdfscal.register("moved.csv", "unitless.csv"), DataError),
+    ("simulate campaign", lambda: tdfscal.simulate("campaign"), UsageError),
+    ("simulate out/odd --scenario odd",
+     lambda: tdfscal.simulate("out/odd", scenario="odd"), UsageError),
+    ("study sensitivity campaign -o out/n --span 9",
+     lambda: tdfscal.study.sensitivity("campaign", span=9.0), UsageError),
+    ("study free-space campaign -o out/n --moves empty.csv",
+     lambda: tdfscal.study.free_space("campaign", moves="empty.csv"), UsageError),
+    ("schema empty.csv", lambda: tdfscal.schema("empty.csv"), UsageError),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("api")
+    world.build(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def studied() -> dict[str, Any]:
+    """The control studies once worked out: each takes seconds."""
+    return {}
+
+
+@pytest.fixture
+def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in the folder; draw no figures into files, which takes seconds too."""
+
+    def once(name: str, study: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            if name not in studied:
+                studied[name] = study(*arguments)
+            return studied[name]
+
+        return call
+
+    monkeypatch.chdir(home)
+    monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
+    monkeypatch.setattr(docking, "docking", once("docking", docking.docking))
+    monkeypatch.setattr(free_space, "free_space", once("free space", free_space.free_space))
+
+
+def leaves(command: Any, name: str = "") -> dict[str, Any]:
+    children = getattr(command, "commands", None)
+    if not children:
+        return {name: command}
+    return {
+        key: leaf
+        for child, inner in children.items()
+        for key, leaf in leaves(inner, f"{name} {child}".strip()).items()
+    }
+
+
+COMMANDS = leaves(typer.main.get_command(app))
+
+
+def named(line: str) -> str:
+    """The command of a command line."""
+    words = line.split()
+    return " ".join(words[: 2 if words[0] == "study" else 1])
+
+
+def function_of(command: str) -> Callable[..., Any]:
+    found: Any = tdfscal
+    for word in command.split():
+        found = getattr(found, word.replace("-", "_"))
+    function: Callable[..., Any] = found
+    return function
+
+
+def lasting(document: dict[str, Any]) -> dict[str, Any]:
+    """A document without what differs from call to call."""
+    return {
+        key: [lasting(part) for part in value] if key == "calibrations" else value
+        for key, value in document.items()
+        if key not in PASSING
+    } if isinstance(document, dict) else document  # fmt: skip
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    "both",
+    [
+        pytest.param(both, marks=pytest.mark.slow if "docking" in both.line else (), id=both.line)
+        for both in BOTH
+    ],
+)
+def test_python_and_json_are_the_same_numbers(
+    both: Both, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen = run(capsys, *both.line.split(), "--json")
+    result = both.call()
+    assert result.exit_status == seen.status, seen.err
+    assert capsys.readouterr().out == ""
+    assert lasting(json.loads(json.dumps(result.to_dict()))) == lasting(json.loads(seen.out))
+    assert 1 <= len(repr(result).splitlines()) <= 8
+    assert len(repr(result)) < 1000
+    assert "<table" in result._repr_html_()
+    frame = result.to_frame()
+    assert isinstance(frame, pd.DataFrame)
+    assert len(frame)
+    if not both.line.startswith("schema"):
+        assert isinstance(result.plot(), Figure)
+
+
+def test_every_command_is_compared() -> None:
+    assert {named(both.line) for both in BOTH} == set(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_options_have_the_same_names(command: str) -> None:
+    """Every option of a command is a parameter of its function, and the other way round."""
+    of_cli = {p.name for p in COMMANDS[command].params} - {"json", "quiet", "verbose", "help"}
+    parameters = inspect.signature(function_of(command)).parameters
+    assert set(parameters) - {"progress", "command"} == of_cli
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(("line", "call", "kind"), BAD, ids=[line for line, _, _ in BAD])
+def test_errors_are_those_of_the_command(
+    line: str,
+    call: Callable[[], Any],
+    kind: type[tdfscal.TdfscalError],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    quiet = ["-q"] if "quiet" in {p.name for p in COMMANDS[named(line)].params} else []
+    seen = run(capsys, *line.split(), *quiet)
+    with pytest.raises(tdfscal.TdfscalError) as caught:
+        call()
+    assert type(caught.value) is kind
+    assert caught.value.exit_status == seen.status
+    assert seen.err.splitlines()[-1] == f"tdfscal: {caught.value}"
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: tdfscal.calibrate("campaign", method="guess"),  # type: ignore[arg-type]
+        lambda: tdfscal.calibrate("campaign", trials=-1),
+        lambda: tdfscal.plan("campaign", postures=0),
+        lambda: tdfscal.export("own.yaml", "matlab"),  # type: ignore[arg-type]
+        lambda: tdfscal.simulate("out/x", rate=1.0),
+        lambda: tdfscal.study.docking("campaign", runs=0),
+        lambda: tdfscal.load_calibration("own.yaml").plot("nothing"),
+    ],
+)
+def test_arguments_that_the_command_line_cannot_pass(call: Callable[[], Any]) -> None:
+    with pytest.raises(UsageError):
+        call()
+
+
+@pytest.mark.usefixtures("here")
+def test_a_calibration_in_memory_is_as_good_as_its_file(tmp_path: Path) -> None:
+    made = tdfscal.calibrate("campaign", trials=0)
+    made.save(tmp_path / "c.json")
+    read = tdfscal.load_calibration(tmp_path / "c.json")
+    assert read == made
+    frames = [tdfscal.apply(c, "campaign").to_frame() for c in (made, read)]
+    tdfscal.apply(tmp_path / "c.json", "campaign", output=tmp_path / "w.csv")
+    written = csv.read_csv(tmp_path / "w.csv").to_pandas()
+    for frame in frames:
+        pd.testing.assert_frame_equal(frame, written, check_exact=True)
+    assert (
+        tdfscal.validate(made, "campaign").to_dict()["chi2"]
+        == (tdfscal.validate(tmp_path / "c.json", "campaign").to_dict()["chi2"])
+    )
+
+
+@pytest.mark.usefixtures("here")
+def test_no_name_of_a_calibration_is_pydantics_older_one() -> None:
+    made = tdfscal.load_calibration("own.yaml")
+    for name in ("validate", "json", "dict", "copy", "schema", "construct", "parse_obj"):
+        assert not hasattr(made, name)
+    assert made.validation is not None
+
+
+def test_progress_is_reported(tmp_path: Path) -> None:
+    stages: list[str] = []
+    tdfscal.calibrate(
+        os.fspath(SAMPLES / "parquet"), trials=0, html=tmp_path / "page.html",
+        progress=tdfscal.Progress(stage=stages.append),
+    )  # fmt: skip
+    assert len(stages) >= 3
+    assert (tmp_path / "page.html").is_file()
