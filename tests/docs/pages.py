@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGES = ("index", "tutorial", "howto", "conventions", "theory", "control", "reference")
+PAGES = ("index", "tutorial", "howto", "python", "conventions", "theory", "control", "reference")
 
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _EXIT = re.compile(r"#\s*exit (\d+)\s*$")

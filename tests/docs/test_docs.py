@@ -17,7 +17,7 @@ from tdfscal.cli import main
 from tdfscal.files.rig.reading import parse_rig
 from tests.docs.pages import DOCS, PAGES, anchors, blocks, commands, links, table, text
 
-RUNNABLE = ("tutorial", "howto")
+RUNNABLE = ("tutorial", "howto", "python")
 
 
 def in_process(command: str, monkeypatch: pytest.MonkeyPatch) -> int:
