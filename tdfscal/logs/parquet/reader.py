@@ -228,7 +228,7 @@ def _stated_twice(file: pq.ParquetFile, names: Sequence[str]) -> str | None:
     written = pa.ipc.read_schema(pa.py_buffer(base64.b64decode(encoded)))
     there = file.schema_arrow.names
     for name in (n if n in there else n.partition(".")[0] for n in names):
-        if name not in written.names or name not in there:
+        if (written.names.count(name), there.count(name)) != (1, 1):
             return f"the footer contradicts itself about column {name}"
         read, known = (schema.field(name).type for schema in (file.schema_arrow, written))
         # Parquet knows no seconds; Arrow writes ms for them.
