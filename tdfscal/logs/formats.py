@@ -13,7 +13,7 @@ from tdfscal.logs.bag.rosbag2 import Bag, has_metadata, read_bag
 from tdfscal.logs.common.request import Reader
 from tdfscal.records import LogMapping
 
-_TEXT = (".csv", ".tsv")
+_TEXT = (".csv", ".tsv", ".txt", ".dat", ".log")
 _COMPRESSED = (".gz", ".zst")
 NOWHERE = "it is a link that leads to no file; correct or remove it"
 """What to do about such a link."""
@@ -41,7 +41,7 @@ def kind_of(path: Path) -> Literal["text", "parquet", "mcap"]:
         return "parquet"
     if suffix == ".mcap":
         return "mcap"
-    if suffix in (*_TEXT, ".txt", ".dat"):
+    if suffix in _TEXT:
         return "text"
     raise UsageError(
         f"no kind of log ends in {suffix or 'nothing'!r}",

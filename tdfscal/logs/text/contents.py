@@ -16,14 +16,23 @@ from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.logs.common import units
 from tdfscal.logs.common.contents import SAMPLES, Contents, Stream, table_contents
 from tdfscal.logs.common.damage import damage
-from tdfscal.logs.text.header import SEPARATORS, fits_header, row_cells, split_cells, split_label
+from tdfscal.logs.text.date_times import is_date_time, seconds_of_all
+from tdfscal.logs.text.header import (
+    SEPARATORS,
+    fits_header,
+    header_cells,
+    is_number,
+    numbered_columns,
+    row_cells,
+    split_cells,
+    split_label,
+)
 from tdfscal.logs.text.reader import HEAD, Source, blocks, decode, open_text
-from tdfscal.logs.text.rows import ragged
+from tdfscal.logs.text.rows import ragged, single_spaces
 from tdfscal.records import FloatArray
 
 _SEARCHED: Final = 64
 _GLANCE: Final = 1 << 16
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|nan|inf", re.IGNORECASE)
 _COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
@@ -44,13 +53,12 @@ def text_contents(path: Path) -> Contents:
             lines = decode(head, where).splitlines()[: 2 * _SEARCHED]
             separator, number, cells = _header(lines, where)
             body = [c for line in lines[number + 1 :] for c in split_cells(line, separator)]
-            decimal: Literal[".", ","] = (
-                "," if separator != "," and any(_COMMA.fullmatch(c) for c in body) else "."
-            )
-            skipped, stated = number + 1, _stated(cells)
-            if number + 1 < len(lines):
-                row = [c.strip("[]() ") for c in split_cells(lines[number + 1], separator)]
-                if fits_header(row, cells) and not any(_is_number(c, decimal) for c in row):
+            comma = separator != "," and any(_COMMA.fullmatch(c) for c in body)
+            decimal: Literal[".", ","] = "," if comma else "."
+            skipped, stated = number + 1, [split_label(cell)[1] for cell in cells]
+            if skipped < len(lines):
+                row = [c.strip("[]() ") for c in split_cells(lines[skipped], separator)]
+                if fits_header(row, cells) and not any(is_number(c, decimal) for c in row):
                     skipped += 1
                     row += [""] * (len(cells) - len(row))
                     stated = [
@@ -67,7 +75,7 @@ def text_contents(path: Path) -> Contents:
                 count += block.count(newline) + (not block.endswith(newline))
                 glance = block if not parts else block[: block.find(newline, _GLANCE) + 1] or block
                 parts.append(table.parsed(glance, table.odd if whole else []))
-    return _contents(path, cells, stated, parts, count, decimal, _odd_lines(table))
+    return _contents(path, cells, stated, parts, count, table)
 
 
 def _contents(
@@ -76,9 +84,9 @@ def _contents(
     stated: list[str | None],
     parts: list[pa.Table],
     count: int,
-    decimal: Literal[".", ","],
-    problems: list[str],
+    table: _Table,
 ) -> Contents:
+    problems = _odd_lines(table)
     names = [split_label(cell)[0] for cell in cells]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -89,14 +97,15 @@ def _contents(
     for k, name in enumerate(names):
         types = {str(part.column(k).type) for part in parts}
         numeric = bool(types) and all(_is_numeric(part.column(k).type) for part in parts)
-        kinds.append("number" if numeric else ("text" if types else "empty"))
+        number = "date and time" if k in table.dated else "number"
+        kinds.append(number if numeric else ("text" if types else "empty"))
         if numeric and name not in twice:
             sample[name] = np.concatenate([_numbers(part, k, thin=True) for part in parts])
             first[name] = _numbers(parts[0], k, thin=False)[:4096]
     fields, vectors, columns = table_contents(names, kinds, stated, sample, first)
     return Contents(
         path, "csv", path.stat().st_size, (Stream("table", "", count, fields),), vectors, columns,
-        decimal=decimal, problems=tuple(problems),
+        decimal=table.decimal, problems=tuple(problems),
     )  # fmt: skip
 
 
@@ -105,6 +114,8 @@ def _header(lines: list[str], where: str) -> tuple[str, int, list[str]]:
     best: tuple[int, int, str, list[str]] | None = None
     ragged_at: tuple[int, int, int] | None = None
     for separator in SEPARATORS:
+        if separator == " " and best is not None:
+            continue  # spaces stand within names, too
         split = [split_cells(line, separator) for line in lines[:_SEARCHED]]
         widths = [len(cells) for cells in split if len(cells) > 1]
         if not widths:
@@ -114,50 +125,47 @@ def _header(lines: list[str], where: str) -> tuple[str, int, list[str]]:
         if _has_number(split[number]):
             # Recorders end their rows with a separator, or the header, and the other not.
             near = number - 1
-            if near < 0 or abs(len(split[near]) - width) > 1 or _has_number(split[near]):
+            above = header_cells(lines[near], separator) if near >= 0 else []
+            if abs(len(above) - width) > 1 or _has_number(above):
                 continue
-            if not fits_header(split[number], split[near]):
-                ragged_at = ragged_at or (number, width, len(split[near]))
+            if not fits_header(split[number], above):
+                ragged_at = ragged_at or (number, width, len(above))
                 continue
             number = near
         # Commas within numbers make columns too; the header has none of them then.
         if best is None or width > best[0]:
-            best = (width, number, separator, split[number])
-    if best is None and ragged_at is not None:
+            best = (width, number, separator, header_cells(lines[number], separator))
+    if best is not None:
+        return best[2], best[1], best[3]
+    for numbered in (numbered_columns(lines, decimal) for decimal in ".,"):
+        if numbered is not None:
+            return numbered.separator, numbered.line, list(numbered.cells)
+    if ragged_at is not None:
         number, width, expected = ragged_at
         raise ragged(width, expected, f"{where}, line {number + 1}")
-    if best is None:
-        raise DataError(
-            "there is no header line above a table of numbers",
-            where=where,
-            hint="put the columns' names in the first line",
-        )
-    return best[2], best[1], best[3]
-
-
-def _stated(cells: list[str]) -> list[str | None]:
-    return [split_label(cell)[1] for cell in cells]
+    raise DataError(
+        "there is no table of numbers",
+        where=where,
+        hint="export the recording as a table, with the columns' names in the first line",
+    )
 
 
 def _has_number(cells: list[str]) -> bool:
-    return any(_is_number(c, ",") or _is_number(c, ".") for c in cells)
-
-
-def _is_number(cell: str, decimal: str) -> bool:
-    return bool(_NUMBER.fullmatch(cell.replace(",", ".") if decimal == "," else cell))
+    return any(is_number(c, d) for c in cells for d in ".,")
 
 
 @dataclass(frozen=True, slots=True)
 class _Table:
     """How to parse the rows: cells in each, separator, decimal.
 
-    odd : takes the numbers of cells of the lines that have others.
+    odd : takes the numbers of cells of the lines that have others. dated : the columns of dates.
     """
 
     width: int
     separator: str
-    decimal: str
+    decimal: Literal[".", ","]
     odd: list[int] = field(default_factory=list)
+    dated: set[int] = field(default_factory=set)
 
     def parsed(self, block: bytes, odd: list[int]) -> pa.Table:
         """Parse whole lines; those with another number of cells are left out, and noted."""
@@ -166,7 +174,9 @@ class _Table:
             odd.append(row.actual_columns)
             return "skip"
 
-        return pa_csv.read_csv(
+        if self.separator == " ":
+            block = single_spaces(block)
+        table = pa_csv.read_csv(
             pa.BufferReader(block),
             pa_csv.ReadOptions(
                 column_names=[str(k) for k in range(self.width)],
@@ -176,8 +186,16 @@ class _Table:
                 encoding="utf8" if block.isascii() else "latin1",
             ),
             pa_csv.ParseOptions(delimiter=self.separator, invalid_row_handler=leave_out),
-            pa_csv.ConvertOptions(decimal_point=self.decimal),
+            # Dates as text: one reader of them, for all notations.
+            pa_csv.ConvertOptions(decimal_point=self.decimal, timestamp_parsers=["never"]),
         )
+        for k, column in enumerate(table.columns):
+            if not (pa.types.is_string(column.type) and len(column)):
+                continue
+            if is_date_time(column[0].as_py()) and (seconds := seconds_of_all(column)) is not None:
+                self.dated.add(k)
+                table = table.set_column(k, str(k), [as_arrow(seconds)])
+        return table
 
 
 def _odd_lines(table: _Table) -> list[str]:

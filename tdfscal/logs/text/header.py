@@ -9,12 +9,18 @@ from dataclasses import dataclass
 
 from tdfscal.errors import DataError
 from tdfscal.logs.common import units
-from tdfscal.logs.common.request import Request, check_fields_differ, missing_fields
+from tdfscal.logs.common.request import Request, Signal, check_fields_differ, missing_fields
+from tdfscal.logs.text.date_times import is_date_time
 
-SEPARATORS = (",", ";", "\t")
+SEPARATORS = (",", ";", "\t", " ")
+"""What may stand between cells; a space stands for any run of spaces."""
 _SEARCHED_LINES = 64
 _NUMBER = re.compile(r"\s*[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?\s*")
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
+_REMARK = "#%/"
+"""With what a line of remarks begins, and the header's in what numpy and MATLAB write."""
+_NO_CELLS = frozenset({"", "Comment"})
+"""Names at the header's end that rows may leave without a cell; the second is LabVIEW's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +31,7 @@ class Header:
     columns : how many cells a row has: as many as names, but for a separator at the end of one of
     the two; a cell without a name is empty in every row.
     time : column of the time; None where rows are postures and the file has no time.
+    dated : the time is written as date and time of day.
     components : per signal, the columns of x, y, z.
     factors : per signal, to SI and tdfscal's sign. time_factor : to s.
     """
@@ -34,6 +41,7 @@ class Header:
     columns: int
     names: tuple[str, ...]
     time: int | None
+    dated: bool
     components: tuple[tuple[int, int, int], ...]
     factors: tuple[float, ...]
     time_factor: float
@@ -47,16 +55,19 @@ class Header:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
+    """A line that may be the header; named: how many of the wanted names it holds."""
+
     line: int
     separator: str
     cells: tuple[str, ...]
-    found: int
+    named: int
 
 
 def find_header(text: str, request: Request, *, where: str) -> Header:
     """Find the header line and resolve the wanted fields to columns.
 
-    The line that holds most of the wanted names is the header, whatever comes before it.
+    The line that holds most of the wanted names is the header, whatever comes before it. Columns
+    of a table without one are named by their numbers, from 1.
 
     Parameters
     ----------
@@ -73,64 +84,113 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
     best = _best_line(lines[:_SEARCHED_LINES], wanted, request.decimal)
     if best is None:
         raise DataError("the file is empty", where=where, hint="record the log again")
-    if best.found == 0 and all(_NUMBER.fullmatch(c) for c in best.cells):
+    if all(name.isdecimal() for name in names):
+        best = numbered_columns(lines, request.decimal) or best
+    elif best.named == 0 and all(_NUMBER.fullmatch(c) for c in best.cells):
         raise DataError(
             "there is no header line; the first line holds numbers",
             where=f"{where}, line {best.line + 1}",
-            hint="put the columns' names in the first line",
+            hint="put the columns' names in the first line, or name the fields of the log block "
+            "by their numbers: 1, 2, …",
         )
-    here = f"{where}, line {best.line + 1}"
+    here = f"{where}, line {max(best.line, 0) + 1}"
     labels = [split_label(cell, wanted) for cell in best.cells]
-    by_name: dict[str, list[int]] = {}
-    for column, (name, _) in enumerate(labels):
-        by_name.setdefault(name, []).append(column)
-    optional = {request.time_field} if request.rows == "postures" else set()
-    missing = [n for n in dict.fromkeys([request.time_field, *names]) if n not in by_name]
-    missing = [n for n in missing if n not in optional]
-    if missing:
-        raise missing_fields(missing, (cut(n) for n, _ in labels if n), where=here, kind="column")
-    for name in wanted & by_name.keys():
-        if len(by_name[name]) > 1:
-            raise DataError(
-                f"column {name} is there {len(by_name[name])} times",
-                where=here,
-                hint="give each column its own name",
-            )
-    column_of = {name: columns[0] for name, columns in by_name.items()}
-    row_units = _units_row(lines, best, [column_of[n] for n in wanted & by_name.keys()])
+    column_of = _columns(labels, names, request, here)
+    row_units = _units_row(lines, best, [column_of[n] for n in wanted & column_of.keys()])
+    above = best.line + 1 + (1 if row_units else 0)
     stated = [unit if unit is not None else row_units.get(c) for c, (_, unit) in enumerate(labels)]
     time = column_of.get(request.time_field)
-    components = []
-    factors = []
-    for signal in request.signals:
-        x, y, z = (column_of[name] for name in signal.components)
-        components.append((x, y, z))
-        if signal.quantity == "temperature":
-            factors.append(1.0)
-            continue
-        one = {_unit(signal.quantity, signal.unit, stated[c], request, best.cells[c], here)
-               for c in (x, y, z)}  # fmt: skip
-        if len(one) > 1:
-            raise DataError(
-                f"the {signal.quantity} of {signal.support} is in different units",
-                where=here,
-                hint="record x, y and z in one unit",
-            )
-        sign = -1.0 if signal.factor < 0.0 else 1.0
-        factors.append(sign * one.pop())
-    above = best.line + 1 + (1 if row_units else 0)
+    first = next((line for line in lines[above:] if line.strip()), "")
+    opening = split_cells(first, best.separator)
+    dated = time is not None and time < len(opening) and is_date_time(opening[time])
+    components = [
+        (column_of[x], column_of[y], column_of[z])
+        for x, y, z in (signal.components for signal in request.signals)
+    ]
     return Header(
         separator=best.separator,
         lines=above,
         columns=row_cells(lines[above:], best.separator, best.cells),
         names=best.cells,
         time=time,
+        dated=dated,
         components=tuple(components),
-        factors=tuple(factors),
+        factors=tuple(
+            _factor(signal, [stated[c] for c in three], [best.cells[c] for c in three],
+                    request, here)
+            for signal, three in zip(request.signals, components, strict=True)
+        ),
         time_factor=1.0
-        if time is None
+        if time is None or dated
         else _unit("time", request.time_unit, stated[time], request, best.cells[time], here),
-    )
+    )  # fmt: skip
+
+
+def _columns(
+    labels: Sequence[tuple[str, str | None]], names: Sequence[str], request: Request, where: str
+) -> dict[str, int]:
+    """Column of each wanted name; raises DataError where one is missing, or is there twice."""
+    by_name: dict[str, list[int]] = {}
+    for column, (name, _) in enumerate(labels):
+        by_name.setdefault(name, []).append(column)
+    optional = {request.time_field} if request.rows == "postures" else set()
+    wanted = dict.fromkeys([request.time_field, *names])
+    missing = [n for n in wanted if n not in by_name and n not in optional]
+    if missing:
+        raise missing_fields(missing, (cut(n) for n, _ in labels if n), where=where, kind="column")
+    for name in wanted:
+        if len(by_name.get(name, ())) > 1:
+            raise DataError(
+                f"column {name} is there {len(by_name[name])} times",
+                where=where,
+                hint="give each column its own name",
+            )
+    return {name: columns[0] for name, columns in by_name.items()}
+
+
+def _factor(
+    signal: Signal, stated: Sequence[str | None], cells: Sequence[str], request: Request, where: str
+) -> float:
+    """Return the factor of x, y, z of a signal to SI and tdfscal's sign."""
+    if signal.quantity == "temperature":
+        return 1.0
+    one = {
+        _unit(signal.quantity, signal.unit, unit, request, cell, where)
+        for unit, cell in zip(stated, cells, strict=True)
+    }
+    if len(one) > 1:
+        raise DataError(
+            f"the {signal.quantity} of {signal.support} is in different units",
+            where=where,
+            hint="record x, y and z in one unit",
+        )
+    return one.pop() * (-1.0 if signal.factor < 0.0 else 1.0)
+
+
+def numbered_columns(lines: Sequence[str], decimal: str) -> _Candidate | None:
+    """The table of a file without a header, its columns named from 1; None where there is none.
+
+    It begins with the first line whose cells are all numbers, but for a date and time.
+    """
+    for number, line in enumerate(lines[:_SEARCHED_LINES]):
+        for separator in SEPARATORS:
+            cells = split_cells(line, separator)
+            numbers = sum(is_number(c, decimal) for c in cells)
+            if (
+                separator != decimal
+                and len(cells) > 1
+                and numbers >= len(cells) - 1 > 0
+                and all(is_number(c, decimal) or is_date_time(c) for c in cells)
+            ):
+                names = tuple(str(k + 1) for k in range(len(cells)))
+                return _Candidate(number - 1, separator, names, 0)
+    return None
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Tell whether a cell is a number."""
+    plain = cell.replace(",", ".") if decimal == "," else cell
+    return "," not in plain and bool(_NUMBER.fullmatch(plain) or plain.lower() in ("nan", "inf"))
 
 
 def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> _Candidate | None:
@@ -141,13 +201,13 @@ def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> _Candida
         for separator in SEPARATORS:
             if separator == decimal:
                 continue
-            cells = split_cells(line, separator)
-            found = len(wanted & {split_label(cell, wanted)[0] for cell in cells})
-            candidate = _Candidate(number, separator, tuple(cells), found)
+            cells = header_cells(line, separator)
+            named = len(wanted & {split_label(cell, wanted)[0] for cell in cells})
+            candidate = _Candidate(number, separator, tuple(cells), named)
             if (
                 best is None
-                or found > best.found
-                or (best.found == 0 and number == best.line and len(cells) > len(best.cells))
+                or named > best.named
+                or (best.named == 0 and number == best.line and len(cells) > len(best.cells))
             ):
                 best = candidate
     return best
@@ -173,7 +233,7 @@ def fits_header(cells: Sequence[str], header: Sequence[str]) -> bool:
         case 1:
             return not cells[-1]
         case -1:
-            return not header[-1]
+            return header[-1] in _NO_CELLS
     return False
 
 
@@ -184,13 +244,33 @@ def cut(text: str, limit: int = 40) -> str:
 
 def split_cells(line: str, separator: str) -> list[str]:
     """Split one line into its cells, without quotes and outer spaces."""
+    if separator == " " and '"' not in line:
+        return line.split()
     if '"' not in line:
         return [cell.strip() for cell in line.split(separator)]
     try:
-        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+        cells = next(csv.reader([line.strip()], delimiter=separator, skipinitialspace=True), [])
     except csv.Error:
         return [line]
     return [cell.strip() for cell in cells]
+
+
+def header_cells(line: str, separator: str) -> list[str]:
+    """Split a header: without the mark of a remark before it, units with their names."""
+    cells = split_cells(line, separator)
+    if cells and cells[0][:1] in _REMARK:
+        cells[0] = cells[0].lstrip(_REMARK).strip()
+        if not cells[0] and len(cells) > 1 and separator == " ":
+            del cells[0]
+    if separator != " ":
+        return cells
+    joined: list[str] = []
+    for cell in cells:
+        if joined and cell[:1] in "[(" and cell[-1:] in "])":
+            joined[-1] += f" {cell}"
+        else:
+            joined.append(cell)
+    return joined
 
 
 def split_label(cell: str, wanted: Collection[str] = ()) -> tuple[str, str | None]:

@@ -13,11 +13,14 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
+from tdfscal.logs.text.date_times import seconds_of, seconds_of_all
 from tdfscal.logs.text.header import Header, cut, split_cells
 from tdfscal.records import FloatArray
 
 _PARSER_BLOCK = 1 << 20  # stays in the cache
 _SWAPPED = str.maketrans(",.", ".,")
+_RUN = re.compile(rb"[ \t]{2,}|\t|(?m:^ | (?=\r?$))")
+_OUTER = re.compile(rb"(?m)^ | (?=\r?$)")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -61,8 +64,11 @@ class RowParser:
         self._parse = pa_csv.ParseOptions(delimiter=header.separator)
         # Cells without a name are read too, as nothing but empty ones.
         nameless = names[len(header.names) :]
+        types = dict.fromkeys(wanted, pa.float64()) | dict.fromkeys(nameless, pa.null())
+        if header.dated:
+            types[str(header.time)] = pa.string()
         self._convert = pa_csv.ConvertOptions(
-            column_types=dict.fromkeys(wanted, pa.float64()) | dict.fromkeys(nameless, pa.null()),
+            column_types=types,
             include_columns=[*wanted, *nameless],
             null_values=[""] if nameless else [],
             decimal_point=decimal,
@@ -73,8 +79,9 @@ class RowParser:
         lines = _count(block, self._newline)
         if bytes(block[:1]).isspace() and bytes(block).isspace():
             return Rows(np.empty((len(self._header.wanted), 0)), lines)
+        source = single_spaces(block) if self._header.separator == " " else block
         try:
-            table = pa_csv.read_csv(pa.BufferReader(block), self._read, self._parse, self._convert)
+            table = pa_csv.read_csv(pa.BufferReader(source), self._read, self._parse, self._convert)
         except pa.ArrowInvalid:
             return None
         # A quotation mark that is never closed can swallow lines whole.
@@ -86,6 +93,12 @@ class RowParser:
             if column.null_count:
                 return None
             begin = 0
+            if pa.types.is_string(column.type):
+                seconds = seconds_of_all(column)
+                if seconds is None:
+                    return None
+                values[:] = seconds
+                continue
             for chunk in column.chunks:
                 values[begin : begin + len(chunk)] = as_numpy(chunk)
                 begin += len(chunk)
@@ -141,9 +154,10 @@ class RowParser:
             )
         numbers: dict[int, float] = {}
         for c in sorted(self._header.wanted):
-            value = self._number(cells[c])
+            dated = self._header.dated and c == self._header.time
+            value = seconds_of(cells[c]) if dated else self._number(cells[c])
             if value is None:
-                raise self._fault(cells[c], f"{here}, column {self._header.names[c]}")
+                raise self._fault(cells[c], f"{here}, column {self._header.names[c]}", dated)
             numbers[c] = value
         return [numbers[c] for c in self._header.wanted]
 
@@ -153,8 +167,14 @@ class RowParser:
             return value
         return None
 
-    def _fault(self, cell: str, where: str) -> DataError:
+    def _fault(self, cell: str, where: str, dated: bool) -> DataError:
         shown = repr(cut(cell))
+        if dated:
+            return DataError(
+                f"{shown} is no date and time as the row before has one",
+                where=where,
+                hint="write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05",
+            )
         if not cell:
             return DataError("the cell is empty", where=where, hint="a log has no holes")
         swapped = cell.replace(",", ".") if self._decimal == "." else cell
@@ -165,6 +185,14 @@ class RowParser:
         else:
             hint = "each cell must be a finite number"
         return DataError(f"{shown} is not a finite number", where=where, hint=hint)
+
+
+def single_spaces(block: memoryview | bytes) -> bytes:
+    """Lines whose cells are apart by single spaces, with none at the ends."""
+    text = bytes(block)
+    if _RUN.search(text) is None:
+        return text
+    return _OUTER.sub(b"", _RUN.sub(b" ", text))
 
 
 def ragged(cells: int, expected: int, where: str, above: str = "the header") -> DataError:
