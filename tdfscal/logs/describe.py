@@ -14,11 +14,10 @@ from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.reading import LoadedRig, default_mapping
 from tdfscal.logs.common.clock import GAP
-from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.description.info import LogInfo, Signal, Source
 from tdfscal.logs.description.mapping_guess import guess_mapping
 from tdfscal.logs.description.plausible_units import declared_time
-from tdfscal.logs.formats import expand, kind_of
+from tdfscal.logs.formats import contents_of, expand
 from tdfscal.logs.reader import iter_log
 from tdfscal.records import InputFile, Log, LogMapping, Series
 
@@ -43,7 +42,7 @@ def describe_logs(
     DataError : a file cannot be read at all. What can be looked at but not used is no error here:
         `problems` says what is wrong.
     """
-    contents = tuple(_contents(path) for path in expand(paths))
+    contents = tuple(contents_of(path) for path in expand(paths))
     if not contents:
         raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
     guess = guess_mapping(contents[0], rig.rig if rig else None)
@@ -81,22 +80,6 @@ def describe_logs(
         contents, guess, mapping, known, watch.signals(), tuple(watch.inputs), dwells, offset,
         tuple(dict.fromkeys(problems)),
     )  # fmt: skip
-
-
-def _contents(path: Path) -> Contents:
-    match kind_of(path):
-        case "parquet":
-            from tdfscal.logs.parquet.contents import parquet_contents
-
-            return parquet_contents(path)
-        case "mcap":
-            from tdfscal.logs.mcap.reader import mcap_contents
-
-            return mcap_contents(path)
-        case "text":
-            from tdfscal.logs.text.contents import text_contents
-
-            return text_contents(path)
 
 
 @dataclass(slots=True)

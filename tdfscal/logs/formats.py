@@ -6,15 +6,23 @@ import stat
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.logs.bag.rosbag2 import Bag, has_metadata, read_bag
+from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.request import Reader
 from tdfscal.records import LogMapping
 
-_TEXT = (".csv", ".tsv", ".txt", ".dat", ".log")
+Kind = Literal["text", "parquet", "mcap", "bag"]
+_KINDS: Final[dict[str, Kind]] = {
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".log"), "text"),
+    ".parquet": "parquet",
+    ".mcap": "mcap",
+    **dict.fromkeys((".db3", ".bag"), "bag"),
+}
 _COMPRESSED = (".gz", ".zst")
+_POINTER: Final = b"version https://git-lfs.github.com/spec/"
 NOWHERE = "it is a link that leads to no file; correct or remove it"
 """What to do about such a link."""
 
@@ -26,10 +34,10 @@ def is_log(path: Path) -> bool:
     """
     if path.is_dir():
         return has_metadata(path)
-    return _suffix(path) in (*_TEXT, ".parquet", ".mcap")
+    return _suffix(path) in _KINDS
 
 
-def kind_of(path: Path) -> Literal["text", "parquet", "mcap"]:
+def kind_of(path: Path) -> Kind:
     """Return the kind of a log file, by its suffix.
 
     Raises
@@ -37,16 +45,19 @@ def kind_of(path: Path) -> Literal["text", "parquet", "mcap"]:
     UsageError : the file is of no kind that is read here.
     """
     suffix = _suffix(path)
-    if suffix == ".parquet":
-        return "parquet"
-    if suffix == ".mcap":
-        return "mcap"
-    if suffix in _TEXT:
-        return "text"
+    if (kind := _KINDS.get(suffix)) is not None:
+        return kind
+    if suffix in (".zstd", ".bz2", ".xz", ".zip", ".7z"):
+        raise UsageError(
+            f"a file that ends in {suffix} is not read",
+            where=str(path),
+            hint="decompress it first" + (", with `zstd -d`" if suffix == ".zstd" else "")
+            + "; text logs are read in gzip (.gz) and zstd (.zst), too",
+        )  # fmt: skip
     raise UsageError(
         f"no kind of log ends in {suffix or 'nothing'!r}",
         where=str(path),
-        hint="logs are .csv, .tsv (also .gz, .zst), .parquet, .mcap or a rosbag2 folder",
+        hint=f"logs are {', '.join(_KINDS)} (text also .gz, .zst) or a rosbag2 folder",
     )
 
 
@@ -56,9 +67,10 @@ def reader_of(path: Path, mapping: LogMapping | None, bag: Bag | None = None) ->
     Raises
     ------
     UsageError : the file is of no kind that is read here.
-    DataError : an MCAP file without a mapping: its topics cannot be guessed.
+    DataError : a recording of messages without a mapping: its topics cannot be guessed.
     """
     kind = kind_of(path)
+    check_content(path)
     if kind == "parquet":
         from tdfscal.logs.parquet.reader import read_parquet
 
@@ -69,13 +81,66 @@ def reader_of(path: Path, mapping: LogMapping | None, bag: Bag | None = None) ->
         return read_text
     if mapping is None:
         raise DataError(
-            "a recording in MCAP needs to be told which topics to read",
+            "a recording by topics needs a mapping that names them",
             where=str(path),
             hint="add a `log:` block to rig.yaml; `tdfscal info` proposes one",
         )
-    from tdfscal.logs.mcap.reader import read_mcap
+    check = bag.check if bag else None
+    if kind == "mcap":
+        from tdfscal.logs.mcap.reader import read_mcap
 
-    return partial(read_mcap, check=bag.check if bag else None)
+        return partial(read_mcap, check=check)
+    from tdfscal.logs.bag.reader import read_bag_file
+
+    return partial(read_bag_file, check=check)
+
+
+def contents_of(path: Path) -> Contents:
+    """Look through a file, whatever is wanted of it.
+
+    Raises
+    ------
+    UsageError, DataError : it is of no kind that is read here, or cannot be read.
+    """
+    kind = kind_of(path)
+    check_content(path)
+    match kind:
+        case "parquet":
+            from tdfscal.logs.parquet.contents import parquet_contents
+
+            return parquet_contents(path)
+        case "mcap":
+            from tdfscal.logs.mcap.reader import mcap_contents
+
+            return mcap_contents(path)
+        case "bag":
+            from tdfscal.logs.bag.reader import bag_contents
+
+            return bag_contents(path)
+        case "text":
+            from tdfscal.logs.text.contents import text_contents
+
+            return text_contents(path)
+
+
+def check_content(path: Path) -> None:
+    """Refuse what stands in a log's place where git keeps large files elsewhere.
+
+    Raises
+    ------
+    DataError : it is a pointer of git-LFS.
+    """
+    try:
+        with path.open("rb") as file:
+            pointer = file.read(len(_POINTER)) == _POINTER
+    except OSError:
+        return  # the reader says why
+    if pointer:
+        raise DataError(
+            "this is git-LFS's pointer to the log, not the log",
+            where=str(path),
+            hint="fetch the log itself with `git lfs pull`",
+        )
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:
@@ -84,7 +149,7 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     Raises
     ------
     UsageError : a path is not there, is no regular file, or is a folder that is no recording.
-    DataError : a rosbag2 folder whose files are not MCAP, or are not there.
+    DataError : a rosbag2 folder whose files are not there.
     """
     return [path for path, _ in files_of(paths)]
 

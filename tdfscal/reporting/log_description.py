@@ -38,9 +38,7 @@ def as_text(info: LogInfo) -> str:
     if info.guess.mapping is not None:
         read = "" if info.source == "guessed" else "; the rig file's own was used above"
         lines += [f"Mapping guessed{read}. Check it, and paste it into rig.yaml:", ""]
-        lines += mapping_block(
-            info.guess.mapping, mcap=info.contents[0].format == "mcap"
-        ).splitlines()
+        lines += mapping_block(info.guess.mapping, by_topic=info.contents[0].by_topic).splitlines()
         lines.append("")
         for note in info.guess.notes:
             lines += _wrapped(note, "- ")
@@ -49,13 +47,15 @@ def as_text(info: LogInfo) -> str:
 
 def _file(contents: Contents) -> Iterator[str]:
     yield from _wrapped(printable(str(contents.path)), "")
-    kind = {"csv": "text table", "parquet": "Parquet", "mcap": "MCAP"}[contents.format]
+    kind = {"csv": "text table", "parquet": "Parquet", "mcap": "MCAP", "bag": "bag"}[
+        contents.format
+    ]
     total = sum(stream.count for stream in contents.streams)
-    what = "messages" if contents.format == "mcap" else "rows"
+    what = "messages" if contents.by_topic else "rows"
     yield f"{kind}, {_size(contents.bytes)}, {total} {what}"
     yield ""
     for stream in contents.streams:
-        if contents.format == "mcap":
+        if contents.by_topic:
             yield from _topic(stream)
         shown = stream.fields[:_MOST_FIELDS]
         for field in shown:

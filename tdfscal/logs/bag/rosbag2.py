@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import stat
 from collections import Counter
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -23,7 +23,8 @@ class Bag:
 
     topics : messages of each topic in all files, as the recorder has written them; None where that
     is not stated. total : of all topics in all files, likewise. stated : messages of each file as
-    the recorder has received them, which are more where it could not keep pace.
+    the recorder has received them, which are more where it could not keep pace. unlisted : files
+    in the folder that its metadata does not list.
     """
 
     folder: Path
@@ -31,6 +32,7 @@ class Bag:
     topics: Mapping[str, int] | None
     total: int | None
     stated: Mapping[Path, int]
+    unlisted: tuple[str, ...] = ()
     _found: dict[Path, Mapping[str, int]] = field(default_factory=dict)
 
     def check(self, path: Path, found: Mapping[str, int]) -> tuple[list[str], list[str]]:
@@ -53,6 +55,11 @@ class Bag:
                 warnings.append(f"{text}: the recorder has lost some")
         if len(self._found) == len(set(self.files)):
             contradictions += self._in_all()
+            if self.unlisted:
+                warnings.append(
+                    f"the folder also holds {_some(self.unlisted)}, which {METADATA} does not list "
+                    "and which is not read; `ros2 bag reindex` lists it"
+                )
         return contradictions, warnings
 
     def _in_all(self) -> list[str]:
@@ -87,11 +94,10 @@ def refuse_unfinished(folder: Path, named: Set[Path] = frozenset()) -> None:
     stored = [path.name for path in _stored(folder) if path.resolve() not in named]
     if not stored:
         return
-    shown = ", ".join(stored[:3]) + (", …" if len(stored) > 3 else "")
     raise UsageError(
-        f"the folder holds {shown} and no {METADATA}: its recording was not finished",
+        f"the folder holds {_some(stored)} and no {METADATA}: its recording was not finished",
         where=str(folder),
-        hint=f"write its {METADATA} with `ros2 bag reindex`, or name the .mcap files themselves",
+        hint=f"write its {METADATA} with `ros2 bag reindex`, or name its files themselves",
     )
 
 
@@ -135,7 +141,7 @@ def read_bag(folder: Path) -> Bag:
     Raises
     ------
     UsageError : the folder is no recording.
-    DataError : its metadata is damaged, its files are not MCAP, or are not there.
+    DataError : its metadata is damaged, or its files are compressed or not there.
     """
     where = str(folder / METADATA)
     refuse_unfinished(folder)
@@ -159,11 +165,18 @@ def read_bag(folder: Path) -> Bag:
         }
     except (KeyError, TypeError, AttributeError) as error:
         raise DataError("this is no description of a rosbag2 recording", where=where) from error
-    if storage != "mcap":
+    if storage not in ("mcap", "sqlite3"):
         raise DataError(
             f"the recording is stored as {storage}",
             where=where,
             hint="convert it to MCAP with `ros2 bag convert`",
+        )
+    mode = information.get("compression_mode") or "none"
+    if str(mode).lower() in ("file", "message"):
+        raise DataError(
+            f"the recording is compressed ({mode}, {information.get('compression_format')})",
+            where=where,
+            hint="decompress it with `ros2 bag convert`; chunks of MCAP are read compressed",
         )
     files = tuple(folder / name for name in names)
     absent = [path.name for path in files if not path.is_file()]
@@ -171,11 +184,16 @@ def read_bag(folder: Path) -> Bag:
         raise DataError(
             f"the recording lacks {', '.join(absent) or 'any file'}",
             where=where,
-            hint="copy the folder again, or name the .mcap files that are there",
+            hint="copy the folder again, or name the files that are there",
         )
     if len(set(files)) < len(files):
         raise DataError("the recording names a file twice", where=where)
-    return Bag(folder, files, topics, total, stated)
+    unlisted = tuple(path.name for path in _stored(folder) if path not in files)
+    return Bag(folder, files, topics, total, stated, unlisted)
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def _topics(listed: Any) -> dict[str, int] | None:

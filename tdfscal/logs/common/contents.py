@@ -14,7 +14,7 @@ from tdfscal.records import FloatArray
 SAMPLES: Final = 512
 """Rows or messages sampled of each block that is read."""
 
-Format = Literal["csv", "parquet", "mcap"]
+Format = Literal["csv", "parquet", "mcap", "bag"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +95,11 @@ class Contents:
     decimal: Literal[".", ","] = "."
     problems: tuple[str, ...] = ()
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def by_topic(self) -> bool:
+        """Whether it holds messages by topic, not rows of a table."""
+        return self.format in ("mcap", "bag")
 
 
 def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:

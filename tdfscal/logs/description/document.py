@@ -15,13 +15,13 @@ from tdfscal.records import Dwells
 
 def as_document(info: LogInfo) -> dict[str, Any]:
     """One object: files, mapping (also as YAML text), signals, dwells, problems."""
-    mcap = info.contents[0].format == "mcap"
+    by_topic = info.contents[0].by_topic
     guess = info.guess.mapping
     return {
         "files": [_file(contents) for contents in info.contents],
         "read_with": info.source if info.mapping else None,
-        "mapping": mapping_document(guess, mcap=mcap) if guess else None,
-        "mapping_yaml": mapping_block(guess, mcap=mcap) if guess else None,
+        "mapping": mapping_document(guess, by_topic=by_topic) if guess else None,
+        "mapping_yaml": mapping_block(guess, by_topic=by_topic) if guess else None,
         "mapping_notes": list(info.guess.notes),
         "signals": [_signal(signal) for signal in info.signals],
         "inputs": [

@@ -87,7 +87,7 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
         force_on=on,
         decimal=contents.decimal,
     )
-    if contents.format == "mcap":
+    if contents.by_topic:
         topics = {s.name for s in contents.streams}
         fields = [v.fields[0] for p in pairs for v in (p.position, p.force)]
         named = {topic_of(name, topics) for name in fields}

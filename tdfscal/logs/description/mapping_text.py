@@ -9,14 +9,14 @@ import yaml
 from tdfscal.records import LogMapping
 
 
-def mapping_document(mapping: LogMapping, *, mcap: bool) -> dict[str, Any]:
+def mapping_document(mapping: LogMapping, *, by_topic: bool) -> dict[str, Any]:
     """The block as plain values, without what says no more than the default."""
     block: dict[str, Any] = {}
     if mapping.rows != "timeseries":
         block["rows"] = mapping.rows
     block["time"] = (
         {"source": mapping.time_source}
-        if mcap
+        if by_topic
         else {"field": mapping.time_field, "unit": mapping.time_unit}
     )
     block["length_unit"] = mapping.length_unit
@@ -34,10 +34,10 @@ def mapping_document(mapping: LogMapping, *, mcap: bool) -> dict[str, Any]:
     return {"log": block}
 
 
-def mapping_block(mapping: LogMapping, *, mcap: bool) -> str:
+def mapping_block(mapping: LogMapping, *, by_topic: bool) -> str:
     """The block as YAML, ready to paste into rig.yaml."""
     lines = ["log:"]
-    for key, value in mapping_document(mapping, mcap=mcap)["log"].items():
+    for key, value in mapping_document(mapping, by_topic=by_topic)["log"].items():
         if key != "supports":
             lines.append(f"  {key}: {_flow(value)}")
             continue

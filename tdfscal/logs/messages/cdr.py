@@ -1,9 +1,10 @@
-"""ROS 2 messages in CDR: where the wanted numbers are, found once per layout of a message.
+"""ROS messages: where the wanted numbers are, found once per layout of a message.
 
 A message's layout is fixed by its type and by the contents of a few places: the lengths of its
 strings and sequences (the guards). Messages that agree in size and guards with one that was
 walked are read by gathering bytes, the others are walked in turn.
-(OMG CDR, XCDR1: primitives aligned to their size, counted from after the encapsulation.)
+ROS 2 writes OMG CDR (XCDR1: primitives aligned to their size, counted from after the
+encapsulation), ROS 1 the same without alignment and encapsulation.
 """
 
 from __future__ import annotations
@@ -47,34 +48,47 @@ class Layout:
     size: int
 
 
-def layout_of(types: Definitions, name: str, paths: Sequence[Path], data: bytes) -> Layout:
+def layout_of(
+    types: Definitions, name: str, paths: Sequence[Path], data: bytes, encoding: str = "cdr"
+) -> Layout:
     """Walk one message and note where the paths lead.
+
+    encoding : cdr or ros1.
 
     Raises
     ------
     ValueError, struct.error : the message is not of this type, or lacks a path.
     """
-    if len(data) < _ENCAPSULATION or data[:2] not in (b"\x00\x00", b"\x00\x01"):
-        raise ValueError("its encapsulation is not plain CDR")
-    walk = _Walk(types, data, "<" if data[1] else ">", dict(enumerate(paths)))
+    walk = _walk(types, data, dict(enumerate(paths)), encoding)
     walk.visit((Nodetype.NAME, full_name(name)), dict.fromkeys(walk.paths, 0), {}, 0)
-    if not walk.position <= len(data) <= walk.position + 3:
+    padding = 3 if encoding == "cdr" else 0
+    if not walk.position <= len(data) <= walk.position + padding:
         raise ValueError(f"it has {len(data)} bytes where its type takes {walk.position}")
     for k, path in walk.paths.items():
         if k not in walk.places:
             raise ValueError(f"it has no number at {shown(path)}")
     places = tuple(walk.places[k] for k in range(len(paths)))
-    return Layout(places, ((0, data[:2]), *walk.guards), len(data))
+    guards = ((0, data[:2]), *walk.guards) if encoding == "cdr" else tuple(walk.guards)
+    return Layout(places, guards, len(data))
 
 
-def element_names(types: Definitions, name: str, data: bytes) -> list[str]:
+def _walk(types: Definitions, data: bytes, paths: dict[int, Path], encoding: str) -> _Walk:
+    """Begin a walk; raises ValueError where a message does not begin as its encoding does."""
+    if encoding != "cdr":
+        return _Walk(types, data, "<", paths, position=0, aligned=False)
+    if len(data) < _ENCAPSULATION or data[:2] not in (b"\x00\x00", b"\x00\x01"):
+        raise ValueError("its encapsulation is not plain CDR")
+    return _Walk(types, data, "<" if data[1] else ">", paths)
+
+
+def element_names(types: Definitions, name: str, data: bytes, encoding: str) -> list[str]:
     """Names that a message gives to the elements of its lists, as JointState does.
 
     Raises
     ------
     ValueError, struct.error : the message is not of this type.
     """
-    walk = _Walk(types, data, "<" if data[1:2] == b"\x01" else ">", {0: (Named(""),)})
+    walk = _walk(types, data, {0: (Named(""),)}, encoding)
     walk.visit((Nodetype.NAME, full_name(name)), {}, {}, 0)
     return walk.names
 
@@ -86,6 +100,7 @@ class _Walk:
     order: str
     paths: dict[int, Path]
     position: int = _ENCAPSULATION
+    aligned: bool = True
     places: dict[int, tuple[int, str]] = field(default_factory=dict)
     guards: list[tuple[int, bytes]] = field(default_factory=list)
     visits: int = 0
@@ -197,7 +212,8 @@ class _Walk:
         return int(value)
 
     def _align(self, size: int) -> None:
-        self.position += (_ENCAPSULATION - self.position) % size
+        if self.aligned:
+            self.position += (_ENCAPSULATION - self.position) % size
 
     def _advance(self, size: int) -> None:
         self.position += size
@@ -224,10 +240,14 @@ class Gatherer:
     ----------
     types, name : the channel's message definitions and type.
     paths : the wanted numbers.
+    encoding : cdr or ros1.
     """
 
-    def __init__(self, types: Definitions, name: str, paths: Sequence[Path]) -> None:
+    def __init__(
+        self, types: Definitions, name: str, paths: Sequence[Path], encoding: str = "cdr"
+    ) -> None:
         self._types, self._name, self._paths = types, name, tuple(paths)
+        self._encoding = encoding
         self._recent: Layout | None = None
 
     def __call__(self, messages: Messages) -> FloatArray:
@@ -254,7 +274,8 @@ class Gatherer:
         return result
 
     def _layout(self, messages: Messages, k: int) -> Layout:
-        return layout_of(self._types, self._name, self._paths, messages.bytes_of(k))
+        data = messages.bytes_of(k)
+        return layout_of(self._types, self._name, self._paths, data, self._encoding)
 
     def _fits(self, messages: Messages, left: IntArray, layout: Layout) -> BoolArray:
         fits: BoolArray = messages.length[left] == layout.size

@@ -33,7 +33,7 @@ from tdfscal.logs.messages.cdr import Gatherer, element_names, layout_of
 from tdfscal.logs.messages.decoded import content_of
 from tdfscal.logs.messages.header_times import Stamps
 from tdfscal.logs.messages.json_messages import decode, read_numbers
-from tdfscal.logs.messages.ros_types import Definitions, definitions, full_name
+from tdfscal.logs.messages.ros_types import ROS, Definitions, definitions, full_name
 from tdfscal.records import FloatArray, IntArray
 
 _MAX_DEPTH: Final = 8
@@ -138,8 +138,8 @@ def _topic(recording: Recording, number: int, messages: Messages) -> _Topic:
     kind = schema.name if schema is not None else channel.message_encoding
     topic = _Topic(channel, kind)
     try:
-        if channel.message_encoding == "cdr" and schema is not None:
-            _open_cdr(topic, schema, messages)
+        if channel.message_encoding in ROS and schema is not None:
+            _open_ros(topic, schema, messages)
         elif channel.message_encoding == "json":
             _open_json(topic, messages)
         elif channel.message_encoding == "protobuf" and schema is not None:
@@ -151,26 +151,27 @@ def _topic(recording: Recording, number: int, messages: Messages) -> _Topic:
     return topic
 
 
-def _open_cdr(topic: _Topic, schema: Schema, messages: Messages) -> None:
+def _open_ros(topic: _Topic, schema: Schema, messages: Messages) -> None:
+    encoding = topic.channel.message_encoding
     types = definitions(schema.name, schema.encoding, schema.data.decode("utf-8"))
     leaves = islice(_leaves_of_type(types, full_name(schema.name), (), 0), _MAX_LEAVES)
     topic.leaves = list(leaves)
     if _Leaf(("name",), "string[]") in topic.leaves:
         first = messages.bytes_of(0)
-        topic.joints = tuple(element_names(types, schema.name, first))
+        topic.joints = tuple(element_names(types, schema.name, first, encoding))
 
         def there(path: MessagePath) -> bool:
             try:
-                layout_of(types, schema.name, [path], first)
+                layout_of(types, schema.name, [path], first, encoding)
             except (ValueError, struct.error):
                 return False
             return True
 
         topic.leaves += _joints(topic, there)
     if paths := _paths(topic.leaves):
-        topic.read = Gatherer(types, schema.name, paths)
+        topic.read = Gatherer(types, schema.name, paths, encoding)
     if topic.stamped:
-        gatherer = Gatherer(types, schema.name, [_STAMP, (*_STAMP[:-1], "nanosec")])
+        gatherer = Gatherer(types, schema.name, [_STAMP, (*_STAMP[:-1], "nanosec")], encoding)
         topic.stamps = Stamps(topic.channel.topic, lambda m: gatherer(m) @ [1.0, 1e-9])
 
 

@@ -1,4 +1,4 @@
-"""ROS 2 message definitions as recorded with the messages, and paths within them."""
+"""ROS message definitions as recorded with the messages, and paths within them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import get_types_from_idl, get_types_from_msg
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 
 from tdfscal.errors import DataError
@@ -16,6 +16,8 @@ from tdfscal.logs.common.message_path import Path, shown
 Definitions = Mapping[str, Sequence[tuple[str, Any]]]
 """Message type → its fields in order, each as (name, rosbags' description of its type)."""
 
+ROS: Final = frozenset({"cdr", "ros1"})
+"""Encodings of ROS 2's and ROS 1's messages."""
 _LONGEST: Final = 1 << 18
 _SHOWN: Final = 12
 
@@ -31,7 +33,9 @@ def definitions(name: str, encoding: str, text: str) -> Definitions:
     if len(text) > _LONGEST:
         raise ValueError(f"the definition of {name} has {len(text)} characters")
     try:
-        if encoding == "ros2msg":
+        if encoding == "ros2" and not text:
+            types = _standard()
+        elif encoding in ("ros2msg", "ros1msg"):
             types = get_types_from_msg(text, name)
         elif encoding == "ros2idl":
             types = get_types_from_idl(text)
@@ -53,6 +57,12 @@ def definitions(name: str, encoding: str, text: str) -> Definitions:
         if len(set(names)) < len(names):
             raise ValueError(f"the definition of {key} has a field twice")
     return result
+
+
+@functools.cache
+def _standard() -> Mapping[str, Any]:
+    """Definitions of the messages that ROS 2 brings along, for recorders that store none."""
+    return get_typestore(Stores.LATEST).fielddefs
 
 
 def full_name(name: str) -> str:

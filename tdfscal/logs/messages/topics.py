@@ -18,7 +18,7 @@ from tdfscal.logs.common.request import Block, Piece, Request, missing_fields
 from tdfscal.logs.messages.buffer import Messages, Recording
 from tdfscal.logs.messages.cdr import Gatherer
 from tdfscal.logs.messages.json_messages import read_numbers
-from tdfscal.logs.messages.ros_types import check_path, definitions, expand_vector
+from tdfscal.logs.messages.ros_types import ROS, check_path, definitions, expand_vector
 from tdfscal.records import FloatArray, IntArray
 
 _STAMP: Final[tuple[MessagePath, MessagePath]] = (
@@ -184,8 +184,8 @@ class Topics:
         channel = self.recording.channels[channel_id]
         encoding = channel.message_encoding
         where = f"{self.recording.path}, topic {channel.topic}"
-        if encoding == "cdr":
-            return self._cdr_decoder(channel_id, where)
+        if encoding in ROS:
+            return self._ros_decoder(channel_id, where)
         if encoding in ("json", "protobuf"):
             paths = self._paths(channel.topic, None, where)
             stamped = self.request.time_source == "header"
@@ -201,7 +201,7 @@ class Topics:
         raise DataError(
             f"messages are encoded as {encoding!r}",
             where=where,
-            hint="record ROS 2 (cdr), protobuf or json messages",
+            hint="record ROS messages (cdr, ros1), protobuf or json",
         )
 
     def _protobuf_reader(self, channel: Channel, where: str) -> Callable[..., FloatArray]:
@@ -222,7 +222,7 @@ class Topics:
 
         return read
 
-    def _cdr_decoder(self, channel_id: int, where: str) -> Decoder:
+    def _ros_decoder(self, channel_id: int, where: str) -> Decoder:
         channel = self.recording.channels[channel_id]
         schema = self.recording.schemas.get(channel.schema_id)
         if schema is None:
@@ -246,7 +246,9 @@ class Topics:
                     where=where,
                     hint="state `time: {source: log}` in the log block of rig.yaml",
                 ) from error
-        gatherer = Gatherer(types, schema.name, [*_STAMP, *paths] if stamped else paths)
+        gatherer = Gatherer(
+            types, schema.name, [*_STAMP, *paths] if stamped else paths, channel.message_encoding
+        )
         skew = self.skews.setdefault(channel.topic, Skew())
 
         def decode(messages: Messages) -> tuple[FloatArray, FloatArray]:

@@ -135,14 +135,14 @@ def _header(lines: list[str], where: str) -> tuple[str, int, list[str]]:
         # Commas within numbers make columns too; the header has none of them then.
         if best is None or width > best[0]:
             best = (width, number, separator, header_cells(lines[number], separator))
-    if best is not None:
-        return best[2], best[1], best[3]
-    for numbered in (numbered_columns(lines, decimal) for decimal in ".,"):
-        if numbered is not None:
-            return numbered.separator, numbered.line, list(numbered.cells)
-    if ragged_at is not None:
+    if best is None and ragged_at is not None:
         number, width, expected = ragged_at
         raise ragged(width, expected, f"{where}, line {number + 1}")
+    for numbered in (numbered_columns(lines, decimal) for decimal in ".,"):
+        if numbered is not None and (best is None or len(numbered.cells) > best[0]):
+            return numbered.separator, numbered.line, list(numbered.cells)
+    if best is not None:
+        return best[2], best[1], best[3]
     raise DataError(
         "there is no table of numbers",
         where=where,

@@ -1,0 +1,56 @@
+"""ROS 1 bags, read by rosbags; their messages are decoded by our own reader."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import closing
+from typing import Final
+
+from rosbags.rosbag1 import Reader, ReaderError
+
+from tdfscal.errors import DataError
+from tdfscal.logs.bag.packing import Stored
+from tdfscal.logs.messages.buffer import Messages
+
+_OPENING: Final = b"#ROSBAG V2.0\n"
+_DAMAGE: Final = (
+    ReaderError, AssertionError, KeyError, IndexError, TypeError, RuntimeError, UnicodeDecodeError,
+    struct.error, zlib.error, EOFError,
+)  # fmt: skip
+
+
+class Ros1Recording(Stored):
+    """A `.bag` file while it is read; see `messages.buffer.Recording`."""
+
+    def messages(self) -> Iterator[Messages]:
+        """Yield the messages in the order of their times.
+
+        Raises
+        ------
+        DataError, ValueError : it is no such file, or damaged.
+        """
+        with self.path.open("rb") as file:
+            if file.read(len(_OPENING)) != _OPENING:
+                raise DataError("the file is no ROS 1 bag", where=str(self.path),
+                                hint="copy the recording again")  # fmt: skip
+        try:
+            reader = Reader(self.path)
+            reader.open()
+            with closing(reader):
+                for one in reader.connections:
+                    text = one.msgdef.data.encode()
+                    self.define(one.id, one.topic, "ros1", one.msgtype, ("ros1msg", text))
+                rows = reader.messages()
+                yield from self.packed((one.id, time, bytes(data)) for one, time, data in rows)
+        except _DAMAGE as error:
+            if "index" in str(error).lower() and not self.counts:
+                raise DataError(
+                    f"the bag was not closed ({error})",
+                    where=str(self.path),
+                    hint="write its index with `rosbag reindex`",
+                ) from error
+            if not self.salvage or not self.counts:
+                raise ValueError(str(error) or type(error).__name__) from error
+            self.lost.append(f"the file is damaged ({error}); what follows is lost")

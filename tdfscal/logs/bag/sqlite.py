@@ -1,0 +1,78 @@
+"""rosbag2's storage in SQLite: one file of messages as they were recorded."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from tdfscal.errors import DataError
+from tdfscal.logs.bag.packing import Stored
+from tdfscal.logs.messages.buffer import Messages
+
+_OPENING: Final = b"SQLite format 3\0"
+_ROWS: Final = 1024
+_MOST_TOPICS: Final = 1 << 16
+
+
+class SqliteRecording(Stored):
+    """A `.db3` file while it is read; see `messages.buffer.Recording`."""
+
+    def messages(self) -> Iterator[Messages]:
+        """Yield the messages in the order of recording.
+
+        Raises
+        ------
+        DataError, ValueError : it is no such file, or damaged.
+        """
+        _check_whole(self.path)
+        uri = f"file:{quote(str(self.path.resolve()))}?mode=ro"
+        try:
+            # The reader may be closed by another thread than the one that reads.
+            with closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as database:
+                self._topics(database)
+                rows = database.execute(
+                    "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
+                )
+                rows.arraysize = _ROWS
+                yield from self.packed(rows)
+        except (sqlite3.Error, TypeError) as error:
+            if not self.salvage or not self.counts:
+                raise ValueError(str(error)) from error
+            self.lost.append(f"the file is damaged ({error}); what follows is lost")
+
+    def _topics(self, database: sqlite3.Connection) -> None:
+        texts: dict[str, tuple[str, bytes]] = {}
+        tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+        if not {"topics", "messages"} <= tables:
+            raise ValueError("it holds no topics and messages")
+        if "message_definitions" in tables:
+            for kind, encoding, text in database.execute(
+                "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+            ):
+                texts[str(kind)] = str(encoding), str(text).encode()
+        chosen = "SELECT id, name, type, serialization_format FROM topics"
+        for number, (identity, name, kind, encoding) in enumerate(database.execute(chosen)):
+            if not isinstance(identity, int) or not 0 <= identity < _MOST_TOPICS:
+                raise ValueError(f"topic {number} has the id {identity!r}")
+            # Recorders before ROS 2 Iron store no definitions: those of the standard messages.
+            self.define(
+                identity, str(name), str(encoding), str(kind), texts.get(str(kind), ("ros2", b""))
+            )
+
+
+def _check_whole(path: Path) -> None:
+    with path.open("rb") as file:
+        if file.read(len(_OPENING)) != _OPENING:
+            raise DataError("the file is no SQLite database", where=str(path),
+                            hint="copy the recording again")  # fmt: skip
+    journal = path.with_name(f"{path.name}-wal")
+    if journal.is_file() and journal.stat().st_size:
+        raise DataError(
+            f"the recording was not closed: {journal.name} still holds a part of it",
+            where=str(path),
+            hint="open and close it once with `ros2 bag info`, or record it again",
+        )

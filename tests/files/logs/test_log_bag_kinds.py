@@ -1,0 +1,241 @@
+"""rosbag2's SQLite files and ROS 1 bags, by rosbags' writers: the same samples as in MCAP."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from tdfscal.errors import DataError, TdfscalError, UsageError
+from tdfscal.logs import is_log, read_log
+from tdfscal.logs.describe import describe_logs
+from tests.files.logs.log_making import (
+    MAPPING,
+    STORE,
+    SUPPORTS,
+    assert_holds,
+    make_truth,
+    mcap_bytes,
+    point_stamped,
+    same_numbers,
+    wrench_stamped,
+    write,
+)
+
+TRUTH = make_truth()
+POINT, WRENCH = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
+ROS1 = get_typestore(Stores.ROS1_NOETIC)
+
+
+def events() -> Iterator[tuple[float, str, str, bytes]]:
+    """Time, topic, type and CDR of each message."""
+    found = []
+    for i, name in enumerate(SUPPORTS):
+        for t, xyz in zip(TRUTH.time, TRUTH.position[i], strict=True):
+            found.append((t, f"/{name}/position", POINT, point_stamped(t, xyz)))
+        for k, (t, xyz) in enumerate(zip(TRUTH.force_time, TRUTH.force[i], strict=True)):
+            frame = ("tdfs", "sensor", "s")[k % 3]  # strings that move what follows them
+            found.append((t, f"/{name}/wrench", WRENCH, wrench_stamped(t, xyz, frame)))
+    yield from sorted(found, key=lambda event: event[0])
+
+
+def sqlite_bag(folder: Path, version: int = 9) -> Path:
+    bag = Writer2(folder, version=version, storage_plugin=StoragePlugin.SQLITE3)
+    with bag:
+        topics: dict[str, Any] = {}
+        for t, topic, kind, data in events():
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
+            bag.write(topics[topic], round(t * 1e6) * 1000, data)
+    return folder
+
+
+def ros1_bag(path: Path, compression: Writer1.CompressionFormat | None = None) -> Path:
+    bag = Writer1(path)
+    if compression is not None:
+        bag.set_compression(compression)
+    with bag:
+        topics: dict[str, Any] = {}
+        for t, topic, kind, data in events():
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=ROS1)
+            bag.write(topics[topic], round(t * 1e6) * 1000, bytes(as_ros1(data, kind)))
+    return path
+
+
+def as_ros1(data: bytes, kind: str) -> Any:
+    """The same message as ROS 1 writes it: its header has a number, too."""
+    message = STORE.deserialize_cdr(data, kind)
+    stamp, frame = message.header.stamp, message.header.frame_id
+    types = ROS1.types
+    stamp = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
+    header = types["std_msgs/msg/Header"](7, stamp, frame)
+    if kind == POINT:
+        p = message.point
+        point = types["geometry_msgs/msg/Point"](p.x, p.y, p.z)
+        return ROS1.serialize_ros1(types[kind](header, point), kind)
+    vector = types["geometry_msgs/msg/Vector3"]
+    force, torque = (vector(v.x, v.y, v.z) for v in (message.wrench.force, message.wrench.torque))
+    wrench = types["geometry_msgs/msg/Wrench"](force, torque)
+    return ROS1.serialize_ros1(types[kind](header, wrench), kind)
+
+
+@pytest.mark.parametrize("source", ["header", "log", "publish"])
+@pytest.mark.parametrize("version", [8, 9])
+def test_sqlite_holds_what_mcap_does(tmp_path: Path, source: Any, version: int) -> None:
+    folder = sqlite_bag(tmp_path / "bag", version)
+    mapping = replace(MAPPING, time_source=source)
+    log = read_log([folder], mapping, SUPPORTS)
+    assert_holds(log, TRUTH)
+    other = read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], mapping, SUPPORTS)
+    assert same_numbers(log, other)
+    assert log.inputs[0].integrity == "unverified"
+
+
+def test_sqlite_without_definitions(tmp_path: Path) -> None:
+    """Recorders before ROS 2 Iron store none."""
+    folder = sqlite_bag(tmp_path / "bag")
+    (path,) = folder.glob("*.db3")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DROP TABLE message_definitions")
+        database.commit()
+    assert_holds(read_log([folder], MAPPING, SUPPORTS), TRUTH)
+    assert is_log(path)
+    assert_holds(read_log([path], MAPPING, SUPPORTS), TRUTH)
+
+
+@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat])
+def test_ros1_holds_what_mcap_does(
+    tmp_path: Path, compression: Writer1.CompressionFormat | None
+) -> None:
+    path = ros1_bag(tmp_path / "log.bag", compression)
+    assert is_log(path)
+    log = read_log([path], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    other = read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], MAPPING, SUPPORTS)
+    assert same_numbers(log, other)
+
+
+@pytest.mark.parametrize("make", ["sqlite", "ros1"])
+def test_bags_are_described(tmp_path: Path, make: str) -> None:
+    path = sqlite_bag(tmp_path / "bag") if make == "sqlite" else ros1_bag(tmp_path / "log.bag")
+    info = describe_logs([path])
+    assert info.mapping is not None
+    assert info.mapping.supports == SUPPORTS
+    assert info.mapping.time_source == "header"
+    counts = {stream.name: stream.count for stream in info.contents[0].streams}
+    assert counts["/ncp2/wrench"] == TRUTH.force_time.size
+    assert [signal.count for signal in info.signals] == 3 * [60] + 3 * [240]
+
+
+def test_files_that_the_metadata_does_not_list(tmp_path: Path) -> None:
+    folder = sqlite_bag(tmp_path / "bag")
+    (path,) = folder.glob("*.db3")
+    (folder / "bag_1.db3").write_bytes(path.read_bytes())
+    log = read_log([folder], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    assert any("also holds bag_1.db3" in warning for warning in log.warnings)
+
+
+def _without_table(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DROP TABLE messages")
+        database.commit()
+
+
+def _with_journal(path: Path) -> None:
+    path.with_name(path.name + "-wal").write_bytes(b"left over")
+
+
+def _with_other_type(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE topics SET type = 'geometry_msgs/msg/Point'")
+        database.execute("UPDATE message_definitions SET topic_type = 'geometry_msgs/msg/Point'")
+        database.commit()
+
+
+def _with_text(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE messages SET data = 'no bytes' WHERE id = 5")
+        database.commit()
+
+
+def _with_strange_topic(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE messages SET topic_id = 77 WHERE id = 5")
+        database.commit()
+
+
+SQLITE_FAULTS = {
+    "empty": lambda p: p.write_bytes(b""),
+    "text": lambda p: p.write_text("time,x,y\n1,2,3\n"),
+    "half": lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]),
+    "head only": lambda p: p.write_bytes(p.read_bytes()[:100]),
+    "overwritten": lambda p: p.write_bytes(p.read_bytes()[:200] + bytes(9000) + b"x" * 9000),
+    "no messages": _without_table,
+    "journal": _with_journal,
+    "other type": _with_other_type,
+    "text for bytes": _with_text,
+    "strange topic": _with_strange_topic,
+}
+
+
+@pytest.mark.parametrize("fault", SQLITE_FAULTS)
+def test_damaged_sqlite_is_refused(tmp_path: Path, fault: str) -> None:
+    folder = sqlite_bag(tmp_path / "bag")
+    (path,) = folder.glob("*.db3")
+    SQLITE_FAULTS[fault](path)
+    with pytest.raises(DataError) as caught:
+        read_log([folder], MAPPING, SUPPORTS)
+    assert path.name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+ROS1_FAULTS = {
+    "empty": lambda b: b"",
+    "text": lambda b: b"time,x,y\n1,2,3\n",
+    "version 1.2": lambda b: b.replace(b"V2.0", b"V1.2", 1),
+    "half": lambda b: b[: len(b) // 2],
+    "not closed": lambda b: b[:13] + b[13:].replace(b"index_pos=", b"index_pox=", 1),
+    "last byte": lambda b: b[:-1],
+    "zeros at the end": lambda b: b[:-2000] + bytes(2000),
+    "zeros in the middle": lambda b: b[: len(b) // 2] + bytes(3000) + b[len(b) // 2 + 3000 :],
+    "type not defined": lambda b: b.replace(b"MSG: geometry_msgs/Wr", b"MSG: geometry_msgs/Vr"),
+    "fields renamed": lambda b: b.replace(b"Vector3 force", b"Vector3 farce"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", ROS1_FAULTS)
+def test_damaged_ros1_is_refused(tmp_path: Path, fault: str) -> None:
+    path = ros1_bag(tmp_path / "log.bag")
+    path.write_bytes(ROS1_FAULTS[fault](path.read_bytes()))
+    with pytest.raises(DataError) as caught:
+        read_log([path], MAPPING, SUPPORTS)
+    assert "log.bag" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "match"),
+    [
+        ("log.csv", b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "git lfs pull"),
+        ("log.mcap", b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "git lfs pull"),
+        ("log.mcap.zstd", b"", "zstd -d"),
+        ("log.csv.zstd", b"", r"zstd -d.*\.zst"),
+    ],
+)
+def test_what_stands_in_a_logs_place(tmp_path: Path, name: str, content: bytes, match: str) -> None:
+    path = write(tmp_path / name, content)
+    with pytest.raises((DataError, UsageError), match=match):
+        read_log([path], MAPPING, SUPPORTS)
+    with pytest.raises(TdfscalError, match=match):
+        describe_logs([path])

@@ -1,0 +1,160 @@
+"""Text logs by writers other than ours: spaces, no header, remarks, dates with times as clocks."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tdfscal.errors import DataError
+from tdfscal.logs import is_log, read_log
+from tdfscal.logs.describe import describe_logs
+from tdfscal.records import LogMapping
+from tests.files.logs.log_making import SUPPORTS, make_truth, table
+
+FRAME = table(make_truth(50)).assign(time=np.arange(50) * 0.02)
+NAMES = list(FRAME.columns)
+NUMBERS = LogMapping(
+    SUPPORTS,
+    tuple(tuple(str(2 + 6 * i + k) for k in range(3)) for i in range(3)),
+    tuple(tuple(str(5 + 6 * i + k) for k in range(3)) for i in range(3)),
+    time_field="1",
+)
+
+
+def savetxt(path: Path) -> None:
+    np.savetxt(path, FRAME.to_numpy(), header=" ".join(NAMES))
+
+
+def matlab(path: Path) -> None:
+    np.savetxt(path, FRAME.to_numpy(), header="\t".join(NAMES), comments="% ", delimiter="\t")
+
+
+def aligned(path: Path) -> None:
+    text = FRAME.to_string(index=False, float_format=lambda x: f"{x:.17g}")
+    path.write_text("recorded on the rig\n\n" + text + "\n")
+
+
+def rtde(path: Path) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, delimiter=" ")
+        writer.writerows([NAMES, *FRAME.to_numpy().tolist()])
+
+
+def labview(path: Path) -> None:
+    head = "LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n"
+    rows = FRAME.to_csv(sep="\t", index=False).replace("ncp3.fz\n", "ncp3.fz\tComment\n")
+    path.write_text(head + rows)
+
+
+def assert_same(path: Path, mapping: LogMapping | None, start: float = 0.0) -> None:
+    log = read_log([path], mapping, SUPPORTS)
+    for i, name in enumerate(SUPPORTS):
+        expected = FRAME[[f"{name}.{axis}" for axis in "xyz"]].to_numpy()
+        np.testing.assert_array_equal(log.position[i].value, expected)
+        expected = FRAME[[f"{name}.f{axis}" for axis in "xyz"]].to_numpy()
+        np.testing.assert_array_equal(log.force[i].value, expected)
+    np.testing.assert_allclose(log.force[0].time - start, FRAME["time"], rtol=0, atol=5e-7)
+
+
+@pytest.mark.parametrize("write", [savetxt, matlab, aligned, rtde, labview])
+@pytest.mark.parametrize("suffix", [".txt", ".dat", ".log", ".csv"])
+def test_tables_read_as_they_are(
+    tmp_path: Path, write: Callable[[Path], None], suffix: str
+) -> None:
+    path = tmp_path / f"log{suffix}"
+    write(path)
+    assert is_log(path)
+    assert_same(path, None)
+    info = describe_logs([path])
+    assert info.mapping is not None
+    assert info.mapping.supports == SUPPORTS
+    assert info.contents[0].streams[0].count == len(FRAME)
+
+
+@pytest.mark.parametrize("delimiter", [" ", ",", ";", "\t"])
+@pytest.mark.parametrize("preamble", ["", "# no names here\n"])
+def test_columns_without_a_header_have_numbers(
+    tmp_path: Path, delimiter: str, preamble: str
+) -> None:
+    path = tmp_path / "log.dat"
+    np.savetxt(path, FRAME.to_numpy(), delimiter=delimiter)
+    path.write_text(preamble + path.read_text())
+    assert_same(path, NUMBERS)
+    fields = describe_logs([path]).contents[0].streams[0].fields
+    assert [f.name for f in fields] == [str(k + 1) for k in range(19)]
+    with pytest.raises(DataError, match=r"no column 20"):
+        read_log([path], replace(NUMBERS, time_field="20"), SUPPORTS)
+
+
+def stamps(write: Callable[[datetime], str]) -> list[str]:
+    begin = datetime(2026, 11, 21, 23, 59, 59, 500_000, UTC)
+    return [write(begin + timedelta(seconds=float(s))) for s in FRAME["time"]]
+
+
+BEGIN = datetime(2026, 11, 21, 23, 59, 59, 500_000, UTC).timestamp()
+CET = timezone(timedelta(hours=1))
+CLOCKS: list[tuple[Callable[[datetime], str], float]] = [
+    (lambda t: t.isoformat(), 0.0),
+    (lambda t: t.astimezone(CET).isoformat(), 0.0),
+    (lambda t: t.astimezone(timezone(-timedelta(hours=4, minutes=30))).isoformat(), 0.0),
+    (lambda t: t.strftime("%Y-%m-%dT%H:%M:%S.%fZ"), 0.0),
+    (lambda t: t.strftime("%Y-%m-%d %H:%M:%S.%f"), 0.0),
+    (lambda t: t.strftime("%Y/%m/%d %H:%M:%S.%f"), 0.0),
+    (lambda t: t.strftime("%d.%m.%Y %H:%M:%S.%f"), 0.0),
+    (lambda t: t.astimezone(CET).strftime("%d.%m.%Y %H:%M:%S.%f"), 3600.0),
+]
+
+
+@pytest.mark.parametrize(("write", "ahead"), CLOCKS)
+def test_dates_with_times_are_clocks(
+    tmp_path: Path, write: Callable[[datetime], str], ahead: float
+) -> None:
+    path = tmp_path / "log.csv"
+    FRAME.assign(time=stamps(write)).to_csv(path, index=False)
+    assert_same(path, None, BEGIN + ahead)
+    info = describe_logs([path])
+    assert info.mapping is not None
+    assert info.mapping.time_field == "time"
+    assert not info.problems
+
+
+def test_german_dates_with_decimal_commas(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    frame = FRAME.assign(time=stamps(lambda t: t.strftime("%d.%m.%Y %H:%M:%S,%f")))
+    frame.to_csv(path, index=False, sep=";", decimal=",")
+    mapping = describe_logs([path]).mapping
+    assert mapping is not None
+    # Random numbers do not add up to a weight.
+    mapping = replace(mapping, force_on="terminal", force_unit="N", length_unit="m")
+    assert_same(path, mapping, BEGIN)
+
+
+def test_stamps_of_pandas(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    time = pd.Timestamp("2026-11-21T23:59:59.5Z") + pd.to_timedelta(FRAME["time"], unit="s")
+    FRAME.assign(time=time).to_csv(path, index=False)
+    assert_same(path, None, BEGIN)
+
+
+@pytest.mark.parametrize(
+    ("cell", "match"),
+    [
+        ("11/12/2026 10:00:00", r"line 3, column time: '11/12/2026 10:00:00' is no date"),
+        ("2026-02-30 10:00:00", r"line 3, column time: '2026-02-30 10:00:00' is no date"),
+        ("soon", r"line 3, column time: 'soon' is no date"),
+        ("2026-11-21 09:00:00", r"the time of column time goes from"),
+    ],
+)
+def test_dates_that_are_none(tmp_path: Path, cell: str, match: str) -> None:
+    path = tmp_path / "log.csv"
+    time = ["2026-11-21 10:00:00", cell, *["2026-11-21 10:00:02"] * 48]
+    FRAME.assign(time=time).to_csv(path, index=False)
+    with pytest.raises(DataError, match=match):
+        read_log([path], None, SUPPORTS)
