@@ -163,7 +163,7 @@ def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "match"),
     [
-        ({"storage_identifier": "sqlite3"}, "stored as sqlite3.*bag convert"),
+        ({"storage_identifier": "rocksdb"}, "stored as rocksdb.*bag convert"),
         (
             {"relative_file_paths": ["bag_0.mcap", "bag_2.mcap"]},
             r"lacks bag_2\.mcap\. Copy",
