@@ -1,4 +1,7 @@
-"""Chunks of an MCAP file: decompression within stated bounds, and where the messages are."""
+"""Chunks of an MCAP file: decompression within stated bounds, and where the messages are.
+
+What follows the fields that are known here is ignored: later versions may add fields to any record.
+"""
 
 from __future__ import annotations
 
@@ -48,9 +51,9 @@ def parse_chunk(content: bytes) -> Chunk:
         raise ValueError("its header does not fit")
     compression = content[_CHUNK.size : start].decode("ascii")
     (length,) = struct.unpack_from("<Q", content, start)
-    if start + 8 + length != len(content):
+    if start + 8 + length > len(content):
         raise ValueError("its length does not add up")
-    return Chunk(size, crc, compression, memoryview(content)[start + 8 :])
+    return Chunk(size, crc, compression, memoryview(content)[start + 8 : start + 8 + length])
 
 
 def decompressed(chunk: Chunk) -> bytes:
@@ -102,9 +105,9 @@ def index_offsets(records: Sequence[bytes]) -> IntArray | None:
     parts: list[IntArray] = []
     for content in records:
         _, length = struct.unpack_from("<HI", content)
-        if length != len(content) - 6 or length % 16:
+        if length > len(content) - 6 or length % 16:
             raise ValueError("a message index does not add up")
-        pairs = np.frombuffer(content, dtype="<u8", offset=6).reshape(-1, 2)
+        pairs = np.frombuffer(content, dtype="<u8", offset=6, count=length // 8).reshape(-1, 2)
         if pairs.size and int(pairs[:, 1].max()) > MAX_CHUNK:
             raise ValueError("a message index points outside its chunk")
         parts.append(pairs[:, 1].astype(np.int64))

@@ -251,9 +251,9 @@ class Container:
     def _check_footer(
         self, footer: Footer, start: int, end: int, offsets: int, crc: int, content: bytes
     ) -> None:
-        stated = footer.summary_start if footer.summary_start else end
-        expected_offsets = offsets if offsets else 0
-        if stated != start or footer.summary_offset_start not in (0, expected_offsets):
+        # Without a summary its place is zero, though offsets may follow.
+        stated = footer.summary_start if footer.summary_start else offsets or end
+        if stated != start or footer.summary_offset_start not in (0, offsets, end):
             self._fault("the footer points to the wrong place", end)
         if footer.summary_crc:
             covered = _HEAD.pack(Opcode.FOOTER, len(content)) + content[:16]
