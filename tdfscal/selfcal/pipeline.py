@@ -274,6 +274,11 @@ def _warnings(
     found += [doubt.text for doubt in doubts if not doubt.harmful]
     if not measured_noise and not doubts:  # a named cause says more than the trend it makes
         found += steady.warnings
+    if trials is not None and trials.unsettled:
+        found.append(
+            f"{trials.unsettled} of {trials.trials} Monte Carlo trials did not settle; they count "
+            "where they ended: the angles are known so poorly that noise can turn a sensor away"
+        )
     if trials is not None and not trials.validated:
         found.append(
             "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those "
