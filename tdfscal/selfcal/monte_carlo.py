@@ -30,7 +30,7 @@ from tdfscal.significance import INTERVAL_COVERAGE
 CHUNK = 250
 #: Steps with the estimate's own Hessian, and damped Newton steps for the trials that need them.
 _STEPS, _DAMPED = 8, 100
-#: A trial is solved when its last step is below this many standard uncertainties.
+#: A trial is solved when its next step would be below this many standard uncertainties.
 _SOLVED = 1e-3
 #: Noise of a sensor's axes that differs by less than this share counts as the same in all.
 _ALIKE = 0.02
@@ -141,9 +141,11 @@ class Sampler:
                 step = -gradients(roots, rotation) @ self.covariance
                 rotation = so3.exp(step.reshape(T, -1, 3)) @ rotation
                 before, size = size, np.abs(step / scale).max(axis=1)
-                if (size < _SOLVED).all() or not (size < 0.7 * before).any():
+                # Steps shrink by the same factor each time: so large will the next one be.
+                ahead = size * np.minimum(size / before, 1.0)
+                if (ahead < _SOLVED).all() or not (size < 0.7 * before).any():
                     break
-        hard = np.flatnonzero(~(size < _SOLVED))
+        hard = np.flatnonzero(~(ahead < _SOLVED))
         settled = np.ones(T, dtype=np.bool_)
         if len(hard):
             start = np.broadcast_to(base, (len(hard), *base.shape))
