@@ -282,6 +282,7 @@ class Dwells:
     count : (K, n), force samples averaged. effective : (K, n), effective sample size.
     temperature : (K, n), °C at each sensor; None where the log has none.
     absence : where there is no dwell, why.
+    force_range : (2, n, 3), N, smallest and largest reading of the whole log; None where unknown.
     """
 
     supports: tuple[str, ...]
@@ -299,6 +300,7 @@ class Dwells:
     warnings: tuple[str, ...] = ()
     temperature: FloatArray | None = None
     absence: Absence | None = None
+    force_range: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.start)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.records import BoolArray, Dwells, FloatArray, Log, Rig
+from tdfscal.records import BoolArray, Dwells, Rig
 
 AXES = ("x", "y", "z")
 #: A reading this close to a limit, relative, stands at it.
@@ -24,30 +24,10 @@ class Screened:
     reasons: dict[int, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Extremes:
-    """Smallest and largest reading of each axis over a whole log, (n, 3), N."""
-
-    low: FloatArray
-    high: FloatArray
-
-
-def extremes(piece: Log, before: Extremes | None = None) -> Extremes:
-    """Extremes of a piece of a log and of what came before it; what is no number is passed over."""
-    low, high = np.full((2, len(piece.force), 3), [[[np.inf]], [[-np.inf]]])
-    if before is not None:
-        low, high = before.low.copy(), before.high.copy()
-    for i, series in enumerate(piece.force):
-        for j, column in enumerate(series.value.T):  # one by one: much faster than along rows
-            low[i, j] = np.fmin.reduce(column, initial=low[i, j])
-            high[i, j] = np.fmax.reduce(column, initial=high[i, j])
-    return Extremes(low, high)
-
-
-def screen(rig: Rig, dwells: Dwells, log: Extremes | None = None) -> Screened:
+def screen(rig: Rig, dwells: Dwells) -> Screened:
     """Leave out dwells with a saturated or frozen axis.
 
-    log : of all its readings, to tell an axis that is saturated in every dwell from a dead one.
+    The range of the whole log tells an axis that is saturated in every dwell from a dead one.
 
     Raises
     ------
@@ -60,7 +40,7 @@ def screen(rig: Rig, dwells: Dwells, log: Extremes | None = None) -> Screened:
         stuck &= rig.axes
         _check_unmeasured(rig, dwells)
         for i, j in np.argwhere(stuck):
-            raise _stuck(rig, dwells, int(i), int(j), log)
+            raise _stuck(rig, dwells, int(i), int(j))
     reasons: dict[int, str] = {}
     over = (np.maximum(np.abs(low), np.abs(high)) >= rig.capacity) & np.isfinite(rig.capacity)
     over &= rig.axes
@@ -76,7 +56,7 @@ def screen(rig: Rig, dwells: Dwells, log: Extremes | None = None) -> Screened:
         reasons.setdefault(
             int(k),
             f"{_axis(rig, i, j)} is "
-            f"{'saturated' if _at_limit(log, low[k, i, j], i, j) else 'frozen'} at "
+            f"{'saturated' if _at_limit(dwells, low[k, i, j], i, j) else 'frozen'} at "
             f"{low[k, i, j]:.6g} N",
         )
     keep = np.ones(len(dwells), dtype=bool)
@@ -112,25 +92,27 @@ def _axis(rig: Rig, i: int, j: int) -> str:
     return f"the {AXES[j]} axis of the sensor of {rig.supports[i]}"
 
 
-def _at_limit(log: Extremes | None, value: float, i: int, j: int) -> bool:
+def _at_limit(dwells: Dwells, value: float, i: int, j: int) -> bool:
     """Whether an axis that varies over the log stands at the end of what it reads there.
 
     At zero it does not: that is what an axis reads which is not connected.
     """
-    if log is None or log.low[i, j] == log.high[i, j] or value == 0:
+    if dwells.force_range is None or value == 0:
         return False
-    return bool(value in (log.low[i, j], log.high[i, j]))
+    low, high = dwells.force_range[:, i, j]
+    return bool(low < high and min(abs(value - low), abs(value - high)) <= _AT * abs(value))
 
 
-def _stuck(rig: Rig, dwells: Dwells, i: int, j: int, log: Extremes | None) -> DataError:
+def _stuck(rig: Rig, dwells: Dwells, i: int, j: int) -> DataError:
     """The error for an axis with one reading in every posture: saturated, frozen or dead."""
     value = float(dwells.force_max[0, i, j])
     found = f"in all {len(dwells)} postures that could be read"
     if dwells.left_out:
         found += f" ({len(dwells.left_out)} more were left out)"
-    moves = log is not None and bool(log.low[i, j] < log.high[i, j])
-    span = f"{log.low[i, j]:.6g} to {log.high[i, j]:.6g} N" if log is not None else ""
-    if abs(value) >= rig.capacity[i, j] * (1 - _AT) or _at_limit(log, value, i, j):
+    low, high = (value, value) if dwells.force_range is None else dwells.force_range[:, i, j]
+    moves = bool(low < high)
+    span = f"{low:.6g} to {high:.6g} N" if moves else ""
+    if abs(value) >= rig.capacity[i, j] * (1 - _AT) or _at_limit(dwells, value, i, j):
         return DataError(
             f"{_axis(rig, i, j)} is saturated: it stands at {value:.6g} N {found}"
             + (f", and the whole log reads {span}" if span else ""),

@@ -74,6 +74,7 @@ def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
         count=np.ones(f.shape[:2], dtype=np.int64),
         effective=np.ones(f.shape[:2]),
         warnings=warnings,
+        force_range=np.stack([f.min(axis=0), f.max(axis=0)]),
     )
 
 

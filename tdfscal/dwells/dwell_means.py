@@ -149,6 +149,13 @@ def force_extremes(bins: Bins, extents: Sequence[Extent]) -> tuple[FloatArray, F
     return low, high
 
 
+def whole_range(bins: Bins) -> FloatArray:
+    """Smallest and largest force sample of the whole log, (2, n, 3), N."""
+    middle = bins.mean.transpose(1, 2, 0)[bins.low.shape[1] :]
+    low, high = (x.transpose(1, 2, 0) for x in (bins.low, bins.high))
+    return np.stack([np.nanmin(middle + low, axis=2), np.nanmax(middle + high, axis=2)])
+
+
 def evenly(count: int, most: int) -> IntArray:
     """At most so many of 0 … count − 1, evenly spread."""
     if count <= most:

@@ -14,7 +14,7 @@ from tdfscal.dwells.averaged_postures import postures_as_dwells
 from tdfscal.dwells.bins import Bins, reduce_to_bins
 from tdfscal.dwells.clock_offset import motion_offset
 from tdfscal.dwells.common_drift import common_drift
-from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes
+from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes, whole_range
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.search import INTERRUPTED, Field, prepare, search, within
 from tdfscal.dwells.temperature import Thermometer
@@ -142,6 +142,7 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
         effective=moments.effective[keep, n:],
         left_out=tuple(sorted(left_out, key=lambda out: out.start)),
         warnings=tuple(warnings),
+        force_range=whole_range(bins),
     )
 
 

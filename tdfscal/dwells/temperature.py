@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, Log
 
 #: A temperature changes slowly: what is kept of it is a mean per this time, s.
@@ -31,23 +32,32 @@ class Thermometer:
             self.time = self.time or [[] for _ in piece.temperature]
             self.value = self.value or [[] for _ in piece.temperature]
             for series, time, value in zip(piece.temperature, self.time, self.value, strict=True):
-                if len(series.time):
-                    step = np.floor(series.time / _STEP) if not self.rows else series.time
+                known = np.isfinite(series.value[:, 0])
+                if known.any():
+                    stamps, celsius = series.time[known], series.value[known, 0]
+                    step = np.floor(stamps / _STEP) if not self.rows else stamps
                     first = np.flatnonzero(np.append(True, np.diff(step) > 0))
                     count = np.diff(np.append(first, len(step)))
-                    time.append(np.add.reduceat(series.time, first) / count)
-                    value.append(np.add.reduceat(series.value[:, 0], first) / count)
+                    time.append(np.add.reduceat(stamps, first) / count)
+                    value.append(np.add.reduceat(celsius, first) / count)
             yield piece
 
     def at(self, start: FloatArray, end: FloatArray, n: int) -> FloatArray | None:
         """Mean temperature (K, n), °C, over K stretches at n sensors; None where none is recorded.
 
-        A stretch without a sample gets what lies between its neighbours.
+        A stretch without a sample gets what lies between its neighbours. Raises DataError where a
+        field holds no number.
         """
         if not self.time:
             return None
         columns = []
         for times, values in zip(self.time, self.value, strict=True):
+            if not times:
+                raise DataError(
+                    "a temperature field holds no number",
+                    where="log.temperature",
+                    hint="name a field in °C, or take log.temperature and drift.temperature out",
+                )
             time, value = np.concatenate(times), np.concatenate(values)
             total = np.append(0.0, np.cumsum(value))
             first, last = np.searchsorted(time, start), np.searchsorted(time, end, side="right")

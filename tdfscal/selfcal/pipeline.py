@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
-from tdfscal.checks import faulty_sensors, log_against_rig
+from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.model.earlier import loosened
 from tdfscal.model.parameters import State, nominal
@@ -80,13 +80,11 @@ def self_calibrate(
     estimator: Estimator = "ml",
     max_trials: int | None = None,
     inputs: tuple[InputFile, ...] = (),
-    extremes: faulty_sensors.Extremes | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> SelfCalibration:
     """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
 
     max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without.
-    extremes : of the whole log's readings, to tell a saturated sensor from a dead one.
     progress : told the name of each long stage.
 
     Raises
@@ -98,7 +96,7 @@ def self_calibrate(
     NotConvergedError
         The iteration does not settle.
     """
-    usable = usable_postures(rig, dwells, extremes)
+    usable = usable_postures(rig, dwells)
     index, observed, measured_noise = usable.index, usable.postures, usable.measured_noise
     found: tuple[Rejection, ...] = ()
     near: tuple[Rival, ...] = ()

@@ -37,9 +37,7 @@ class Usable:
     start: State
 
 
-def usable_postures(
-    rig: Rig, dwells: Dwells, extremes: faulty_sensors.Extremes | None = None
-) -> Usable:
+def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     """Hold the dwells against the rig file and leave out what no sensor can have felt.
 
     Raises DataError where there is nothing left, or log and rig file contradict each other.
@@ -47,7 +45,7 @@ def usable_postures(
     if len(dwells) == 0:
         raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position)
-    screened = faulty_sensors.screen(rig, dwells, extremes)
+    screened = faulty_sensors.screen(rig, dwells)
     index = np.flatnonzero(screened.keep)
     if len(index) == 0:
         raise DataError(

@@ -73,13 +73,11 @@ def validate(
     *,
     rig: Rig | None = None,
     noise: float | None = None,
-    extremes: faulty_sensors.Extremes | None = None,
 ) -> Validation:
     """Test a calibration on static dwells without contact.
 
     rig : the rig of this log, for what it declares; default the calibration's.
     noise : N, standard uncertainty of a reading per axis where neither log nor rig state one.
-    extremes : of the whole log's readings, to tell a saturated sensor from a dead one.
 
     Raises
     ------
@@ -91,7 +89,7 @@ def validate(
     if len(dwells) == 0:
         raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position)
-    screened = faulty_sensors.screen(rig, dwells, extremes)
+    screened = faulty_sensors.screen(rig, dwells)
     used = np.flatnonzero(screened.keep)
     if not used.size:
         raise DataError(

@@ -129,7 +129,6 @@ def _calibrated(
                 estimator=estimator,
                 max_trials=trials,
                 inputs=tuple(log.inputs),
-                extremes=log.extremes,
                 progress=log.progress.stage,
             )
         inputs += log.inputs

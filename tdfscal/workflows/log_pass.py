@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from tdfscal.checks import faulty_sensors
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.logs import iter_log
@@ -25,7 +24,6 @@ class LogPass:
     """What one reading of a campaign's logs leaves behind.
 
     inputs : files that were read. messages : warnings of the logs, in order, each once.
-    extremes : of all readings of every sensor; None before the first piece.
     """
 
     campaign: Campaign
@@ -33,7 +31,6 @@ class LogPass:
     salvage: bool = False
     inputs: list[InputFile] = field(default_factory=list)
     messages: dict[str, None] = field(default_factory=dict)
-    extremes: faulty_sensors.Extremes | None = None
 
     def pieces(self) -> Iterator[Log]:
         """Read the logs once, piece by piece. Raises UsageError, DataError."""
@@ -44,7 +41,6 @@ class LogPass:
             ):
                 self.inputs += piece.inputs
                 self.messages |= dict.fromkeys(piece.warnings)
-                self.extremes = faulty_sensors.extremes(piece, self.extremes)
                 yield piece
 
     def dwells(self) -> Dwells:

@@ -128,7 +128,6 @@ def validate(
             dwells,
             rig=use.campaign.rig.rig,
             noise=_fit_noise(use),
-            extremes=log.extremes,
         )
     # The log's own warnings come with its dwells.
     warnings = (*use.warnings, *_used_before(use, log), *result.warnings)
