@@ -5,6 +5,19 @@ from __future__ import annotations
 from typing import ClassVar
 
 
+def visible(text: str) -> str:
+    r"""Text for people: a character that does not print becomes an escape such as ``\u202e``.
+
+    So no name or file can steer a terminal, break a line, or turn the direction of reading.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii")
+        for c in text
+    )
+
+
 class TdfscalError(Exception):
     """What is wrong, where, and what to do about it: one paragraph.
 
@@ -21,7 +34,7 @@ class TdfscalError(Exception):
         self.what, self.where, self.hint = what, where, hint
         place = f"{where}: " if where else ""
         advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
-        super().__init__(f"{place}{what}.{advice}")
+        super().__init__(visible(f"{place}{what}.{advice}"))
 
 
 class UsageError(TdfscalError):

@@ -18,6 +18,8 @@ ORDER = (
     "checks", "acceptance", "selfcal", "motioncal", "trackercal", "comparison", "validation",
     "planning", "studies", "files", "logs", "reporting", "exports", "workflows", "api", "cli",
 )  # fmt: skip
+#: Rooms whose folders are in order too.
+SORTED = {"files", "reporting", "exports"}
 OUTER = set(ORDER[ORDER.index("files") :])
 
 
@@ -78,6 +80,29 @@ def test_simulator_does_not_know_the_estimator(path: Path) -> None:
 def test_numerics_stand_alone(path: Path) -> None:
     names = {n.split(".")[1] for n in imported(path) if n.startswith("tdfscal.")}
     assert names <= {"numerics", "records", "errors", "significance"}
+
+
+def folder(path: Path) -> Path:
+    return path.parent.relative_to(PACKAGE)
+
+
+def folder_of(name: str) -> Path | None:
+    """The folder of an imported module of the package; a package stands for itself."""
+    place = PACKAGE.joinpath(*name.split(".")[1:])
+    if place.is_dir():
+        return place.relative_to(PACKAGE)
+    return folder(place) if place.with_suffix(".py").is_file() else None
+
+
+def test_no_two_folders_import_each_other() -> None:
+    arrows = {
+        (folder(path), target)
+        for path in INSIDE
+        if room(path) in SORTED
+        for name in imported(path)
+        if name.startswith("tdfscal.") and (target := folder_of(name)) not in (None, folder(path))
+    }
+    assert not {(a, b) for a, b in arrows if (b, a) in arrows}
 
 
 def test_help_is_light() -> None:

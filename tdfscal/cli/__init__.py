@@ -23,7 +23,7 @@ from tdfscal.cli import (  # noqa: F401
     validate,
 )
 from tdfscal.cli.app import app
-from tdfscal.errors import TdfscalError
+from tdfscal.errors import TdfscalError, visible
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
@@ -68,7 +68,7 @@ def _status() -> int:
 
 
 def _say(text: str, status: int) -> int:
-    print(f"tdfscal: {text}", file=sys.stderr)
+    print("\n".join(map(visible, f"tdfscal: {text}".split("\n"))), file=sys.stderr)
     return status
 
 

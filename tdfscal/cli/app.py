@@ -44,7 +44,8 @@ RigFile = Annotated[
     Path | None, typer.Option("--rig", metavar="FILE", help="rig.yaml, where no folder holds one.")
 ]
 Html = Annotated[
-    Path | None, typer.Option("--html", metavar="FILE", help="Also write a report page.")
+    Path | None,
+    typer.Option("--html", metavar="FILE", help="Also write a report page, whatever the verdict."),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]

@@ -10,6 +10,7 @@ import typer
 
 from tdfscal.cli.app import Html, Json, Paths, Quiet, RigFile, Seed, app
 from tdfscal.cli.perform import perform, show_words
+from tdfscal.errors import visible
 
 if TYPE_CHECKING:
     from tdfscal.workflows.calibration import Calibration
@@ -61,17 +62,16 @@ def calibrate(
     def show(result: Result) -> None:
         show_words(result)
         if result.exit_status == 0 or allow_rejected:
-            print(f"\nwrote {target}")
+            print(f"\nwrote {visible(str(target))}")
 
     done = perform("calibrate", options, dash={"output": "content"}, show=show)
     result = cast("Calibration", done)
     if verbose and result.records is not None and result.records.own is not None:
         for stretch in result.records.own.dwells.left_out:
             span = f"{stretch.start:.2f} to {stretch.end:.2f} s"
-            print(f"left out: {span}: {stretch.reason}", file=sys.stderr)
+            print(f"left out: {span}: {visible(stretch.reason)}", file=sys.stderr)
     if not result.accepted:
-        what = "it was written as rejected" if allow_rejected else "nothing was written"
-        if html is not None and not allow_rejected:
-            what += " (--allow-rejected writes result and page)"
+        nothing = "nothing was written" if html is None else "only its page was written"
+        what = "it was written as rejected" if allow_rejected else nothing
         print(f"tdfscal: the quality gate rejects this result; {what}", file=sys.stderr)
     return result.exit_status

@@ -9,7 +9,7 @@ from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.cli.progress import on_stderr
-from tdfscal.errors import UsageError
+from tdfscal.errors import UsageError, visible
 
 if TYPE_CHECKING:
     from tdfscal.workflows.result import Result
@@ -48,9 +48,9 @@ def perform(
     elif show_words(result) and output is not None:
         files = getattr(result, "files", None)
         where = output if files is None else f"{len(files)} files to {output}"
-        print(f"\nwrote {where}")
+        print(f"\nwrote {visible(str(where))}")
     for text in result.notes:
-        print(f"tdfscal: warning: {text}", file=sys.stderr)
+        print(f"tdfscal: warning: {visible(text)}", file=sys.stderr)
     return result
 
 

@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 from tdfscal.exports.words import number, origin
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult
+from tdfscal.files.escaping import xml_text
 from tdfscal.records import ANGLES
 
 DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
@@ -38,7 +39,7 @@ def certificate(c: Calibration, version: str = LATEST) -> str:
         _content(description, line)
     method = _add(_add(result, "usedMethods"), "usedMethod")
     _named(method, f"{c.method} calibration")
-    _content(_add(method, "description"), f"Command: {_one_line(c.command)}")
+    _content(_add(method, "description"), f"Command: {c.command}")
     _software(_add(result, "usedSoftware"), c)
     results = _add(result, "results")
     univariate = _numbers(version) >= _UNIVARIATE_SINCE
@@ -138,7 +139,7 @@ def _content(place: ET.Element, text: str) -> None:
 
 def _add(place: ET.Element, name: str, text: str | None = None) -> ET.Element:
     element = ET.SubElement(place, f"{{{DCC}}}{name}")
-    element.text = text
+    element.text = text if text is None else xml_text(text)
     return element
 
 
@@ -146,11 +147,6 @@ def _si(place: ET.Element, name: str, text: str | None = None) -> ET.Element:
     element = ET.SubElement(place, f"{{{SI}}}{name}")
     element.text = text
     return element
-
-
-def _one_line(text: str) -> str:
-    """Text without what XML cannot hold."""
-    return " ".join("".join(ch if ch.isprintable() else " " for ch in text).split())
 
 
 def _numbers(version: str) -> tuple[int, ...]:

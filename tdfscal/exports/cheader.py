@@ -6,6 +6,7 @@ import numpy as np
 
 from tdfscal.exports.words import number, origin
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.escaping import c_comment
 from tdfscal.records import FloatArray
 
 _FUNCTION = """\
@@ -39,7 +40,7 @@ def c_header(c: Calibration) -> str:
     notes = [*origin(c), "Rows of a matrix are the BCS's axes, columns the sensor's."]
     names = ", ".join(f'"{support.name}"' for support in c.mounted)
     n = len(c.mounted)
-    lines = ["/*", *(f" * {_safe(note)}" for note in notes), " */"]
+    lines = ["/*", *(f" * {c_comment(note)}" for note in notes), " */"]
     lines += ["#ifndef TDFSCAL_CALIBRATION_H", "#define TDFSCAL_CALIBRATION_H", ""]
     lines += [f"#define TDFSCAL_SENSORS {n}", ""]
     lines += [f"static const char *const tdfscal_sensor[TDFSCAL_SENSORS] = {{{names}}};", ""]
@@ -60,8 +61,3 @@ def _matrices(name: str, values: FloatArray) -> list[str]:
 
 def _row(values: FloatArray) -> str:
     return "{" + ", ".join(number(v) for v in values) + "}"
-
-
-def _safe(text: str) -> str:
-    """Text that ends no comment and starts no trigraph."""
-    return text.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").replace("\\", "/")

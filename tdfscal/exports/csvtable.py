@@ -9,6 +9,7 @@ import numpy as np
 
 from tdfscal.exports.words import number
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.escaping import csv_cell
 
 _AXES = "xyz"
 
@@ -30,7 +31,7 @@ def csv_table(c: Calibration) -> str:
         row = [number(v) for v in np.array(support.rotation).ravel()]
         row += [number(v) for v in support.zero]
         row += [number(v) for v in np.linalg.inv(mixing).ravel()] if scaled else []
-        writer.writerow([support.name, *row, c.status, c.created, c.convention])
+        writer.writerow([csv_cell(support.name), *row, c.status, c.created, c.convention])
     return stream.getvalue()
 
 

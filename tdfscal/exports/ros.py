@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tdfscal.exports.words import child, frame, number, origin
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.escaping import yaml_comment
 from tdfscal.files.saving import to_yaml
 
 _PUBLISHER = "ros2 run tf2_ros static_transform_publisher"
@@ -20,7 +21,7 @@ def ros_transforms(c: Calibration, parent: str = "bcs") -> str:
         f"Frame {base} has the BCS's axes; the translation is not calibrated and is left at zero.",
         "Subtract a sensor's zero (N) before turning its reading.",
     ]
-    lines = [f"# {note}" for note in notes]
+    lines = [f"# {yaml_comment(note)}" for note in notes]
     for support in c.mounted:
         x, y, z, w = map(number, support.quaternion)
         lines.append(

@@ -6,6 +6,7 @@ from xml.sax.saxutils import quoteattr
 
 from tdfscal.exports.words import child, frame, number, origin
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.escaping import xml_comment, xml_text
 
 
 def urdf(c: Calibration, parent: str = "bcs") -> str:
@@ -22,7 +23,7 @@ def urdf(c: Calibration, parent: str = "bcs") -> str:
         "A rotation alone does not correct a reading: subtract the zero, given with each joint.",
     ]
     lines = ['<?xml version="1.0" encoding="utf-8"?>', "<!--"]
-    lines += [f"  {note.replace('--', '- -')}" for note in notes]
+    lines += [f"  {xml_comment(note)}" for note in notes]
     lines += ["-->", f"<robot name={quoteattr(_name(c.rig.name))}>", f'  <link name="{base}"/>']
     for support in c.supports:
         sensor = child(support.name)
@@ -44,4 +45,4 @@ def urdf(c: Calibration, parent: str = "bcs") -> str:
 
 
 def _name(text: str) -> str:
-    return "_".join(text.split()) or "rig"
+    return "_".join(xml_text(text).split()) or "rig"

@@ -33,8 +33,13 @@ class Strict(BaseModel):
     """A part of a file: frozen, and no key that is not declared."""
 
     # A part is checked within its file, so that only the files' own validators need building.
+    # Records of the same field names are taken as they are, in place of a mapping.
     model_config = ConfigDict(
-        extra="forbid", frozen=True, protected_namespaces=(), defer_build=True
+        extra="forbid",
+        frozen=True,
+        protected_namespaces=(),
+        defer_build=True,
+        from_attributes=True,
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from tdfscal.errors import UsageError
-from tdfscal.files.rig import RIG_NAME
+from tdfscal.files import RIG_NAME
 
 
 def check_place(path: Path, inputs: Iterable[Path] = ()) -> None:

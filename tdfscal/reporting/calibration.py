@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.log_time import clock
 from tdfscal.records import ANGLES
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.log_time import clock
 from tdfscal.reporting.phrases import inputs_table, probability, utc
 
 if TYPE_CHECKING:

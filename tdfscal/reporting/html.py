@@ -13,7 +13,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures import drawings, several_drawings, validation
 from tdfscal.reporting.figures.style import Drawing, to_svg
-from tdfscal.reporting.layout import Facts, Items, Report, Table
+from tdfscal.reporting.layout import Facts, Items, Report, Table, legible
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.validation import Origin, validation_report
 from tdfscal.validation.residual_wrench import Validation
@@ -21,7 +21,11 @@ from tdfscal.validation.residual_wrench import Validation
 
 def render(report: Report) -> str:
     """Return the page of a report."""
-    return _environment().get_template("report.html.j2").render(report=report, version=__version__)
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(report=legible(report), version=__version__)
+    )
 
 
 def render_page(calibration: Calibration) -> str:
@@ -40,7 +44,7 @@ def render_several(calibrations: Sequence[tuple[str, Calibration]]) -> str:
     Raises DataError where they are of different supports.
     """
     view = put_side_by_side(calibrations)
-    return render(several_report(view, several_drawings(view)))
+    return render(several_report(view, several_drawings(view.history, view.letters, view.days)))
 
 
 @cache

@@ -7,8 +7,10 @@ nothing of their own.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, cast
+
+from tdfscal.errors import visible
 
 if TYPE_CHECKING:
     from tdfscal.reporting.figures.style import Drawing
@@ -90,6 +92,25 @@ class Report:
         for caption, items in (("Warnings", self.warnings), ("What next", self.advice)):
             if items:
                 yield Items(caption, items)
+
+
+def legible(report: Report) -> Report:
+    """The same with every character that does not print as a visible escape.
+
+    Names, paths and foreign files may hold anything; drawings make outlines of their text.
+    """
+    return cast(Report, _mapped(report))
+
+
+def _mapped(part: object) -> object:
+    if isinstance(part, str):
+        return visible(part)
+    if isinstance(part, tuple):
+        return tuple(map(_mapped, part))
+    if isinstance(part, Report | Section | Table | Facts | Items):
+        changes: dict[str, Any] = {f.name: _mapped(getattr(part, f.name)) for f in fields(part)}
+        return type(part)(**changes)
+    return part
 
 
 def illustrated(

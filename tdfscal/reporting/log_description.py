@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from tdfscal.files.hashing import printable
+from tdfscal.errors import visible
 from tdfscal.logs.common.contents import Contents, Stream
 from tdfscal.logs.description.info import LogInfo, Signal
 from tdfscal.logs.description.mapping_text import mapping_block
@@ -42,11 +42,11 @@ def as_text(info: LogInfo) -> str:
         lines.append("")
         for note in info.guess.notes:
             lines += _wrapped(note, "- ")
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return "\n".join(map(visible, lines)).rstrip("\n") + "\n"
 
 
 def _file(contents: Contents) -> Iterator[str]:
-    yield from _wrapped(printable(str(contents.path)), "")
+    yield from _wrapped(visible(str(contents.path)), "")
     kind = {"csv": "text table", "parquet": "Parquet", "mcap": "MCAP", "bag": "bag"}[
         contents.format
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from tdfscal.reporting.layout import Block, Facts, Items, Report, Table
+from tdfscal.reporting.layout import Block, Facts, Items, Report, Table, legible
 from tdfscal.reporting.text import WIDTH, render
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def show_on(console: Console, report: Report) -> None:
     from rich.panel import Panel
     from rich.text import Text
 
+    report = legible(report)
     colour = "green" if report.accepted else "red"
     head = Text(report.subtitle)
     if report.verdict:

@@ -6,7 +6,7 @@ import os
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
-from tdfscal.reporting.layout import Block, Facts, Items, Report, Table
+from tdfscal.reporting.layout import Block, Facts, Items, Report, Table, legible
 
 WIDTH = 80
 _LEAST_WIDTH = 40
@@ -15,6 +15,7 @@ _NARROWEST = 8
 
 def render(report: Report) -> str:
     """Return the report in 80 columns, or as many fewer as COLUMNS says."""
+    report = legible(report)
     lines = wrapped(f"{report.title}: {report.verdict}" if report.verdict else report.title, "", "")
     lines += wrapped(report.subtitle, "", "")
     lines += wrapped(report.claim, "", "")

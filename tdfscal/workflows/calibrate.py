@@ -59,8 +59,8 @@ def calibrate(
     estimator : of the self-calibration; ml, or the paper's linear method.
     trials : Monte Carlo trials at most; None for the default, 0 for none.
     seed : of all random numbers.
-    output : file to write, .yaml or .json. html : report page to write.
-    allow_rejected : write them although the quality gate rejects the result.
+    output : file to write, .yaml or .json. html : report page, written whatever the verdict.
+    allow_rejected : write the file although the quality gate rejects the result.
     salvage : read what is sound of damaged logs; the result is then never accepted.
     command : kept in the file, as what was asked for.
     progress : called as the work goes on.
@@ -92,14 +92,16 @@ def calibrate(
         LogPass(campaign, progress, salvage),
         command,
     )
-    if result.accepted or allow_rejected:
-        if page is not None:
-            from tdfscal.reporting.html import render_page
+    drawn = ""
+    if page is not None:
+        from tdfscal.reporting.html import render_page
 
-            progress.stage("drawing the report")
-            write_text(page, render_page(result))
-        if chosen is not None:
-            save_calibration(result, chosen)
+        progress.stage("drawing the report")
+        drawn = render_page(result)
+    if chosen is not None and (result.accepted or allow_rejected):
+        save_calibration(result, chosen)
+    if page is not None:  # whatever the verdict: its advice is to look at the postures
+        write_text(page, drawn)
     return result
 
 

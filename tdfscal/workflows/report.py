@@ -79,7 +79,8 @@ class ReportResult(Result):
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
-        return several_drawings(put_side_by_side(self.named))
+        view = put_side_by_side(self.named)
+        return several_drawings(view.history, view.letters, view.days)
 
 
 def report(

@@ -125,7 +125,7 @@ def test_any_text_makes_sound_xml() -> None:
     root = ET.fromstring(certificate(c))
     assert root.findtext(".//dcc:items/dcc:name/dcc:content", namespaces=NAMES) == NASTY
     words = "".join(root.itertext())
-    assert "tdfscal calibrate --x '<&>'" in words
+    assert "tdfscal \\x07 calibrate\n--x '<&>'" in words
 
 
 def test_known_exactly_has_no_uncertainty() -> None:

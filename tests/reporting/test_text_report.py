@@ -11,10 +11,10 @@ import pytest
 from rich.console import Console
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.log_time import clock
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.html import render_page
-from tdfscal.reporting.log_time import clock
 from tdfscal.reporting.terminal import show, show_on
 from tdfscal.reporting.text import render as as_text
 from tests.reporting.samples import NASTY, changed, sample, surveyed

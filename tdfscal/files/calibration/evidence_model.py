@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import BeforeValidator, model_validator
 
@@ -23,16 +23,11 @@ PosturesDefinition = Literal[
     "contact wrench that remains, N and N·m, LCS axes, moment about the LCS origin; "
     "before: nominal mounting and stated zeros, after: calibrated without the posture"
 ]
-POSTURES_DEFINITION: PosturesDefinition = (
-    "contact wrench that remains, N and N·m, LCS axes, moment about the LCS origin; "
-    "before: nominal mounting and stated zeros, after: calibrated without the posture"
-)
+(POSTURES_DEFINITION,) = get_args(PosturesDefinition)
 HistogramDefinition = Literal[
     "trials per bin of (angle − estimate) / rpy_std; those beyond the edges are not counted"
 ]
-HISTOGRAM_DEFINITION: HistogramDefinition = (
-    "trials per bin of (angle − estimate) / rpy_std; those beyond the edges are not counted"
-)
+(HISTOGRAM_DEFINITION,) = get_args(HistogramDefinition)
 
 Counts = Annotated[tuple[Count, ...], BeforeValidator(from_numpy)]
 Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]

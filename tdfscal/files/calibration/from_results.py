@@ -195,7 +195,7 @@ def _calibration(
                 else nobody | {"directions": _directions(origin, angles.rotation[i], i)}
             ),
             "zero": zero[i],
-            "zero_std": _open(zero_std[i]),
+            "zero_std": zero_std[i],
             "sensitivity": None if sensitivity is None else sensitivity[i],
         }
         for i, name in enumerate(names)
@@ -212,10 +212,7 @@ def _calibration(
         "software": {"name": "tdfscal", "version": __version__},
         "command": origin.command,
         "seed": origin.seed,
-        "inputs": [
-            {"path": f.path, "sha256": f.sha256, "bytes": f.bytes, "integrity": f.integrity}
-            for f in origin.inputs
-        ],
+        "inputs": origin.inputs,
         "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
         "supports": supports,
         "covariance": {
@@ -249,7 +246,7 @@ def _self_parts(
         "zero_std": std[place["zero"]].reshape(n, 3),
         "sensitivity": np.eye(3) + symmetric(state.sensitivity) if declared else None,
         "terminal": _terminal(
-            state.mass, std[place["mass"]][0], state.barycentre, std[place["barycentre"]]
+            state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
         ),
         "fit": _fit(result),
         "postures": evidence.postures(result),
@@ -261,7 +258,7 @@ def _self_parts(
             validated=trials is not None and trials.validated,
         ),
         "validation": _validation(result),
-        "stability": asdict(result.stability),
+        "stability": result.stability,
         "conformity": _conformity(result.conformity),
     }
 
@@ -279,14 +276,9 @@ def _terminal(
     mass: FloatArray, mass_std: FloatArray, bary: FloatArray, bary_std: FloatArray
 ) -> dict[str, Any]:
     return {
-        "mass": {"value": float(mass), "std": _open(np.reshape(mass_std, 1))[0]},
-        "barycenter": {"value": bary, "std": _open(bary_std)},
+        "mass": {"value": float(mass), "std": np.reshape(mass_std, 1)[0]},
+        "barycenter": {"value": bary, "std": bary_std},
     }
-
-
-def _open(std: FloatArray) -> list[float | None]:
-    """Standard uncertainties as the file writes them: nothing where there is none."""
-    return [float(s) if np.isfinite(s) else None for s in std]
 
 
 def _self_angles(result: SelfCalibration) -> _Angles:
@@ -316,47 +308,34 @@ def _tracker_angles(result: TrackerCalibration) -> _Angles:
 
 
 def _fit(result: SelfCalibration) -> dict[str, Any]:
-    stats, dwells = result.quality, result.dwells
+    dwells = result.dwells
     return {
         "postures": len(dwells) - len(result.rejected),
         "rejected": [
             {"index": k, "start": dwells.start[k], "end": dwells.end[k], "reason": reason}
             for k, reason in sorted(result.rejected.items())
         ],
-        "chi2": stats.chi2,
-        "dof": stats.dof,
-        "p_value": stats.p_value,
-        "birge": stats.birge,
-        "rms_force": stats.rms_force,
-        "rms_moment": stats.rms_moment,
+        **asdict(result.quality),
         "iterations": result.fit.iterations,
         "converged": result.fit.converged,
     }
 
 
 def _observability(seen: Observability) -> dict[str, Any]:
-    weakest = seen.weakest
+    cause = "the smallest load across the direction of this turn"
     return {
         "verdict": seen.verdict,
-        "weakest": {
-            "name": weakest.name,
-            "std": weakest.std,
-            "cause": "the smallest load across the direction of this turn",
-        },
+        "weakest": {"name": seen.weakest.name, "std": seen.weakest.std, "cause": cause},
         "angles": [
-            {
-                "support": a.support,
-                "angle": a.angle,
-                "std": None if a.support in seen.undetermined else a.std,
-                "prior_std": _open(np.array([a.prior_std]))[0],
-                "identified": a.identified,
-            }
+            asdict(a)
+            | {"prior_std": np.float64(a.prior_std)}
+            | ({"std": None} if a.support in seen.undetermined else {})
             for a in seen.angles
         ],
         "weak": [
             {"name": w.angle.name, "cause": w.cause, "advice": w.advice} for w in seen.lacking
         ],
-        "correlations": [{"a": c.a, "b": c.b, "value": c.value} for c in seen.correlations],
+        "correlations": seen.correlations,
     }
 
 
@@ -417,18 +396,16 @@ def _trials(
 
 
 def _validation(result: SelfCalibration) -> dict[str, Any]:
-    check = result.validation
-    rms = zip(check.before.rms(), check.after.rms(), strict=True)
-    top = zip(check.before.largest(), check.after.largest(), strict=True)
-    parts = [
-        {"rms_before": rb, "rms_after": ra, "max_before": mb, "max_after": ma}
-        for (rb, ra), (mb, ma) in zip(rms, top, strict=True)
-    ]
+    before, after = result.validation.before, result.validation.after
+    columns = (before.rms(), after.rms(), before.largest(), after.largest())
+    names = ("rms_before", "rms_after", "max_before", "max_after")
+    force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
+    count = len(result.validation.index)
     return {
         "method": "leave one posture out",
-        "postures": len(check.index),
-        "force": parts[0],
-        "moment": parts[1],
+        "postures": count,
+        "force": force,
+        "moment": moment,
     }
 
 
@@ -438,7 +415,7 @@ def _conformity(judged: Conformity | None) -> dict[str, Any] | None:
     parts = {
         part.quantity: {
             "expanded_uncertainty": part.expanded,
-            "limit": part.limit if np.isfinite(part.limit) else None,
+            "limit": np.float64(part.limit),
             "probability_exceeding": part.exceeding,
             "conforms": part.conforms,
         }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator
@@ -21,10 +21,7 @@ ParametersDefinition = Literal[
     "value: estimate − stated value of the embedded rig, rotations 0; matrix: covariance, "
     "rotations as in `covariance`; SI units"
 ]
-DEFINITION: ParametersDefinition = (
-    "value: estimate − stated value of the embedded rig, rotations 0; matrix: covariance, "
-    "rotations as in `covariance`; SI units"
-)
+(DEFINITION,) = get_args(ParametersDefinition)
 _COMPONENTS = {
     "rotation": ("rx", "ry", "rz"),
     "zero": ("zero.x", "zero.y", "zero.z"),

@@ -7,8 +7,9 @@ and the rig leave the quantity open.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, JsonValue, model_validator
 
 from tdfscal.files.calibration.evidence_model import Histogram, SensorLoad
@@ -43,18 +44,23 @@ Convention = Literal[
     "F_bcs = rotation · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
     "F_bcs = rotation · sensitivity⁻¹ · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
 ]
-CONVENTION: Convention = (
-    "F_bcs = rotation · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
-)
-CONVENTION_WITH_SENSITIVITY: Convention = (
-    "F_bcs = rotation · sensitivity⁻¹ · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
-)
+CONVENTION, CONVENTION_WITH_SENSITIVITY = get_args(Convention)
 CovarianceDefinition = Literal["R_true = exp([d]x) · rotation, d in the BCS, rad"]
-COVARIANCE_DEFINITION: CovarianceDefinition = "R_true = exp([d]x) · rotation, d in the BCS, rad"
+(COVARIANCE_DEFINITION,) = get_args(CovarianceDefinition)
+
+
+def none_where_open(value: Any) -> Any:
+    """Return the ∞ of a record's arrays as None; ∞ in a file stays what it is, an error."""
+    if isinstance(value, np.ndarray):
+        return [none_where_open(v) for v in value]
+    if isinstance(value, np.generic):
+        return None if value == np.inf else value.item()
+    return value
+
 
 Angle = Literal["roll", "pitch", "yaw"]
-OpenStd = NotNegative | None
-OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(from_numpy)]
+OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open)]
+OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(none_where_open)]
 OpenAngles = Annotated[
     tuple[Number | None, Number | None, Number | None], BeforeValidator(from_numpy)
 ]
@@ -329,7 +335,7 @@ class LimitedResult(Strict):
     """
 
     expanded_uncertainty: NotNegative
-    limit: NotNegative | None = None
+    limit: OpenStd = None
     probability_exceeding: Probability
     conforms: Flag
 

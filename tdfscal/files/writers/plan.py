@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tdfscal.files.escaping import csv_comment
 from tdfscal.files.saving import write_text
 from tdfscal.planning import Plan
 
@@ -50,8 +51,8 @@ def _notes(plan: Plan, command: str, seed: int) -> list[str]:
     mean = 1e3 * plan.expected.rpy_std.mean()
     home = ", ".join(f"{v:g}" for v in limits.home)
     lines = [
-        f"tdfscal plan for {rig.name}",
-        f"command: {command} (seed {seed})",
+        f"tdfscal plan for {csv_comment(rig.name)}",
+        f"command: {csv_comment(command)} (seed {seed})",
         "frame: BCS. .x .y .z: hinge centre (SHC) to command to the NCP's servo, m.",
         f"The terminal's LCS origin stands at ({home}) m at home, level.",
     ]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from tdfscal.comparison.compatibility import History
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import (
     angles,
@@ -18,7 +20,6 @@ from tdfscal.reporting.figures import (
     trials,
 )
 from tdfscal.reporting.figures.style import Drawing, save
-from tdfscal.reporting.several import Several
 
 _ALL = (
     angles.draw,
@@ -39,9 +40,11 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     return tuple(drawing for drawing in found if drawing is not None)
 
 
-def several_drawings(view: Several) -> tuple[Drawing, ...]:
-    """Return the figures of several calibrations."""
-    return (drift.draw(view.history, view.letters, view.days),)
+def several_drawings(
+    history: History, letters: Sequence[str], days: Sequence[float]
+) -> tuple[Drawing, ...]:
+    """Return the figures of several calibrations; days since the first."""
+    return (drift.draw(history, letters, days),)
 
 
 def write_figures(calibration: Calibration, folder: Path) -> tuple[Path, ...]:

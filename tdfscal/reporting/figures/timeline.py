@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import PostureTable
+from tdfscal.files.calibration.log_time import clock
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.reporting.figures.style import FILLS, GREY, INK, PALE, RED, Drawing, figure, raster
-from tdfscal.reporting.log_time import clock
 
 SHOWN = 8
 """Reasons that the figure itself carries; a longer list belongs beside it."""

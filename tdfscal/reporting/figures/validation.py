@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from tdfscal.reporting.figures.residuals import paint
 from tdfscal.reporting.figures.style import Drawing
-from tdfscal.reporting.validation import lengths
 from tdfscal.validation.residual_wrench import Validation
 
 
 def draw(v: Validation) -> Drawing:
     """Length of the residual force and moment, posture by posture."""
-    before, after = lengths(v.nominal), lengths(v.calibrated)
+    before, after = (np.linalg.norm(w.reshape(-1, 2, 3), axis=2) for w in (v.nominal, v.calibrated))
     worst = int(after[:, 0].argmax())
     return Drawing(
         "validation",
