@@ -41,6 +41,17 @@ def costs(root: FloatArray, rotation: FloatArray) -> FloatArray:
     return np.asarray(np.sum(residual**2, axis=-1))
 
 
+def gradients(root: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Half the gradient (T, 3n) of the costs by left turns, of rotations (T, n, 3, 3)."""
+    T, n = rotation.shape[:2]
+    residual = root @ stacked(rotation)[..., None]
+    pull = (np.swapaxes(root, -1, -2) @ residual)[..., :-1, 0].reshape(T, n, 3, 3)
+    # <G, [e_j]× X> = (Σ_b x_b × g_b)_j over the columns of X and G.
+    turn = rotation @ np.swapaxes(pull, -1, -2)
+    parts = [turn[..., a, b] - turn[..., b, a] for a, b in ((1, 2), (2, 0), (0, 1))]
+    return np.stack(parts, axis=-1).reshape(T, 3 * n)
+
+
 def descend(
     root: FloatArray,
     start: FloatArray,

@@ -1,4 +1,13 @@
-"""Monte Carlo propagation of distributions through the estimator (JCGM 101)."""
+"""Monte Carlo propagation of distributions through the estimator (JCGM 101).
+
+Noise ν in the readings changes the design of a posture by D = Σ_i V B_i X_i U_i ν_i, linear in the
+rotations. Of all postures' designs A the estimate needs only A's triangular factor R, A = Q R; of
+those of a perturbed campaign, (A + D)ᵀ(A + D) = (R + QᵀD)ᵀ(R + QᵀD) + D⊥ᵀD⊥. QᵀD is normal, with a
+covariance that is summed over the postures once, and D⊥ᵀD⊥, which no part of A sees, is its mean:
+turned forces of one sensor with noise alike in all directions cost the same whatever the turn. So
+a trial is drawn on a few dozen numbers, exactly in what is linear in the noise and in the mean in
+what is quadratic, and costs the same for ten postures as for ten thousand.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +15,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.batch import Equations, Perturbed, Trials
+from tdfscal.model.parameters import unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.numerics.propagation import propagate
+from tdfscal.numerics.rotation_descent import descend, gradients
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.covariance import Uncertainty
-from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.estimator import Fit, Priors, statistic
+from tdfscal.selfcal.profile import Profile, profile
 from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Trials solved together: what fits into a cache.
-CHUNK = 100
-_STEPS = 25
-#: A trial is solved when its last step is below this many standard uncertainties; each step is a
-#: hundredth of the one before.
-_SOLVED = 1e-4
+CHUNK = 250
+#: Steps with the estimate's own Hessian, and damped Newton steps for the trials that need them.
+_STEPS, _DAMPED = 8, 100
+#: A trial is solved when its next step would be below this many standard uncertainties.
+_SOLVED = 1e-3
+#: Noise of a sensor's axes that differs by less than this share counts as the same in all.
+_ALIKE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +43,8 @@ class MonteCarlo:
     mean, std : of roll, pitch, yaw. low, high : probabilistically symmetric 95 % interval.
     tolerance, stable : as `Propagated`. validated : the linear interval agrees with the trials'
     within the tolerance (JCGM 101, clause 8). sample : (trials, n, 3), deviations of some trials
-    from the estimate.
+    from the estimate. unsettled : trials whose iteration did not settle; they count where they
+    ended.
     """
 
     trials: int
@@ -42,65 +56,145 @@ class MonteCarlo:
     stable: bool
     validated: bool
     sample: FloatArray
+    unsettled: int = 0
 
 
 class Sampler:
-    """Perturbs all inputs about an estimate and solves again, many trials at once."""
+    """Draws perturbed campaigns about an estimate as what they leave of the balance, and solves."""
 
     def __init__(self, fit: Fit, parts: Spectrum, birge: float) -> None:
-        used, at = fit.weight > 0, fit.at
         self.fit = fit
-        self.equations = Equations(at, used, fit.state, fit.active, fit.rig.gravity)
-        self.reading = fit.postures.force[used]
-        inflate = self.inflate = max(1.0, birge)
-        self.force_root = inflate * covariance_root(fit.postures.force_cov[used])
-        self.turn_root = inflate * at.noise_turn[used] @ covariance_root(at.turn_cov[used])
-        self.moment_std = inflate * np.sqrt(fit.postures.moment_var)
-        self.weight = at.information[used]
-        self.posterior = parts.root @ parts.root.T
+        self.inflate = max(1.0, birge)
+        priors = Priors(fit.rig, fit.postures.motion)
+        compressed = statistic(fit.at, fit.weight)
+        self.profile = profile(fit.rig, fit.at, compressed, fit.state, priors)
+        _, values, right = np.linalg.svd(self.profile.root, full_matrices=False)
+        keep = values > values[0] * len(values) * np.finfo(float).eps
+        self.root = values[keep, None] * right[keep]  # R, up to a turn of its rows
+        inverse = right[keep].T / values[keep]
+        turns = np.flatnonzero(fit.active)[: 3 * fit.rig.n]
+        covariance = (parts.root @ parts.root.T)[: len(turns), : len(turns)]
+        self.covariance = covariance
+        self._postures(inverse, self.profile)
 
-    def perturb(self, rng: np.random.Generator, trials: int) -> tuple[Perturbed, FloatArray]:
-        """Draw the inputs of `trials` campaigns, and the offsets (m, T) of the prior rows."""
-        K, n, _ = self.reading.shape
-        noise = self.force_root @ rng.standard_normal((K, n, 3, trials))
-        wrench = self.turn_root @ rng.standard_normal((K, 3, trials))
-        if self.moment_std > 0:
-            wrench[:, 3:] += self.moment_std * rng.standard_normal((K, 3, trials))
-        offset = rng.standard_normal((len(self.fit.prior_residual), trials))
-        if self.fit.rig.earlier is not None:
-            offset[-len(self.fit.rig.earlier.root) :] *= self.inflate
-        return Perturbed(self.reading[..., None] + noise, wrench), offset
+    def _postures(self, inverse: FloatArray, given: Profile) -> None:
+        """Sum over the postures what their noise does to QᵀD, and the mean of D⊥ᵀD⊥."""
+        fit, at = self.fit, self.fit.at
+        used, n = fit.weight > 0, fit.rig.n
+        whitener = at.whitener[used] * np.sqrt(fit.weight[used])[:, None, None]
+        design = whitener @ at.design[used]
+        Q = design @ (given.features @ inverse)  # (K, 6, r)
+        spanned = np.concatenate([Q, design @ given.eliminated], axis=2)
+        unmix = unmixing(fit.state.sensitivity)
+        cov = self.inflate**2 * unmix @ at.seen.force_cov[used] @ np.swapaxes(unmix, -1, -2)
+        axes = np.linalg.eigh(cov.mean(axis=0))[1]  # (n, 3, 3), columns
+        variance = np.einsum("nas,knab,nbs->kns", axes, cov, axes)
+        self.axes, self.mixing, rest = axes, [], []
+        for i in range(n):
+            VB = whitener @ at.wrench[used][:, i]  # (K, 6, 3)
+            own = (np.swapaxes(Q, 1, 2) @ VB).reshape(len(VB), -1)  # (K, 3r)
+            loose = np.swapaxes(VB, 1, 2) @ VB
+            seen = np.swapaxes(spanned, 1, 2) @ VB
+            loose -= np.swapaxes(seen, 1, 2) @ seen
+            for s in range(3):
+                self.mixing.append(_root(own * np.sqrt(variance[:, i, s])[:, None]))
+            rest.append(_loose(loose, variance[:, i], axes[i]))
+        self.rest = _block_rows(rest)
+        turning = at.noise_turn[used] @ at.turn_cov[used] @ np.swapaxes(at.noise_turn[used], 1, 2)
+        turning[:, 3:, 3:] += fit.postures.moment_var * np.eye(3)
+        through = np.swapaxes(Q, 1, 2) @ whitener
+        other = self.inflate**2 * np.einsum("kra,kab,ksb->rs", through, turning, through)
+        prior = given.prior @ inverse
+        if fit.rig.earlier is not None:
+            prior[-len(fit.rig.earlier.root) :] *= self.inflate
+        self.common = _root_of(other + prior.T @ prior)
 
-    def solve(self, data: Perturbed, offset: FloatArray) -> tuple[Trials, FloatArray]:
-        """Least-squares states of the T trials, and the total steps (p, T) to them.
+    def draw(self, rng: np.random.Generator, trials: int) -> FloatArray:
+        """Roots (T, r, 9n + 1) of perturbed campaigns."""
+        n, rank = self.fit.rig.n, len(self.root)
+        noise = np.empty((trials, rank, 9 * n + 1))
+        block = np.empty((trials * rank * 3, 3))  # (T, r, 3 of the force; 3 axes of the noise)
+        for i in range(n):
+            for s, mix in enumerate(self.mixing[3 * i : 3 * i + 3]):
+                block[:, s] = (rng.standard_normal((trials, mix.shape[1])) @ mix.T).ravel()
+            noise[:, :, 9 * i : 9 * i + 9] = (block @ self.axes[i].T).reshape(trials, rank, 9)
+        noise[:, :, -1] = rng.standard_normal((trials, self.common.shape[1])) @ self.common.T
+        noise += self.root
+        if len(self.rest) == 0:
+            return noise
+        rest = np.broadcast_to(self.rest, (trials, *self.rest.shape))
+        return np.concatenate([noise, rest], axis=1)
 
-        Newton steps with the estimate's normal matrix and each trial's exact gradient: the matrix
-        only sets the pace, so the end is the trial's own solution.
+    def solve(self, roots: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Rotations (T, n, 3, 3) of the trials, and which settled.
+
+        Steps with the estimate's Hessian and each trial's exact gradient: where these do not
+        contract (weak rigs) a damped Newton iteration from the estimate takes over.
         """
-        fit, active = self.fit, np.flatnonzero(self.fit.active)
-        T = offset.shape[1]
-        total = np.zeros((len(active), T))
-        trials = Trials.at(fit.state, T)
-        scale = np.sqrt(np.diagonal(self.posterior))
-        scale = np.where(scale > 0, scale, 1.0)[:, None]
-        for _ in range(_STEPS):
-            v = self.weight @ self.equations.residual(trials, data)
-            gradient = self.equations.pull_back(trials, data, v)[active]
-            prior = fit.prior_residual[:, None] + fit.prior_jacobian @ total - offset
-            step = -self.posterior @ (gradient + fit.prior_jacobian.T @ prior)
-            total += step
-            full = np.zeros((len(fit.active), T))
-            full[active] = step
-            trials = trials.moved(full)
-            if np.max(np.abs(step) / scale) < _SOLVED:
-                break
-        return trials, total
+        T, base = len(roots), self.fit.state.rotation
+        rotation = np.broadcast_to(base, (T, *base.shape)).copy()
+        scale = np.sqrt(np.diagonal(self.covariance))
+        scale = np.where(scale > 0, scale, np.inf)  # what no posture sees stays where it is
+        size = np.full(T, np.inf)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(_STEPS):
+                step = -gradients(roots, rotation) @ self.covariance
+                rotation = so3.exp(step.reshape(T, -1, 3)) @ rotation
+                before, size = size, np.abs(step / scale).max(axis=1)
+                # Steps shrink by the same factor each time: so large will the next one be.
+                ahead = size * np.minimum(size / before, 1.0)
+                if (ahead < _SOLVED).all() or not (size < 0.7 * before).any():
+                    break
+        hard = np.flatnonzero(~(ahead < _SOLVED))
+        settled = np.ones(T, dtype=np.bool_)
+        if len(hard):
+            start = np.broadcast_to(base, (len(hard), *base.shape))
+            found = descend(roots[hard], start, iterations=_DAMPED, tolerance=_SOLVED, curved=True)
+            rotation[hard], settled[hard] = found.rotation, found.settled
+        return rotation, settled
+
+
+def _root(rows: FloatArray) -> FloatArray:
+    """U (m, r) with U Uᵀ = rowsᵀ rows, rows (K, m), in as few columns as may be."""
+    if len(rows) <= rows.shape[1]:
+        return np.asarray(rows.T)
+    return _root_of(rows.T @ rows)
+
+
+def _root_of(covariance: FloatArray) -> FloatArray:
+    """U (m, r) with U Uᵀ the covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    keep = values > values[-1] * 1e-12
+    return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
 
 
 def covariance_root(cov: FloatArray) -> FloatArray:
     """Square root of covariances (..., 3, 3), zero variances included."""
     values, vectors = np.linalg.eigh(cov)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
+
+
+def _loose(matrix: FloatArray, variance: FloatArray, axes: FloatArray) -> FloatArray:
+    """Rows (m, 9) of Σ_k matrix_k ⊗ noise_k beyond what is the same for every rotation.
+
+    matrix : (K, 3, 3), over the components of the force. variance : (K, 3), noise along `axes`.
+    """
+    least = variance.min(axis=1, keepdims=True)
+    if np.sum(variance - least) <= _ALIKE * np.sum(variance):
+        return np.zeros((0, 9))
+    blocks = np.einsum("kab,ks->sab", matrix, variance - least)
+    whole = np.einsum("sab,cs,ds->acbd", blocks, axes, axes).reshape(9, 9)
+    return _root_of(whole).T
+
+
+def _block_rows(blocks: list[FloatArray]) -> FloatArray:
+    """Rows (m, 9n + 1) of blocks (m_i, 9), one per sensor."""
+    rows = np.zeros((sum(len(block) for block in blocks), 9 * len(blocks) + 1))
+    start = 0
+    for i, block in enumerate(blocks):
+        rows[start : start + len(block), 9 * i : 9 * i + 9] = block
+        start += len(block)
+    return rows
 
 
 def simulate(
@@ -120,11 +214,16 @@ def simulate(
     followed = np.ones((fit.rig.n, 1)) if known is None else known[:, None].astype(np.float64)
     sampler = Sampler(fit, parts, birge)
     estimate = so3.to_rpy(fit.state.rotation)
+    unsettled = 0
 
     def draw(size: int) -> FloatArray:
-        chunks = [min(CHUNK, size - start) for start in range(0, size, CHUNK)]
-        drawn = np.concatenate([_angles(sampler, rng, estimate, chunk) for chunk in chunks])
-        return np.asarray(followed * drawn)
+        nonlocal unsettled
+        chunks = []
+        for start in range(0, size, CHUNK):
+            rotation, settled = sampler.solve(sampler.draw(rng, min(CHUNK, size - start)))
+            unsettled += int(np.sum(~settled))
+            chunks.append(followed * so3.wrapped(so3.to_rpy(rotation) - estimate))
+        return np.concatenate(chunks)
 
     found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
     half = followed * linear.coverage_factor * linear.rpy_std
@@ -138,12 +237,5 @@ def simulate(
         stable=found.stable,
         validated=found.validates(-half, half),
         sample=found.sample,
+        unsettled=unsettled,
     )
-
-
-def _angles(
-    sampler: Sampler, rng: np.random.Generator, estimate: FloatArray, trials: int
-) -> FloatArray:
-    """Deviations (trials, n, 3) of roll, pitch, yaw from the estimate, in (−π, π]."""
-    solved, _ = sampler.solve(*sampler.perturb(rng, trials))
-    return so3.wrapped(so3.to_rpy(solved.rotation) - estimate)

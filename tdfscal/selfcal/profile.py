@@ -24,11 +24,15 @@ class Profile:
     """What rotations cost when all other parameters take their best values for them.
 
     features : (q, 9n + 1), ψ = features · y. prior : (m, 9n + 1), the whitened prior rows.
+    eliminated : (q, r), and prior_eliminated : (m, r): what the other parameters can explain, as
+        features and as prior rows; whitened, their columns are orthonormal.
     root : A (r, 9n + 1), with |A y|² the cost of the postures and priors.
     """
 
     features: FloatArray
     prior: FloatArray
+    eliminated: FloatArray
+    prior_eliminated: FloatArray
     root: FloatArray
 
 
@@ -95,4 +99,5 @@ def profile(
     best = -parts.root @ (parts.left.T @ whole)  # (nuisance parameters, 9n + 1)
     mapped, prior = linear + nuisance @ best, below + rows @ best
     root = np.linalg.qr(np.concatenate([compressed @ mapped, prior]), mode="r")
-    return Profile(mapped, prior, np.asarray(root))
+    explained = parts.root
+    return Profile(mapped, prior, nuisance @ explained, rows @ explained, np.asarray(root))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.model.batch import Equations, Perturbed, Trials
 from tdfscal.model.parameters import State, layout, nominal, retract
 from tdfscal.model.statics import balance, features, features_jacobian, postures
 from tdfscal.numerics import so3
@@ -129,35 +128,6 @@ def test_noise_columns_by_differences() -> None:
     predicted = np.einsum("kab,kb->ka", at.noise_turn, turn)
     change = moved.design @ features(state, moved, g) - e
     assert np.allclose(change, predicted, rtol=0, atol=1e-5 * np.abs(predicted).max())
-
-
-def test_batch_equals_the_model() -> None:
-    """Residual and adjoint of many trials against design and Jacobian of one."""
-    rng = np.random.default_rng(4)
-    rig = replace(simulation.make_rig(4), gravity_tilt_std=1e-3)
-    seen = postures(rig, simulation.simulate_dwells(rig, Options(), rng, 1).dwells(0))
-    base = random_state(rig, rng)
-    at, g = balance(seen, base, np.zeros(3), rig.gravity), rig.gravity
-    free, used = np.ones(layout(4)["drift"].stop, dtype=bool), np.ones(len(seen), dtype=bool)
-    steps = 1e-3 * rng.normal(size=(len(free), 3))
-    equations = Equations(at, used, base, free, g)
-    trials = Trials.at(base, 3).moved(steps)
-    data = Perturbed(np.repeat(seen.force[..., None], 3, -1), np.zeros((len(seen), 6, 3)))
-    e = equations.residual(trials, data)
-    v = rng.normal(size=e.shape)
-    pulled = equations.pull_back(trials, data, v)
-    for t in range(3):
-        state = retract(base, steps[:, t])
-        one = at.design @ features(state, at, g)
-        assert np.allclose(e[..., t], one, rtol=0, atol=1e-12 * np.abs(at.design).max() * 1e3)
-        J = at.design @ features_jacobian(state, at, g)
-        expected = np.einsum("krp,kr->p", J, v[..., t])
-        # The tilt's turn is taken to first order: 1e-2 rad here, micro- to milliradians on rigs.
-        tilt = layout(4)["tilt"]
-        assert np.allclose(pulled[: tilt.start, t], expected[: tilt.start], rtol=1e-9, atol=1e-7)
-        assert np.allclose(
-            pulled[tilt, t], expected[tilt], rtol=0, atol=1e-2 * np.abs(expected[tilt]).max() + 1
-        )
 
 
 def test_weight_of_a_known_prior_is_a_known_parameter() -> None:

@@ -10,11 +10,15 @@ from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.errors import NotIdentifiableError
+from tdfscal.model.statics import balance, postures
 from tdfscal.numerics import so3
-from tdfscal.records import DeclaredUncertainty, UncertainValue
+from tdfscal.numerics.rotation_descent import descend
+from tdfscal.records import DeclaredUncertainty, FloatArray, UncertainValue
 from tdfscal.selfcal.covariance import evaluate, information_root
-from tdfscal.selfcal.estimator import fit
+from tdfscal.selfcal.estimator import Fit, Priors, fit
 from tdfscal.selfcal.monte_carlo import Sampler, simulate
+from tdfscal.selfcal.outliers import fit_robust
+from tdfscal.selfcal.profile import profile
 from tdfscal.simulation import Options, Recorder
 from tests.selfcal.campaigns import SQUEEZED, calibrated
 
@@ -90,8 +94,9 @@ def test_monte_carlo_agrees_with_the_covariance() -> None:
     parts = information_root(RESULT.fit)
     sampler = Sampler(RESULT.fit, parts, 1.0)
     T = 2000
-    trials, _ = sampler.solve(*sampler.perturb(np.random.default_rng(3), T))
-    d = so3.log(trials.rotation @ np.swapaxes(RESULT.fit.state.rotation, -1, -2)).reshape(T, -1)
+    rotation, settled = sampler.solve(sampler.draw(np.random.default_rng(3), T))
+    assert settled.all()
+    d = so3.log(rotation @ np.swapaxes(RESULT.fit.state.rotation, -1, -2)).reshape(T, -1)
     C = evaluate(RESULT.fit, parts, 1.0).covariance
     white = np.linalg.solve(np.linalg.cholesky(C), (d - d.mean(axis=0)).T)
     # Whitened sample covariance: its diagonal is χ²/(T−1), its trace too.
@@ -100,18 +105,63 @@ def test_monte_carlo_agrees_with_the_covariance() -> None:
     assert np.abs(np.corrcoef(white) - np.eye(9)).max() < stats.norm.ppf(1 - 1e-6) / np.sqrt(T)
 
 
-def test_a_trial_is_the_fit_of_its_own_data() -> None:
-    """One perturbed campaign solved again by the estimator itself, from its own readings."""
-    exact = replace(RIG, declared=replace(RIG.declared, positioner=0.0, hinge_moment=0.0))
-    result = calibrated(BATCH, exact, 1)
-    parts = information_root(result.fit)
-    sampler = Sampler(result.fit, parts, 1.0)
-    data, offset = sampler.perturb(np.random.default_rng(1), 1)
-    trials, _ = sampler.solve(replace(data, wrench=0 * data.wrench), 0 * offset)
-    redone = fit(exact, replace(result.fit.postures, force=data.reading[..., 0]), result.fit.state)
-    apart = so3.log(trials.rotation[0] @ np.swapaxes(redone.state.rotation, -1, -2))
-    # They differ by the weights, which the fit forms anew: second order in the perturbation.
-    assert np.abs(apart).max() < 2e-3 * result.uncertainty.rpy_std.min()
+def redrawn(result: Fit, rng: np.random.Generator) -> FloatArray:
+    """Rotations (n, 3, 3) of one campaign whose readings, poses and priors are drawn anew."""
+    seen, at, rig = result.at.seen, result.at, result.rig
+    root = np.linalg.cholesky(seen.force_cov)
+    noisy = seen.force + (root @ rng.standard_normal((*seen.force.shape, 1)))[..., 0]
+    again = balance(replace(seen, force=noisy), result.state, at.centre, rig.gravity)
+    # The estimate's own weights and lever arms; only the columns of the readings are drawn anew.
+    design = at.design.copy()
+    design[:, :, : 9 * rig.n] = again.design[:, :, : 9 * rig.n]
+    turn = np.linalg.cholesky(at.turn_cov) @ rng.standard_normal((len(seen), 3, 1))
+    # A constant in every posture: its column of the statistic belongs to y's last entry.
+    shift = (at.whitener @ at.noise_turn @ turn)[..., 0].ravel()
+    priors = Priors(rig)
+    rows = (at.whitener @ design).reshape(-1, design.shape[2])
+    given = profile(rig, at, rows, result.state, priors)
+    constant = np.zeros((len(rows), 9 * rig.n + 1))
+    constant[:, -1] = shift
+    offset = np.zeros((len(given.prior), 9 * rig.n + 1))
+    offset[:, -1] = rng.standard_normal(len(given.prior))
+    explained = np.concatenate([rows @ given.eliminated, given.prior_eliminated])
+    new = np.concatenate([constant, offset])
+    new -= explained @ (explained.T @ new)
+    whole = np.concatenate([rows @ given.features, given.prior]) + new
+    start = result.state.rotation[None]
+    return descend(whole, start, iterations=100, tolerance=1e-6, curved=True).rotation[0]
+
+
+@pytest.mark.parametrize("internal", [200.0, 12.0])
+def test_trials_on_the_statistic_are_those_of_the_readings(internal: float) -> None:
+    """Strong and weak rigs: mean and scatter of the angles as if every reading were drawn."""
+    rig, many = simulation.reference_rig(), 60
+    options = Options(internal=internal, recorder=Recorder(mean_sd=1.0))
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(2), 1)
+    result = fit_robust(rig, postures(rig, batch.dwells(0))).fit
+    rng, base = np.random.default_rng(5), np.swapaxes(result.state.rotation, 1, 2)
+    slow = so3.log(np.stack([redrawn(result, rng) for _ in range(many)]) @ base)
+    sampler = Sampler(result, information_root(result), 1.0)
+    fast = so3.log(sampler.solve(sampler.draw(rng, 4000))[0] @ base)
+    std = fast.std(axis=0)
+    off = (slow.mean(axis=0) - fast.mean(axis=0)) / std * np.sqrt(many)
+    assert np.abs(off).max() < stats.norm.ppf(1 - 1e-4 / 18)
+    scatter = np.sum((slow - slow.mean(axis=0)) ** 2, axis=0) / std**2
+    assert stats.chi2.ppf(1e-4 / 18, many - 1) < scatter.min()
+    assert scatter.max() < stats.chi2.ppf(1 - 1e-4 / 18, many - 1)
+
+
+def test_trials_of_the_weakest_rigs_are_finite() -> None:
+    """10 N against 2 N: yaw to a radian. The iteration may not settle; it never breaks."""
+    rig = simulation.reference_rig()
+    options = Options(internal=10.0, postures=9, recorder=Recorder(mean_sd=2.0))
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(3), 3)
+    for k in range(3):
+        result = fit_robust(rig, postures(rig, batch.dwells(k))).fit
+        sampler = Sampler(result, information_root(result), 1.0)
+        rotation, settled = sampler.solve(sampler.draw(np.random.default_rng(k), 500))
+        assert np.allclose(np.linalg.det(rotation), 1.0, rtol=0, atol=1e-9)
+        assert settled.mean() > 0.9
 
 
 def test_adaptive_stop_and_validation() -> None:
