@@ -48,6 +48,7 @@ __all__ = [
     "features",
     "features_jacobian",
     "forces",
+    "free",
     "postures",
     "register",
     "wrench",
@@ -69,7 +70,6 @@ class Balance:
     turn_cov : (K, 3, 3), rad², covariance of that rotation error.
     rotation : (K, 3, 3), pose R. arm : (K, n, 3), ρ_i, m, BCS.
     cov : (K, 6, 6), covariance of e by noise alone, free forces apart.
-    whitener : (K, 6, 6), V with V e white in `rows` (K,) directions and 0 along free forces.
     centre : (3,), c in the LCS. hinge, datum, compliance : values about which ψ counts them.
     """
 
@@ -81,8 +81,6 @@ class Balance:
     rotation: FloatArray
     arm: FloatArray
     cov: FloatArray
-    whitener: FloatArray
-    rows: IntArray
     centre: FloatArray
     hinge: FloatArray
     datum: FloatArray
@@ -94,9 +92,27 @@ class Balance:
         return wrench(self.arm)
 
     @property
+    def free(self) -> FloatArray:
+        """Wrench (K, 6, m) of a unit force along each component that is not measured."""
+        return free(self.noise_force, self.seen.measured)
+
+    @property
+    def whitener(self) -> FloatArray:
+        """V (K, 6, 6) with V e white in `rows` directions and 0 along free forces."""
+        return free_forces.whitener(self.cov, self.free)[0]
+
+    @property
+    def rows(self) -> IntArray:
+        """Number (K,) of directions of e that no free force reaches."""
+        if self.seen.measured.all():
+            return np.full(len(self.cov), 6)
+        return free_forces.whitener(self.cov, self.free)[1]
+
+    @property
     def information(self) -> FloatArray:
         """VᵀV (K, 6, 6): the inverse of `cov` where all is measured."""
-        return np.asarray(np.swapaxes(self.whitener, 1, 2) @ self.whitener)
+        V = self.whitener
+        return np.asarray(np.swapaxes(V, 1, 2) @ V)
 
 
 def wrench(arm: FloatArray) -> FloatArray:
@@ -146,7 +162,6 @@ def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Ba
     noise_turn[:, 3:] = A
     turn_cov = np.einsum("kiab,kibc,kidc->kad", P_turn, posture.position_cov, P_turn)
     cov = _noise(posture, noise_force, noise_turn, turn_cov)
-    whitener, rows = free_forces.whitener(cov, _free(noise_force, posture.measured))
     return Balance(
         seen=posture,
         design=design,
@@ -156,8 +171,6 @@ def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Ba
         rotation=R,
         arm=arm,
         cov=cov,
-        whitener=whitener,
-        rows=rows,
         centre=centre,
         hinge=state.hinge,
         datum=state.datum,
@@ -212,7 +225,7 @@ def _noise(
     return np.asarray(cov)
 
 
-def _free(noise_force: FloatArray, measured: BoolArray) -> FloatArray:
+def free(noise_force: FloatArray, measured: BoolArray) -> FloatArray:
     """Wrench (K, 6, m) of a unit force along each component that is not measured."""
     return np.asarray(np.moveaxis(noise_force, 2, 1)[:, :, ~measured])
 
@@ -236,7 +249,7 @@ def _filled(posture: Postures, state: State, centre: FloatArray, g: float) -> Po
         noise_turn = np.concatenate([np.zeros_like(lean.by_turn), lean.by_turn], axis=1)
         turn_cov = np.einsum("kiab,kibc,kidc->kad", lean.turn, posture.position_cov, lean.turn)
         cov = _noise(posture, noise_force, noise_turn, turn_cov)
-        value, variance = free_forces.least_squares(cov, _free(noise_force, posture.measured), e)
+        value, variance = free_forces.least_squares(cov, free(noise_force, posture.measured), e)
         force, force_cov = posture.force.copy(), posture.force_cov.copy()
         force[:, missing] += value
         for a, b in np.argwhere(together):

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.parameters import unmixing
+from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.numerics.propagation import propagate
@@ -34,6 +34,8 @@ _STEPS, _DAMPED = 8, 100
 _SOLVED = 1e-3
 #: Noise of a sensor's axes that differs by less than this share counts as the same in all.
 _ALIKE = 0.02
+#: A direction with turns less certain than this is that of a sensor which lacks an axis, rad.
+_UNMEASURED = 0.3 * EVEN_TURN
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +75,10 @@ class Sampler:
         self.root = values[keep, None] * right[keep]  # R, up to a turn of its rows
         inverse = right[keep].T / values[keep]
         turns = np.flatnonzero(fit.active)[: 3 * fit.rig.n]
-        covariance = (parts.root @ parts.root.T)[: len(turns), : len(turns)]
-        self.covariance = covariance
+        # A turn that only its prior knows is followed by no trial: readings do not depend on it.
+        root = parts.root[: len(turns)]
+        root = root[:, np.linalg.norm(root, axis=0) < _UNMEASURED]
+        self.covariance = root @ root.T
         self._postures(inverse, self.profile)
 
     def _postures(self, inverse: FloatArray, given: Profile) -> None:

@@ -33,9 +33,10 @@ class Whitened:
     """Residual wrenches of K postures with all that correlates them taken away.
 
     residual : (6K,), white. columns : (6K, P), its derivative by the calibrated parameters.
-    own : (K, 6, 6), L⁻¹ of each posture's own noise. common : (6K, r), orthonormal; shrink : (r,):
+    own : (K, 6, 6), whitens each posture's own noise. common : (6K, r), orthonormal; shrink : (r,):
     along them the calibration's error is common to all postures. free : (6K, f), orthonormal,
-    directions of parameters that nobody knows; the residual has no part in them.
+    directions of parameters that nobody knows; the residual has no part in them. rows : directions
+    of all residuals that no unmeasured force reaches. sensors : n.
     """
 
     residual: FloatArray
@@ -44,6 +45,8 @@ class Whitened:
     common: FloatArray
     shrink: FloatArray
     free: FloatArray
+    rows: int
+    sensors: int
 
     @property
     def chi2(self) -> float:
@@ -53,7 +56,7 @@ class Whitened:
     @property
     def dof(self) -> int:
         """Its degrees of freedom."""
-        return int(self.residual.size - self.free.shape[1])
+        return int(self.rows - self.free.shape[1])
 
     def white(self, columns: FloatArray) -> FloatArray:
         """Columns (6K, c), whitened posture by posture already, made white altogether."""
@@ -65,20 +68,22 @@ class Whitened:
 def whiten(
     residual: FloatArray,
     jacobian: FloatArray,
-    noise: FloatArray,
+    own: FloatArray,
     root: FloatArray,
     unknown: BoolArray,
+    rows: int,
+    sensors: int,
 ) -> Whitened:
     """Take away the noise of each posture and the error of the calibration.
 
-    residual : (K, 6). jacobian : (K, 6, P), its derivative by the parameters. noise : (K, 6, 6),
-    covariance of each posture's own noise. root : (P, r), U with U Uᵀ the covariance of the
+    residual : (K, 6). jacobian : (K, 6, P), its derivative by the parameters. own : (K, 6, 6),
+    whitens each posture's own noise, with 0 along forces that nobody measures; rows : how many
+    directions that leaves. root : (P, r), U with U Uᵀ the covariance of the
     parameters. unknown : (P,), parameters of which nothing is known.
 
     With B = L⁻¹ J U the covariance is I + B Bᵀ; by the singular values s of B its inverse root is
     I − V (1 − 1/√(1 + s²)) Vᵀ.
     """
-    own = np.linalg.inv(np.linalg.cholesky(noise))
     columns = (own @ jacobian).reshape(-1, jacobian.shape[2])
     V, s, _ = np.linalg.svd(columns @ root, full_matrices=False)
     start = Whitened(
@@ -88,6 +93,8 @@ def whiten(
         common=V,
         shrink=1 - 1 / np.sqrt(1 + s**2),
         free=np.zeros((len(columns), 0)),
+        rows=rows,
+        sensors=sensors,
     )
     known = replace(start, free=_basis(start.white(columns[:, unknown])))
     return replace(
@@ -153,7 +160,7 @@ def alike(first: Cause, other: Cause) -> bool:
 
 def turn_information(given: Whitened) -> FloatArray:
     """Information (n, 3, 3), 1/rad², that the postures hold about one sensor's turn alone."""
-    n = _sensors(given)
+    n = given.sensors
     H = given.columns[:, layout(n)["rotation"]].reshape(-1, n, 3)
     return np.asarray(np.einsum("mna,mnb->nab", H, H))
 
@@ -163,12 +170,8 @@ def _weight(cause: Cause) -> float:
     return cause.gain - 2 * cause.unknowns
 
 
-def _sensors(given: Whitened) -> int:
-    return int(given.columns.shape[1] - 6) // 18
-
-
 def _models(given: Whitened) -> list[_Model]:
-    place = layout(_sensors(given))
+    place = layout(given.sensors)
     load = slice(place["mass"].start, place["barycentre"].stop)
     found = [_Model("load changed", None, (), given.columns[:, load])]
     for kind, group in _SENSOR_CAUSES.items():

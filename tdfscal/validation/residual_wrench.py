@@ -15,14 +15,17 @@ from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import nominal
-from tdfscal.model.statics import Postures, balance, postures
+from tdfscal.model.parameters import nominal, prior_std, with_motions
+from tdfscal.model.statics import Postures, balance, features_jacobian, postures
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import Dwells, FloatArray, IntArray, Rig
+from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation import causes
 from tdfscal.validation.causes import Cause, Whitened, whiten
-from tdfscal.wrench.contact_wrench import contact_wrench, jacobian, to_lcs
+from tdfscal.wrench.contact_wrench import contact_wrench, to_lcs
+
+#: Share of an unmeasured force below which a component of the wrench does not depend on it.
+_REACHED = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +125,7 @@ def validate(
 
 def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[str, ...]]:
     """Postures with a noise level: their own, or the one that the calibration met."""
-    if np.diagonal(observed.force_cov, axis1=2, axis2=3).min() > 0:
+    if np.diagonal(observed.force_cov, axis1=2, axis2=3)[:, observed.measured].min() > 0:
         return observed, ()
     if not noise:
         raise DataError(
@@ -149,21 +152,43 @@ class _Seen:
 
 
 def _see(given: Calibrated, observed: Postures) -> _Seen:
-    rig, state = given.rig, given.state
+    rig, state = given.rig, with_motions(given.state, observed.motions)
     at = balance(observed, state, state.barycentre, rig.gravity)
-    T, J = to_lcs(at), jacobian(given, at)
+    T = to_lcs(at)
+    J = T @ (at.design @ features_jacobian(state, at, rig.gravity))
     plain, calibrated = (
-        contact_wrench(s, rig.gravity, at.rotation, observed.force) for s in (nominal(rig), state)
+        contact_wrench(s, rig.gravity, at.rotation, at.seen.force) for s in (nominal(rig), state)
     )
-    noise, root = T @ at.cov @ np.swapaxes(T, 1, 2), given.root
+    root, unknown = _with_motion(given, observed)
     half = J @ root
-    total = noise + half @ np.swapaxes(half, 1, 2)
+    total = T @ at.cov @ np.swapaxes(T, 1, 2) + half @ np.swapaxes(half, 1, 2)
+    std = np.sqrt(np.diagonal(total, axis1=1, axis2=2))
+    if not observed.measured.all():
+        reach = np.linalg.norm(T @ at.free, axis=2)
+        std = np.where(reach > _REACHED * reach.max(axis=1, keepdims=True), np.inf, std)
     return _Seen(
         nominal=plain,
         calibrated=calibrated,
-        std=np.sqrt(np.diagonal(total, axis1=1, axis2=2)),
-        white=whiten(calibrated, J, noise, root, given.open),
+        std=std,
+        white=whiten(
+            calibrated, J, at.whitener @ np.linalg.inv(T), root, unknown, int(at.rows.sum()), rig.n
+        ),
     )
+
+
+def _with_motion(given: Calibrated, observed: Postures) -> tuple[FloatArray, BoolArray]:
+    """Root (P + 3nG, r) of all parameters' covariance, and which of them are unknown.
+
+    How zeros move belongs to each log alone, so its amplitudes come with their prior.
+    """
+    if observed.motion is None:
+        return given.root, given.open
+    std = prior_std(given.rig, observed.motion)[len(given.open) :]
+    finite = np.diag(np.where(np.isfinite(std), std, 0.0))
+    root = np.zeros((len(given.open) + len(std), given.root.shape[1] + len(std)))
+    root[: len(given.open), : given.root.shape[1]] = given.root
+    root[len(given.open) :, given.root.shape[1] :] = finite
+    return root, np.concatenate([given.open, np.isinf(std)])
 
 
 def _detectable(information: FloatArray, tried: int) -> FloatArray:

@@ -29,6 +29,7 @@ from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
+from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
 
@@ -245,6 +246,8 @@ def _notes(tally: Tally, use: InUse) -> list[str]:
         )
     if tally.unreadable:
         notes.append(f"{tally.unreadable} samples hold no number and are left out")
+    if not use.given.rig.axes.all():
+        notes.append(observable_text(use.given))
     if use.given.open.any():
         notes.append(
             "the calibration leaves zeros, mass or barycentre open: the uncertainty of the "

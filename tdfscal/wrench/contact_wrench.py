@@ -17,7 +17,7 @@ import numpy as np
 
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, gravity, nominal, sensing
-from tdfscal.model.statics import Balance, Postures, balance, features_jacobian
+from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, free
 from tdfscal.numerics import so3
 from tdfscal.numerics.in_place import dot
 from tdfscal.records import FloatArray, IntArray
@@ -30,6 +30,8 @@ _BLOCK = 512
 _SPAN = 0.25
 #: Share of a variance below which an open parameter does not matter.
 _ROUNDING = 1.0e-9
+#: Share of an unmeasured force below which a component of the wrench does not depend on it.
+_REACHED = 1.0e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,10 @@ def jacobian(given: Calibrated, at: Balance) -> FloatArray:
 
 
 def single(given: Calibrated, position: FloatArray, force: FloatArray) -> Postures:
-    """Single samples (K, n, 3) as postures that only scatter by what the rig file declares."""
+    """Single samples (K, n, 3) as postures that only scatter by what the rig file declares.
+
+    What a sensor does not measure counts as a force of zero here.
+    """
     declared, eye = given.rig.declared, np.eye(3)
     shape = (*force.shape, 3)
     return Postures(
@@ -117,7 +122,7 @@ def single(given: Calibrated, position: FloatArray, force: FloatArray) -> Postur
         force_cov=np.broadcast_to(declared.force_noise**2 * eye, shape),
         moment_var=declared.hinge_moment**2,
         approach=np.zeros((len(force), 3)),
-        measured=given.rig.axes,
+        measured=np.ones(given.rig.axes.shape, dtype=np.bool_),
     )
 
 
@@ -126,7 +131,7 @@ def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> Fl
 
     position (K, n, 3) in m, BCS; force (K, n, 3), N, readings.
     """
-    posture = single(given, position, force)
+    posture = single(given, position, measured(given, force))
     at = balance(posture, given.state, given.state.barycentre, given.rig.gravity)
     T = to_lcs(at)
     by_state = features_jacobian(given.state, at, given.rig.gravity)
@@ -136,7 +141,17 @@ def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> Fl
         seen = np.abs(T @ (at.design @ by_state[:, given.open])).max(axis=2) > _ROUNDING
         diagonal = np.arange(6)
         out[:, diagonal, diagonal] = np.where(seen, np.inf, out[:, diagonal, diagonal])
+    if not given.rig.axes.all():
+        reach = np.linalg.norm(T @ free(at.noise_force, given.rig.axes), axis=2)
+        diagonal = np.arange(6)
+        unseen = reach > _REACHED * reach.max(axis=1, keepdims=True)
+        out[:, diagonal, diagonal] = np.where(unseen, np.inf, out[:, diagonal, diagonal])
     return np.asarray(out)
+
+
+def measured(given: Calibrated, force: FloatArray) -> FloatArray:
+    """Readings (K, n, 3) with those of axes that no sensor measures at their zeros, N."""
+    return np.where(given.rig.axes, force, given.state.zero)
 
 
 def wrenches(
@@ -153,7 +168,7 @@ def wrenches(
     at : `pose` of the positions, where it is known already. moving : motion of the terminal, for
     the inertial terms with the rig's inertia; None: at rest.
     """
-    state = given.state
+    state, force = given.state, measured(given, force)
     rotation = rotations(state.hinge, position - state.datum) if at is None else at.rotation
     states = (given.state, nominal(given.rig))
     inertia, g = given.rig.inertia, given.rig.gravity
