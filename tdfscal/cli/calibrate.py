@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 DEFAULT_OUTPUT = Path("calibration.yaml")
 Method = Literal["self", "tracker", "joint"]
+Samples = Literal["static", "moving", "all"]
 Estimator = Literal["ml", "linear"]
 
 
@@ -27,6 +28,10 @@ def calibrate(
     rig: RigFile = None,
     method: Annotated[
         Method | None, typer.Option(help="Default: self where there is a log, else tracker.")
+    ] = None,
+    samples: Annotated[
+        Samples | None,
+        typer.Option(help="Default: static where there are dwells enough, else moving."),
     ] = None,
     estimator: Annotated[
         Estimator, typer.Option(help="Maximum likelihood, or the paper's linear method.")

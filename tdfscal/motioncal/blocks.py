@@ -25,7 +25,9 @@ _RAMP, _RAMP_SHARE = 2.0, 0.12
 #: Longest block, s: it bounds the memory, and what a change of the noise within a log does.
 LONGEST = 240.0
 #: Shortest block, s.
-SHORTEST = 8.0
+SHORTEST = 4.0
+#: Fewest instants of a block.
+_FEWEST = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,7 @@ def stretches(slow: Slow, keep: BoolArray) -> list[tuple[int, int]]:
     apart = (np.diff(rows) > 1) | (np.diff(slow.time[rows]) > 1.5 * slow.step)
     cuts = np.flatnonzero(apart) + 1
     runs = np.split(rows, cuts)
-    least = SHORTEST / slow.step
+    least = max(SHORTEST / slow.step, _FEWEST)
     return [(int(run[0]), int(run[-1]) + 1) for run in runs if len(run) >= least]
 
 

@@ -7,6 +7,7 @@ nothing touches (Rao, Proc. Camb. Phil. Soc. 44, 1948).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,12 +27,11 @@ _LEAST = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A stretch of time, s, and the largest force (N) and moment (N·m) estimated within it."""
+    """A stretch of time, s, that is left out, and why."""
 
     begin: float
     end: float
-    force: float
-    moment: float
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +67,8 @@ def _stretch(score: _Scores, rows: IntArray) -> Stretch:
     return Stretch(
         begin=float(score.middle[rows[0]] - WINDOW / 4),
         end=float(score.middle[rows[-1]] + WINDOW / 4),
-        force=force,
-        moment=moment,
+        reason=f"a wrench of {force:.2g} N and {moment:.2g} N·m that the model does not know: "
+        "contact, or a motion too fast for it",
     )
 
 
@@ -110,9 +110,20 @@ def _windows(block: Block) -> tuple[FloatArray, FloatArray]:
     return shape[seen], block.begin + middle[seen]
 
 
-def outside(time: FloatArray, stretches: tuple[Stretch, ...], margin: float) -> BoolArray:
-    """Which instants (N,) lie in none of the stretches nor within a margin (s) of one."""
+def merged(stretches: Sequence[Stretch], apart: float) -> tuple[Stretch, ...]:
+    """Join stretches closer than `apart` (s): what lies between is no log to calibrate from."""
+    out: list[Stretch] = []
+    for stretch in sorted(stretches, key=lambda s: s.begin):
+        if out and stretch.begin - out[-1].end < apart:
+            last = out.pop()
+            stretch = Stretch(last.begin, max(last.end, stretch.end), last.reason)
+        out.append(stretch)
+    return tuple(out)
+
+
+def outside(time: FloatArray, stretches: Sequence[Stretch]) -> BoolArray:
+    """Which instants (N,) lie in none of the stretches."""
     keep = np.ones(len(time), dtype=np.bool_)
     for stretch in stretches:
-        keep &= (time < stretch.begin - margin) | (time > stretch.end + margin)
+        keep &= (time < stretch.begin) | (time > stretch.end)
     return keep

@@ -23,8 +23,8 @@ _REACH, _CUT = 3.0, 0.4
 _HOLE = 1.5
 #: Output instants worked on at once.
 _CHUNK = 32
-#: Rows read before the rate is known.
-_FIRST = 64
+#: Rows read before the rate is known, and rows looked at for the step of the positions.
+_FIRST, _QUANTUM_SAMPLES = 16, 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Slow:
     time : (N,), s, ascending; consecutive instants are `step` apart except across gaps.
     position : (N, n, 3), m, BCS. force : (N, n, 3), N, readings. step : s.
     rate : Hz, of the slowest stream as recorded. clipped : (N,), a reading near that instant
-    stands at its capacity.
+    stands at its capacity. quantum : m, least step of the recorded positions.
     """
 
     supports: tuple[str, ...]
@@ -44,6 +44,7 @@ class Slow:
     step: float
     rate: float
     clipped: BoolArray
+    quantum: float = 0.0
 
 
 @dataclass(slots=True)
@@ -61,59 +62,97 @@ class _Out:
     clipped: list[BoolArray] = field(default_factory=list)
 
 
-def slow_streams(pieces: Iterable[Log], capacity: FloatArray) -> Slow:
-    """Decimate the pieces of a log to one even time base, in memory that holds only the result.
+class Decimator:
+    """Takes the pieces of a log as they are read; holds only what is still needed of them.
 
     capacity : (n, 3), N; a sample at 99.9 % of it is clipped.
-
-    Raises DataError where a stream has too few samples to tell its rate.
     """
-    step, rate, start, out = 0.0, 0.0, 0.0, _Out()
-    supports: tuple[str, ...] = ()
-    held: list[_Held] = []
-    columns: list[list[int]] = []
-    full = np.concatenate([np.full(capacity.size, np.inf), 0.999 * capacity.ravel()])
-    cursor = 0
-    for piece in pieces:
-        supports = piece.supports
-        groups = list(_groups(piece))
-        if not held:
-            columns = [c for c, _ in groups]
-            held = [_Held(s.time, s.value) for _, s in groups]
+
+    def __init__(self, capacity: FloatArray) -> None:
+        self.supports: tuple[str, ...] = ()
+        self.quantum = 0.0
+        self._full = np.concatenate([np.full(capacity.size, np.inf), 0.999 * capacity.ravel()])
+        self._held: list[_Held] = []
+        self._columns: list[list[int]] = []
+        self._out = _Out()
+        self._step = self._rate = self._start = 0.0
+        self._cursor = 0
+
+    def add(self, piece: Log) -> None:
+        """Take the next piece. Raises DataError where streams part that shared their stamps."""
+        if not self._held:
+            self.supports = piece.supports
+            groups = list(_groups(piece))
+            self._columns = [c for c, _ in groups]
+            self._held = [_Held(s.time, s.value) for _, s in groups]
+            self.quantum = min(_quantum(s.value) for s in piece.position)
         else:
-            groups = list(_regrouped(piece, columns))
-            held = [_joined(h, s) for h, (_, s) in zip(held, groups, strict=True)]
-        if step == 0.0:
-            if min(h.time.size for h in held) < _FIRST:
-                continue
-            rate = min(1 / float(np.median(np.diff(h.time))) for h in held)
-            step = 1 / min(RATE, rate)
-            start = max(float(h.time[0]) for h in held)
-        reach = min(float(h.time[-1]) if h.time.size else -np.inf for h in held)
-        last = int(np.floor((reach - start) / step - _REACH))
-        _emit(held, columns, full, start, step, cursor, last, out)
-        if last >= cursor:
-            cursor = last + 1
-            held = [_rest(h, start + (cursor - _REACH - _HOLE) * step) for h in held]
-    if step == 0.0:
-        raise DataError(
-            "the log holds too few samples to tell its rate",
-            where="log",
-            hint="record at least a few seconds of every stream",
+            groups = list(_regrouped(piece, self._columns))
+            self._held = [_joined(h, s) for h, (_, s) in zip(self._held, groups, strict=True)]
+        if self._step == 0.0:
+            if min(h.time.size for h in self._held) < _FIRST:
+                return
+            self._rate = min(1 / float(np.median(np.diff(h.time))) for h in self._held)
+            self._step = 1 / min(RATE, self._rate)
+            self._start = max(float(h.time[0]) for h in self._held)
+        self._advance(int(np.floor((self._reach - self._start) / self._step - _REACH)))
+
+    def finish(self) -> Slow:
+        """Return the slow streams. Raises DataError where a stream has too few samples."""
+        if self._step == 0.0:
+            raise DataError(
+                "the log holds too few samples to tell its rate",
+                where="log",
+                hint="record at least a few seconds of every stream",
+            )
+        self._advance(int(np.floor((self._reach - self._start) / self._step)))
+        n, out = len(self.supports), self._out
+        value = np.concatenate(out.value) if out.value else np.empty((0, 6 * n))
+        return Slow(
+            supports=self.supports,
+            time=np.concatenate(out.time) if out.time else np.empty(0),
+            position=value[:, : 3 * n].reshape(-1, n, 3),
+            force=value[:, 3 * n :].reshape(-1, n, 3),
+            step=self._step,
+            rate=self._rate,
+            clipped=np.concatenate(out.clipped) if out.clipped else np.empty(0, dtype=np.bool_),
+            quantum=self.quantum,
         )
-    reach = min(float(h.time[-1]) if h.time.size else -np.inf for h in held)
-    _emit(held, columns, full, start, step, cursor, int(np.floor((reach - start) / step)), out)
-    n = len(supports)
-    value = np.concatenate(out.value) if out.value else np.empty((0, 6 * n))
-    return Slow(
-        supports=supports,
-        time=np.concatenate(out.time) if out.time else np.empty(0),
-        position=value[:, : 3 * n].reshape(-1, n, 3),
-        force=value[:, 3 * n :].reshape(-1, n, 3),
-        step=step,
-        rate=rate,
-        clipped=np.concatenate(out.clipped) if out.clipped else np.empty(0, dtype=np.bool_),
-    )
+
+    @property
+    def _reach(self) -> float:
+        """Time that all streams have reached, s."""
+        return min(float(h.time[-1]) if h.time.size else -np.inf for h in self._held)
+
+    def _advance(self, last: int) -> None:
+        """Work out the instants up to `last`, and drop the samples that no later one needs."""
+        if last < self._cursor:
+            return
+        _emit(
+            self._held, self._columns, self._full,
+            self._start, self._step, self._cursor, last, self._out,
+        )  # fmt: skip
+        self._cursor = last + 1
+        since = self._start + (self._cursor - _REACH - _HOLE) * self._step
+        self._held = [_rest(h, since) for h in self._held]
+
+
+def slow_streams(pieces: Iterable[Log], capacity: FloatArray) -> Slow:
+    """Decimate the pieces of a log; see `Decimator`."""
+    decimator = Decimator(capacity)
+    for piece in pieces:
+        decimator.add(piece)
+    return decimator.finish()
+
+
+def _quantum(value: FloatArray) -> float:
+    """Least step between different values of the first samples (N, 3) of a stream; 0: none."""
+    steps = []
+    for column in value[:_QUANTUM_SAMPLES].T:
+        different = np.unique(column[np.isfinite(column)])
+        if different.size > 1:
+            steps.append(float(np.diff(different).min()))
+    return min(steps, default=0.0)
 
 
 def _groups(piece: Log) -> Iterator[tuple[list[int], Series]]:

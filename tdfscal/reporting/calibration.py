@@ -10,6 +10,7 @@ import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.log_time import clock
+from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.records import ANGLES
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
@@ -41,6 +42,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             "timeline": (Items("Rejected postures", rejected),) if rejected else (),
             "observability": (),
             "rig": _adjusted(c),
+            "spectrum": (Items("Stretches left out", _left_out(c)),) if _left_out(c) else (),
         },
     )
     return Report(
@@ -119,7 +121,10 @@ def _residual_wrench(c: Calibration) -> Table | None:
         for name, unit, w in (
             ("force", "N", c.validation.force), ("moment", "N·m", c.validation.moment))
     )  # fmt: skip
-    caption = "Residual contact wrench, leave-one-out postures, about the LCS origin"
+    held_out, point = "leave-one-out postures", "the LCS origin"
+    if c.motion is not None:
+        held_out, point = "stretches of the motion held out in turn", "the barycentre"
+    caption = f"Residual contact wrench, {held_out}, about {point}"
     return Table(caption, RESIDUAL_HEADER, rows)
 
 
@@ -131,6 +136,11 @@ def _rejected(c: Calibration) -> tuple[str, ...]:
         when = f" ({time.stretch(r.start or 0.0, r.end or 0.0)})" if dated else ""
         sentences.append(f"posture {r.index + 1}{when}: {r.reason}")
     return tuple(sentences)
+
+
+def _left_out(c: Calibration) -> tuple[str, ...]:
+    stretches = c.motion.rejected if c.motion is not None else ()
+    return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {s.reason}" for s in stretches)
 
 
 def _adjusted(c: Calibration) -> tuple[Table, ...]:
@@ -165,7 +175,7 @@ def _claim(c: Calibration) -> str:
         v = c.validation.force
         said += (
             f"; the residual contact force falls from {v.rms_before:.3g} N to {v.rms_after:.2g} N "
-            "at leave-one-out postures"
+            + ("at leave-one-out postures" if c.motion is None else "in motion held out")
         )
     return f"{said}."
 
@@ -187,10 +197,13 @@ def _tiles(c: Calibration) -> tuple[Row, ...]:
                 ("force", "N", c.validation.force), ("moment", "N·m", c.validation.moment))
         ]  # fmt: skip
     birge = c.tracker.get("birge") if c.tracker is not None else None
+    if c.motion is not None:
+        tiles.append(("in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"))
     if c.fit is not None:
+        birge = c.fit.birge
+    if c.fit is not None and c.motion is None:
         total = c.fit.postures + len(c.fit.rejected)
         tiles.append(("postures", f"{c.fit.postures} of {total}", "in the fit"))
-        birge = c.fit.birge
     elif c.tracker is not None and isinstance(birge, float):
         tiles.append(("points", f"{c.tracker.get('points')}", "of the survey"))
     if isinstance(birge, float):
@@ -203,8 +216,10 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
     facts = []
     if c.fit is not None:
         f = c.fit
+        if c.motion is None or f.postures:
+            facts.append(("Postures", f"{f.postures} used, {len(f.rejected)} rejected"))
+        facts += _motion(c.motion) if c.motion is not None else []
         facts += [
-            ("Postures", f"{f.postures} used, {len(f.rejected)} rejected"),
             ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),
             ("Fit", _chi2(f.chi2, f.dof, f.p_value)),
         ]
@@ -225,6 +240,22 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         names = c.covariance.parameters
         facts.append(("Correlation", f"largest {off[a, b]:+.2f}, {names[a]} and {names[b]}"))
     return tuple(facts)
+
+
+def _motion(m: MotionResult) -> list[tuple[str, str]]:
+    """What the motion told besides the angles."""
+    lost = sum(s.end - s.begin for s in m.rejected)
+    rejected = f"; {len(m.rejected)} stretches left out, {lost:.1f} s" if m.rejected else ""
+    moments = ", ".join(
+        f"{m.inertia.value[k][k]:.4g} ± {m.inertia.std[k][k]:.2g}" for k in range(3)
+    )
+    return [
+        ("Motion", f"{m.seconds:.1f} s used{rejected}"),
+        ("Delay", f"{1e3 * m.delay.value:.2f} ± {1e3 * m.delay.std:.2g} ms, force after position"),
+        ("Friction", f"{m.friction.value:.3f} ± {m.friction.std:.2g} N·m at each hinge"),
+        ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
+        ("Halves", f"of the log compared: p = {probability(m.halves_p_value)}"),
+    ]
 
 
 def _chi2(chi2: float, dof: int, p: float) -> str:
@@ -250,6 +281,8 @@ def _absent(c: Calibration, drawn: set[str]) -> tuple[Section, ...]:
     notes = []
     if c.method == "tracker":
         notes.append("A tracker survey has no postures: no residual wrench and no timeline.")
+    elif c.motion is not None:
+        notes.append("Samples in motion are no postures: residuals are shown as a spectrum.")
     elif "residuals" not in drawn:
         notes.append(
             "This file holds no single postures, so neither their residuals nor the log's timeline "
@@ -259,6 +292,8 @@ def _absent(c: Calibration, drawn: set[str]) -> tuple[Section, ...]:
         notes.append(
             "A joint result has no Monte Carlo of its own; see each method alone."
             if c.method == "joint"
+            else "No Monte Carlo: in motion the halves of the log are compared instead."
+            if c.motion is not None
             else "No Monte Carlo histogram: the trials were switched off, or not kept."
         )
     if "survey" not in drawn and c.method != "self":

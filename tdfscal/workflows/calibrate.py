@@ -13,12 +13,19 @@ from tdfscal.acceptance.gate import judge
 from tdfscal.comparison.joint import combine
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import check_calibration_name, save_calibration
-from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
+from tdfscal.files.calibration.from_results import (
+    Provenance,
+    from_joint,
+    from_motion,
+    from_self,
+    from_tracker,
+)
 from tdfscal.files.hashing import input_file
 from tdfscal.files.output_places import check_place
 from tdfscal.files.points import read_tracker_session
 from tdfscal.files.saving import write_text
 from tdfscal.model.calibrated import independent
+from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import Dwells, InputFile, Rig, Rotations
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.pipeline import Estimator, SelfCalibration, self_calibrate
@@ -28,6 +35,7 @@ from tdfscal.workflows.calibration import Calibration, Records
 from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.samples import Own, Samples, calibrate_samples, check_samples
 
 Method = Literal["self", "tracker", "joint"]
 
@@ -37,6 +45,7 @@ def calibrate(
     *,
     rig: str | PathLike[str] | None = None,
     method: Method | None = None,
+    samples: Samples | None = None,
     estimator: Estimator = "ml",
     trials: int | None = None,
     seed: int = 0,
@@ -56,6 +65,8 @@ def calibrate(
     paths : campaign folders, logs.
     rig : rig.yaml, where no folder holds one.
     method : self where there is a log, else tracker.
+    samples : static dwells, moving samples, or all; by default static where the log holds dwells
+        enough, else moving.
     estimator : of the self-calibration; ml, or the paper's linear method.
     trials : Monte Carlo trials at most; None for the default, 0 for none.
     seed : of all random numbers.
@@ -74,6 +85,9 @@ def calibrate(
     page, rig_file = one(html), one(rig)
     if method is not None:
         one_of("--method", method, get_args(Method))
+    if samples is not None:
+        one_of("--samples", samples, get_args(Samples))
+    check_samples(samples, method, estimator)
     one_of("--estimator", estimator, get_args(Estimator))
     at_least("--trials", trials or 0, 0)
     at_least("--seed", seed, 0)
@@ -86,6 +100,7 @@ def calibrate(
     result = _calibrated(
         campaign,
         method or ("self" if campaign.logs else "tracker"),
+        samples,
         estimator,
         trials,
         seed,
@@ -108,6 +123,7 @@ def calibrate(
 def _calibrated(
     campaign: Campaign,
     method: Method,
+    samples: Samples | None,
     estimator: Estimator,
     trials: int | None,
     seed: int,
@@ -119,12 +135,15 @@ def _calibrated(
     trials = 0 if method == "joint" else trials
     inputs: list[InputFile] = []
     notes: tuple[str, ...] = ()
-    own = tracker = None
+    own: Own | None = None
+    tracker = None
     if method in ("self", "joint"):
-        with log.explaining():
-            dwells = _dwells(log)
-            log.progress.stage(f"calibrating from {len(dwells)} dwells")
-            own = self_calibrate(
+        _require_log(campaign)
+        if method == "joint" or estimator == "linear":
+            samples = "static"
+
+        def static(dwells: Dwells) -> SelfCalibration:
+            return self_calibrate(
                 campaign.rig.rig,
                 dwells,
                 rng=own_rng,
@@ -133,6 +152,9 @@ def _calibrated(
                 inputs=tuple(log.inputs),
                 progress=log.progress.stage,
             )
+
+        with log.explaining():
+            own = calibrate_samples(log, samples, static)
         inputs += log.inputs
     if method in ("tracker", "joint"):
         log.progress.stage("calibrating from the tracker's survey")
@@ -140,6 +162,8 @@ def _calibrated(
         inputs += files
 
     origin = Provenance(campaign.rig, tuple(inputs), command, seed)
+    if isinstance(own, MotionCalibration):
+        return Calibration.of(from_motion(own, origin, notes), Records(motion=own))
     if own is not None and tracker is not None:
         return _both(campaign.rig.rig, own, tracker, origin, notes)
     if tracker is not None:
@@ -175,14 +199,13 @@ def _both(
     return Calibration.of(file, Records(own, tracker, both))
 
 
-def _dwells(log: LogPass) -> Dwells:
-    if not log.campaign.logs:
+def _require_log(campaign: Campaign) -> None:
+    if not campaign.logs:
         raise UsageError(
             "there is no log for a self-calibration",
-            where=str(log.campaign.rig.path.parent),
+            where=str(campaign.rig.path.parent),
             hint="name a log, or use --method tracker",
         )
-    return log.dwells()
 
 
 def _survey(

@@ -21,6 +21,7 @@ from tdfscal.files.calibration.document import (
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.output_places import check_calibration
+from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import ANGLES
 from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
@@ -44,6 +45,7 @@ class Records:
     own: SelfCalibration | None = None
     tracker: TrackerCalibration | None = None
     joint: Joint | None = None
+    motion: MotionCalibration | None = None
 
 
 class Calibration(Result, CalibrationFile):

@@ -112,7 +112,6 @@ FAULTS: dict[str, tuple[Break, int, str]] = {
     "an axis of opposite sign": (edit_log(scaled("f", "x", -1.0)), 3, "sign of Fx of every sensor"),
     "swapped positions": (edit_log(renamed(swap(""))), 3, "ncp1 taken from ncp2"),
     "one posture": (edit_log(only_first_seconds), 4, "do not determine"),
-    "never at rest": (edit_log(never_at_rest), 3, "dwell"),
     "dead axis": (edit_log(scaled("f", "y", 0.0)), 3, "dead"),
     "another rig": (
         edit_rig(lambda d: d["supports"][0].update(hinge=[0.62, 0.05, 0.0])),
@@ -188,3 +187,14 @@ def test_a_point_file_without_a_unit(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert seen.status in (2, 3)
     assert "unit" in seen.err
     assert not (tmp_path / "r.json").exists()
+
+
+def test_a_log_that_never_rests_has_no_dwells(
+    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit_log(never_at_rest)(campaign)
+    target = tmp_path / "result.yaml"
+    seen = run(capsys, "calibrate", campaign, "--samples", "static", "-o", target, "-q")
+    assert seen.status == 3
+    assert "dwell" in seen.err
+    assert not target.exists()

@@ -17,6 +17,7 @@ from tdfscal.files.calibration.consistency import (
 )
 from tdfscal.files.calibration.evidence_model import MethodAngles, PostureTable
 from tdfscal.files.calibration.life import CampaignResult, HistoryEntry, Instant, MeasuredResult
+from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.files.calibration.parameters import Parameters, check_parameters
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
@@ -83,6 +84,7 @@ class Calibration(Strict):
     stability: StabilityResult | None = None
     conformity: ConformityResult | None = None
     tracker: TrackerStatistics | None = None
+    motion: MotionResult | None = None
     postures: PostureTable | None = None
     methods: tuple[MethodAngles, ...] | None = None
     campaigns: tuple[CampaignResult, ...] = ()

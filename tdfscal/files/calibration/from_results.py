@@ -15,6 +15,7 @@ from tdfscal.comparison.joint import Joint
 from tdfscal.files.calibration import evidence
 from tdfscal.files.calibration.document import Calibration, parameter_names
 from tdfscal.files.calibration.life import measured_document
+from tdfscal.files.calibration.motion import held_out_document, motion_document
 from tdfscal.files.calibration.parameters import parameters_document
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
@@ -24,6 +25,7 @@ from tdfscal.files.calibration.parts import (
 )
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.model.parameters import State, layout, symmetric
+from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured
@@ -78,6 +80,49 @@ def from_self(
         ),
         budget=result.uncertainty.contributions,
         **_self_parts(result, origin, result.fit.state, result.uncertainty.parameter_std),
+    )
+
+
+def from_motion(
+    result: MotionCalibration, origin: Provenance, notes: Sequence[str] = ()
+) -> Calibration:
+    """Return the calibration file of a self-calibration from samples in motion."""
+    known, state, n = result.uncertainty.turns, result.fit.state.still, result.rig.n
+    place, std, rpy = layout(n), known.parameter_std, so3.to_rpy(state.rotation)
+    half = known.coverage_factor * known.rpy_std
+    declared = result.rig.declared.force_sensitivity > 0
+    return _calibration(
+        origin,
+        method="self",
+        estimator="ml",
+        reasons=result.reasons,
+        warnings=(*notes, *result.warnings),
+        angles=_Angles(
+            state.rotation,
+            known.covariance,
+            known.rpy_std,
+            rpy - half,
+            rpy + half,
+            np.ones(n, dtype=np.bool_),
+        ),
+        parameters=parameters_document(result.calibrated),
+        budget=known.contributions,
+        zero=state.zero,
+        zero_std=std[place["zero"]].reshape(n, 3),
+        sensitivity=np.eye(3) + symmetric(state.sensitivity) if declared else None,
+        terminal=_terminal(
+            state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
+        ),
+        fit={
+            "postures": result.still,
+            **asdict(result.quality),
+            "iterations": result.fit.iterations,
+            "converged": result.fit.converged,
+        },
+        observability=_observability(result.observability),
+        validation=held_out_document(result.validation),
+        conformity=_conformity(result.conformity),
+        motion=motion_document(result),
     )
 
 

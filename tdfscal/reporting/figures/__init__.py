@@ -15,6 +15,7 @@ from tdfscal.reporting.figures import (
     observability,
     residuals,
     rig,
+    spectrum,
     survey,
     timeline,
     trials,
@@ -29,6 +30,7 @@ _ALL = (
     timeline.draw,
     observability.draw,
     rig.draw,
+    spectrum.draw,
     trials.draw,
     survey.draw,
 )

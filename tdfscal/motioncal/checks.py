@@ -1,0 +1,106 @@
+"""Can this log calibrate in motion at all? What cannot is refused with its reason."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.errors import DataError
+from tdfscal.motioncal.blocks import BAND, SHORTEST, Block
+from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.streams import Slow
+from tdfscal.records import BoolArray, Rig
+
+_AXES = ("x", "y", "z")
+#: Share of the speed's power above the band at which a recording is too slow for the motion.
+_FAST = 0.05
+#: Rounding of the recorded positions, over the positioners' own error, that is too coarse, and
+#: the error of positioners of which nothing is stated, m.
+_COARSE, _UNSTATED = 2.0, 1.0e-5
+#: Instants of one and the same reading after which a channel is frozen, s.
+_FROZEN = 1.0
+
+
+def check_stream(rig: Rig, slow: Slow) -> None:
+    """Raise DataError where a component is not measured, dead, or positions are too coarse."""
+    if not rig.axes.all():
+        i, j = np.argwhere(~rig.axes)[0]
+        raise DataError(
+            f"the sensor of {rig.supports[i]} does not measure {_AXES[j]}, and a calibration in "
+            "motion needs every component",
+            where="rig.yaml, supports",
+            hint="calibrate from dwells (--samples static)",
+        )
+    for i, j in np.argwhere(np.ptp(slow.force, axis=0) == 0.0):
+        raise DataError(
+            f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} reads "
+            f"{slow.force[0, i, j]:.6g} N throughout: it is dead or not connected",
+            where="log forces",
+            hint="check the sensor, its amplifier and the force fields in rig.yaml",
+        )
+    rounding = slow.quantum / np.sqrt(12.0)
+    allowed = _COARSE * (rig.declared.positioner or _UNSTATED)
+    if rounding > allowed:
+        raise DataError(
+            f"the positions are recorded in steps of {1e6 * slow.quantum:.3g} µm, which is an "
+            f"error of {1e6 * rounding:.2g} µm where the NCPs' own is "
+            f"{1e6 * (rig.declared.positioner or _UNSTATED):.2g} µm: in motion no dwell averages "
+            "it out",
+            where="log positions",
+            hint="record the positions with all their digits, or calibrate from dwells",
+        )
+
+
+def check_blocks(slow: Slow, blocks: tuple[Block, ...]) -> None:
+    """Raise DataError where nothing is left, or the motion is faster than the recording."""
+    if not blocks:
+        raise DataError(
+            f"no stretch of {SHORTEST:.0f} s is left to calibrate from in motion",
+            where="log",
+            hint="record half a minute of motion or more, without holes in the streams",
+        )
+    fast = total = 0.0
+    for block in blocks:
+        place = slow.position[block.index].reshape(block.taper.shape[1], -1)
+        spectrum = np.fft.rfft(block.taper[0][:, None] * (place - place.mean(axis=0)), axis=0)
+        f = np.fft.rfftfreq(len(place), slow.step)
+        power = np.sum(np.abs(spectrum) ** 2, axis=1) * f**2
+        fast += float(power[f > BAND / slow.step].sum())
+        total += float(power.sum())
+    moved = max(np.ptp(slow.position[block.index], axis=0).max() for block in blocks)
+    noise = 10 * max(slow.quantum, 1e-6)
+    if fast > _FAST * total and moved > noise:
+        raise DataError(
+            f"the NCPs move faster than {BAND / slow.step:.2g} Hz, the highest frequency that "
+            f"streams of {slow.rate:.3g} Hz show faithfully here",
+            where="log",
+            hint="record faster, or move more slowly",
+        )
+
+
+def frozen(rig: Rig, slow: Slow) -> tuple[BoolArray, tuple[Stretch, ...]]:
+    """Mask (N,) of instants that stand apart from channels which froze for a while."""
+    keep = np.ones(len(slow.time), dtype=np.bool_)
+    found = []
+    least = max(3, int(np.ceil(_FROZEN / slow.step)))
+    same = np.abs(np.diff(slow.force, axis=0)) <= 1e-12 * np.abs(slow.force[1:])
+    for i, j in np.ndindex(slow.force.shape[1:]):
+        rows = np.flatnonzero(same[:, i, j])
+        for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
+            if len(run) < least:
+                continue
+            keep[run[0] : run[-1] + 2] = False
+            begin, end = slow.time[run[0]], slow.time[run[-1] + 1]
+            reason = f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} is frozen"
+            found.append(Stretch(float(begin), float(end), reason))
+    return keep, tuple(found)
+
+
+def clipped(rig: Rig, slow: Slow) -> tuple[Stretch, ...]:
+    """Name the stretches in which a reading stands at its capacity."""
+    rows = np.flatnonzero(slow.clipped)
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return tuple(
+        Stretch(float(slow.time[run[0]]), float(slow.time[run[-1]]), "a sensor is at its capacity")
+        for run in runs
+        if run.size
+    )

@@ -1,0 +1,303 @@
+"""Calibration in motion, from slow streams to a judged result: the steps in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.acceptance.conformity import Conformity, assess_stated
+from tdfscal.acceptance.gate import judge
+from tdfscal.checks import log_against_rig
+from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.model import dynamics
+from tdfscal.model.calibrated import Calibrated, with_rotations
+from tdfscal.model.parameters import State, nominal, parameter_count, starting_state, with_motions
+from tdfscal.model.postures import Postures
+from tdfscal.motioncal import checks
+from tdfscal.motioncal.blocks import blocks, stretches
+from tdfscal.motioncal.contact import Stretch, merged, outside, touched
+from tdfscal.motioncal.covariance import MovingUncertainty, evaluate, quality
+from tdfscal.motioncal.design import drifting
+from tdfscal.motioncal.estimator import (
+    MovingFit,
+    MovingPriors,
+    MovingState,
+    at_state,
+    fit_moving,
+    force_power,
+)
+from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
+from tdfscal.motioncal.streams import Slow
+from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, UncertainValue
+from tdfscal.selfcal import observability
+from tdfscal.selfcal.covariance import Quality
+from tdfscal.selfcal.estimator import fit as quasi_static
+from tdfscal.selfcal.mounting_search import APART, apart, best_start, describe
+from tdfscal.selfcal.observability import Observability
+from tdfscal.selfcal.wiring import check_forces
+from tdfscal.significance import AMBIGUOUS_MOUNTING, CHANGED_RIG, MOST_REJECTED
+
+#: Instants at most that the quasi-static start is estimated from, and their noise, N and m.
+_START_ROWS, _START_FORCE, _START_PLACE = 400, 1.0, 1.0e-5
+#: Rounds in which contacts come to light.
+_ROUNDS = 6
+#: A mounting farther than this from the nominal one was not meant by it, rad.
+_MOUNTED_WITHIN = 0.3
+#: Left-out stretches closer than this are one, s.
+_TOGETHER = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class MotionCalibration:
+    """The judged result of a calibration in motion.
+
+    begin : s, in the log's time, and seconds : length of what was used. rejected : stretches left
+    out, with their reasons. postures : moments of the motion, for figures. still : dwells that
+    went in too. residual_power : frequencies (M,) in Hz and density (M,) of the residual force,
+    N²/Hz, with the nominal mounting and calibrated. reasons : why the gate rejects; empty where
+    it accepts.
+    """
+
+    rig: Rig
+    fit: MovingFit
+    quality: Quality
+    uncertainty: MovingUncertainty
+    observability: Observability
+    halves: Halves
+    conformity: Conformity | None
+    validation: HeldOut | None
+    rejected: tuple[Stretch, ...]
+    begin: float
+    seconds: float
+    postures: Postures
+    still: int
+    residual_power: tuple[FloatArray, FloatArray, FloatArray]
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def calibrated(self) -> Calibrated:
+        """All parameters of the rig with their joint covariance, for those who use them."""
+        size, n = parameter_count(self.rig.n), self.rig.n
+        full = np.zeros((len(self.fit.active),) * 2)
+        free = np.flatnonzero(self.fit.active)
+        full[np.ix_(free, free)] = self.uncertainty.posterior
+        return Calibrated(
+            rig=self.rig,
+            state=with_motions(self.fit.state.still, 0),
+            covariance=with_rotations(full[:size, :size], 3 * n, self.uncertainty.turns.covariance),
+            open=np.zeros(size, dtype=np.bool_),
+            joint=True,
+        )
+
+
+def calibrate_moving(
+    rig: Rig,
+    slow: Slow,
+    delay: UncertainValue,
+    *,
+    still: Postures | None = None,
+    apart: tuple[Stretch, ...] = (),
+    inputs: tuple[InputFile, ...] = (),
+    progress: Callable[[str], None] = lambda stage: None,
+) -> MotionCalibration:
+    """Calibrate from samples in motion.
+
+    Parameters
+    ----------
+    slow : streams of the log. delay : of the force stamps, s, as the rig file states it.
+    still, apart : dwells that go in as postures, and the stretches of the log that they take.
+    inputs : files, of which a salvaged one is never accepted. progress : told of each stage.
+
+    Raises
+    ------
+    DataError
+        The log contradicts the rig file, or cannot serve in motion.
+    NotIdentifiableError
+        The data do not determine an angle.
+    NotConvergedError
+        The iteration does not settle.
+    """
+    checks.check_stream(rig, slow)
+    keep, rejected = checks.frozen(rig, slow)
+    rejected += checks.clipped(rig, slow)
+    keep &= ~slow.clipped & outside(slow.time, apart)
+    cut = blocks(slow, keep)
+    checks.check_blocks(slow, cut)
+    seen = _moments(rig, slow, keep)
+    log_against_rig.check_geometry(rig, seen.position)
+    progress("fitting the motion and the spectrum of its residuals")
+    motion = drifting(rig, slow)
+    fit, doubt = _first_fit(
+        rig,
+        seen,
+        lambda state: fit_moving(
+            rig,
+            slow,
+            cut,
+            MovingState(
+                with_motions(state, 0 if motion is None else len(motion.std)),
+                dynamics.prior(rig, float(delay.value), float(delay.std))[0],
+            ),
+            delay,
+            still=still,
+        ),
+    )
+    for _ in range(_ROUNDS):
+        found = touched(fit)
+        if not found:
+            break
+        rejected = merged([*rejected, *found], _TOGETHER)
+        cut = blocks(slow, keep & outside(slow.time, rejected))
+        checks.check_blocks(slow, cut)
+        fit = fit_moving(rig, slow, cut, fit.state, delay, still=still)
+    keep &= outside(slow.time, rejected)
+    result = _judged(rig, fit, delay, keep, rejected, still, inputs, progress)
+    return replace(result, warnings=(*result.warnings, *doubt))
+
+
+def _first_fit(
+    rig: Rig, seen: Postures, fitted: Callable[[State], MovingFit]
+) -> tuple[MovingFit, tuple[str, ...]]:
+    """Fit from the nominal mounting, and from the one that explains the forces best.
+
+    Where the two are mountings apart the likelier one stands. A motion that hardly tilts shows
+    forces and their reverse alike (half a turn of every sensor): then the nominal mounting
+    decides, and it is said.
+
+    Raises DataError where units, signs or names of the forces cannot be right.
+    """
+    begin = starting_state(rig)
+    near, best = quasi_static(rig, seen, begin), best_start(rig, seen)
+    check_forces(rig, seen, best)
+    if apart(near.state.rotation, best.state.rotation) <= APART:
+        return fitted(best.state), ()
+    far = fitted(best.state)
+    if apart(near.state.rotation, begin.rotation) > APART + _MOUNTED_WITHIN:
+        return far, ()
+    close = fitted(near.state)
+    if apart(close.state.still.rotation, far.state.still.rotation) <= APART:
+        return close, ()
+    # Both by the spectrum of the better one, which the other can only have raised.
+    scale = min(close, far, key=lambda f: float(f.noise.variance(f.rows.bins).sum())).noise
+    gap = replace(close, noise=scale).cost - replace(far, noise=scale).cost
+    if gap > float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2:
+        return far, ()
+    return close, (
+        "another mounting explains the motion about as well, "
+        f"{describe(rig, close.state.still, far.state.still)}; the nominal one decided",
+    )
+
+
+def _judged(
+    rig: Rig,
+    fit: MovingFit,
+    delay: UncertainValue,
+    keep: BoolArray,
+    rejected: tuple[Stretch, ...],
+    still: Postures | None,
+    inputs: tuple[InputFile, ...],
+    progress: Callable[[str], None],
+) -> MotionCalibration:
+    slow = fit.slow
+    used = _moments(rig, slow, keep)
+    uncertainty = evaluate(fit)
+    stats = quality(fit)
+    turns = uncertainty.turns
+    verdict = observability.verdict(
+        rig, fit.state.still, used, turns.covariance, turns.rpy_covariance
+    )
+    if not verdict.identified:
+        raise NotIdentifiableError(_unseen(verdict), hint=verdict.weak[0].advice)
+    if not fit.converged:
+        raise NotConvergedError(
+            f"the estimate did not settle in {fit.iterations} iterations",
+            hint="check mass, hinges and nominal mounting in rig.yaml, and record a longer motion",
+        )
+    progress("checking the halves of the log against each other")
+    halves = compare_halves(fit, keep, delay)
+    start = MovingState(
+        nominal(rig, fit.state.still.motions),
+        dynamics.prior(rig, float(delay.value), float(delay.std))[0],
+    )
+    seconds = sum(last - first for first, last in stretches(slow, keep)) * slow.step
+    result = MotionCalibration(
+        rig=rig,
+        fit=fit,
+        quality=stats,
+        uncertainty=uncertainty,
+        observability=verdict,
+        halves=halves,
+        conformity=None,
+        validation=hold_out(fit, keep, delay, start),
+        rejected=rejected,
+        begin=float(slow.time[0]),
+        seconds=seconds,
+        postures=used,
+        still=0 if still is None else len(still),
+        residual_power=_residual_power(fit, start, delay),
+        reasons=(),
+        warnings=_warnings(rig, fit, rejected, used.position),
+    )
+    conformity = assess_stated(result.calibrated)
+    lost = sum(s.end - s.begin for s in rejected)
+    reasons = judge(rig, turns.rpy_std, stats.birge, inputs=inputs, conformity=conformity)
+    if lost > MOST_REJECTED * (lost + seconds):
+        reasons += (
+            f"{lost:.0f} of {lost + seconds:.0f} s had to be left out, above the limit of "
+            f"{MOST_REJECTED:.0%}; the first: {rejected[0].reason}",
+        )
+    if halves.p_value < CHANGED_RIG:
+        i, j = np.unravel_index(np.argmax(np.abs(halves.turn / halves.std)), halves.turn.shape)
+        reasons += (
+            f"the two halves of the log disagree (p = {halves.p_value:.1g}), most about the "
+            f"{'xyz'[j]} axis of {rig.supports[i]}: "
+            f"{1e3 * halves.turn[i, j]:.2g} ± {1e3 * halves.std[i, j]:.2g} mrad",
+        )
+    return replace(result, conformity=conformity, reasons=reasons)
+
+
+def _residual_power(
+    fit: MovingFit, start: MovingState, delay: UncertainValue
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Frequencies, and the residual force's density before and after; start : nominal."""
+    priors = MovingPriors(fit.rig, fit.slow, delay)
+    nominal_fit = at_state(fit.rig, fit.slow, fit.blocks, start, priors, fit.noise)
+    before, after = (force_power(each) for each in (nominal_fit, fit))
+    return fit.rows.bins.frequency[::6], before, after
+
+
+def _moments(rig: Rig, slow: Slow, keep: BoolArray) -> Postures:
+    """Instants of the motion as if they were postures: for a start, and for the loads' course."""
+    rows = np.flatnonzero(keep)
+    rows = rows[:: max(1, int(np.ceil(len(rows) / _START_ROWS)))]
+    unit = np.broadcast_to(np.eye(3), (len(rows), rig.n, 3, 3))
+    return Postures(
+        position=slow.position[rows],
+        force=slow.force[rows],
+        position_cov=_START_PLACE**2 * unit,
+        force_cov=_START_FORCE**2 * unit,
+        moment_var=0.0,
+        approach=np.zeros((len(rows), 3)),
+        measured=rig.axes,
+    )
+
+
+def _unseen(seen: Observability) -> str:
+    names = ", ".join(weakness.angle.name for weakness in seen.weak)
+    if len(seen.weak) == len(seen.angles):
+        names = "any angle of any sensor"
+    first = seen.weak[0]
+    return f"the motion does not determine {names}; for {first.angle.name}, {first.cause}"
+
+
+def _warnings(
+    rig: Rig, fit: MovingFit, rejected: tuple[Stretch, ...], position: FloatArray
+) -> tuple[str, ...]:
+    out = [f"{s.begin:.2f} to {s.end:.2f} s of the log were left out: {s.reason}" for s in rejected]
+    if turned := log_against_rig.turned(rig, position):
+        out.append(turned)
+    return tuple(out)

@@ -1,0 +1,190 @@
+"""Which samples of a log calibrate: static dwells, the motion, or all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from tdfscal.dwells import find_dwells
+from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError, UsageError
+from tdfscal.model.postures import Postures
+from tdfscal.model.zero_motion import zero_motion
+from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
+from tdfscal.motioncal.streams import Decimator, Slow
+from tdfscal.records import Dwells, Log, UncertainValue
+from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.workflows.log_pass import LogPass
+
+Samples = Literal["static", "moving", "all"]
+Own = SelfCalibration | MotionCalibration
+
+#: Dwells from which a log is taken for a campaign of dwells: five determine the angles at all.
+_ENOUGH = 5
+
+
+def calibrate_samples(
+    log: LogPass,
+    samples: Samples | None,
+    static: Callable[[Dwells], SelfCalibration],
+) -> Own:
+    """Calibrate from the samples that are asked for, or from those that serve.
+
+    samples : None takes the dwells where there are enough, else the motion.
+    static : calibrates from dwells.
+
+    Raises DataError, NotIdentifiableError, NotConvergedError, UsageError.
+    """
+    if samples == "static":
+        return _static(log, log.dwells(), static)
+    dwells, slow = _read(log, with_dwells=samples != "moving")
+    if samples == "moving":
+        return _moving(log, slow)
+    if samples == "all":
+        return _all(log, dwells, slow, static)
+    if len(dwells) >= _ENOUGH or slow is None:
+        return _static(log, dwells, static)
+    try:
+        return _moving(log, slow)
+    except TdfscalError as error:
+        if len(dwells):
+            return _static(log, dwells, static)
+        raise type(error)(
+            f"no static dwell was found, and in motion {error.what}",
+            where=error.where,
+            hint=error.hint,
+        ) from error
+
+
+def _read(log: LogPass, *, with_dwells: bool) -> tuple[Dwells, Slow | None]:
+    """Read the logs once, for the dwells and for the slow streams."""
+    log.progress.stage("reading the log")
+    decimator = Decimator(log.campaign.rig.rig.capacity)
+    averaged = False
+
+    def pieces() -> Iterator[Log]:
+        nonlocal averaged
+        for piece in log.pieces():
+            averaged |= piece.rows == "postures"
+            if not averaged:
+                decimator.add(piece)
+            yield piece
+
+    if with_dwells:
+        dwells = find_dwells(pieces())
+        log.messages |= dict.fromkeys(dwells.warnings)
+    else:
+        for _ in pieces():
+            pass
+        dwells = find_dwells(iter(()))
+    try:
+        slow = None if averaged else decimator.finish()
+    except DataError:
+        if not with_dwells:
+            raise
+        slow = None
+    return dwells, slow
+
+
+def _static(
+    log: LogPass, dwells: Dwells, static: Callable[[Dwells], SelfCalibration]
+) -> SelfCalibration:
+    log.progress.stage(f"calibrating from {len(dwells)} dwells")
+    return static(dwells)
+
+
+def _moving(
+    log: LogPass,
+    slow: Slow | None,
+    still: Postures | None = None,
+    apart: tuple[Stretch, ...] = (),
+) -> MotionCalibration:
+    if slow is None:
+        raise DataError(
+            "the log holds averaged postures and no motion",
+            where="log",
+            hint="use --samples static, or give the recording itself",
+        )
+    loaded = log.campaign.rig
+    stated = loaded.log.delay if loaded.log is not None else None
+    delay = stated or UncertainValue(np.array(0.0), np.array(np.inf))
+    log.progress.stage("calibrating from the motion")
+    return calibrate_moving(
+        loaded.rig,
+        slow,
+        delay,
+        still=still,
+        apart=apart,
+        inputs=tuple(log.inputs),
+        progress=log.progress.stage,
+    )
+
+
+def _all(
+    log: LogPass,
+    dwells: Dwells,
+    slow: Slow | None,
+    static: Callable[[Dwells], SelfCalibration],
+) -> Own:
+    """Dwells as postures and the moves between them in one estimate.
+
+    What the moves cannot add to is the dwells' own result, with a word about it.
+    """
+    own = None
+    if len(dwells):
+        try:
+            own = _static(log, dwells, static)
+        except NotIdentifiableError:
+            if slow is None:
+                raise
+    if own is None or slow is None:
+        return own if own is not None else _moving(log, slow)
+    apart = tuple(
+        Stretch(float(begin), float(end), "a dwell")
+        for begin, end in zip(dwells.start, dwells.end, strict=True)
+    )
+    try:
+        both = _moving(log, slow, _postures(own, slow), apart)
+    except TdfscalError as error:
+        return _with_word(own, f"the moves add nothing to the dwells: {error.what}")
+    if np.any(both.uncertainty.turns.rpy_std > own.uncertainty.rpy_std):
+        return _with_word(own, "the moves add nothing to the dwells: they are no more certain")
+    return both
+
+
+def _with_word(own: SelfCalibration, word: str) -> SelfCalibration:
+    return replace(own, warnings=(*own.warnings, word))
+
+
+def _postures(own: SelfCalibration, slow: Slow) -> Postures:
+    """Dwells as the static fit weighed them, their zeros moving as those of the motion do."""
+    fit = own.fit
+    used = fit.weight > 0
+    scale = (max(1.0, own.quality.birge) ** 2 / fit.weight[used])[:, None, None, None]
+    observed = fit.postures.subset(used)
+    screened = [k for k in range(len(own.dwells)) if k not in own.rejected]
+    middle = ((own.dwells.start + own.dwells.end) / 2)[screened]
+    drift = replace(own.rig.drift, walk=0.0)
+    motion = zero_motion(drift, np.concatenate([slow.time[:1], middle]), None, own.rig.n)
+    return replace(
+        observed,
+        force_cov=scale * observed.force_cov,
+        position_cov=scale * observed.position_cov,
+        approach=np.zeros_like(observed.approach),
+        motion=None if motion is None else motion.subset(slice(1, None)),
+    )
+
+
+def check_samples(samples: Samples | None, method: str | None, estimator: str) -> None:
+    """Raise UsageError where other options need dwells."""
+    if samples not in ("moving", "all"):
+        return
+    if method in ("tracker", "joint") or estimator == "linear":
+        other = f"--method {method}" if method in ("tracker", "joint") else "--estimator linear"
+        raise UsageError(
+            f"{other} does not go with --samples {samples}: it needs static dwells alone",
+            hint="leave one of the two out",
+        )

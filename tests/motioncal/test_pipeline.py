@@ -1,0 +1,73 @@
+"""From slow streams to a judged result: contacts, refusals, and what is stated of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import UncertainValue
+from tdfscal.simulation.moving_campaign import MovingCampaign
+from tdfscal.simulation.moving_options import MovingOptions, Touch
+from tests.motioncal.campaigns import played, turn_error
+
+#: A rig file that states no delay, and no inertia.
+NOTHING = UncertainValue(np.array(0.0), np.array(np.inf))
+MINUTE = MovingOptions(rate=100.0, noise=1.1)
+
+
+def calibrated(options: MovingOptions, seed: int = 5) -> tuple[MovingCampaign, MotionCalibration]:
+    campaign, slow, _ = played(options, seed)
+    return campaign, calibrate_moving(campaign.rig, slow, NOTHING)
+
+
+def within(campaign: MovingCampaign, result: MotionCalibration) -> bool:
+    error = turn_error(campaign, result.fit.state.still.rotation)
+    covariance = result.uncertainty.turns.covariance
+    return bool(error @ np.linalg.solve(covariance, error) < chi2_quantile(1 - 1e-3, 9))
+
+
+def test_a_static_rig_file_calibrates_in_motion_and_a_contact_costs_little() -> None:
+    campaign, clean = calibrated(MINUTE)
+    assert within(campaign, clean)
+    assert clean.reasons == ()
+    assert clean.rejected == ()
+    touch = Touch(30.0, 33.0, (9.0, -6.0, 10.0))
+    campaign, touched = calibrated(replace(MINUTE, touches=(touch,)))
+    (left_out,) = touched.rejected
+    assert left_out.begin == pytest.approx(30.0, abs=1.5)
+    assert left_out.end == pytest.approx(33.0, abs=1.5)
+    assert within(campaign, touched)
+    rms = [np.sqrt(np.mean(r.uncertainty.turns.rpy_std**2)) for r in (clean, touched)]
+    assert rms[1] < 1.3 * rms[0]
+    shares = sum(clean.uncertainty.turns.contributions.values())
+    variance = np.diagonal(clean.uncertainty.turns.rpy_covariance, axis1=1, axis2=2)
+    assert shares == pytest.approx(variance, rel=1e-6)
+
+
+def test_held_out_stretches_and_halves_agree_with_the_noise() -> None:
+    _, result = calibrated(MINUTE)
+    assert result.validation is not None
+    assert np.all(result.validation.after < 0.05 * result.validation.before)
+    assert result.halves.p_value > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "word"),
+    [
+        (replace(MINUTE, quantum=1e-4), DataError, "steps of 100 µm"),
+        (replace(MINUTE, travel=0.0, tilt=0.0, squeeze=0.0), NotIdentifiableError, "yaw"),
+        (replace(MINUTE, duration=3.0), DataError, "no stretch"),
+        (replace(MINUTE, rate=1.0, frequency=0.4), DataError, "faster"),
+    ],
+    ids=["rounded positions", "stands still", "too short", "recorded too slowly"],
+)
+def test_a_log_that_cannot_do_it_says_why(
+    options: MovingOptions, error: type[Exception], word: str
+) -> None:
+    with pytest.raises(error, match=word):
+        calibrated(options)
