@@ -17,6 +17,7 @@ from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, IntArray, Log, Series
 
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
+_WIDEST, _LONG = 0.16, 4  # s, and how many times as many bins there may be from then on
 _SLOWEST = 2.0  # s
 _PEEK, _PEEK_OF = (
     2048,
@@ -93,8 +94,12 @@ class _Binner:
             self._check_finite(stream, series, found.mean)
             self._look(stream, series.value)
             self.store.add(stream, place, found)
-        while self.store.size > self.limit and self.store.coarsen():
+        while self.store.size > self._most() and self.store.coarsen():
             self.width *= 2
+
+    def _most(self) -> int:
+        """Bins to hold: more once wider ones would hide a stop of a second."""
+        return self.limit if self.width < _WIDEST else _LONG * self.limit
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""

@@ -32,7 +32,8 @@ class DwellOptions:
     samples of the slowest stream."""
     max_bins: int = 225 * 1024
     """Above this many bins their width doubles, so that memory stays bounded: 70 MB with three
-    supports. An hour fits at 20 ms, ten hours at 160 ms."""
+    supports. An hour fits at 20 ms, ten hours at 160 ms; from there on it takes four times as many
+    bins until they double again, so that forty hours are seen in steps of 160 ms too."""
 
     def __post_init__(self) -> None:
         zero_allowed = {"settle_time"}
