@@ -41,6 +41,11 @@ class Extent:
     end: int
     used: BoolArray
 
+    @classmethod
+    def whole(cls, begin: int, end: int) -> Extent:
+        """All bins from begin to end."""
+        return cls(begin, end, np.ones(end - begin, dtype=np.bool_))
+
     @property
     def rows(self) -> IntArray:
         """Indices of the bins averaged."""

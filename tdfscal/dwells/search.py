@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise, zip_longest
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,16 +27,18 @@ from tdfscal.dwells.common_drift import drift_of_rests
 from tdfscal.dwells.dwell_means import Extent, evenly
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.ringing import Ringing, find_ringing
-from tdfscal.dwells.settling import Settled, Stretch, one_decay, one_level, restless, settled_part
+from tdfscal.dwells.settling import Settled, Stretch, one_level, settled_part
 from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
 from tdfscal.significance import SAME_LEVEL
 
-INTERRUPTED = "interrupted"  # begins the reason of what is left out amid a dwell
+INTERRUPTED = "interrupted"  # begins the reason of wrong readings that are left out amid a dwell
+_WRONG = f"{INTERRUPTED}: readings leave their level and return"
+_JOLT = "jolt: a burst of force, excluded from the dwell around it"
 
 _SHORTEST = 0.2  # s
 _SHORTEST_BINS = 5
 _MENTIONED = 0.1  # s; shorter moments of rest within a move are not worth a line
-_JOLT = 1.0  # s; longest burst that a dwell may carry on after
+_BRIEF = 1.0  # s; pauses between stretches of rest that are looked at together
 _UNSETTLED = 1.0  # bias / standard error that a dwell may not exceed
 _TRANSIENT = 0.6  # s; a level held for less, and left again, is the crest of an oscillation
 _CLEAR = 0.1  # largest share of a rest that is kept clear of each neighbouring move
@@ -166,7 +168,7 @@ def search(
     clear = first + _kept_clear(field, first, last, after=True)
     latest = last - _kept_clear(field, first, last, after=False)
     rests = np.stack([first, last, clear, latest], axis=1)
-    for part in _neighbours(first, last, _JOLT / field.bins.width):
+    for part in _neighbours(first, last, _BRIEF / field.bins.width):
         bins = slice(int(first[part][0]), int(last[part][-1]))
         value = np.concatenate([field.positions.value[:, bins], field.forces.value[:, bins]])
         time = field.bins.start[bins] - field.bins.start[bins.start]
@@ -202,8 +204,8 @@ def _whole_stops(
             here = stretch.louder(np.concatenate([still, factor]))
             if one_level(here, earlier.ends[1], later.ends[0], SAME_LEVEL):
                 joined[-1] = earlier.followed_by(later)
-                reason = f"{INTERRUPTED}: readings leave their level and return"
-                out.append(field.out(earlier.end, later.begin, reason))
+                moved = field.moving[earlier.end : later.begin].any()
+                out.append(field.out(earlier.end, later.begin, _WRONG if moved else _JOLT))
                 continue
         joined.append(later)
     return joined, out
@@ -299,8 +301,7 @@ def _within_rest(
         if field.ringing:
             reason += f": they ring ({'; '.join(map(str, field.ringing))})"
         return [], [field.out(begin, end, reason)]
-    extents, jolts = _joined(field, stretch, settled)
-    return extents, unsettled + jolts
+    return [Extent.whole(part.begin, part.end) for part in settled], unsettled
 
 
 def _settled_parts(
@@ -333,14 +334,7 @@ def _settled_parts(
         origin = _next(field, stop, end)
     held = round(_TRANSIENT / field.bins.width)
     kept = [
-        part
-        for part, later in zip_longest(settled, settled[1:])
-        if (later is None and final)
-        or not (
-            part.end - part.begin < held
-            or restless(stretch, part)
-            or (later is not None and one_decay(stretch, part, later))
-        )
+        part for part in settled if part.end - part.begin >= held or (final and part is settled[-1])
     ]
     return kept, unsettled
 
@@ -369,31 +363,3 @@ def _calm(field: Field, begin: int, end: int) -> list[tuple[int, int]]:
         elif k + 1 < len(calm) or length >= 2 * crest:
             kept.append((start, stop))
     return kept
-
-
-def _joined(
-    field: Field, stretch: Stretch, settled: list[Settled]
-) -> tuple[list[Extent], list[LeftOut]]:
-    """Join what a burst of force has cut in two, where the level before and after is one."""
-    groups: list[list[Settled]] = [[settled[0]]]
-    for part in settled[1:]:
-        last = groups[-1][-1]
-        pause = part.begin - last.end
-        brief = pause * field.bins.width <= _JOLT
-        brief &= pause <= (last.end - last.begin) + (part.end - part.begin)
-        if brief and one_level(stretch, last, part, SAME_LEVEL):
-            groups[-1].append(part)
-        else:
-            groups.append([part])
-    extents, out = [], []
-    for group in groups:
-        begin, end = group[0].begin, group[-1].end
-        used = np.zeros(end - begin, dtype=np.bool_)
-        for part in group:
-            used[part.begin - begin : part.end - begin] = True
-        extents.append(Extent(begin, end, used))
-        out += [
-            field.out(a.end, b.begin, "jolt: a burst of force, excluded from the dwell around it")
-            for a, b in pairwise(group)
-        ]
-    return extents, out

@@ -16,7 +16,6 @@ from tdfscal.significance import SETTLING_CUT, SETTLING_DECAY
 
 _SLOWEST = 10.0  # s; a time constant beyond is called drift
 _BIAS = 0.5  # largest bias of the mean / its standard error where the stop is long enough
-_WANDER = 5.0  # standard deviations
 _STEP = 50  # a cut advances by at least this fraction of what is left
 _CONSTANTS = 24  # time constants tried
 _LENGTHS = 2 ** np.arange(40)
@@ -171,24 +170,6 @@ def one_level(stretch: Stretch, a: Settled | Extent, b: Settled | Extent, p: flo
     return not bool(stretch.misfit(difference, variance, p))
 
 
-def restless(stretch: Stretch, part: Settled) -> bool:
-    """Does the level wander more than the noise: an oscillation below the threshold of a change?"""
-    for scale in range(len(stretch.noise.difference)):
-        width = 2**scale
-        start = np.arange(part.begin, part.end - 2 * width + 1, max(width // 2, 1))
-        if len(start) < 2:
-            break
-        difference = stretch.mean(start + width, start + 2 * width)
-        difference = difference - stretch.mean(start, start + width)
-        excess = np.maximum(np.abs(difference) - stretch.tolerance, 0.0)[:, stretch.force]
-        variance = 2.0 * stretch.noise.of_mean(width)[stretch.force] ** 2
-        z2 = np.divide(excess**2, variance, out=np.zeros_like(excess), where=variance > 0)
-        independent = max((part.end - part.begin) / (2.0 * width), 1.0) * z2.shape[1]
-        if z2.mean() > 1.0 + _WANDER * np.sqrt(2.0 / independent):
-            return True
-    return False
-
-
 def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
     """Shortest windows at the begin and at the end that do not fit the other half; 0 if all do."""
     middle = (begin + end) // 2
@@ -239,25 +220,6 @@ def _without_decay(
     error = np.where(ratio <= max(_BIAS, ratio.min()), (1.0 + square) / length, np.inf)
     best = int(np.argmin(error))
     return replace(part, begin=int(start[best]), ratio=float(ratio[best]))
-
-
-def one_decay(stretch: Stretch, earlier: Settled, later: Settled) -> bool:
-    """Is the earlier level what the decay that ends in the later one had then?
-
-    A decay slow enough looks like a level for a while.
-    """
-    if later.decay is None:
-        return False
-    seen = stretch.mean(earlier.begin, earlier.end) - stretch.mean(later.begin, later.end)
-    middle = 0.5 * (earlier.begin + earlier.end)
-    expected = np.exp((later.decay.begin - middle) / later.decay.tau) * later.decay.amplitude
-    scale = stretch.long_run[stretch.force]
-    seen, expected = (
-        np.divide(x, scale, out=np.zeros_like(x), where=scale > 0)
-        for x in (seen[stretch.force], expected)
-    )
-    across, share = seen @ expected, expected @ expected
-    return bool(across > 0.9 * np.sqrt((seen @ seen) * share) and 0.5 < across / share < 2.0)
 
 
 def _fit_decay(stretch: Stretch, begin: int, end: int) -> Decay | None:

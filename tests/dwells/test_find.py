@@ -317,6 +317,7 @@ def test_rows_that_are_postures_pass_as_they_are() -> None:
     rng = np.random.default_rng(0)
     time = np.arange(5.0)
     position, force = rng.normal(size=(2, 3, 5, 3))
+    later = tuple(Series(time, p) for p in rng.normal(size=(3, 5, 3)))
     log = Log(
         supports=("a", "b", "c"),
         position=tuple(Series(time, p) for p in position),
@@ -324,10 +325,11 @@ def test_rows_that_are_postures_pass_as_they_are() -> None:
         rows="postures",
         warnings=("said by the reader",),
     )
-    dwells = find_dwells([log, replace(log, warnings=())])
+    dwells = find_dwells([log, replace(log, position=later, warnings=())])
     assert len(dwells) == 10
     np.testing.assert_array_equal(dwells.force[:5], force.transpose(1, 0, 2))
-    np.testing.assert_array_equal(dwells.position[5:], position.transpose(1, 0, 2))
+    np.testing.assert_array_equal(dwells.position[:5], position.transpose(1, 0, 2))
+    np.testing.assert_array_equal(dwells.position[5:, 1], later[1].value)
     assert not dwells.force_cov.any()
     assert not dwells.position_cov.any()
     assert np.all(dwells.count == 1)
