@@ -12,8 +12,8 @@ After a step the sensor's past counts no more, a creep is followed, and the sear
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -143,7 +143,7 @@ class Watching:
             while (found := self._worst(k, note=first)) is not None:
                 self._raise(k, *found)
                 first = False
-        return Watch(tuple(self.alarms), tuple(self.steps), self.level, self.smallest)
+        return Watch(self._refined(), tuple(self.steps), self.level, self.smallest)
 
     def _filter(self, k: int) -> None:
         """What is known before check k, and the sums with it."""
@@ -216,58 +216,99 @@ class Watching:
     def _name(self, k: int, sensor: int) -> tuple[Kind, int, FloatArray, FloatArray]:
         """Step or creep, since when, how far: what explains the checks up to k best."""
         first = max(self.start[sensor], k - _BACK)
-        tried = range(first + 1, k + 1)
-        steps = [(self._explains(first, k, sensor, self._step(j, k)), j) for j in tried]
-        ramps = [(self._explains(first, k, sensor, self._ramp(j, k)), j) for j in tried]
-        step, ramp = (max(found, key=lambda pair: pair[0][0]) for found in (steps, ramps))
-        creeps = ramp[0][0] > step[0][0] + _RAMP_BETTER
-        (_, turn, std), onset = ramp if creeps else step
-        return "creep" if creeps else "step", onset, turn, std
+        step = self._best(first, k, sensor, self._step)
+        ramp = self._best(first, k, sensor, self._ramp)
+        if ramp[0] > step[0] + _RAMP_BETTER:
+            return "creep", *ramp[1:]
+        return "step", *step[1:]
 
     def _one_creep(
         self, k: int, earlier: Alarm, onset: int
     ) -> tuple[int, FloatArray, FloatArray] | None:
         """Onset, turn per month and std of a creep that does as well as two steps, if one does."""
         assert earlier.sensor is not None
-        first = max(0, earlier.onset - _BACK)
-        two = np.stack([self._step(earlier.onset, k)[0], self._step(onset, k)[0]])
-        stepped = self._explains(first, k, earlier.sensor, two)[0]
-        ramps = [
-            (self._explains(first, k, earlier.sensor, self._ramp(j, k)), j)
-            for j in range(first + 1, k)
-        ]
-        if not ramps:
-            return None
-        (explained, turn, std), begin = max(ramps, key=lambda pair: pair[0][0])
-        return (begin, turn, std) if explained > stepped - _TWO_STEPS_COST else None
+        sensor, first = earlier.sensor, max(0, earlier.onset - _BACK)
+        two = [(sensor, self._step(earlier.onset, k)), (sensor, self._step(onset, k))]
+        stepped = self._explains(first, k, two)[0]
+        ramp = self._best(first, k, sensor, self._ramp)
+        return ramp[1:] if ramp[0] > stepped - _TWO_STEPS_COST else None
+
+    def _refined(self) -> tuple[Alarm, ...]:
+        """Give each alarm the size, and a creep the onset, that all checks until the next say."""
+        refined = []
+        for alarm in self.alarms:
+            if alarm.sensor is None:
+                refined.append(alarm)
+                continue
+            own = sorted(a.onset for a in self.alarms if a.sensor == alarm.sensor)
+            place = own.index(alarm.onset)
+            last = own[place + 1] - 1 if place + 1 < len(own) else len(self.checks) - 1
+            first = max(own[place - 1] if place else 0, last - _BACK)
+            if first >= alarm.onset or last < alarm.onset:
+                refined.append(alarm)
+            elif alarm.kind == "creep":
+                _, onset, turn, std = self._best(first, last, alarm.sensor, self._ramp)
+                onset = min(onset, alarm.raised)
+                refined.append(replace(alarm, onset=onset, turn=turn, std=std))
+            else:
+                shape = self._step(alarm.onset, last)
+                _, turn, std = self._explains(first, last, [(alarm.sensor, shape)])
+                refined.append(replace(alarm, turn=turn, std=std))
+        return tuple(refined)
 
     def _step(self, onset: int, k: int) -> FloatArray:
-        return (np.arange(k + 1) >= onset).astype(np.float64)[None]
+        return (np.arange(k + 1) >= onset).astype(np.float64)
 
     def _ramp(self, onset: int, k: int) -> FloatArray:
         months = np.array([check.month for check in self.checks[: k + 1]])
-        return np.asarray(np.maximum(months - months[onset - 1], 0.0)[None])
+        return np.asarray(np.maximum(months - months[onset - 1], 0.0))
+
+    def _best(
+        self, first: int, k: int, sensor: int, shape: Callable[[int, int], FloatArray]
+    ) -> tuple[float, int, FloatArray, FloatArray]:
+        """χ², onset, turn and std of the shape that explains checks first … k best."""
+        found = [
+            (self._explains(first, k, [(sensor, shape(onset, k))]), onset)
+            for onset in range(first + 1, k + 1)
+        ]
+        (explained, turn, std), onset = max(found, key=lambda pair: pair[0][0])
+        return explained, onset, turn, std
 
     def _explains(
-        self, first: int, k: int, sensor: int, shapes: FloatArray
+        self, first: int, k: int, columns: list[tuple[int, FloatArray]]
     ) -> tuple[float, FloatArray, FloatArray]:
-        """χ² that turns of these shapes (m, k + 1) in time take away from checks first … k.
+        """χ² that turns of these sensors and shapes in time (k + 1,) take away from first … k.
 
-        Also the first shape's turn (3,) and its standard uncertainty.
+        What the other sensors are known to have done is allowed for. Also the first column's turn
+        (3,) and its standard uncertainty.
         """
-        turn, m = _turn(sensor), len(shapes)
-        own, shapes = self.own[first : k + 1], shapes[:, first:]
+        asked = {sensor for sensor, _ in columns}
+        known = [
+            (alarm.sensor, (self._ramp if alarm.kind == "creep" else self._step)(alarm.onset, k))
+            for alarm in self.alarms
+            if alarm.sensor is not None and alarm.sensor not in asked and first < alarm.onset <= k
+        ]
+        total = self._regressed(first, k, [*columns, *known])
+        without = self._regressed(first, k, known)[0] if known else 0.0
+        return total[0] - without, total[1], total[2]
+
+    def _regressed(
+        self, first: int, k: int, columns: list[tuple[int, FloatArray]]
+    ) -> tuple[float, FloatArray, FloatArray]:
+        own = self.own[first : k + 1]
         matrices = np.array([item.matrix for item in own])
         scores = np.array([item.score for item in own])
         known = self.before[first]
         covariance = Information(known.matrix + matrices.sum(axis=0), known.score).covariance
         total = known.score + scores.sum(axis=0)
-        cross = np.einsum("mj,jca->cma", shapes, matrices[:, :, turn]).reshape(-1, 3 * m)
-        score = (shapes @ scores[:, turn]).ravel()
-        square = np.einsum("mj,lj,jab->malb", shapes, shapes, matrices[:, turn, turn])
+        turns = [(_turn(sensor), shape[first:]) for sensor, shape in columns]
+        cross = np.hstack([np.tensordot(g, matrices[:, :, at], axes=1) for at, g in turns])
+        score = np.concatenate([g @ scores[:, at] for at, g in turns])
+        square = np.block(
+            [[np.tensordot(g * h, matrices[:, a, b], axes=1) for b, h in turns] for a, g in turns]
+        )
         left = score - cross.T @ (covariance @ total)
-        information = square.reshape(3 * m, 3 * m) - cross.T @ covariance @ cross
-        spread = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
+        spread = np.linalg.pinv(square - cross.T @ covariance @ cross, rcond=1e-9, hermitian=True)
         amount = spread @ left
         return float(left @ amount), amount[:3], np.sqrt(np.diagonal(spread)[:3].clip(0.0))
 

@@ -48,6 +48,7 @@ class Member:
 
     own : what it says by itself. misfit : against all others. fit : at the common constants; None
     for a survey. chi2, dof : of its residuals and of its departure from those before it.
+    within : χ² and degrees of freedom of its residuals alone. reduced : what `eliminate` gave.
     """
 
     name: str
@@ -58,6 +59,8 @@ class Member:
     rejected: tuple[Rejection, ...]
     chi2: float
     dof: int
+    within: tuple[float, int]
+    reduced: Eliminated
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +152,18 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         # Constants of which nothing was stated are determined by the first campaign.
         dof -= 0 if k else unstated(Priors(rig))
         members.append(
-            Member(item.name, item.month, own[k], contrasts[k], fits[k], rejected[k], chi2, dof)
+            Member(
+                item.name,
+                item.month,
+                own[k],
+                contrasts[k],
+                fits[k],
+                rejected[k],
+                chi2,
+                dof,
+                _within(reduced[k]),
+                reduced[k],
+            )
         )
     found = _not_fitting(rig, [item.name for item in ordered], own, prior, steps)
     return Pool(reference, prior, walk, tuple(members), found)
@@ -160,6 +174,12 @@ def _fresh(known: Information, part: Eliminated) -> tuple[float, int]:
     both = known + part.information
     with_prior = float(known.mean @ known.score + part.chi2 - both.mean @ both.score)
     return max(0.0, with_prior), part.rows
+
+
+def _within(part: Eliminated) -> tuple[float, int]:
+    """χ² and degrees of freedom of a campaign with the constants at its own best."""
+    explained, rank = Contrast(part.information.matrix, part.information.score).chi2()
+    return max(0.0, part.chi2 - explained), max(0, part.rows - rank)
 
 
 def _not_fitting(

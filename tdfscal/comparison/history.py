@@ -1,0 +1,203 @@
+"""The life of a rig: angles of every check, their path, alarms, when to calibrate next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.comparison.control_chart import Alarm, Check, Watching
+from tdfscal.comparison.walk import Intensity, backward, forward, intensity, log_likelihood, others
+from tdfscal.model.earlier import EVEN_TURN, turned
+from tdfscal.model.parameters import State
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.numerics.information import Information
+from tdfscal.records import BoolArray, FloatArray, Rig
+
+#: Fewer checks say nothing of a walk.
+_FEWEST_FOR_WALK = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """When the largest standard uncertainty of a turn meets the limit.
+
+    month : None where no walk is declared or seen. earliest : with the largest walk that the
+    history allows; None where it allows none. sensor : whose turn it is. now : rad, today's.
+    """
+
+    month: float | None
+    earliest: float | None
+    sensor: int
+    now: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Life:
+    """A rig's history in K checks of n sensors, in the order of time.
+
+    reference : (n, 3, 3); turns are counted from it, in the BCS, rad. turn, turn_std : (K, n, 3),
+    what each check says by itself once all together have fixed hinges and datums; seen : (K, n),
+    whether it says anything of that sensor. rpy, rpy_std : (K, n, 3), the same as angles.
+    path, path_std : (K, n, 3), rad, roll, pitch, yaw of the smoothed path. mean, limit : (K, n, 3),
+    weighted mean between alarms and the half width outside which one angle alone is surprising.
+    level, smallest : as in `control_chart.Watch`. birge : by which all uncertainties were scaled.
+    """
+
+    supports: tuple[str, ...]
+    names: tuple[str, ...]
+    month: FloatArray
+    reference: FloatArray
+    turn: FloatArray
+    turn_std: FloatArray
+    seen: BoolArray
+    rpy: FloatArray
+    rpy_std: FloatArray
+    path: FloatArray
+    path_std: FloatArray
+    mean: FloatArray
+    limit: FloatArray
+    alarms: tuple[Alarm, ...]
+    level: FloatArray
+    smallest: FloatArray
+    rate: float
+    declared: float
+    walk: Intensity | None
+    birge: float
+    due: Due
+
+    @property
+    def n(self) -> int:
+        """Number of sensors."""
+        return len(self.supports)
+
+
+def live(
+    rig: Rig,
+    reference: State,
+    prior: Information,
+    checks: Sequence[Check],
+    *,
+    rate: float,
+    fit: tuple[float, int] = (0.0, 0),
+) -> Life:
+    """Go through a rig's checks, in the order of time.
+
+    Parameters
+    ----------
+    rig : the latest; its `drift.angle` is the walk that is no alarm.
+    reference : constants from which the checks' information is counted.
+    prior : what the rig file states of the constants.
+    rate : false alarms per year.
+    fit : χ² and degrees of freedom of all fits behind the checks; a Birge ratio above 1 scales.
+
+    Returns
+    -------
+    Life : two checks or more.
+    """
+    n, gaps = rig.n, np.diff([c.month for c in checks], prepend=checks[0].month)
+    birge = max(1.0, float(np.sqrt(fit[0] / fit[1]))) if fit[1] > 0 else 1.0
+    checks = [Check(c.name, c.month, c.own.scaled(birge)) for c in checks]
+    own = [check.own for check in checks]
+
+    def steps(walk: float) -> list[FloatArray]:
+        return [turned(rig, walk * float(np.sqrt(max(gap, 0.0)))) for gap in gaps]
+
+    declared = steps(rig.drift.angle)
+    watch = Watching(checks, prior, declared, n, rate).run()
+    jumps = [a - b for a, b in zip(watch.steps, declared, strict=True)]
+
+    def jumping(walk: float) -> list[FloatArray]:
+        return [a + b for a, b in zip(steps(walk), jumps, strict=True)]
+
+    walk = None
+    if len(checks) >= _FEWEST_FOR_WALK:
+        walk = intensity(lambda q: log_likelihood(own, prior, jumping(q)))
+    used = max(rig.drift.angle, walk.value if walk else 0.0)
+    smooth = _smoothed(own, prior, jumping(used))
+    means = _smoothed(own, prior, jumps)
+    alone = [
+        (rest.walked(turned(rig, EVEN_TURN)) + item)
+        for rest, item in zip(others(own, prior, jumping(used)), own, strict=True)
+    ]
+    turn, turn_std = _turns(alone, n)
+    path, path_std = _turns(smooth, n)
+    mean, mean_std = _turns(means, n)
+    z = normal_quantile(1 - watch.level / (2 * 3 * n))[:, None, None]
+    width = np.hypot(turn_std, mean_std)
+    R = reference.rotation
+    J = so3.rpy_jacobian(R)
+    rpy, rpy_std = _angles(turn, alone, R)
+    path_rpy, path_rpy_std = _angles(path, smooth, R)
+    seen = np.asarray(turn_std.max(axis=2) < 0.3 * EVEN_TURN)
+    return Life(
+        supports=rig.supports,
+        names=tuple(check.name for check in checks),
+        month=np.array([check.month for check in checks]),
+        reference=R,
+        turn=turn,
+        turn_std=turn_std,
+        seen=seen,
+        rpy=rpy,
+        rpy_std=rpy_std,
+        path=path_rpy,
+        path_std=path_rpy_std,
+        mean=so3.to_rpy(so3.exp(mean) @ R),
+        limit=z * np.sqrt(np.einsum("iab,kib->kia", J**2, width**2)),
+        alarms=watch.alarms,
+        level=watch.level,
+        smallest=watch.smallest,
+        rate=rate,
+        declared=rig.drift.angle,
+        walk=walk,
+        birge=birge,
+        due=_due(rig, checks[-1].month, path_std=path_std[-1], used=used, walk=walk),
+    )
+
+
+def _smoothed(
+    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
+) -> list[Information]:
+    before, after = forward(own, prior, steps), backward(own, steps)
+    return [a + b + c for a, b, c in zip(before, own, after, strict=True)]
+
+
+def _turns(states: Sequence[Information], n: int) -> tuple[FloatArray, FloatArray]:
+    """Turns from the reference and their standard uncertainties, (K, n, 3), rad, BCS."""
+    covariances = [state.covariance for state in states]
+    x = [C @ state.score for C, state in zip(covariances, states, strict=True)]
+    std = [np.sqrt(np.diagonal(C)) for C in covariances]
+    shape = (len(states), n, 3)
+    return np.array(x)[:, : 3 * n].reshape(shape), np.array(std)[:, : 3 * n].reshape(shape)
+
+
+def _angles(
+    turn: FloatArray, states: Sequence[Information], R: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Roll, pitch, yaw (K, n, 3) and their standard uncertainties, rad."""
+    rotation = so3.exp(turn) @ R
+    n = len(R)
+    variance = [
+        so3.rpy_variance(at, state.covariance[: 3 * n, : 3 * n])
+        for at, state in zip(rotation, states, strict=True)
+    ]
+    return so3.to_rpy(rotation), np.sqrt(variance)
+
+
+def _due(
+    rig: Rig, last: float, *, path_std: FloatArray, used: float, walk: Intensity | None
+) -> Due:
+    """The variance of a turn grows by q² per month from the last check on."""
+    limit = rig.acceptance.angle_std
+    largest = path_std.max(axis=1)
+    sensor = int(np.argmax(largest))
+    room = max(limit**2 - float(largest[sensor]) ** 2, 0.0)
+
+    def at(q: float) -> float | None:
+        return last + room / q**2 if q > 0 else None
+
+    most = max(used, walk.high if walk else 0.0)
+    return Due(at(used), at(most), sensor, float(largest[sensor]), limit)

@@ -1,0 +1,219 @@
+"""A rig's history in words: verdict, alarms, the state of every angle, when to calibrate next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdfscal.comparison.control_chart import Alarm
+from tdfscal.comparison.history import Life
+from tdfscal.records import ANGLES
+from tdfscal.reporting.figures.history import date_of
+from tdfscal.reporting.layout import Facts, Report, Section, Table, illustrated
+from tdfscal.reporting.phrases import probability
+from tdfscal.significance import COVERAGE_FACTOR
+
+if TYPE_CHECKING:
+    from tdfscal.reporting.figures.style import Drawing
+
+_ADVICE = {
+    "step": (
+        "Look for what was loosened, exchanged or knocked at the sensors named, then calibrate "
+        "anew and go on from there (--since DATE leaves older alarms aside).",
+    ),
+    "creep": (
+        "Look for what works loose or settles at the sensors named; calibrate more often, or "
+        "declare drift.angle where this pace is the rig's own.",
+    ),
+}
+
+
+def day(month: float) -> str:
+    """Date of a time in months since 1970."""
+    return f"{date_of(month):%Y-%m-%d}"
+
+
+def sentence(life: Life, alarm: Alarm) -> str:
+    """One alarm in words."""
+    since, raised = day(life.month[alarm.onset]), day(life.month[alarm.raised])
+    tail = f"({life.names[alarm.onset]}; p = {probability(alarm.p_value)})"
+    if alarm.sensor is None:
+        return (
+            f"on {raised} the sensors together depart from all before, and the turn of no single "
+            f"one explains it {tail}"
+        )
+    size = 1e3 * float(np.linalg.norm(alarm.turn))
+    name = life.supports[alarm.sensor]
+    axis = ", ".join(f"{1e3 * part:+.2f}" for part in alarm.turn).replace("-", "−")
+    if alarm.kind == "creep":
+        return (
+            f"{name} creeps by {size:.2g} mrad a month since about {since}, about the BCS axes "
+            f"({axis}) mrad; raised on {raised} {tail}"
+        )
+    late = "" if alarm.raised == alarm.onset else f"; raised on {raised}"
+    return (
+        f"{name} has turned by {size:.2g} mrad on {since}, about the BCS axes ({axis}) mrad{late} "
+        f"{tail}"
+    )
+
+
+def history_report(
+    life: Life, alarms: tuple[Alarm, ...], drawings: tuple[Drawing, ...] = ()
+) -> Report:
+    """Lay out a history; alarms : those that count, of all in `life`."""
+    kinds = dict.fromkeys(alarm.kind for alarm in alarms)
+    return Report(
+        title=f"History of {len(life.names)} checks",
+        subtitle=f"{day(life.month[0])} to {day(life.month[-1])}, by date of measurement",
+        verdict="ALARM" if alarms else "NO ALARM",
+        accepted=not alarms,
+        reasons=tuple(sentence(life, alarm) for alarm in alarms),
+        sections=(
+            Section("State", (Facts(_facts(life, alarms)),)),
+            *illustrated(drawings, {}),
+            Section("Angles now", (_angles(life),)),
+            Section("Checks", (_checks(life),), page_only=True),
+        ),
+        advice=tuple(text for kind in kinds for text in _ADVICE[kind]),
+    )
+
+
+def _facts(life: Life, alarms: tuple[Alarm, ...]) -> tuple[tuple[str, str], ...]:
+    rows = [
+        ("checks", f"{len(life.names)} in {life.month[-1] - life.month[0]:.1f} months"),
+        (
+            "alarms",
+            f"{len(alarms)} of {len(life.alarms)} in the history"
+            if len(alarms) < len(life.alarms)
+            else str(len(alarms)),
+        ),
+        ("false alarms", f"at most {life.rate:.2g} a year where nothing changes"),
+        ("random walk", _walk(life)),
+        ("next calibration", _due(life)),
+    ]
+    if life.birge > 1.05:
+        rows.append(("Birge ratio", f"{life.birge:.2f}: all uncertainties were scaled by it"))
+    return tuple(rows)
+
+
+def _walk(life: Life) -> str:
+    stated = f"declared {1e3 * life.declared:.2g} mrad/√month"
+    if life.walk is None:
+        return f"{stated}; too few checks to estimate it"
+    low, high = 1e3 * life.walk.low, 1e3 * life.walk.high
+    seen = f"{1e3 * life.walk.value:.2g}" if life.walk.value > 0 else "none"
+    return f"{seen} mrad/√month by the history (95 %: {low:.2g} to {high:.2g}); {stated}"
+
+
+def _due(life: Life) -> str:
+    due, name = life.due, life.supports[life.due.sensor]
+    now = f"{name} is at {1e3 * due.now:.2g} of {1e3 * due.limit:.2g} mrad"
+    if due.now >= due.limit:
+        return f"now: {now}"
+    if due.month is None:
+        early = "" if due.earliest is None else f"; {day_or_far(due.earliest)} at the earliest"
+        return f"no date: no walk is declared or seen ({now}){early}"
+    return f"{day_or_far(due.month)} ({now})"
+
+
+def day_or_far(month: float) -> str:
+    """Date, or that it is a long way off."""
+    return day(month) if month < 12 * 130 else "after 2100"
+
+
+def _angles(life: Life) -> Table:
+    k = COVERAGE_FACTOR
+    rows = tuple(
+        (
+            name,
+            ANGLES[j],
+            f"{1e3 * life.path[-1, i, j]:.3f} ± {1e3 * k * life.path_std[-1, i, j]:.3f}",
+            f"{1e3 * (life.path[-1, i, j] - life.path[0, i, j]):+.3f}".replace("-", "−"),
+        )
+        for i, name in enumerate(life.supports)
+        for j in range(3)
+    )
+    caption = f"Smoothed angles at the last check, mrad; expanded uncertainty, k = {k:g}"
+    return Table(caption, ("sensor", "angle", "now", "since the first"), rows, left=2)
+
+
+def _checks(life: Life) -> Table:
+    rows = []
+    for k, name in enumerate(life.names):
+        worst = int(np.argmin(life.smallest[k]))
+        rows.append(
+            (
+                day(life.month[k]),
+                name,
+                life.supports[worst] if k else "",
+                probability(float(life.smallest[k, worst])) if k else "",
+                "; ".join(
+                    f"{a.kind} {life.supports[a.sensor] if a.sensor is not None else 'all'}"
+                    for a in life.alarms
+                    if a.raised == k
+                ),
+            )
+        )
+    header = ("date", "check", "most surprising", "p", "alarm")
+    return Table("Every check; p of its least probable test", header, tuple(rows), left=3)
+
+
+def document(life: Life, alarms: tuple[Alarm, ...]) -> dict[str, Any]:
+    """Plain JSON values: SI units, rad, dates in ISO 8601."""
+    due = life.due
+    return {
+        "verdict": "alarm" if alarms else "no alarm",
+        "supports": list(life.supports),
+        "false_alarms_per_year": life.rate,
+        "checks": [
+            {
+                "name": name,
+                "date": day(life.month[k]),
+                "rpy": _where(life.rpy[k], life.seen[k]),
+                "rpy_std": _where(life.rpy_std[k], life.seen[k]),
+                "path_rpy": life.path[k].tolist(),
+                "path_rpy_std": life.path_std[k].tolist(),
+                "mean_rpy": life.mean[k].tolist(),
+                "limit_rpy": _where(life.limit[k], life.seen[k]),
+                "p_value": life.smallest[k].tolist(),
+                "level": float(life.level[k]),
+            }
+            for k, name in enumerate(life.names)
+        ],
+        "alarms": [_alarm(life, alarm) for alarm in alarms],
+        "older_alarms": [_alarm(life, a) for a in life.alarms if a not in alarms],
+        "walk": {
+            "declared": life.declared,
+            "estimate": None if life.walk is None else life.walk.value,
+            "interval": None if life.walk is None else [life.walk.low, life.walk.high],
+            "unit": "rad/√month",
+        },
+        "next_calibration": {
+            "date": None if due.month is None else day_or_far(due.month),
+            "earliest": None if due.earliest is None else day_or_far(due.earliest),
+            "support": life.supports[due.sensor],
+            "turn_std": due.now,
+            "limit": due.limit,
+        },
+        "birge": life.birge,
+    }
+
+
+def _where(values: Any, seen: Any) -> list[list[float] | None]:
+    return [row.tolist() if known else None for row, known in zip(values, seen, strict=True)]
+
+
+def _alarm(life: Life, alarm: Alarm) -> dict[str, Any]:
+    return {
+        "kind": alarm.kind,
+        "support": None if alarm.sensor is None else life.supports[alarm.sensor],
+        "onset": day(life.month[alarm.onset]),
+        "onset_check": life.names[alarm.onset],
+        "raised": day(life.month[alarm.raised]),
+        "turn": alarm.turn.tolist(),
+        "turn_std": alarm.std.tolist(),
+        "per": "month" if alarm.kind == "creep" else None,
+        "p_value": alarm.p_value,
+        "text": sentence(life, alarm),
+    }
