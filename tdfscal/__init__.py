@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         info,
         load_calibration,
         load_rig,
+        monitor,
         plan,
         read_log,
         register,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
         schema,
         simulate,
         study,
+        update,
         validate,
     )
 
@@ -65,6 +67,7 @@ __all__ = [
     "info",
     "load_calibration",
     "load_rig",
+    "monitor",
     "plan",
     "read_log",
     "register",
@@ -73,6 +76,7 @@ __all__ = [
     "schema",
     "simulate",
     "study",
+    "update",
     "validate",
 ]
 

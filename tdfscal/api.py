@@ -22,12 +22,14 @@ from tdfscal.workflows.calibration import Calibration, angles_frame, load_calibr
 from tdfscal.workflows.compare import compare
 from tdfscal.workflows.export import export
 from tdfscal.workflows.info import info
+from tdfscal.workflows.monitor import monitor
 from tdfscal.workflows.plan import plan
 from tdfscal.workflows.progress import Progress
 from tdfscal.workflows.register import register
 from tdfscal.workflows.report import report
 from tdfscal.workflows.schema import schema
 from tdfscal.workflows.simulate import simulate
+from tdfscal.workflows.update import update
 from tdfscal.workflows.validate import validate
 
 if TYPE_CHECKING:
@@ -93,6 +95,7 @@ __all__ = [
     "info",
     "load_calibration",
     "load_rig",
+    "monitor",
     "plan",
     "read_log",
     "register",
@@ -101,5 +104,6 @@ __all__ = [
     "schema",
     "simulate",
     "study",
+    "update",
     "validate",
 ]

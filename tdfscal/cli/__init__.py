@@ -14,12 +14,14 @@ from tdfscal.cli import (  # noqa: F401
     compare,
     export,
     info,
+    monitor,
     plan,
     register,
     report,
     schema,
     simulate,
     study,
+    update,
     validate,
 )
 from tdfscal.cli.app import app

@@ -18,8 +18,11 @@ import numpy as np
 from tdfscal.model.parameters import EVEN_TURN, State, constants, deviation, with_motions
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information, nothing
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.estimator import Fit, Priors
+
+#: A share of a direction that no row sees below this is rounding.
+_OPEN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +32,8 @@ class Eliminated:
     chi2 : with the constants at the reference and the own parameters at their best. rows : number
     of residuals, own priors included, less the own parameters that they determine.
     own : (o,), step of the own parameters at the reference; give : (o, C), their change per change
-    of the constants.
+    of the constants. spread : (o, o), their covariance where the constants are known. open : (o,),
+    of which the campaign says nothing.
     """
 
     information: Information
@@ -37,6 +41,8 @@ class Eliminated:
     rows: int
     own: FloatArray
     give: FloatArray
+    spread: FloatArray
+    open: BoolArray
 
 
 def eliminate(fit: Fit, reference: State) -> Eliminated:
@@ -62,7 +68,7 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
     r = r - A @ away
     scale = np.linalg.norm(B, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    U, s, Vt = np.linalg.svd(B / scale, full_matrices=False)
+    U, s, Vt = np.linalg.svd(B / scale, full_matrices=True)
     rank = int(np.sum(s > s[0] * max(B.shape) * np.finfo(float).eps * 8)) if len(s) else 0
     U = U[:, :rank]
     back = -(Vt[:rank].T / s[:rank]) @ U.T / scale[:, None]
@@ -73,6 +79,8 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
         rows=fit.rows + int(own_rows.sum()) - rank,
         own=back @ r,
         give=back @ A,
+        spread=back @ back.T,
+        open=np.abs(Vt[rank:]).max(axis=0, initial=0.0) > _OPEN,
     )
 
 

@@ -8,16 +8,23 @@ of time, and each is held against the rest before anything is pooled.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from tdfscal.comparison.eliminated import Eliminated, eliminate, of_rotations, stated, unstated
 from tdfscal.comparison.walk import forward, misfits, others
-from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned
-from tdfscal.model.parameters import CONSTANTS, State, nominal, retract
+from tdfscal.model.earlier import free_constants, information_of, joint_prior, loosened, turned
+from tdfscal.model.parameters import (
+    CONSTANTS,
+    State,
+    constants,
+    nominal,
+    prior_std,
+    retract,
+)
 from tdfscal.model.statics import Postures
-from tdfscal.numerics.information import Contrast, Information, p_value
+from tdfscal.numerics.information import Contrast, Information, contrast, p_value
 from tdfscal.records import FloatArray, JointPrior, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit, Priors, at_state
 from tdfscal.selfcal.outliers import Rejection, fit_robust
@@ -97,6 +104,27 @@ class Pool:
         chosen = [m for k, m in enumerate(self.members) if k != index]
         dof = sum(m.dof for m in chosen)
         return joint_prior(rig, self.reference, rest, sum(m.chi2 for m in chosen), dof)
+
+    def own_state(self, rig: Rig, index: int) -> tuple[State, State]:
+        """What one campaign's own parameters are, and their standard uncertainties, ∞ unknown."""
+        member = self.members[index]
+        if member.fit is None:
+            state = nominal(rig)
+            std = prior_std(rig)
+        else:
+            state, part = member.fit.state, member.reduced
+            steps = walk_steps(rig, self.members, self.walk)
+            own = [m.own for m in self.members]
+            C = (others(own, self.prior, steps)[index] + own[index]).covariance
+            variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
+            std = np.zeros(len(member.fit.active))
+            own_places = member.fit.active & ~constants(rig.n, state.motions)
+            std[own_places] = np.where(part.open, np.inf, np.sqrt(variance))
+        std[: 3 * rig.n] = 0.0
+        nothing = replace(
+            state, **{f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)}
+        )
+        return state, retract(nothing, std)
 
 
 def walk_steps(rig: Rig, items: Sequence[Member | Recorded], walk: float) -> list[FloatArray]:
@@ -206,6 +234,16 @@ def _not_fitting(
     return tuple(found)
 
 
+def misfit_of(rig: Rig, name: str, own: Information) -> Misfit:
+    """Hold a campaign against what is known before it (`rig.earlier`), about the latter's estimate.
+
+    p_value : that chance alone departs as much, in any of the tests made.
+    """
+    assert rig.earlier is not None
+    departure = contrast(information_of(rig, rig.earlier), own)
+    return _named(rig, name, departure, _probability(rig, departure))
+
+
 def _probability(rig: Rig, departure: Contrast) -> float:
     """Of as large a departure by chance: any single sensor's turn, or all together (Bonferroni)."""
     tested = [departure.chi2(), *(departure.chi2(turn_of(i)) for i in range(rig.n))]
@@ -268,6 +306,8 @@ def _reduced(item: Recorded, at: Fit | None, reference: State) -> Eliminated:
         3 * len(item.survey.rotation),
         np.zeros(0),
         np.zeros((0, size)),
+        np.zeros((0, 0)),
+        np.zeros(0, dtype=np.bool_),
     )
 
 

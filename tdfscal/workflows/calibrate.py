@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.comparison.joint import combine
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import check_calibration_name, save_calibration
 from tdfscal.files.calibration.from_results import (
     Provenance,
@@ -20,22 +20,23 @@ from tdfscal.files.calibration.from_results import (
     from_self,
     from_tracker,
 )
-from tdfscal.files.hashing import input_file
 from tdfscal.files.output_places import check_place
-from tdfscal.files.points import read_tracker_session
 from tdfscal.files.saving import write_text
 from tdfscal.model.calibrated import independent
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import Dwells, InputFile, Rig, Rotations
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.pipeline import Estimator, SelfCalibration, self_calibrate
-from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
+from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.arguments import PathLikes, at_least, listed, one, one_of
 from tdfscal.workflows.calibration import Calibration, Records
 from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.samples import Own, Samples, calibrate_samples, check_samples
+from tdfscal.workflows.several_campaigns import calibrate_several, campaign_folders
+from tdfscal.workflows.survey import surveyed
 
 Method = Literal["self", "tracker", "joint"]
 
@@ -96,17 +97,29 @@ def calibrate(
     for place in (chosen, page):
         if place is not None:
             check_place(place, [*files, *([rig_file] if rig_file else [])])
-    campaign = resolve(files, rig_file)
-    result = _calibrated(
-        campaign,
-        method or ("self" if campaign.logs else "tracker"),
-        samples,
-        estimator,
-        trials,
-        seed,
-        LogPass(campaign, progress, salvage),
-        command,
-    )
+    groups = campaign_folders(files, rig_file)
+    if len(groups) > 1:
+        _check_several(method, estimator)
+        result = calibrate_several(
+            groups,
+            trials=trials,
+            seed=seed,
+            salvage=salvage,
+            command=command,
+            progress=progress,
+        )
+    else:
+        campaign = resolve(groups[0], rig_file)
+        result = _calibrated(
+            campaign,
+            method or ("self" if campaign.logs else "tracker"),
+            samples,
+            estimator,
+            trials,
+            seed,
+            LogPass(campaign, progress, salvage),
+            command,
+        )
     drawn = ""
     if page is not None:
         from tdfscal.reporting.html import render_page
@@ -118,6 +131,22 @@ def calibrate(
     if page is not None:  # whatever the verdict: its advice is to look at the postures
         write_text(page, drawn)
     return result
+
+
+def _check_several(method: Method | None, estimator: Estimator) -> None:
+    """Raise UsageError for what several campaigns together cannot be asked for."""
+    if estimator != "ml":
+        raise UsageError(
+            "the paper's linear method takes one campaign",
+            where="--estimator",
+            hint="calibrate the campaigns one by one, or use ml",
+        )
+    if method == "tracker":
+        raise UsageError(
+            "several surveys are not pooled without a log",
+            where="--method",
+            hint="calibrate the surveys one by one, and compare them",
+        )
 
 
 def _calibrated(
@@ -158,10 +187,10 @@ def _calibrated(
         inputs += log.inputs
     if method in ("tracker", "joint"):
         log.progress.stage("calibrating from the tracker's survey")
-        tracker, files, notes = _survey(campaign, trials, tracker_rng)
+        tracker, files, notes = surveyed(campaign, trials, tracker_rng)
         inputs += files
 
-    origin = Provenance(campaign.rig, tuple(inputs), command, seed)
+    origin = Provenance(campaign.rig, tuple(inputs), command, seed, measured(log))
     if isinstance(own, MotionCalibration):
         return Calibration.of(from_motion(own, origin, notes), Records(motion=own))
     if own is not None and tracker is not None:
@@ -206,36 +235,3 @@ def _require_log(campaign: Campaign) -> None:
             where=str(campaign.rig.path.parent),
             hint="name a log, or use --method tracker",
         )
-
-
-def _survey(
-    campaign: Campaign, trials: int | None, rng: np.random.Generator
-) -> tuple[TrackerCalibration, list[InputFile], tuple[str, ...]]:
-    files = campaign.rig.tracker
-    if files is None:
-        raise UsageError(
-            "the rig file declares no tracker survey",
-            where=str(campaign.rig.path),
-            hint="add its tracker block, or use --method self",
-        )
-    for path in files.paths:
-        if not path.is_file():
-            raise DataError(
-                "the point file is not there",
-                where=str(path),
-                hint="correct the paths of the tracker block in rig.yaml",
-            )
-    session, notes = read_tracker_session(
-        instrument=files.instrument,
-        drawing=files.drawing,
-        length_unit=files.length_unit,
-        nominal=files.nominal,
-        targets=files.targets,
-        servo=files.servo,
-        moves=files.moves,
-    )
-    options = {} if trials is None else {"trials": trials}
-    result = calibrate_tracker(
-        campaign.rig.rig, session, misalignment=files.misalignment, rng=rng, **options
-    )
-    return result, [input_file(path, "verified") for path in files.paths], notes

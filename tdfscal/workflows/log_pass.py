@@ -24,6 +24,7 @@ class LogPass:
     """What one reading of a campaign's logs leaves behind.
 
     inputs : files that were read. messages : warnings of the logs, in order, each once.
+    begin, end : s, the first and the last time in the logs, by their clock.
     """
 
     campaign: Campaign
@@ -31,6 +32,8 @@ class LogPass:
     salvage: bool = False
     inputs: list[InputFile] = field(default_factory=list)
     messages: dict[str, None] = field(default_factory=dict)
+    begin: float = float("inf")
+    end: float = float("-inf")
 
     def pieces(self) -> Iterator[Log]:
         """Read the logs once, piece by piece. Raises UsageError, DataError."""
@@ -41,6 +44,9 @@ class LogPass:
             ):
                 self.inputs += piece.inputs
                 self.messages |= dict.fromkeys(piece.warnings)
+                times = [series.time for series in piece.force if len(series.time)]
+                self.begin = min([self.begin, *(float(time[0]) for time in times)])
+                self.end = max([self.end, *(float(time[-1]) for time in times)])
                 yield piece
 
     def dwells(self) -> Dwells:

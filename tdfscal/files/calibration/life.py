@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import BeforeValidator, StringConstraints, model_validator
 
 from tdfscal.files.calibration.parts import Input, OpenStds, TerminalResult
@@ -18,7 +20,8 @@ from tdfscal.files.field_types import (
     fault,
     from_numpy,
 )
-from tdfscal.records import Measured
+from tdfscal.model.parameters import State
+from tdfscal.records import FloatArray, InputFile, Measured
 
 Instant = Annotated[
     str,
@@ -84,4 +87,39 @@ def measured_document(measured: Measured) -> dict[str, Any]:
         "begin": instant(measured.begin),
         "end": instant(measured.end),
         "source": measured.source,
+    }
+
+
+def campaign_document(
+    name: str,
+    measured: Measured | None,
+    inputs: Sequence[InputFile],
+    state: State,
+    std: State,
+    *,
+    postures: int,
+    chi2: float,
+    dof: int,
+) -> dict[str, Any]:
+    """The block of one campaign; std : standard uncertainties, ∞ where there is none."""
+
+    def finite(values: FloatArray) -> list[Any]:
+        return [float(s) if np.isfinite(s) else None for s in values]
+
+    return {
+        "name": name,
+        "measured": None if measured is None else measured_document(measured),
+        "inputs": [
+            {"path": f.path, "sha256": f.sha256, "bytes": f.bytes, "integrity": f.integrity}
+            for f in inputs
+        ],
+        "zero": state.zero,
+        "zero_std": [finite(row) for row in std.zero],
+        "terminal": {
+            "mass": {"value": float(state.mass), "std": finite(np.reshape(std.mass, 1))[0]},
+            "barycenter": {"value": state.barycentre, "std": finite(std.barycentre)},
+        },
+        "postures": postures,
+        "chi2": chi2,
+        "dof": dof,
     }

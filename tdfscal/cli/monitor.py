@@ -1,0 +1,31 @@
+"""`tdfscal monitor`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tdfscal.cli.app import Html, Json, Quiet, app
+from tdfscal.cli.perform import perform
+
+
+@app.command()
+def monitor(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE…", help="Calibration files and campaign folders of one rig."),
+    ],
+    rate: Annotated[
+        float, typer.Option(help="False alarms per year where nothing changes.")
+    ] = 0.01,
+    since: Annotated[
+        str | None, typer.Option(metavar="DATE", help="Alarms raised before count no more.")
+    ] = None,
+    html: Html = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Watch a rig over time: control chart, alarms (status 1), when to calibrate next."""
+    return perform("monitor", locals()).exit_status

@@ -1,0 +1,54 @@
+"""`tdfscal update`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from tdfscal.cli.app import CalibrationFile, Html, Json, Paths, Quiet, RigFile, Seed, app
+from tdfscal.cli.perform import perform, show_words
+
+if TYPE_CHECKING:
+    from tdfscal.workflows.calibration import Calibration
+    from tdfscal.workflows.result import Result
+
+
+@app.command()
+def update(
+    calibration: CalibrationFile,
+    paths: Paths,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="File to write; - for stdout.")
+    ],
+    rig: RigFile = None,
+    trials: Annotated[
+        int | None, typer.Option(min=0, help="Monte Carlo trials at most; 0 for none.")
+    ] = None,
+    seed: Seed = 0,
+    json: Json = False,
+    allow_rejected: Annotated[
+        bool, typer.Option("--allow-rejected", help="Write the file even if the gate rejects it.")
+    ] = False,
+    salvage: Annotated[
+        bool, typer.Option("--salvage", help="Read what is sound of a damaged log; never accepted.")
+    ] = False,
+    html: Html = None,
+    quiet: Quiet = False,
+) -> int:
+    """Bring a calibration up to date with a new campaign: zeros, load, angles."""
+
+    def show(result: Result) -> None:
+        show_words(result)
+        if result.exit_status == 0 or allow_rejected:
+            print(f"\nwrote {output}")
+
+    options = {key: value for key, value in locals().items() if key != "show"}
+    done = perform("update", options, dash={"output": "content"}, show=show)
+    result = cast("Calibration", done)
+    if not result.accepted:
+        what = "it was written as rejected" if allow_rejected else "nothing was written"
+        print(f"tdfscal: the quality gate rejects this result; {what}", file=sys.stderr)
+    return result.exit_status

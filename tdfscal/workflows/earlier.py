@@ -1,0 +1,133 @@
+"""A calibration file as what is known before another campaign speaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.document import dump_calibration
+from tdfscal.files.calibration.life import campaign_document, instant
+from tdfscal.model.calibrated import with_rotations
+from tdfscal.model.earlier import free_constants, joint_prior, turned
+from tdfscal.model.parameters import State
+from tdfscal.numerics.information import Information
+from tdfscal.records import InputFile, JointPrior, Measured, Rig
+from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
+from tdfscal.workflows.calibration_in_use import calibrated
+
+_MONTH = 30.4375 * 86400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Earlier:
+    """A calibration with its full covariance, before any scaling by a Birge ratio.
+
+    information : on the free constants (C,) of its rig, counted from `state`. chi2, dof : of all
+    the fits behind it. sha256 : of its file.
+    """
+
+    name: str
+    file: Calibration
+    rig: Rig
+    state: State
+    information: Information
+    measured: Measured
+    sha256: str
+    chi2: float
+    dof: int
+
+    def prior(self, rig: Rig, month: float) -> JointPrior:
+        """What it says of a rig's constants at a time in months, its walk since included."""
+        gap = max(month - self.measured.month, 0.0)
+        known = self.information.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap))))
+        return joint_prior(rig, self.state, known, self.chi2, self.dof)
+
+    def campaigns(self) -> tuple[dict[str, Any], ...]:
+        """The campaigns that it stands on, as a file lists them."""
+        if self.file.campaigns:
+            return tuple(c.model_dump(mode="json") for c in self.file.campaigns)
+        return (_alone(self),)
+
+    def history(self) -> tuple[dict[str, Any], ...]:
+        """The calibrations that one which stands on this one stands on."""
+        own = {
+            "created": self.file.created,
+            "measured": {
+                "begin": instant(self.measured.begin),
+                "end": instant(self.measured.end),
+                "source": self.measured.source,
+            },
+            "method": self.file.method,
+            "sha256": self.sha256,
+        }
+        return (*(entry.model_dump(mode="json") for entry in self.file.history), own)
+
+
+def read_earlier(source: CalibrationSource) -> Earlier:
+    """Read a calibration as what is known before another campaign.
+
+    Raises DataError, UsageError where it is none, or cannot be read.
+    """
+    name, file = read_source(source)
+    known = calibrated(file, name)
+    n = known.rig.n
+    covariance = known.covariance
+    if file.parameters is not None and file.parameters.unscaled is not None:
+        covariance = with_rotations(covariance, 3 * n, np.array(file.parameters.unscaled))
+    free = free_constants(known.rig)
+    size = len(free)
+    own = covariance[:size, :size][np.ix_(free, free)]
+    matrix = Information(own, np.zeros(len(own))).covariance  # the inverse, scaled
+    fits = file.campaigns or ((file.fit,) if file.fit is not None else ())
+    return Earlier(
+        name=name,
+        file=file,
+        rig=known.rig,
+        state=known.state,
+        information=Information(matrix, np.zeros(len(own))),
+        measured=_measured(file),
+        sha256=_hash(source, file),
+        chi2=sum(fit.chi2 for fit in fits),
+        dof=sum(fit.dof for fit in fits),
+    )
+
+
+def _measured(file: CalibrationFile) -> Measured:
+    """When its data were recorded; a file of old says when it was computed."""
+    if file.measured is not None:
+        return file.measured.record()
+    moment = datetime.fromisoformat(file.created).timestamp()
+    return Measured(moment, moment, "file")
+
+
+def _hash(source: CalibrationSource, file: Calibration) -> str:
+    if isinstance(source, CalibrationFile) or str(source) == "-":
+        return sha256(dump_calibration(file, "yaml").encode()).hexdigest()
+    return sha256(Path(source).read_bytes()).hexdigest()
+
+
+def _alone(earlier: Earlier) -> dict[str, Any]:
+    """The one campaign of a calibration, as a file with several lists it."""
+    file, std = earlier.file, earlier.state
+    mass, bary = file.terminal.mass, file.terminal.barycenter
+    stds = {
+        "zero": file.zero_std,
+        "mass": np.array(np.inf if mass.std is None else mass.std),
+        "barycentre": np.array([np.inf if s is None else s for s in bary.std]),
+    }
+    return campaign_document(
+        earlier.name,
+        earlier.measured,
+        [InputFile(f.path, f.sha256, f.bytes, f.integrity) for f in file.inputs],
+        earlier.state,
+        replace(std, **stds),
+        postures=0 if file.fit is None else file.fit.postures,
+        chi2=earlier.chi2,
+        dof=earlier.dof,
+    )

@@ -1,0 +1,297 @@
+"""`monitor`: calibrations and campaigns of one rig over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdfscal.comparison.control_chart import Alarm, Check
+from tdfscal.comparison.eliminated import stated
+from tdfscal.comparison.history import Life, live
+from tdfscal.comparison.pooling import pool
+from tdfscal.errors import UsageError
+from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.output_places import check_place
+from tdfscal.files.saving import write_text
+from tdfscal.logs import is_log
+from tdfscal.model.earlier import free_constants, turned
+from tdfscal.model.parameters import State, deviation
+from tdfscal.numerics.information import Information
+from tdfscal.records import ANGLES, InputFile, Rig
+from tdfscal.selfcal.estimator import Priors
+from tdfscal.significance import ALARMS_PER_YEAR
+from tdfscal.workflows.arguments import one
+from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.earlier import Earlier, read_earlier
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.several_campaigns import (
+    Read,
+    campaign_folders,
+    read_campaign,
+    refuse_repeated,
+    require_one_rig,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class MonitorResult(Result):
+    """A rig's history. alarms : those that count, of all in `life`."""
+
+    rig: Rig
+    life: Life
+    alarms: tuple[Alarm, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def exit_status(self) -> int:
+        """1 on an alarm."""
+        return 1 if self.alarms else 0
+
+    def to_report(self) -> Report:
+        """Return verdict, alarms, state, angles."""
+        return self._report(())
+
+    def _report(self, drawings: tuple[Drawing, ...]) -> Report:
+        from tdfscal.reporting.history import history_report
+
+        report = history_report(self.life, self.alarms, drawings)
+        papers = _papers(self.rig)
+        return replace(
+            report,
+            title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
+            warnings=(*self.warnings, *papers),
+        )
+
+    @property
+    def html(self) -> str:
+        """The page."""
+        from tdfscal.reporting.html import render
+
+        return render(self._report(self.drawings()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return checks, alarms, walk and the next calibration as plain JSON values."""
+        from tdfscal.reporting.history import document
+
+        content = document(self.life, self.alarms)
+        return {"rig": self.rig.name, **content, "warnings": [*self.warnings, *_papers(self.rig)]}
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""
+        import pandas as pd
+
+        from tdfscal.reporting.history import day
+
+        life = self.life
+        rows = [
+            (
+                check, day(life.month[k]), name, angle,
+                life.rpy[k, i, j], life.rpy_std[k, i, j],
+                life.path[k, i, j], life.path_std[k, i, j],
+            )
+            for k, check in enumerate(life.names)
+            for i, name in enumerate(life.supports)
+            for j, angle in enumerate(ANGLES)
+        ]  # fmt: skip
+        names = ["check", "date", "support", "angle", "value", "std", "path", "path_std"]
+        return pd.DataFrame(rows, columns=names)
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return a control chart per sensor."""
+        from tdfscal.reporting.figures.history import draw
+
+        return draw(self.life)
+
+
+def monitor(
+    *files: CalibrationSource | Iterable[CalibrationSource],
+    rate: float = ALARMS_PER_YEAR,
+    since: str | None = None,
+    html: str | PathLike[str] | None = None,
+    progress: Progress = SILENT,
+) -> MonitorResult:
+    """Watch a rig over time: control chart by date of measurement, alarms, next calibration.
+
+    Parameters
+    ----------
+    files : calibrations, and campaign folders with a rig.yaml each, of one rig; two or more.
+    rate : false alarms per year that an unchanged rig may raise.
+    since : a date; alarms raised before it are shown, and count no more.
+    html : page to write.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    UsageError
+        There are fewer than two, they are of different rigs, or one recording is in two of them.
+    DataError, RigError
+        One cannot be read.
+    """
+    sources, page, first = sources_of(*files), one(html), _date(since)
+    if not 0 < rate <= 1:
+        raise UsageError(
+            f"{rate:g} false alarms per year", where="--rate", hint="give 1 or less, above 0"
+        )
+    if page is not None:
+        check_place(page, paths_of(sources))
+    calibrations, folders = _sorted_out(sources)
+    known = [read_earlier(source) for source in calibrations]
+    reads = [read_campaign([folder], progress) for folder in folders]
+    rig = _one_rig(known, reads)
+    refuse_repeated(
+        [(e.name, [InputFile(**i.model_dump()) for i in e.file.inputs]) for e in known]
+        + [(read.name, read.inputs) for read in reads]
+    )
+    if len(known) + len(reads) < 2:
+        raise UsageError(
+            "one check is no history", hint="name two or more calibrations or campaign folders"
+        )
+    progress.stage(f"going through {len(known) + len(reads)} checks")
+    life = _life(rig, known, reads, rate)
+    result = MonitorResult(
+        rig,
+        life,
+        tuple(a for a in life.alarms if life.month[a.raised] >= first),
+        _warnings(known, reads),
+    )
+    if page is not None:
+        progress.stage("drawing the report")
+        write_text(page, result.html)
+    return result
+
+
+def _date(text: str | None) -> float:
+    """Months since 1970 of a date; −∞ without one. Raises UsageError."""
+    if text is None:
+        return -np.inf
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise UsageError(
+            f"{text!r} is no date", where="--since", hint="write it as 2026-03-01"
+        ) from error
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return moment.timestamp() / (30.4375 * 86400.0)
+
+
+def _sorted_out(
+    sources: Sequence[CalibrationSource],
+) -> tuple[list[CalibrationSource], list[Path]]:
+    """Tell calibrations from campaign folders."""
+    calibrations: list[CalibrationSource] = []
+    folders: list[Path] = []
+    for source in sources:
+        if isinstance(source, CalibrationFile) or not Path(source).is_dir():
+            calibrations.append(source)
+            continue
+        path = Path(source)
+        if is_log(path):
+            raise UsageError("is a recording", where=str(path), hint="name its campaign folder")
+        folders += [group[0] for group in campaign_folders([path])]
+    return calibrations, folders
+
+
+def _one_rig(known: Sequence[Earlier], reads: Sequence[Read]) -> Rig:
+    """Return the latest rig; all must state the same constants."""
+    rigs = [(e.measured.month, e.rig, e.name) for e in known]
+    rigs += [(r.measured.month, r.campaign.rig.rig, r.name) for r in reads]
+    if not rigs:
+        raise UsageError("nothing is named", hint="name calibrations or campaign folders")
+    _, latest, name = max(rigs, key=lambda entry: entry[0])
+    for _, rig, other in rigs:
+        require_one_rig(latest, rig, other, name)
+    return latest
+
+
+def _life(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: float) -> Life:
+    checks: list[Check] = []
+    chi2, dof = 0.0, 0
+    if reads:
+        pooled = pool([read.recorded for read in reads])
+        reference = pooled.reference
+        checks += [Check(m.name, m.month, m.own) for m in pooled.members]
+        chi2 += sum(m.within[0] for m in pooled.members)
+        dof += sum(m.within[1] for m in pooled.members)
+    else:
+        reference = known[0].state
+    prior = stated(Priors(rig), reference)
+    hashes = {e.sha256: e for e in known}
+    for e in known:
+        checks.append(Check(e.name, e.measured.month, _own(rig, e, hashes, reference, prior)))
+        if e.file.fit is not None and not e.file.campaigns:
+            chi2, dof = chi2 + e.file.fit.chi2, dof + e.file.fit.dof
+    checks.sort(key=lambda check: check.month)
+    return live(rig, reference, prior, checks, rate=rate, fit=(chi2, dof))
+
+
+def _own(
+    rig: Rig, e: Earlier, known: dict[str, Earlier], reference: State, prior: Information
+) -> Information:
+    """What a calibration's own data say, without what was known before them."""
+    here = _about(rig, e, reference)
+    if not e.file.history:
+        return _without(here, prior)
+    base = known.get(e.file.history[-1].sha256)
+    if base is None:
+        if min(o.measured.month for o in known.values()) < e.measured.month:
+            raise UsageError(
+                f"stands on a calibration of {e.file.history[-1].created[:10]} that is not named",
+                where=e.name,
+                hint="name every calibration since the first, or campaigns instead",
+            )
+        return _without(here, prior)
+    gap = max(e.measured.month - base.measured.month, 0.0)
+    before = _about(rig, base, reference)
+    return _without(here, before.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap)))))
+
+
+def _about(rig: Rig, e: Earlier, reference: State) -> Information:
+    """Information of a calibration, counted from a common reference."""
+    free = free_constants(rig)
+    away = deviation(e.state, reference)[: len(free)][free]
+    return Information(e.information.matrix, e.information.matrix @ away)
+
+
+def _without(whole: Information, part: Information) -> Information:
+    """Take away what was known before; rounding leaves no negative information."""
+    rest = whole - part
+    scale = 1 / np.sqrt(np.diagonal(whole.matrix))
+    values, vectors = np.linalg.eigh(scale[:, None] * rest.matrix * scale)
+    kept = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return Information(kept / scale[:, None] / scale, rest.score)
+
+
+def _papers(rig: Rig) -> tuple[str, ...]:
+    """Sensors whose own calibration is due."""
+    today = f"{datetime.now(UTC):%Y-%m-%d}"
+    return tuple(
+        f"the sensor of {name} was due for calibration on {papers.due}"
+        for name, papers in zip(rig.supports, rig.sensors, strict=False)
+        if papers.due is not None and papers.due < today
+    )
+
+
+def _warnings(known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[str, ...]:
+    found = [f"{e.name} was rejected by the quality gate" for e in known if not e.file.accepted]
+    found += [
+        f"{name}: nothing says when it was recorded; the date of its file stands for it"
+        for name, source in [
+            *((e.name, e.measured.source) for e in known),
+            *((r.name, r.measured.source) for r in reads),
+        ]
+        if source == "file"
+    ]
+    return tuple(found)

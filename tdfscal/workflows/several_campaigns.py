@@ -1,0 +1,275 @@
+"""Several campaigns of one rig, each in a folder with a rig.yaml of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdfscal.checks.same_rig import different_constants
+from tdfscal.comparison.pooling import Misfit, Pool, Recorded, pool
+from tdfscal.errors import DataError, TdfscalError, UsageError
+from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.from_results import Provenance, from_self
+from tdfscal.files.calibration.life import campaign_document
+from tdfscal.files.rig import RIG_NAME
+from tdfscal.logs import is_log
+from tdfscal.numerics.distributions import chi2_sf, p_text
+from tdfscal.records import Dwells, InputFile, Measured, Rig
+from tdfscal.selfcal.pipeline import self_calibrate, usable_postures
+from tdfscal.significance import MOST_REJECTED
+from tdfscal.workflows.calibration import Calibration, Records
+from tdfscal.workflows.campaign import Campaign, resolve
+from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.measured import measured
+from tdfscal.workflows.progress import Progress
+from tdfscal.workflows.survey import surveyed
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """A campaign that was read: what it recorded, when, and what `pool` takes of it."""
+
+    name: str
+    campaign: Campaign
+    log: LogPass
+    dwells: Dwells | None
+    measured: Measured
+    recorded: Recorded
+    inputs: tuple[InputFile, ...]
+
+
+def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[list[Path]]:
+    """Group a command's paths by campaign: folders with a rig.yaml are a campaign each.
+
+    Everything else, and everything where --rig names the rig, is one campaign. A folder without a
+    rig.yaml stands for its subfolders that hold one.
+    """
+    if rig is not None:
+        return [list(paths)]
+    found: list[list[Path]] = []
+    for path in paths:
+        if not path.is_dir() or is_log(path):
+            return [list(paths)]
+        if (path / RIG_NAME).is_file():
+            found.append([path])
+            continue
+        inside = sorted(p for p in path.iterdir() if (p / RIG_NAME).is_file())
+        if not inside:
+            return [list(paths)]
+        found += [[p] for p in inside]
+    return found
+
+
+def read_campaign(
+    paths: Sequence[Path], progress: Progress, *, salvage: bool = False, rig: Path | None = None
+) -> Read:
+    """Read one campaign's log, or its tracker's survey where there is none.
+
+    Raises TdfscalError by cause; it names the campaign.
+    """
+    campaign = resolve(paths, rig)
+    log = LogPass(campaign, progress, salvage)
+    name = str(paths[0])
+    if not campaign.logs:
+        survey, files, _ = surveyed(campaign, 0, np.random.default_rng(0))
+        when = measured(log)
+        recorded = Recorded(name, when.month, campaign.rig.rig, survey=survey.rotations)
+        return Read(name, campaign, log, None, when, recorded, tuple(files))
+    try:
+        with log.explaining():
+            dwells = log.dwells()
+            usable = usable_postures(campaign.rig.rig, dwells, log.extremes)
+    except TdfscalError as error:
+        where = f"{name}: {error.where}" if error.where else name
+        raise type(error)(error.what, where=where, hint=error.hint) from error
+    when = measured(log)
+    recorded = Recorded(name, when.month, campaign.rig.rig, usable.postures)
+    return Read(name, campaign, log, dwells, when, recorded, tuple(log.inputs))
+
+
+def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
+    """Raise UsageError where two rigs state different constants."""
+    found = different_constants(first, other)
+    if found:
+        raise UsageError(
+            f"this is another rig than that of {than}: {'; '.join(found)}",
+            where=where,
+            hint="campaigns of one rig state the same supports, hinges and uncertainties; correct "
+            "the rig file, or calibrate the rigs one by one",
+        )
+
+
+def refuse_repeated(campaigns: Sequence[tuple[str, Sequence[InputFile]]]) -> None:
+    """Raise UsageError where two campaigns hold the same recording."""
+    seen: dict[str, str] = {}
+    for name, inputs in campaigns:
+        for entry in inputs:
+            if entry.sha256 in seen and seen[entry.sha256] != name:
+                raise UsageError(
+                    f"holds the same recording as {seen[entry.sha256]}: {entry.path}",
+                    where=name,
+                    hint="name each recording once; twice the same data are no more data",
+                )
+            seen[entry.sha256] = name
+
+
+def calibrate_several(
+    groups: Sequence[Sequence[Path]],
+    *,
+    trials: int | None,
+    seed: int,
+    salvage: bool,
+    command: str,
+    progress: Progress,
+) -> Calibration:
+    """Calibrate from several campaigns: common angles, zeros and load of each campaign its own.
+
+    The angles are those at the time of the last campaign with a log.
+    """
+    campaigns = [read_campaign(group, progress, salvage=salvage) for group in groups]
+    refuse_repeated([(read.name, read.inputs) for read in campaigns])
+    ordered = sorted(campaigns, key=lambda read: read.measured.month)
+    if all(read.dwells is None for read in ordered):
+        raise UsageError(
+            "none of the campaigns has a log",
+            where=", ".join(read.name for read in ordered),
+            hint="calibrate surveys one by one, and compare them",
+        )
+    last = max(k for k, read in enumerate(ordered) if read.dwells is not None)
+    for read in ordered:
+        require_one_rig(
+            ordered[last].campaign.rig.rig, read.campaign.rig.rig, read.name, ordered[last].name
+        )
+    _require_dates(ordered)
+    progress.stage(f"pooling {len(ordered)} campaigns")
+    pooled = pool([read.recorded for read in ordered])
+    return _result(ordered, last, pooled, trials, seed, command, progress)
+
+
+def _require_dates(ordered: Sequence[Read]) -> None:
+    """Where angles walk the order of the campaigns and their distances matter."""
+    if ordered[-1].campaign.rig.rig.drift.angle == 0:
+        return
+    for read in ordered:
+        if read.measured.source == "file":
+            raise DataError(
+                "drift.angle is declared, but nothing says when this was recorded",
+                where=read.name,
+                hint="state campaign.date in its rig.yaml, or record with a wall clock",
+            )
+
+
+def _result(
+    ordered: Sequence[Read],
+    last: int,
+    pooled: Pool,
+    trials: int | None,
+    seed: int,
+    command: str,
+    progress: Progress,
+) -> Calibration:
+    read = ordered[last]
+    assert read.dwells is not None
+    rig = read.campaign.rig.rig
+    with read.log.explaining():
+        own = self_calibrate(
+            replace(rig, earlier=pooled.others(rig, last)),
+            read.dwells,
+            rng=np.random.default_rng(seed).spawn(2)[0],
+            max_trials=trials,
+            inputs=tuple(entry for item in ordered for entry in item.inputs),
+            extremes=read.log.extremes,
+            progress=progress.stage,
+        )
+    reasons = [*own.reasons, *map(misfit_text, pooled.misfits), *_lost(ordered, pooled, last)]
+    origin = Provenance(
+        read.campaign.rig,
+        tuple(entry for item in ordered for entry in item.inputs),
+        command,
+        seed,
+        measured=Measured(
+            min(item.measured.begin for item in ordered),
+            max(item.measured.end for item in ordered),
+            read.measured.source,
+        ),
+        campaigns=_campaigns(ordered, pooled),
+    )
+    file = from_self(
+        replace(own, reasons=tuple(dict.fromkeys(reasons))), origin, _notes(ordered, last)
+    )
+    return Calibration.of(with_totals(file), Records(own))
+
+
+def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any], ...]:
+    described = []
+    for k, read in enumerate(ordered):
+        state, std = pooled.own_state(read.campaign.rig.rig, k)
+        member = pooled.members[k]
+        used = 0 if member.fit is None else int(np.sum(member.fit.weight > 0))
+        described.append(
+            campaign_document(
+                read.name,
+                read.measured,
+                read.inputs,
+                state,
+                std,
+                postures=used,
+                chi2=member.chi2,
+                dof=max(member.dof, 0),
+            )
+        )
+    return tuple(described)
+
+
+def with_totals(file: CalibrationFile) -> CalibrationFile:
+    """Let `fit` speak of all campaigns that the file lists."""
+    assert file.fit is not None
+    chi2 = sum(campaign.chi2 for campaign in file.campaigns)
+    dof = sum(campaign.dof for campaign in file.campaigns)
+    fit = file.fit.model_copy(
+        update={
+            "postures": sum(campaign.postures for campaign in file.campaigns),
+            "chi2": chi2,
+            "dof": dof,
+            "p_value": float(chi2_sf(chi2, dof)) if dof else 1.0,
+            "birge": float(np.sqrt(chi2 / dof)) if dof else 1.0,
+        }
+    )
+    return file.model_copy(update={"fit": fit})
+
+
+def misfit_text(misfit: Misfit) -> str:
+    """A campaign that does not fit the others, in words."""
+    size = 1e3 * float(np.linalg.norm(misfit.turn))
+    return (
+        f"{misfit.campaign} does not fit the other campaigns ({p_text(misfit.p_value)}): "
+        f"{misfit.sensor} seems turned by {size:.2g} mrad there; leave it out, or calibrate the "
+        "campaigns before and after apart"
+    )
+
+
+def _lost(ordered: Sequence[Read], pooled: Pool, last: int) -> list[str]:
+    """Campaigns of which more postures had to be left out than a faultless one loses."""
+    found = []
+    for k, (read, member) in enumerate(zip(ordered, pooled.members, strict=True)):
+        count = 0 if member.fit is None else len(member.fit.weight)
+        if k != last and len(member.rejected) > MOST_REJECTED * count:
+            found.append(
+                f"{len(member.rejected)} of {count} postures of {read.name} had to be rejected, "
+                f"above the limit of {MOST_REJECTED:.0%}"
+            )
+    return found
+
+
+def _notes(ordered: Sequence[Read], last: int) -> tuple[str, ...]:
+    """What the logs of the other campaigns say."""
+    return tuple(
+        f"{read.name}: {text}"
+        for k, read in enumerate(ordered)
+        if k != last
+        for text in read.log.messages
+    )

@@ -1,0 +1,49 @@
+"""A laser tracker's survey, from the files that the rig file names to its calibration."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.hashing import input_file
+from tdfscal.files.points import read_tracker_session
+from tdfscal.records import InputFile
+from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
+from tdfscal.workflows.campaign import Campaign
+
+
+def surveyed(
+    campaign: Campaign, trials: int | None, rng: np.random.Generator
+) -> tuple[TrackerCalibration, list[InputFile], tuple[str, ...]]:
+    """Calibrate from a survey; also return its files, and what is to be said of them.
+
+    Raises UsageError where the rig file declares none, DataError where its files are unusable.
+    """
+    files = campaign.rig.tracker
+    if files is None:
+        raise UsageError(
+            "the rig file declares no tracker survey",
+            where=str(campaign.rig.path),
+            hint="add its tracker block, or use --method self",
+        )
+    for path in files.paths:
+        if not path.is_file():
+            raise DataError(
+                "the point file is not there",
+                where=str(path),
+                hint="correct the paths of the tracker block in rig.yaml",
+            )
+    session, notes = read_tracker_session(
+        instrument=files.instrument,
+        drawing=files.drawing,
+        length_unit=files.length_unit,
+        nominal=files.nominal,
+        targets=files.targets,
+        servo=files.servo,
+        moves=files.moves,
+    )
+    options = {} if trials is None else {"trials": trials}
+    result = calibrate_tracker(
+        campaign.rig.rig, session, misalignment=files.misalignment, rng=rng, **options
+    )
+    return result, [input_file(path, "verified") for path in files.paths], notes

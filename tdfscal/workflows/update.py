@@ -1,0 +1,205 @@
+"""`update`: the last calibration, its walk since, and a new campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from datetime import UTC, datetime
+from os import PathLike
+
+import numpy as np
+
+from tdfscal.comparison.eliminated import eliminate
+from tdfscal.comparison.pooling import Misfit, misfit_of
+from tdfscal.errors import UsageError
+from tdfscal.files.calibration.document import check_calibration_name, save_calibration
+from tdfscal.files.calibration.from_results import Provenance, from_self
+from tdfscal.files.calibration.life import campaign_document
+from tdfscal.files.output_places import check_place
+from tdfscal.files.saving import write_text
+from tdfscal.model.parameters import State, retract, starting_state
+from tdfscal.numerics.distributions import p_text
+from tdfscal.records import FloatArray, InputFile, Measured, Rig
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.significance import CAMPAIGN_MISFIT
+from tdfscal.workflows.arguments import PathLikes, at_least, listed, one
+from tdfscal.workflows.calibration import Calibration, CalibrationSource, Records, paths_of
+from tdfscal.workflows.earlier import Earlier, read_earlier
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.several_campaigns import (
+    Read,
+    campaign_folders,
+    read_campaign,
+    refuse_repeated,
+    require_one_rig,
+    with_totals,
+)
+
+
+def update(
+    calibration: CalibrationSource,
+    paths: PathLikes,
+    *,
+    rig: str | PathLike[str] | None = None,
+    trials: int | None = None,
+    seed: int = 0,
+    output: str | PathLike[str] | None = None,
+    html: str | PathLike[str] | None = None,
+    allow_rejected: bool = False,
+    salvage: bool = False,
+    command: str = "tdfscal.update",
+    progress: Progress = SILENT,
+) -> Calibration:
+    """Bring a calibration up to date with a new campaign: angles, zeros and load.
+
+    The last calibration with its full covariance, widened by the random walk `drift.angle` since,
+    is what is known before; one posture is enough to find new zeros.
+
+    Parameters
+    ----------
+    calibration : the last one, a file or in memory.
+    paths : campaign folder or logs; several folders with a rig.yaml each are taken in the order
+        of their dates.
+    rig : rig.yaml, where no folder holds one.
+    trials : Monte Carlo trials at most; None for the default, 0 for none.
+    seed : of all random numbers.
+    output : file to write, .yaml or .json. html : report page to write.
+    allow_rejected : write them although the quality gate rejects the result.
+    salvage : read what is sound of damaged logs; the result is then never accepted.
+    command : kept in the file, as what was asked for.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError (another rig, a campaign older than the calibration), RigError,
+        DataError, NotIdentifiableError, NotConvergedError.
+    """
+    target, page, rig_file, files = one(output), one(html), one(rig), listed(paths)
+    at_least("--trials", trials or 0, 0)
+    at_least("--seed", seed, 0)
+    if target is not None:
+        check_calibration_name(target)
+    for place in (target, page):
+        if place is not None:
+            inputs = [*files, *paths_of([calibration]), *([rig_file] if rig_file else [])]
+            check_place(place, inputs)
+    earlier = read_earlier(calibration)
+    campaigns = [
+        read_campaign(group, progress, salvage=salvage, rig=rig_file)
+        for group in campaign_folders(files, rig_file)
+    ]
+    campaigns.sort(key=lambda read: read.measured.month)
+    _check(earlier, campaigns)
+    for k, read in enumerate(campaigns):
+        last = k == len(campaigns) - 1
+        result = _updated(earlier, read, trials if last else 0, seed, command, progress)
+        if not last:
+            earlier = read_earlier(result)
+    if result.accepted or allow_rejected:
+        if page is not None:
+            from tdfscal.reporting.html import render_page
+
+            progress.stage("drawing the report")
+            write_text(page, render_page(result))
+        if target is not None:
+            save_calibration(result, target)
+    return result
+
+
+def _check(earlier: Earlier, campaigns: Sequence[Read]) -> None:
+    """Refuse what cannot follow the calibration."""
+    known = [
+        (campaign["name"], [InputFile(**entry) for entry in campaign["inputs"]])
+        for campaign in earlier.campaigns()
+    ]
+    refuse_repeated([*known, *((read.name, read.inputs) for read in campaigns)])
+    for read in campaigns:
+        require_one_rig(earlier.rig, read.campaign.rig.rig, read.name, earlier.name)
+        if read.dwells is None:
+            raise UsageError(
+                "there is no log to update from",
+                where=read.name,
+                hint="calibrate the survey on its own, and compare",
+            )
+        told = "file" not in (read.measured.source, earlier.measured.source)
+        if told and read.measured.end < earlier.measured.begin:
+            raise UsageError(
+                f"was recorded on {_day(read.measured)}, before the calibration "
+                f"({_day(earlier.measured)})",
+                where=read.name,
+                hint="update in the order of time, or give all campaigns to calibrate",
+            )
+
+
+def _updated(
+    earlier: Earlier, read: Read, trials: int | None, seed: int, command: str, progress: Progress
+) -> Calibration:
+    rig = read.campaign.rig.rig
+    assert read.dwells is not None
+    informed = replace(rig, earlier=earlier.prior(rig, read.measured.month))
+    with read.log.explaining():
+        own = self_calibrate(
+            informed,
+            read.dwells,
+            rng=np.random.default_rng(seed).spawn(2)[0],
+            max_trials=trials,
+            inputs=read.inputs,
+            extremes=read.log.extremes,
+            progress=progress.stage,
+        )
+    slipped = _slipped(informed, own, read.name)
+    if slipped is not None:
+        own = replace(own, reasons=(*own.reasons, _text(slipped, earlier)))
+    place = own.fit.state
+    std = own.uncertainty.parameter_std
+    this = campaign_document(
+        read.name,
+        read.measured,
+        read.inputs,
+        place,
+        _as_state(own, std),
+        postures=int(np.sum(own.fit.weight > 0)),
+        chi2=own.quality.chi2,
+        dof=max(own.quality.dof, 0),
+    )
+    origin = Provenance(
+        read.campaign.rig,
+        read.inputs,
+        command,
+        seed,
+        measured=read.measured,
+        campaigns=(*earlier.campaigns(), this),
+        history=earlier.history(),
+    )
+    notes = () if earlier.file.accepted else (f"{earlier.name} is a rejected calibration",)
+    return Calibration.of(with_totals(from_self(own, origin, notes)), Records(own))
+
+
+def _slipped(rig: Rig, own: SelfCalibration, name: str) -> Misfit | None:
+    """The new campaign against all that was known before it."""
+    reference = starting_state(rig)
+    found = misfit_of(rig, name, eliminate(own.fit, reference).information)
+    return found if found.p_value <= CAMPAIGN_MISFIT else None
+
+
+def _text(found: Misfit, earlier: Earlier) -> str:
+    size = 1e3 * float(np.linalg.norm(found.turn))
+    return (
+        f"{found.sensor} seems turned by {size:.2g} mrad since {earlier.name} "
+        f"({p_text(found.p_value)}): calibrate anew instead of updating; or declare drift.angle, "
+        "where its angles walk"
+    )
+
+
+def _as_state(own: SelfCalibration, std: FloatArray) -> State:
+    """Standard uncertainties (P,) in the places of the parameters they are of."""
+    state = own.fit.state
+    empty = {f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)}
+    step = std.copy()
+    step[: 3 * state.n] = 0.0
+    return retract(State(**empty), step)
+
+
+def _day(measured: Measured) -> str:
+    return f"{datetime.fromtimestamp(measured.end, UTC):%Y-%m-%d}"

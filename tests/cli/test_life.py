@@ -1,0 +1,184 @@
+"""Several campaigns, `update` and `monitor` as users run them, on simulated months."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tests.cli.running import run
+
+
+@pytest.fixture(scope="module")
+def months(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight months of the reference rig; its second sensor turns in the sixth."""
+    folder = tmp_path_factory.mktemp("rig")
+    simulate_to_folder(
+        folder / "months", scenario="months", postures=6, months=8, seed=4, rows="postures"
+    )
+    return folder / "months"
+
+
+def angles(path: Path) -> np.ndarray:
+    content = yaml.safe_load(path.read_text())
+    return np.array([support["rpy"] for support in content["supports"]])
+
+
+def folders(months: Path, first: int, last: int) -> list[Path]:
+    return sorted(p for p in months.iterdir() if p.is_dir())[first:last]
+
+
+def test_months_are_pooled_and_updated_to_the_same_numbers(
+    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = folders(months, 0, 4)
+    pooled = tmp_path / "pooled.yaml"
+    assert run(capsys, "calibrate", *known, "--trials", 0, "-o", pooled, "-q").status == 0
+    content = yaml.safe_load(pooled.read_text())
+    assert [c["name"] for c in content["campaigns"]] == [str(p) for p in known]
+    assert content["measured"]["source"] == "rig"
+    zeros = [np.array(c["zero"]) for c in content["campaigns"]]
+    assert np.abs(zeros[0] - zeros[1]).max() > 0.1
+    last = tmp_path / "0.yaml"
+    assert run(capsys, "calibrate", known[0], "--trials", 0, "-o", last, "-q").status == 0
+    for k, folder in enumerate(known[1:], 1):
+        new = tmp_path / f"{k}.yaml"
+        done = run(capsys, "update", last, folder, "--trials", 0, "-o", new, "-q")
+        assert done.status == 0, done.err
+        last = new
+    assert np.abs(angles(last) - angles(pooled)).max() < 1e-6
+    updated = yaml.safe_load(last.read_text())
+    assert len(updated["campaigns"]) == 4
+    assert len(updated["history"]) == 3
+    assert updated["fit"]["chi2"] == pytest.approx(content["fit"]["chi2"], rel=1e-4)
+
+
+def test_truth_lies_within_the_pooled_uncertainty(
+    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = folders(months, 0, 5)
+    path = tmp_path / "pooled.json"
+    run(capsys, "calibrate", *known, "--trials", 0, "-o", path, "-q")
+    found = json.loads(path.read_text())
+    truth = yaml.safe_load((known[-1] / "truth.yaml").read_text())
+    for ours, theirs in zip(found["supports"], truth["supports"], strict=True):
+        away = np.array(ours["rpy"]) - theirs["rpy"]
+        assert np.all(np.abs(away) < 4 * np.array(ours["rpy_std"]))
+
+
+def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: object) -> Any:
+    done = run(capsys, "monitor", *arguments, "--json", "-q")
+    assert done.status == status, done.err
+    return json.loads(done.out)
+
+
+def test_a_turned_sensor_alarms_and_is_named_in_its_month(
+    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "history.html"
+    result = monitored(capsys, 1, months, "--html", page)
+    (alarm,) = result["alarms"]
+    assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")
+    assert alarm["onset_check"] == str(folders(months, 5, 6)[0])
+    truth = yaml.safe_load((months / "truth.yaml").read_text())["steps"][0]["turn"]
+    assert np.abs(np.array(alarm["turn"]) - truth).max() < 4 * max(alarm["turn_std"])
+    assert page.read_text().count("<svg") >= 3
+    assert monitored(capsys, 0, *folders(months, 0, 5))["alarms"] == []
+    later = monitored(capsys, 0, months, "--since", "2099-01-01")
+    assert len(later["older_alarms"]) == 1
+
+
+def test_calibrations_that_stand_on_each_other_are_taken_apart(
+    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Campaigns, their calibrations one by one, and a chain of updates tell one story."""
+    known, files, chain = folders(months, 0, 4), [], [tmp_path / "u0.yaml"]
+    for k, folder in enumerate(known):
+        files.append(tmp_path / f"c{k}.yaml")
+        run(capsys, "calibrate", folder, "--trials", 0, "-o", files[-1], "-q")
+    shutil.copy(files[0], chain[0])
+    for k, folder in enumerate(known[1:], 1):
+        chain.append(tmp_path / f"u{k}.yaml")
+        run(capsys, "update", chain[-2], folder, "--trials", 0, "-o", chain[-1], "-q")
+    paths = [
+        np.array(monitored(capsys, 0, *what)["checks"][-1]["path_rpy"])
+        for what in (known, files, chain)
+    ]
+    assert np.abs(paths[1] - paths[0]).max() < 2e-6
+    assert np.abs(paths[2] - paths[0]).max() < 2e-6
+    lost = run(capsys, "monitor", chain[0], chain[3])
+    assert lost.status == 2
+    assert "not named" in lost.err
+
+
+def edited(folder: Path, target: Path, **changes: Any) -> Path:
+    """Copy a campaign with changes of its rig file's first level."""
+    shutil.copytree(folder, target)
+    rig = yaml.safe_load((target / "rig.yaml").read_text())
+    rig.update(changes)
+    (target / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
+    return target
+
+
+def test_one_paragraph_and_nothing_written_where_campaigns_do_not_belong_together(
+    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second, *_ = folders(months, 0, 3)
+    base = tmp_path / "base.yaml"
+    run(capsys, "calibrate", first, "--trials", 0, "-o", base, "-q")
+    rig = yaml.safe_load((second / "rig.yaml").read_text())
+    moved = [dict(s) for s in rig["supports"]]
+    moved[1]["hinge"] = [c + 0.01 for c in moved[1]["hinge"]]
+    other = edited(second, tmp_path / "other", supports=moved)
+    future = edited(second, tmp_path / "future", campaign={"date": "2999-01-01"})
+    undated = edited(second, tmp_path / "undated", drift={"angle": 1e-4})
+    text = (undated / "rig.yaml").read_text()
+    (undated / "rig.yaml").write_text(text.replace("campaign:", "# campaign:").replace(
+        "  date:", "#  date:"))
+    older = edited(first, tmp_path / "older", campaign={"date": "2001-01-01"})
+    log = next(older.glob("log.*"))
+    log.write_bytes(next(second.glob("log.*")).read_bytes())
+    target = tmp_path / "none.yaml"
+    for status, arguments, names in (
+        (2, ["calibrate", first, other], "hinge of ncp2"),
+        (2, ["update", base, other], "hinge of ncp2"),
+        (2, ["calibrate", first, future], "future"),
+        (3, ["calibrate", first, undated], "campaign.date"),
+        (2, ["calibrate", first, first], "same recording"),
+        (2, ["update", base, first], "same recording"),
+        (2, ["update", base, older], "before the calibration"),
+        (1, ["calibrate", *folders(months, 0, 6)], "does not fit"),
+    ):
+        done = run(capsys, *arguments, "--trials", 0, "-o", target, "-q")
+        assert done.status == status, (arguments, done.err, done.out)
+        said = done.err + done.out
+        assert names in said
+        assert "Traceback" not in said
+        assert not target.exists()
+    assert run(capsys, "monitor", base).status == 2
+
+
+def test_one_posture_finds_new_zeros(
+    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second, *_ = folders(months, 0, 3)
+    base, new = tmp_path / "base.yaml", tmp_path / "new.yaml"
+    run(capsys, "calibrate", first, "--trials", 0, "-o", base, "-q")
+    short = edited(second, tmp_path / "short")
+    log = short / "log.csv"
+    log.write_text("".join(log.read_text().splitlines(keepends=True)[:2]))
+    done = run(capsys, "update", base, short, "--trials", 0, "-o", new, "-q")
+    assert done.status == 0, done.err
+    before, after = (yaml.safe_load(path.read_text()) for path in (base, new))
+    truth = yaml.safe_load((second / "truth.yaml").read_text())
+    for ours, theirs in zip(after["supports"], truth["supports"], strict=True):
+        away = np.abs(np.array(ours["zero"]) - theirs["zero"])
+        assert np.all(away < 4 * np.array(ours["zero_std"]))
+    stds = [np.array([s["rpy_std"] for s in f["supports"]]) for f in (before, after)]
+    assert np.all(stds[1] <= stds[0] * 1.1)
