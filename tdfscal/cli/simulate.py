@@ -18,7 +18,7 @@ def simulate(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Campaign folder to write.")],
     rig: RigFile = None,
     scenario: Annotated[
-        str, typer.Option(help="self, tracker, or a fault; an unknown name lists them all.")
+        str, typer.Option(help="self, tracker, months, or a fault; an unknown name lists all.")
     ] = "self",
     format: Annotated[LogFormat, typer.Option(help="Format of the log.")] = "csv",
     postures: Annotated[int, typer.Option(min=1, help="Number of postures.")] = 24,
@@ -27,6 +27,7 @@ def simulate(
     rate: Annotated[
         float, typer.Option(min=10.0, max=20e3, help="Samples per second of all signals.")
     ] = 100.0,
+    months: Annotated[int, typer.Option(min=1, help="Campaigns of the scenario months.")] = 12,
     seed: Seed = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace what is in the folder.")] = False,
     json: Json = False,

@@ -9,8 +9,8 @@ import numpy as np
 
 from tdfscal.comparison.control_chart import Alarm, Check, Watching
 from tdfscal.comparison.walk import Intensity, backward, forward, intensity, log_likelihood, others
-from tdfscal.model.earlier import EVEN_TURN, turned
-from tdfscal.model.parameters import State
+from tdfscal.model.earlier import turned
+from tdfscal.model.parameters import EVEN_TURN, State
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.numerics.information import Information

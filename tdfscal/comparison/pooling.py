@@ -193,7 +193,10 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
                 reduced[k],
             )
         )
-    found = _not_fitting(rig, [item.name for item in ordered], own, prior, steps)
+    birge = _birge([member.within for member in members])
+    scaled = [item.scaled(birge) for item in own]
+    names = [item.name for item in ordered]
+    found = _not_fitting(rig, names, scaled, prior.scaled(birge), steps)
     return Pool(reference, prior, walk, tuple(members), found)
 
 
@@ -234,13 +237,21 @@ def _not_fitting(
     return tuple(found)
 
 
-def misfit_of(rig: Rig, name: str, own: Information) -> Misfit:
+def _birge(fits: Sequence[tuple[float, int]]) -> float:
+    """Birge ratio of fits together, never below 1: understated noise is no turned sensor."""
+    dof = sum(count for _, count in fits)
+    return max(1.0, float(np.sqrt(sum(chi2 for chi2, _ in fits) / dof))) if dof else 1.0
+
+
+def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
     """Hold a campaign against what is known before it (`rig.earlier`), about the latter's estimate.
 
     p_value : that chance alone departs as much, in any of the tests made.
     """
     assert rig.earlier is not None
-    departure = contrast(information_of(rig, rig.earlier), own)
+    birge = _birge([(rig.earlier.chi2, rig.earlier.dof), _within(part)])
+    known = information_of(rig, rig.earlier).scaled(birge)
+    departure = contrast(known, part.information.scaled(birge))
     return _named(rig, name, departure, _probability(rig, departure))
 
 

@@ -42,17 +42,21 @@ class Campaign:
     end: FloatArray
 
 
-def simulate_campaign(rig: Rig, options: Options, rng: np.random.Generator) -> Campaign:
+def simulate_campaign(
+    rig: Rig, options: Options, rng: np.random.Generator, truth: Truth | None = None
+) -> Campaign:
     """Drive one campaign and record it.
 
     The rig's truth, the postures, the machine's errors and the recorder draw from streams of
     their own: with one seed, other faults, rates or noise leave the rest as it was.
 
+    truth : one trial, where the rig has been used before; drawn otherwise.
+
     Raises UsageError for options that do not fit the rig, RigError for a scatter that cannot be
     simulated, NotConvergedError where the terminal finds no rest.
     """
     stage_rng, record_rng = rng.spawn(2)
-    stage = set_stage(rig, options, stage_rng, 1)
+    stage = set_stage(rig, options, stage_rng, 1, truth)
     if options.rows == "postures":
         from tdfscal.simulation.posture_means import record_means
 

@@ -119,11 +119,18 @@ def stand(
     return servo, servo + datum + repeat
 
 
-def set_stage(rig: Rig, options: Options, rng: np.random.Generator, trials: int) -> Stage:
-    """Draw rigs and postures and let the terminal settle; (trials, K)."""
+def set_stage(
+    rig: Rig,
+    options: Options,
+    rng: np.random.Generator,
+    trials: int,
+    truth: Truth | None = None,
+) -> Stage:
+    """Draw rigs, unless they are known, and postures, and let the terminal settle; (trials, K)."""
     faults.check(options.faults, rig.n, options.count)
     truth_rng, posture_rng, error_rng = rng.spawn(3)
-    truth = draw_truths(rig, options, truth_rng, trials)
+    if truth is None:
+        truth = draw_truths(rig, options, truth_rng, trials)
     postures = draw_postures(rig, options, posture_rng, trials)
     shape = (trials, options.count)
     declared = rig.declared

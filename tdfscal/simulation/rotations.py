@@ -57,3 +57,11 @@ def fit_rotation(body: FloatArray, world: FloatArray) -> FloatArray:
     d[..., :2] = 1.0
     d[..., 2] = np.sign(np.linalg.det(u @ vt))
     return np.asarray((u * d[..., None, :]) @ vt, dtype=np.float64)
+
+
+def to_rpy(R: FloatArray) -> FloatArray:
+    """Roll, pitch, yaw (..., 3), rad, of R (..., 3, 3)."""
+    pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
+    roll = np.arctan2(R[..., 2, 1], R[..., 2, 2])
+    yaw = np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    return np.stack([roll, pitch, yaw], axis=-1)

@@ -32,14 +32,15 @@ Setup = tuple[Rig, Options]
 class Run:
     """A scenario played: the rig as stated, the truth, and what was recorded.
 
-    campaign : None with scenario "tracker".
+    campaign : None with scenario "tracker". survey : None with scenario "months", whose run is
+    that of the last month.
     """
 
     scenario: str
     rig: Rig
     truth: Truth
     campaign: Campaign | None
-    survey: Survey
+    survey: Survey | None
 
 
 def _with(faults: Faults) -> Callable[[Rig, Options], Setup]:
@@ -117,12 +118,11 @@ def run(
     Raises UsageError for a scenario that is not in `SCENARIOS`; else as `simulate_campaign`.
     """
     if scenario not in SCENARIOS:
-        near = difflib.get_close_matches(scenario, SCENARIOS, n=1)
+        names = [*SCENARIOS, "months"]
+        near = difflib.get_close_matches(scenario, names, n=1)
         raise UsageError(
             f"there is no scenario {scenario!r}",
-            hint=f"the nearest one is {near[0]!r}"
-            if near
-            else f"choose from {', '.join(SCENARIOS)}",
+            hint=f"the nearest one is {near[0]!r}" if near else f"choose from {', '.join(names)}",
         )
     stated, options = SCENARIOS[scenario](rig, options)
     campaign_rng, survey_rng = rng.spawn(2)

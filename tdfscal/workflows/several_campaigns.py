@@ -105,16 +105,16 @@ def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
 
 def refuse_repeated(campaigns: Sequence[tuple[str, Sequence[InputFile]]]) -> None:
     """Raise UsageError where two campaigns hold the same recording."""
-    seen: dict[str, str] = {}
-    for name, inputs in campaigns:
+    seen: dict[str, tuple[int, str]] = {}
+    for k, (name, inputs) in enumerate(campaigns):
         for entry in inputs:
-            if entry.sha256 in seen and seen[entry.sha256] != name:
+            first, other = seen.setdefault(entry.sha256, (k, name))
+            if first != k:
                 raise UsageError(
-                    f"holds the same recording as {seen[entry.sha256]}: {entry.path}",
+                    f"holds the same recording as {other}: {entry.path}",
                     where=name,
                     hint="name each recording once; twice the same data are no more data",
                 )
-            seen[entry.sha256] = name
 
 
 def calibrate_several(
@@ -130,6 +130,9 @@ def calibrate_several(
 
     The angles are those at the time of the last campaign with a log.
     """
+    rigs = [(str(group[0]), resolve(group).rig.rig) for group in groups]
+    for name, rig in rigs[1:]:
+        require_one_rig(rigs[0][1], rig, name, rigs[0][0])
     campaigns = [read_campaign(group, progress, salvage=salvage) for group in groups]
     refuse_repeated([(read.name, read.inputs) for read in campaigns])
     ordered = sorted(campaigns, key=lambda read: read.measured.month)
@@ -140,10 +143,6 @@ def calibrate_several(
             hint="calibrate surveys one by one, and compare them",
         )
     last = max(k for k, read in enumerate(ordered) if read.dwells is not None)
-    for read in ordered:
-        require_one_rig(
-            ordered[last].campaign.rig.rig, read.campaign.rig.rig, read.name, ordered[last].name
-        )
     _require_dates(ordered)
     progress.stage(f"pooling {len(ordered)} campaigns")
     pooled = pool([read.recorded for read in ordered])

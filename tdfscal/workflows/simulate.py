@@ -37,7 +37,8 @@ class SimulateResult(Result):
     @property
     def text(self) -> str:
         """What to do with it."""
-        return f"wrote {self.folder}: now run  tdfscal calibrate {self.folder}\n"
+        verb = "monitor" if self.run.scenario == "months" else "calibrate"
+        return f"wrote {self.folder}: now run  tdfscal {verb} {self.folder}\n"
 
     def to_dict(self) -> dict[str, Any]:
         """Return where what was written."""
@@ -79,6 +80,7 @@ def simulate(
     tilt: float = 5.0,
     squeeze: float = 200.0,
     rate: float = 100.0,
+    months: int = 12,
     seed: int = 0,
     force: bool = False,
     progress: Progress = SILENT,
@@ -89,12 +91,13 @@ def simulate(
     ----------
     folder : campaign folder to write.
     rig : rig.yaml; default the reference rig.
-    scenario : self, tracker, or a fault.
+    scenario : self, tracker, months, or a fault.
     format : of the log: csv, parquet or mcap.
     postures : number of them.
     tilt : degrees, largest tilt.
     squeeze : N, commanded internal forces.
     rate : samples per second of all signals.
+    months : number of campaigns of the scenario "months", a folder each.
     seed : of all random numbers.
     force : replace the campaign that stands in the folder.
     progress : called as the work goes on.
@@ -106,6 +109,7 @@ def simulate(
     """
     one_of("--format", format, get_args(LogFormat))
     at_least("--postures", postures, 1)
+    at_least("--months", months, 1)
     if not RATES[0] <= rate <= RATES[1]:
         raise UsageError(
             f"{rate:g} Hz is no rate of a recorder",
@@ -124,6 +128,7 @@ def simulate(
         postures=postures,
         tilt_deg=tilt,
         squeeze=squeeze,
+        months=months,
         seed=seed,
         overwrite=force,
     )

@@ -24,6 +24,7 @@ from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import PathLikes, at_least, listed, one
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, Records, paths_of
+from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.several_campaigns import (
@@ -85,10 +86,11 @@ def update(
             inputs = [*files, *paths_of([calibration]), *([rig_file] if rig_file else [])]
             check_place(place, inputs)
     earlier = read_earlier(calibration)
-    campaigns = [
-        read_campaign(group, progress, salvage=salvage, rig=rig_file)
-        for group in campaign_folders(files, rig_file)
-    ]
+    groups = campaign_folders(files, rig_file)
+    for group in groups:
+        new = resolve(group, rig_file).rig.rig
+        require_one_rig(earlier.rig, new, str(group[0]), earlier.name)
+    campaigns = [read_campaign(group, progress, salvage=salvage, rig=rig_file) for group in groups]
     campaigns.sort(key=lambda read: read.measured.month)
     _check(earlier, campaigns)
     for k, read in enumerate(campaigns):
@@ -115,7 +117,6 @@ def _check(earlier: Earlier, campaigns: Sequence[Read]) -> None:
     ]
     refuse_repeated([*known, *((read.name, read.inputs) for read in campaigns)])
     for read in campaigns:
-        require_one_rig(earlier.rig, read.campaign.rig.rig, read.name, earlier.name)
         if read.dwells is None:
             raise UsageError(
                 "there is no log to update from",
@@ -179,7 +180,7 @@ def _updated(
 def _slipped(rig: Rig, own: SelfCalibration, name: str) -> Misfit | None:
     """The new campaign against all that was known before it."""
     reference = starting_state(rig)
-    found = misfit_of(rig, name, eliminate(own.fit, reference).information)
+    found = misfit_of(rig, name, eliminate(own.fit, reference))
     return found if found.p_value <= CAMPAIGN_MISFIT else None
 
 

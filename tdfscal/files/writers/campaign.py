@@ -23,6 +23,7 @@ from tdfscal.simulation import (
     reference_rig,
     run,
 )
+from tdfscal.simulation.months import simulate_months
 
 LogFormat = Literal["csv", "parquet", "mcap"]
 
@@ -62,6 +63,7 @@ def simulate_to_folder(
     recorder: Recorder | None = None,
     survey: SurveyOptions | None = None,
     rows: Rows = "timeseries",
+    months: int = 12,
     overwrite: bool = False,
 ) -> Run:
     """Simulate a scenario on a rig (default: the reference rig) and write its campaign folder.
@@ -69,6 +71,7 @@ def simulate_to_folder(
     tilt_deg : largest lean of a posture, degrees. squeeze : commanded internal forces, N, as
     `Options.squeeze`. recorder : rates, timing and noise; 100 Hz throughout by default.
     survey : the tracker session; by default 12 moves per NCP with the paper's tracker, 5 m away.
+    months : of the scenario "months", which writes a folder each; the run is then the last one's.
     The same arguments and seed give the same bytes; another format gives the same numbers.
 
     Raises UsageError for an unknown scenario or format, impossible numbers, or a folder that is
@@ -85,9 +88,30 @@ def simulate_to_folder(
     )
     if seed < 0:
         raise UsageError(f"the seed is {seed}", hint="give a whole number from 0 up")
+    if scenario == "months":
+        return _months(rig or reference_rig(), options, folder, format, months, seed, overwrite)
     played = run(rig or reference_rig(), scenario, options, np.random.default_rng(seed), survey)
     write_run(played, folder, format=format, seed=seed, overwrite=overwrite)
     return played
+
+
+def _months(
+    rig: Rig,
+    options: Options,
+    folder: Path,
+    format: LogFormat,
+    months: int,
+    seed: int,
+    overwrite: bool,
+) -> Run:
+    from tdfscal.files.writers.months import write_months
+
+    if months < 1:
+        raise UsageError(f"{months} months asked for", hint="ask for one or more")
+    played = simulate_months(rig, options, np.random.default_rng(seed), months)
+    write_months(played, folder, format=format, seed=seed, overwrite=overwrite)
+    last = played.campaigns[-1]
+    return Run("months", rig, last.truth, last, None)
 
 
 def write_run(
@@ -112,13 +136,16 @@ def write_run(
             overwrite=overwrite,
         )
 
+    survey = played.survey
+    assert survey is not None
+
     def fill(into: Path) -> None:
-        point_files.write_session(into / "tracker", played.survey.session)
-        block = documents.tracker_block(played.survey)
+        point_files.write_session(into / "tracker", survey.session)
+        block = documents.tracker_block(survey)
         documents.write_yaml(into / "rig.yaml", documents.rig_document(played.rig, tracker=block))
         documents.write_yaml(
             into / "truth.yaml",
-            documents.truth_document(played.rig, played.truth, story, played.survey),
+            documents.truth_document(played.rig, played.truth, story, survey),
         )
 
     return _write_folder(folder, fill, overwrite)
