@@ -19,7 +19,8 @@ from tdfscal.files.rig import RIG_NAME
 from tdfscal.logs import is_log
 from tdfscal.numerics.distributions import chi2_sf, p_text
 from tdfscal.records import Dwells, InputFile, Measured, Rig
-from tdfscal.selfcal.pipeline import self_calibrate, usable_postures
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import MOST_REJECTED
 from tdfscal.workflows.calibration import Calibration, Records
 from tdfscal.workflows.campaign import Campaign, resolve
@@ -82,7 +83,7 @@ def read_campaign(
     try:
         with log.explaining():
             dwells = log.dwells()
-            usable = usable_postures(campaign.rig.rig, dwells, log.extremes)
+            usable = usable_postures(campaign.rig.rig, dwells)
     except TdfscalError as error:
         where = f"{name}: {error.where}" if error.where else name
         raise type(error)(error.what, where=where, hint=error.hint) from error
@@ -181,7 +182,6 @@ def _result(
             rng=np.random.default_rng(seed).spawn(2)[0],
             max_trials=trials,
             inputs=tuple(entry for item in ordered for entry in item.inputs),
-            extremes=read.log.extremes,
             progress=progress.stage,
         )
     reasons = [*own.reasons, *map(misfit_text, pooled.misfits), *_lost(ordered, pooled, last)]

@@ -98,14 +98,13 @@ def update(
         result = _updated(earlier, read, trials if last else 0, seed, command, progress)
         if not last:
             earlier = read_earlier(result)
-    if result.accepted or allow_rejected:
-        if page is not None:
-            from tdfscal.reporting.html import render_page
+    if target is not None and (result.accepted or allow_rejected):
+        save_calibration(result, target)
+    if page is not None:  # whatever the verdict
+        from tdfscal.reporting.html import render_page
 
-            progress.stage("drawing the report")
-            write_text(page, render_page(result))
-        if target is not None:
-            save_calibration(result, target)
+        progress.stage("drawing the report")
+        write_text(page, render_page(result))
     return result
 
 
@@ -146,7 +145,6 @@ def _updated(
             rng=np.random.default_rng(seed).spawn(2)[0],
             max_trials=trials,
             inputs=read.inputs,
-            extremes=read.log.extremes,
             progress=progress.stage,
         )
     slipped = _slipped(informed, own, read.name)

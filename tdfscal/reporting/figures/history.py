@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
@@ -13,7 +14,8 @@ from matplotlib.patches import Patch
 
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
-from tdfscal.records import ANGLES
+from tdfscal.numerics import so3
+from tdfscal.records import ANGLES, BoolArray, FloatArray
 from tdfscal.reporting.figures.style import (
     BLUE,
     GREY,
@@ -27,6 +29,7 @@ from tdfscal.reporting.figures.style import (
 )
 from tdfscal.significance import COVERAGE_FACTOR
 
+Dates = npt.NDArray[np.object_]
 _DAYS = 30.4375
 #: From this many checks on their whiskers would be a hedge: points alone.
 _CROWDED = 60
@@ -90,12 +93,12 @@ def _paint(life: Life, i: int, own: list[Alarm]) -> Figure:
     return fig
 
 
-def _angle(ax: Axes, life: Life, i: int, j: int, dates: np.ndarray, shown: np.ndarray) -> None:
+def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates, shown: BoolArray) -> None:
     """Deviation of one angle from its first mean, mrad."""
     zero = life.mean[0, i, j]
 
-    def mrad(angle: np.ndarray) -> np.ndarray:
-        return 1e3 * ((angle - zero + np.pi) % (2 * np.pi) - np.pi)
+    def mrad(angle: FloatArray) -> FloatArray:
+        return 1e3 * so3.wrapped(angle - zero)
 
     path, band = mrad(life.path[:, i, j]), 1e3 * COVERAGE_FACTOR * life.path_std[:, i, j]
     mean, limit = mrad(life.mean[:, i, j]), 1e3 * life.limit[:, i, j]
@@ -120,7 +123,7 @@ def _angle(ax: Axes, life: Life, i: int, j: int, dates: np.ndarray, shown: np.nd
     )  # fmt: skip
 
 
-def _surprise(ax: Axes, life: Life, i: int, dates: np.ndarray) -> None:
+def _surprise(ax: Axes, life: Life, i: int, dates: Dates) -> None:
     """How improbable the least probable test of a check is, against the level of the alarm."""
     p = np.clip(life.smallest[1:, i], 1e-12, 1.0)
     over = p <= life.level[1:]
@@ -133,12 +136,12 @@ def _surprise(ax: Axes, life: Life, i: int, dates: np.ndarray) -> None:
     ax.plot(dates[1:], -np.log10(life.level[1:]), color=GREY, linestyle="--", linewidth=0.9)
     ax.set_ylabel("−log₁₀ p")
     ax.set_ylim(0, 12.5)
-    locator = AutoDateLocator(minticks=3, maxticks=8)
+    locator = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
     ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
 
 
-def _mark(ax: Axes, dates: np.ndarray, alarm: Alarm) -> None:
+def _mark(ax: Axes, dates: Dates, alarm: Alarm) -> None:
     creeping = alarm.kind == "creep"
     ax.axvline(
         dates[alarm.onset],
