@@ -99,7 +99,7 @@ def calibrate(
             check_place(place, [*files, *([rig_file] if rig_file else [])])
     groups = campaign_folders(files, rig_file)
     if len(groups) > 1:
-        _check_several(method, estimator)
+        _check_several(method, samples, estimator)
         result = calibrate_several(
             groups,
             trials=trials,
@@ -133,8 +133,14 @@ def calibrate(
     return result
 
 
-def _check_several(method: Method | None, estimator: Estimator) -> None:
+def _check_several(method: Method | None, samples: Samples | None, estimator: Estimator) -> None:
     """Raise UsageError for what several campaigns together cannot be asked for."""
+    if samples not in (None, "static"):
+        raise UsageError(
+            "several campaigns are pooled from their dwells",
+            where="--samples",
+            hint="calibrate logs in motion one by one, and compare them",
+        )
     if estimator != "ml":
         raise UsageError(
             "the paper's linear method takes one campaign",
