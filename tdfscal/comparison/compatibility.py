@@ -162,12 +162,15 @@ def _verdict(
     above = int(np.sum(en > 1))
     if above:
         return (
-            f"not verified: {pair} differ beyond their uncertainties in {above} of {en.size} "
+            f"not compatible: {pair} differ beyond their uncertainties in {above} of {en.size} "
             f"angles (worst: {worst}; joint p = {p_value:.2g})"
         )
     if p_value < INCOMPATIBLE:
         return (
-            f"not verified: no single angle is beyond its uncertainty (worst: {worst}), but all "
+            f"not compatible: no single angle is beyond its uncertainty (worst: {worst}), but all "
             f"differences together are (p = {p_value:.2g})"
         )
-    return f"verified: {pair} agree within their uncertainties (worst: {worst}; p = {p_value:.2g})"
+    return (
+        f"metrologically compatible: {pair} agree within their uncertainties (worst: {worst}; "
+        f"p = {p_value:.2g})"
+    )

@@ -87,8 +87,8 @@ def _mend(c: Calibration) -> tuple[str, ...]:
     birge = c.tracker.get("birge") if c.tracker else None
     if c.method != "self" and isinstance(birge, float) and birge > limits.birge_max:
         found.append(
-            "Look at the tracker's residuals: a moved instrument, a loose target, or uncertainties "
-            "stated too small."
+            "Look at the tracker's residuals: a moved instrument, a loose target, or "
+            "understated uncertainties."
         )
     return tuple(found)
 

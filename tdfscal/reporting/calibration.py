@@ -14,16 +14,12 @@ from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.records import ANGLES
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import inputs_table, probability, utc
+from tdfscal.reporting.phrases import METHODS, probability, utc
+from tdfscal.reporting.traceability import campaign, overdue, provenance
 
 if TYPE_CHECKING:
     from tdfscal.reporting.figures.style import Drawing
 
-METHODS = {
-    "self": "self-calibration",
-    "tracker": "laser-tracker calibration",
-    "joint": "joint calibration, self and tracker",
-}
 _ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
 RESIDUAL_HEADER = ("", "rms before", "rms after", "largest before", "largest after")
 
@@ -57,13 +53,11 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         sections=(
             *sections,
             Section("Statistics", (Facts(_statistics(c)),)),
-            Section(
-                "Where this result comes from", (Facts(_provenance(c)), inputs_table(c.inputs)),
-                page_only=True,
-            ),
+            *campaign(c),
+            provenance(c),
             *_absent(c, {drawing.name for drawing in drawings}),
         ),
-        warnings=(*c.cautions, *c.warnings),
+        warnings=(*c.cautions, *overdue(c), *c.warnings),
         advice=advise(c),
         created=utc(c.created),
     )  # fmt: skip
@@ -260,20 +254,6 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
 
 def _chi2(chi2: float, dof: int, p: float) -> str:
     return f"χ² = {chi2:.4g} for {dof} degrees of freedom, p = {probability(p)}"
-
-
-def _provenance(c: Calibration) -> tuple[tuple[str, str], ...]:
-    estimator = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
-    return (
-        ("Method", METHODS[c.method] + estimator[c.estimator]),
-        ("Command", c.command),
-        ("Created", c.created),
-        ("Software", f"{c.software.name} {c.software.version}"),
-        ("Seed", str(c.seed)),
-        ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
-        ("Convention", c.convention),
-        ("Covariance", c.covariance.definition),
-    )
 
 
 def _absent(c: Calibration, drawn: set[str]) -> tuple[Section, ...]:

@@ -8,6 +8,12 @@ from tdfscal.files.calibration.parts import Input
 from tdfscal.records import InputFile
 from tdfscal.reporting.layout import Table
 
+METHODS = {
+    "self": "self-calibration",
+    "tracker": "laser-tracker calibration",
+    "joint": "joint calibration, self and tracker",
+}
+
 
 def inputs_table(inputs: Iterable[Input | InputFile], caption: str = "Input files") -> Table:
     """Files with their digests."""

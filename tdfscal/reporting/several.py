@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from tdfscal.comparison.compatibility import ANGLES, Comparison, History, compare
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.calibration import METHODS
 from tdfscal.reporting.layout import Facts, Report, Section, Table, illustrated
-from tdfscal.reporting.phrases import probability
+from tdfscal.reporting.phrases import METHODS, probability
 from tdfscal.significance import COVERAGE_FACTOR
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.log_time import origin_of
 from tdfscal.records import FloatArray, InputFile
-from tdfscal.reporting.calibration import METHODS, RESIDUAL_HEADER
+from tdfscal.reporting.calibration import RESIDUAL_HEADER
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import inputs_table
+from tdfscal.reporting.phrases import METHODS, inputs_table
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import Cause
 from tdfscal.validation.residual_wrench import Validation

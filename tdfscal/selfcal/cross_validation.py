@@ -1,4 +1,4 @@
-"""Proof on data not used: the contact wrench that remains at postures held out in turn."""
+"""Proof on data not used: the residual contact wrench of leave-one-out postures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does a calibration still hold? Contact wrenches of static postures that should be zero.
+"""Does a calibration still hold? Residual contact wrenches of static postures.
 
 The residual wrenches of all postures are tested together: the error of the calibration is common
 to them, only the dwells' own noise is not (theory, section 7).

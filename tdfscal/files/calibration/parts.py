@@ -303,7 +303,7 @@ class ResidualWrench(Strict):
 
 
 class ValidationResult(Strict):
-    """Cross-validation: the contact wrench of postures held out, which should be zero."""
+    """Cross-validation: residual contact wrench of leave-one-out postures."""
 
     method: Text
     postures: Count

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES
-from tdfscal.reporting.figures.style import BLUE, GREY, INK, Drawing, figure, signed
+from tdfscal.reporting.figures.style import BLUE, GREY, INK, Drawing, figure, signed, tip
 
 
 def draw(c: Calibration) -> Drawing:
@@ -35,7 +35,10 @@ def _paint(c: Calibration) -> Figure:
     place = np.arange(len(value), dtype=float) + np.repeat(0.5 * np.arange(len(c.mounted)), 3)
     fig = figure(0.9 + 0.23 * len(value))
     left, right = fig.subplots(1, 2, sharey=True)
-    left.barh(place, turn, height=0.62, color=BLUE, edgecolor=INK, linewidth=0.4)
+    labels = [f"{s.name}  {angle}" for s in c.mounted for angle in ANGLES]
+    bars = left.barh(place, turn, height=0.62, color=BLUE, edgecolor=INK, linewidth=0.4)
+    for bar, label, v, a, b in zip(bars, labels, value, low, high, strict=True):
+        tip(bar, f"{label}: {v:.3f} mrad, 95 % from {a:.3f} to {b:.3f}")
     left.axvline(0, color=INK, linewidth=0.8)
     reach = np.abs(turn).max() * 1.35 or 1.0
     left.set_xlim(min(0, turn.min()) - 0.3 * reach, max(0, turn.max()) + 0.3 * reach)
@@ -50,7 +53,6 @@ def _paint(c: Calibration) -> Figure:
             fontsize=7.5,
         )
     left.set_xlabel("turn from the nominal mounting, mrad")
-    labels = [f"{s.name}  {angle}" for s in c.supports for angle in ANGLES]
     left.set_yticks(place, labels)
     left.invert_yaxis()
     right.errorbar(

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import Budget
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import FILLS, HATCHES, INK, Drawing, figure
+from tdfscal.reporting.figures.style import FILLS, HATCHES, INK, Drawing, figure, tip
 
 _ROOM_FOR_LABEL = 12.0
 
@@ -47,7 +47,7 @@ def _paint(c: Calibration, budget: Budget) -> Figure:
     ax = fig.subplots()
     left = np.zeros(len(share))
     for s, source in enumerate(budget.sources):
-        ax.barh(
+        bars = ax.barh(
             place,
             share[:, s],
             left=left,
@@ -58,6 +58,8 @@ def _paint(c: Calibration, budget: Budget) -> Figure:
             linewidth=0.4,
             label=source,
         )
+        for bar, a, width in zip(bars, budget.angles, share[:, s], strict=True):
+            tip(bar, f"{a.support} {a.angle}: {source} {width:.1f} %")
         for y, x, width in zip(place, left, share[:, s], strict=True):
             if width >= _ROOM_FOR_LABEL:
                 ax.text(

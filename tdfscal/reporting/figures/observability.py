@@ -35,7 +35,7 @@ def draw(c: Calibration) -> Drawing:
             said += " (turning a sensor about its load changes nothing)"
     ratio = std[j, 2] / std[j, 0]
     said += f". Weak and strong directions of one sensor differ by a factor of {ratio:.2g} at most."
-    return Drawing("observability", "What the data see well, and what not", said, lambda: _paint(c))
+    return Drawing("observability", "Observability", said, lambda: _paint(c))
 
 
 def principal(c: Calibration) -> tuple[FloatArray, FloatArray]:

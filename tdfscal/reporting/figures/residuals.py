@@ -1,4 +1,4 @@
-"""The contact wrench that remains at each posture, before and after."""
+"""The residual contact wrench at each posture, before and after."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from tdfscal.reporting.figures.style import (
     legend_above,
     logarithmic,
     raster,
+    tip,
 )
 
 
 def draw(c: Calibration) -> Drawing | None:
-    """Length of the remaining force and moment, posture by posture."""
+    """Length of the residual force and moment, posture by posture."""
     table = c.postures
     if table is None or not table.index:
         return None
@@ -28,7 +29,7 @@ def draw(c: Calibration) -> Drawing | None:
     m_before, m_after = _rms(_length(table.moment_before)), _rms(_length(table.moment_after))
     return Drawing(
         "residuals",
-        "False contact wrench at each posture",
+        "Residual contact wrench at each posture",
         f"Uncalibrated, a controller would take {before:.3g} N and {m_before:.3g} N·m for contact "
         f"where there is none; calibrated, {after:.2g} N and {m_after:.2g} N·m (rms, each posture "
         "predicted from the others).",
@@ -77,6 +78,11 @@ def _panel(
         label=said,
         rasterized=pixels,
     )
+    if not pixels:
+        unit = label.rpartition(" ")[2]
+        for k, b, a in zip(number, before, after, strict=True):
+            (mark,) = ax.plot([k], [a], "o", markersize=8, alpha=0.0)
+            tip(mark, f"posture {k}: {b:.3g} {unit} before, {a:.3g} {unit} after")
     if min(before.min(), after.min()) > 0:
         logarithmic(ax)
     ax.set_ylabel(label)

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from tdfscal.errors import visible
 from tdfscal.files.saving import make_folder, replacing, write_text
 
 WIDTH = 7.3
@@ -26,6 +28,7 @@ HATCHES = ("", "///", "...", "\\\\\\", "xx", "--", "oo", "++")
 """Beside colours, so that areas differ in black and white."""
 _DPI = 200
 _RASTER_FROM = 400
+_TIP = "tip: "
 _SETTINGS: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -84,6 +87,11 @@ def logarithmic(ax: Axes) -> None:
     ax.yaxis.set_minor_formatter(NullFormatter())
 
 
+def tip(artist: Artist, text: str) -> None:
+    """Give a mark words that a page shows where the pointer rests on it, without a script."""
+    artist.set_gid(f"{_TIP}{visible(text)}")
+
+
 def legend_above(ax: Axes, columns: int) -> None:
     """Legend over the axes, where it covers nothing."""
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, borderaxespad=0.3)
@@ -102,6 +110,7 @@ def to_svg(drawing: Drawing) -> str:
         drawing.paint().savefig(stream, format="svg", dpi=_DPI, metadata={"Date": None})
     text = stream.getvalue()
     body = re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+    body = re.sub(f'<g id="{_TIP}([^"]*)">', r"<g><title>\1</title>", body)
     # Several figures share one page, and identifiers must differ between them.
     return re.sub(
         r'(\bid="|url\(#|href="#)', lambda match: f"{match.group(1)}{drawing.name}-", body

@@ -60,7 +60,7 @@ def _paint(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
             ax.grid(visible=False)
             ax.tick_params(labelsize=7)
             if i == n - 1:
-                ax.set_xlabel("off the estimate, mrad")
+                ax.set_xlabel("deviation from the estimate, mrad")
         grid[i, 0].set_ylabel("trials per bin, %", fontsize=7.5)
     fig.legend(handles=_keys(), loc="outside upper left", ncols=4)
     return fig

@@ -1,0 +1,111 @@
+"""What an auditor asks of a calibration: of what, when, by whom, on what assumptions and rules."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.reporting.layout import Block, Facts, Section, Table
+from tdfscal.reporting.phrases import METHODS, inputs_table, utc
+from tdfscal.significance import COVERAGE_FACTOR, MOST_REJECTED
+
+_ESTIMATORS = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
+_SOURCES = {"log": "by the log's own clock", "rig": "by the rig file", "file": "by the file's date"}
+#: Standard uncertainties of the rig file's block, by the words for what they are of.
+_DECLARED = {
+    "positioner": "NCP repeatability",
+    "hinge": "hinges",
+    "datum": "servo datums",
+    "force_sensitivity": "gain and crosstalk",
+    "hinge_moment": "friction of the hinges",
+}
+
+
+def campaign(c: Calibration) -> tuple[Section, ...]:
+    """When, where and by whom the data were recorded; serial numbers of rig and sensors."""
+    rig, stated = c.rig, c.rig.campaign
+    facts = [("Serial number", rig.serial)] if rig.serial else []
+    if c.measured is not None:
+        begin, end = utc(c.measured.begin), utc(c.measured.end)
+        span = begin if begin == end else f"{begin} to {end}"
+        facts.append(("Measured", f"{span}, {_SOURCES[c.measured.source]}"))
+    if stated is not None:
+        named = (("Operator", stated.operator), ("Site", stated.site), ("Note", stated.note))
+        facts += [(name, text) for name, text in named if text]
+    facts += [
+        ("Stands on", f"{METHODS[entry.method]} of {utc(entry.created)}, SHA-256 {entry.sha256}")
+        for entry in c.history
+    ]
+    blocks: list[Block] = [Facts(tuple(facts))] if facts else []
+    if papers := _papers(c):
+        header = ("sensor", "serial number", "certificate", "due")
+        blocks.append(Table("Sensors", header, papers, left=4))
+    return (Section("Campaign and sensors", tuple(blocks)),) if blocks else ()
+
+
+def _papers(c: Calibration) -> tuple[tuple[str, ...], ...]:
+    return tuple(
+        (s.name, s.sensor.serial or "", s.sensor.certificate or "", s.sensor.due or "")
+        for s in c.rig.supports
+        if s.sensor is not None
+    )
+
+
+def overdue(c: Calibration) -> tuple[str, ...]:
+    """Sensors whose own certificate had ended when the data were recorded."""
+    day = (c.measured.end if c.measured is not None else c.created)[:10]
+    return tuple(
+        f"the certificate of {s.name}'s sensor was due on {s.sensor.due}, before this calibration"
+        for s in c.rig.supports
+        if s.sensor is not None and s.sensor.due is not None and s.sensor.due[:10] < day
+    )
+
+
+def provenance(c: Calibration) -> Section:
+    """What the result was made of, with which program, under which conventions and rules."""
+    facts = (
+        ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
+        ("Command", c.command),
+        ("Created", utc(c.created)),
+        ("Software", f"{c.software.name} {c.software.version}"),
+        ("Seed", str(c.seed)),
+        ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
+        ("Taken as exact", ", ".join(_exact(c)) or "nothing"),
+        ("Decision rule", _rule(c)),
+        ("Convention", c.convention),
+        ("Covariance", c.covariance.definition),
+    )
+    blocks = (Facts(facts), inputs_table(c.inputs))
+    return Section("Where this result comes from", blocks, page_only=True)
+
+
+def _exact(c: Calibration) -> list[str]:
+    """Quantities that the rig file states without uncertainty: the result has none of theirs."""
+    terminal, declared = c.rig.terminal, c.rig.uncertainty
+    exact = [words for name, words in _DECLARED.items() if getattr(declared, name) == 0]
+    if c.method == "tracker":
+        return exact
+    if terminal.mass.std == 0:
+        exact.append("mass")
+    if not np.any(terminal.barycenter.std):
+        exact.append("barycentre")
+    exact += [f"zero of {s.name}" for s in c.rig.supports if not np.any(s.zero.std)]
+    if c.rig.gravity.tilt_std == 0:
+        exact.append("direction of gravity")
+    return exact
+
+
+def _rule(c: Calibration) -> str:
+    """When a result is accepted (ISO/IEC 17025, 7.8.6)."""
+    limits = c.rig.acceptance
+    rule = (
+        f"accepted where every angle's standard uncertainty is at most "
+        f"{1e3 * limits.angle_std:.3g} mrad, the Birge ratio at most {limits.birge_max:.2g}, and "
+        f"at most {MOST_REJECTED:.0%} of the postures are rejected"
+    )
+    if limits.contact is not None:
+        rule += (
+            "; contact wrench: simple acceptance behind a guard band of the expanded uncertainty, "
+            f"k = {COVERAGE_FACTOR:g} (JCGM 106)"
+        )
+    return rule
