@@ -7,31 +7,35 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity
-from tdfscal.records import ANGLES, FloatArray, InputFile, Rig
+from tdfscal.acceptance.turns import turn_names, turn_std
+from tdfscal.records import BoolArray, InputFile, Rig, Rotations
 from tdfscal.significance import MOST_REJECTED
 
 
 def judge(
     rig: Rig,
-    std: FloatArray,
+    found: Rotations,
     birge: float,
     *,
+    determined: BoolArray | None = None,
     used: int = 0,
     rejected: int = 0,
     inputs: Sequence[InputFile] = (),
     suspicions: Sequence[str] = (),
     conformity: Conformity | None = None,
 ) -> tuple[str, ...]:
-    """Reasons to reject a result with standard uncertainties std (n, 3) in rad; none: accepted.
+    """Reasons to reject rotations by the uncertainty of their turns about the BCS's axes.
 
-    used, rejected : numbers of postures. inputs : a salvaged one is never accepted.
-    suspicions : harmful ones, in words. conformity : of the contact wrench, where the rig
-    file states a limit.
+    None: accepted. determined : (n,), sensors that are judged, by default all. used, rejected :
+    numbers of postures. inputs : a salvaged one is never accepted. suspicions : harmful ones, in
+    words. conformity : of the contact wrench, where the rig file states a limit.
     """
     limits, reasons = rig.acceptance, []
-    for i, j in np.argwhere(~(std <= limits.angle_std)):
+    std, names = turn_std(found.covariance), turn_names(found.rotation)
+    judged = np.ones(rig.n, dtype=np.bool_) if determined is None else determined
+    for i, j in np.argwhere(~(std <= limits.angle_std) & judged[:, None]):
         reasons.append(
-            f"{ANGLES[j]} of {rig.supports[i]} has a standard uncertainty of "
+            f"{names[i][j]} of {rig.supports[i]} has a standard uncertainty of "
             f"{1e3 * std[i, j]:.2g} mrad, above the limit of {1e3 * limits.angle_std:.2g} mrad"
         )
     if birge > limits.birge_max:

@@ -98,7 +98,7 @@ def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparis
     covariance = first.covariance + second.covariance
     chi2 = float(d.reshape(-1) @ np.linalg.solve(covariance, d.reshape(-1)))
     p_value = float(chi2_sf(chi2, 3 * n))
-    rpy = so3.wrapped(so3.to_rpy(first.rotation) - so3.to_rpy(second.rotation))
+    rpy = so3.deviations(first.rotation, second.rotation)
     std = np.hypot(rpy_std(first), rpy_std(second))
     en = np.abs(rpy) / (COVERAGE_FACTOR * std)
     verified = bool(np.all(en <= 1)) and p_value >= INCOMPATIBLE

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 
 
 def hat(v: npt.ArrayLike) -> FloatArray:
@@ -100,17 +100,45 @@ def to_rpy(R: npt.ArrayLike) -> FloatArray:
     )
 
 
+#: Cosine of the pitch below which roll and yaw are not separable: 1.1° from ±90°. There they are
+#: one turn, and noise of a milliradian turns the one into the other.
+LOCKED = 0.02
+
+
+def locked(R: npt.ArrayLike) -> BoolArray:
+    """Whether roll and yaw of R (..., 3, 3) are not separable."""
+    R = np.asarray(R, dtype=np.float64)
+    return np.asarray(np.hypot(R[..., 0, 0], R[..., 1, 0]) < LOCKED)
+
+
+def deviations(R: npt.ArrayLike, base: npt.ArrayLike) -> FloatArray:
+    """Roll, pitch, yaw (..., 3) of R less those of base, less whole turns, rad.
+
+    Where base is locked: the turns about the axes of the BCS from base to R.
+    """
+    R, base = np.asarray(R, dtype=np.float64), np.asarray(base, dtype=np.float64)
+    angles = wrapped(to_rpy(R) - to_rpy(base))
+    stuck = locked(base)
+    if not stuck.any():
+        return angles
+    turns = log(R @ np.swapaxes(base, -1, -2))
+    return np.asarray(np.where(stuck[..., None], turns, angles))
+
+
 def rpy_jacobian(R: npt.ArrayLike) -> FloatArray:
     """J (..., 3, 3) with d(roll, pitch, yaw) = J δ for exp([δ]×) R.
 
-    Grows without bound towards pitch ±π/2, where roll and yaw are the same turn.
+    Where R is locked roll and yaw are the same turn: there it is the identity, and stands for the
+    turns about the axes of the BCS.
     """
     R = np.asarray(R, dtype=np.float64)
+    stuck = locked(R)
     _, pitch, yaw = np.moveaxis(to_rpy(R), -1, 0)
     cy, sy, cp, tp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.tan(pitch)
     zero, one = np.zeros_like(cy), np.ones_like(cy)
     rows = [[cy / cp, sy / cp, zero], [-sy, cy, zero], [cy * tp, sy * tp, one]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    jacobian = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.where(stuck[..., None, None], np.eye(3), jacobian)
 
 
 def rpy_covariance(R: npt.ArrayLike, covariance: FloatArray) -> FloatArray:

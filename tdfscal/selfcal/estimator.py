@@ -117,9 +117,11 @@ class Priors:
         if not len(self.angled):
             return residual, self.rows
         # A prior on roll, pitch, yaw about the nominal mounting.
-        turn = so3.wrapped(so3.to_rpy(state.rotation) - self.rpy)
+        turn = so3.deviations(state.rotation, self.nominal)
         jac = np.zeros((3 * state.n, self.rows.shape[1]))
-        for i, block in enumerate(so3.rpy_jacobian(state.rotation)):
+        blocks = so3.rpy_jacobian(state.rotation)
+        blocks[so3.locked(self.nominal)] = np.eye(3)  # turns about the BCS's axes instead
+        for i, block in enumerate(blocks):
             jac[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
         scale = self.rpy_std.ravel()[self.angled]
         return (

@@ -226,7 +226,7 @@ def simulate(
         for start in range(0, size, CHUNK):
             rotation, settled = sampler.solve(sampler.draw(rng, min(CHUNK, size - start)))
             unsettled += int(np.sum(~settled))
-            chunks.append(followed * so3.wrapped(so3.to_rpy(rotation) - estimate))
+            chunks.append(followed * so3.deviations(rotation, fit.state.rotation))
         return np.concatenate(chunks)
 
     found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)

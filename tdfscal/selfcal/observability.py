@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.acceptance.turns import prior_turn_std, turn_names, turn_std
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, forces
-from tdfscal.numerics import so3
-from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
+from tdfscal.records import BoolArray, FloatArray, Rig
 
 #: An angle known better than half its prior owes more to the data than to the prior.
 _PRIOR_SHARE = 0.5
@@ -20,7 +20,10 @@ _ALONG_LOAD = np.radians(20.0)
 
 @dataclass(frozen=True, slots=True)
 class Angle:
-    """One angle of one sensor; std in rad; prior_std likewise, ∞ where there is no prior."""
+    """One turn of one sensor about an axis of the BCS, by the angle's name where it is that angle.
+
+    std in rad; prior_std likewise, ∞ where there is no prior.
+    """
 
     support: str
     angle: str
@@ -117,36 +120,33 @@ def load_directions(state: State, postures: Postures) -> tuple[FloatArray, Float
     return axis, np.arctan2(across, along), across
 
 
-def verdict(
-    rig: Rig, state: State, postures: Postures, covariance: FloatArray, rpy_covariance: FloatArray
-) -> Observability:
-    """Judge every angle by its standard uncertainty (covariance (3n, 3n), rpy (n, 3, 3), rad²).
+def verdict(rig: Rig, state: State, postures: Postures, covariance: FloatArray) -> Observability:
+    """Judge every turn about an axis of the BCS by its variance (covariance (3n, 3n), rad²).
 
-    An angle is identified when its standard uncertainty is below `acceptance.identifiable` and at
+    A turn is identified when its standard uncertainty is below `acceptance.identifiable` and at
     most half of its prior's.
     """
-    std = np.sqrt(np.diagonal(rpy_covariance, axis1=1, axis2=2))
+    std, names = turn_std(covariance), turn_names(state.rotation)
+    prior = prior_turn_std(rig.rpy_std, state.rotation)
     limit = rig.acceptance.identifiable
-    good = (std < limit) & (std <= _PRIOR_SHARE * rig.rpy_std)
+    good = (std < limit) & (std <= _PRIOR_SHARE * prior)
     angles = tuple(
-        Angle(name, ANGLES[j], float(std[i, j]), float(rig.rpy_std[i, j]), bool(good[i, j]))
+        Angle(name, names[i][j], float(std[i, j]), float(prior[i, j]), bool(good[i, j]))
         for i, name in enumerate(rig.supports)
         for j in range(3)
     )
     axis, spread, across = load_directions(state, postures)
-    turns = so3.rpy_jacobian(state.rotation)
     weak = []
     for k, angle in enumerate(angles):
         if angle.identified:
             continue
         i, j = divmod(k, 3)
-        turn = np.linalg.inv(turns[i])[:, j]  # that this angle is, BCS
-        weak.append(_explain(angle, turn, axis[i], spread[i], across[i], limit))
+        weak.append(_explain(angle, np.eye(3)[j], axis[i], spread[i], across[i], limit))
     lacks = {name for name, axes in zip(rig.supports, rig.axes, strict=True) if not axes.all()}
     return Observability(
         angles,
         tuple(w for w in weak if w.angle.support not in lacks),
-        _couples(angles, covariance, turns),
+        _couples(angles, covariance),
         spread,
         undetermined=tuple(n for n in rig.supports if n in {w.angle.support for w in weak} & lacks),
         lacking=tuple(w for w in weak if w.angle.support in lacks),
@@ -187,17 +187,10 @@ def _round_up(value: float) -> str:
     return f"{np.ceil(value / digits) * digits:.0f}"
 
 
-def _couples(
-    angles: tuple[Angle, ...], covariance: FloatArray, turns: FloatArray
-) -> tuple[Correlation, ...]:
+def _couples(angles: tuple[Angle, ...], covariance: FloatArray) -> tuple[Correlation, ...]:
     """Pairs of angles with a correlation above 0.8, the closest first."""
-    n = len(turns)
-    J = np.zeros((3 * n, 3 * n))
-    for i in range(n):
-        J[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turns[i]
-    C = J @ covariance @ J.T
-    std = np.sqrt(np.diagonal(C))
-    R = C / np.outer(std, std)
+    std = np.sqrt(np.diagonal(covariance))
+    R = covariance / np.outer(std, std)
     pairs = [
         Correlation(angles[a].name, angles[b].name, float(R[a, b]))
         for a, b in np.argwhere(np.triu(np.abs(R), 1) > _CORRELATED)

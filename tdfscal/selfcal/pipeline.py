@@ -17,7 +17,7 @@ from tdfscal.model.parameters import State, nominal
 from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import Dwells, InputFile, Rig
+from tdfscal.records import Dwells, InputFile, Rig, Rotations
 from tdfscal.selfcal import observability, repeatability
 from tdfscal.selfcal.covariance import Quality, Uncertainty, evaluate, information_root, quality
 from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
@@ -111,9 +111,7 @@ def self_calibrate(
         parts = information_root(result)
         stats = quality(result, parts)
         uncertainty = evaluate_linear(result, rng, max_trials or LINEAR_TRIALS)
-    seen = observability.verdict(
-        rig, result.state, result.postures, uncertainty.covariance, uncertainty.rpy_covariance
-    )
+    seen = observability.verdict(rig, result.state, result.postures, uncertainty.covariance)
     if not seen.determined.any():
         raise NotIdentifiableError(_unseen(seen), hint=seen.lacking[0].advice)
     if not seen.identified:
@@ -164,8 +162,9 @@ def self_calibrate(
         rejected=rejected,
         reasons=judge(
             rig,
-            np.where(seen.determined[:, None], uncertainty.rpy_std, 0.0),
+            Rotations(rig.supports, result.state.rotation, uncertainty.covariance),
             stats.birge,
+            determined=seen.determined,
             used=len(dwells) - len(rejected),
             rejected=len(rejected),
             inputs=inputs,

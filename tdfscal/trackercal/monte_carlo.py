@@ -68,7 +68,7 @@ def simulate_inputs(
         R_s = np.stack([R for R, _ in draws], axis=1)
         tilt = misalignment * rng.standard_normal((count, len(targets), 3))
         X = so3.exp(tilt) @ np.swapaxes(R_b, -1, -2)[:, None] @ R_s
-        angles.append(so3.wrapped(so3.to_rpy(X) - reference))
+        angles.append(so3.deviations(X, estimate))
         d = np.stack([s for _, s in draws], axis=1) - b[:, None] + tilt @ moves.fit.rotation.T
         linear.append(np.einsum("nij,tnj->tni", to_rpy, d))
     drawn, same_draws = np.concatenate(angles), np.concatenate(linear)

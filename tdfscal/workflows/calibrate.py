@@ -206,7 +206,7 @@ def _calibrated(
             campaign.rig.rig, tracker.rotations.rotation, tracker.rotations.covariance
         )
         reasons = judge(
-            campaign.rig.rig, tracker.rpy_std, tracker.birge, conformity=assess_stated(given)
+            campaign.rig.rig, tracker.rotations, tracker.birge, conformity=assess_stated(given)
         )
         file = from_tracker(tracker, origin, reasons, notes)
         return Calibration.of(file, Records(tracker=tracker))
@@ -227,7 +227,7 @@ def _both(
     given = from_fit(own.fit, both.rotations.covariance, both.rotations.rotation)
     alone = own.conformity.reasons if own.conformity else ()
     reasons = [reason for reason in own.reasons if reason not in alone]
-    reasons += judge(rig, tracker.rpy_std, tracker.birge, conformity=assess_stated(given))
+    reasons += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
     if not both.consistent:
         reasons.append(both.test.verdict)
     file = from_joint(both, own, tracker, origin, reasons, notes)

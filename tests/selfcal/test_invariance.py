@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.numerics import so3
@@ -141,3 +142,24 @@ def test_an_unstated_mounting_is_found(mounting: list[float]) -> None:
     off = so3.log(batch.truth.rotation[0] @ np.swapaxes(result.fit.state.rotation, 1, 2))
     assert np.abs(off).max() < 5 * result.uncertainty.rpy_std.max()
     assert not result.reasons
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2])
+def test_a_pitch_of_a_right_angle_is_as_good_as_any(pitch: float) -> None:
+    """Roll and yaw are one turn there; the gate judges turns about the axes of the BCS."""
+    rig = simulation.reference_rig()
+    rig = replace(rig, nominal_rpy=np.array([[0.3, pitch, 0.2], [0, 0, 0], [0.1, pitch, 0]]))
+    batch = simulation.simulate_dwells(
+        replace(rig, rpy_std=np.full((3, 3), 1e-3)), SQUEEZED, np.random.default_rng(8), 8
+    )
+    total = 0.0
+    for i in range(8):
+        result = self_calibrate(rig, batch.dwells(i), rng=np.random.default_rng(0), max_trials=500)
+        assert not result.reasons
+        off = so3.log(batch.truth.rotation[i] @ np.swapaxes(result.fit.state.rotation, 1, 2))
+        total += float(off.ravel() @ np.linalg.solve(result.uncertainty.covariance, off.ravel()))
+        assert result.monte_carlo is not None
+        # A finite scatter also where the angles themselves run over the whole circle.
+        ratio = result.monte_carlo.std / result.uncertainty.rpy_std
+        assert np.abs(ratio - 1).max() < 5 / np.sqrt(2 * 500)
+    assert stats.chi2.ppf(1e-4, 72) < total < stats.chi2.ppf(1 - 1e-4, 72)

@@ -16,8 +16,6 @@ SAME = 1e-9
 """Two statements of one rotation agree within this, per matrix element."""
 SAME_STD = 1e-6
 """Two statements of one standard uncertainty agree within this, relative."""
-GIMBAL_LOCK = 1e-6
-"""cos(pitch) below which roll and yaw are one turn and have no uncertainty of their own."""
 _HINT = "the file was altered; calibrate again"
 
 
@@ -44,7 +42,11 @@ def check_rotation(support: Mounting, covariance: FloatArray, index: int) -> Non
         raise fault("is not the angles of `rotation`", *place, "rpy", hint=_HINT)
     if not np.allclose(_from_quaternion(support.quaternion), R, rtol=0, atol=SAME):
         raise fault("is not the quaternion of `rotation`", *place, "quaternion_xyzw", hint=_HINT)
-    if np.hypot(R[0, 0], R[1, 0]) > GIMBAL_LOCK:
+    if support.turn_std is not None:
+        own = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+        if not np.allclose(support.turn_std, own, rtol=SAME_STD, atol=0):
+            raise fault("does not follow from the covariance", *place, "turn_std", hint=_HINT)
+    if not so3.locked(R):
         J = so3.rpy_jacobian(R)
         std = np.sqrt(np.maximum(np.diagonal(J @ covariance @ J.T), 0.0))
         if not np.allclose(support.rpy_std, std, rtol=SAME_STD, atol=0):

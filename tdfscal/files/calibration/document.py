@@ -197,8 +197,11 @@ class Calibration(Strict):
 
     @property
     def rpy_std(self) -> FloatArray:
-        """(n, 3), standard uncertainties of roll, pitch, yaw, rad; ∞ where undetermined."""
-        std = np.array([support.rpy_std for support in self.supports], dtype=np.float64)
+        """(n, 3), standard uncertainties of roll, pitch, yaw, rad; ∞ where undetermined.
+
+        Where roll and yaw are not separable: of the turns about the BCS's axes.
+        """
+        std = np.array([support.stated_std for support in self.supports], dtype=np.float64)
         return np.where(self.determined[:, None], std, np.inf)
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal import __version__
 from tdfscal.acceptance.conformity import Conformity
+from tdfscal.acceptance.turns import locked_warnings, turn_std
 from tdfscal.comparison.joint import Joint
 from tdfscal.files.calibration import evidence
 from tdfscal.files.calibration.document import Calibration, parameter_names
@@ -219,6 +220,7 @@ def _calibration(
         "rpy_interval": None,
         "quaternion_xyzw": None,
     }
+    locked, turns = so3.locked(angles.rotation), turn_std(angles.covariance)
     stand = np.repeat(angles.determined, 3)
     covariance = angles.covariance[np.ix_(stand, stand)]
     supports = [
@@ -228,7 +230,8 @@ def _calibration(
                 {
                     "rotation": angles.rotation[i],
                     "rpy": rpy[i],
-                    "rpy_std": angles.std[i],
+                    "rpy_std": (None,) * 3 if locked[i] else angles.std[i],
+                    "turn_std": turns[i],
                     "rpy_interval": {
                         "coverage": INTERVAL_COVERAGE,
                         "low": angles.low[i],
@@ -269,7 +272,7 @@ def _calibration(
         },
         "budget": _budget(names, budget, angles.determined),
         "quality": {"reasons": tuple(reasons)},
-        "warnings": tuple(warnings),
+        "warnings": (*warnings, *locked_warnings(names, angles.rotation)),
     }
     return Calibration.model_validate(document | parts)
 

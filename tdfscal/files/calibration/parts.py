@@ -59,6 +59,8 @@ def none_where_open(value: Any) -> Any:
 
 
 Angle = Literal["roll", "pitch", "yaw"]
+#: A turn about an axis of the BCS goes by the angle's name where it is that angle.
+Turn = Literal["roll", "pitch", "yaw", "turn about X", "turn about Y", "turn about Z"]
 OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open)]
 OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(none_where_open)]
 OpenAngles = Annotated[
@@ -106,6 +108,7 @@ class Mounting:
     rotation: tuple[tuple[float, float, float], ...]
     rpy: tuple[float, float, float]
     rpy_std: tuple[float, float, float]
+    turn_std: tuple[float, ...] | None
     interval: Interval
     quaternion: tuple[float, float, float, float]
 
@@ -113,14 +116,17 @@ class Mounting:
 class SupportResult(Strict):
     """One sensor: rotation to the BCS, roll, pitch, yaw in rad, zero offset in N.
 
-    A sensor that lacks an axis and whose mounting the data do not determine has no rotation and
-    no angles, only the directions (unit vectors, BCS) of the axes that it measures.
+    turn_std, of the turns about the axes of the BCS, is what the gate judges; rpy_std is null where
+    roll and yaw are not separable (pitch ±90°). A sensor that lacks an axis and whose mounting the
+    data do not determine has no rotation and no angles, only the directions (unit vectors, BCS) of
+    the axes that it measures.
     """
 
     name: Name
     rotation: Matrix3 | None
     rpy: OpenAngles
     rpy_std: OpenStds
+    turn_std: OpenStds | None = None
     rpy_interval: Interval | None
     quaternion_xyzw: Quaternion | None
     zero: Vector
@@ -134,23 +140,29 @@ class SupportResult(Strict):
         return self.rotation is not None
 
     @property
+    def stated_std(self) -> OpenStds:
+        """Of roll, pitch, yaw; where roll and yaw are not separable, of the turns about X, Y, Z."""
+        return self.turn_std if self.turn_std and None in self.rpy_std else self.rpy_std
+
+    @property
     def mounting(self) -> Mounting | None:
         """Its angles, where the data determine them."""
         if self.rotation is None or self.rpy_interval is None or self.quaternion_xyzw is None:
             return None
-        rpy, std = ([v for v in values if v is not None] for values in (self.rpy, self.rpy_std))
+        rpy, std = ([v for v in values if v is not None] for values in (self.rpy, self.stated_std))
         return Mounting(
             self.name,
             self.rotation,
             (rpy[0], rpy[1], rpy[2]),
             (std[0], std[1], std[2]),
+            None if self.turn_std is None else tuple(v for v in self.turn_std if v is not None),
             self.rpy_interval,
             self.quaternion_xyzw,
         )
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        angles = (*self.rpy, *self.rpy_std, self.rpy_interval, self.quaternion_xyzw)
+        angles = (*self.rpy, *self.stated_std, self.rpy_interval, self.quaternion_xyzw)
         absent = [value is None for value in angles]
         if any(absent) != (not self.determined) or all(absent) != (not self.determined):
             raise fault("has some of its angles and lacks others", "rotation")
@@ -219,7 +231,7 @@ class AngleSeen(Strict):
     """
 
     support: Name
-    angle: Angle
+    angle: Turn
     std: OpenStd = None
     prior_std: OpenStd = None
     identified: Flag
