@@ -172,15 +172,30 @@ def test_monte_carlo_validates_the_linear_interval() -> None:
     assert np.all(mc.high > result.rpy)
 
 
-def test_monte_carlo_refuses_a_linear_interval_that_is_wrong() -> None:
-    """1 mrad off pitch 90° roll and yaw are as uncertain as they are large: nothing is linear."""
+def pitched(off: float, arcsec: float) -> TrackerCalibration:
+    """Sensors `off` rad from a pitch of 90°, seen by an instrument with this angular noise."""
     survey = make_survey(9, angles=0.0)
     nominal = survey.session.nominal
-    upright = Rotation.from_rotvec([0, np.pi / 2 - 1e-3, 0]).as_matrix()
+    upright = Rotation.from_rotvec([0, np.pi / 2 - off, 0]).as_matrix()
     turned = replace(nominal, xyz=nominal.xyz @ upright)
-    result = calibrate(survey.with_session(nominal=turned), trials=1000)
+    coarse = replace(survey.session.instrument, angle_arcsec=arcsec)
+    return calibrate(survey.with_session(nominal=turned, instrument=coarse), trials=1000)
+
+
+def test_monte_carlo_refuses_a_linear_interval_that_is_wrong() -> None:
+    """25 mrad off pitch 90° with an instrument of 40": roll and yaw know a tenth of themselves."""
+    result = pitched(25e-3, 40.0)
     assert result.monte_carlo is not None
     assert not result.monte_carlo.linear_interval_validated
+
+
+def test_a_pitch_of_a_right_angle_has_turns_as_good_as_any() -> None:
+    """1 mrad off it roll and yaw are one turn; uncertainties are those about the BCS's axes."""
+    result = pitched(1e-3, 2.0)
+    assert result.monte_carlo is not None
+    assert result.monte_carlo.linear_interval_validated
+    assert np.array_equal(result.rpy_std.ravel(), np.sqrt(np.diagonal(result.rotations.covariance)))
+    assert result.rpy_std.max() < 2 * result.rpy_std.min()
 
 
 def test_same_seed_same_numbers() -> None:
