@@ -2,7 +2,8 @@
 
     python -m benchmarks.bitflips [--tries 10000] [--seed 0]
 
-Rewrites `benchmarks/bitflips.md`. The files are read in processes of their own, so that a library
+Rewrites the table of the present pyarrow in `benchmarks/bitflips.md`, where the lowest release
+allowed has one, too. The files are read in processes of their own, so that a library
 that ends its process over a damaged file is counted, and ends no more than one try.
 """
 
@@ -37,6 +38,14 @@ from tests.files.logs.log_making import (
 REFUSED, SAME, DIFFERENT, FAILED, DIED = "refused", "identical", "different", "error", "died"
 HEADS = ("format", "written as", "bytes", "tries", REFUSED, SAME, DIFFERENT, "ended otherwise")
 BATCH = 1250
+INTRODUCTION = """# Flipped bits
+
+Made by `python -m benchmarks.bitflips --tries {options.tries} --seed {options.seed}`, on the newest
+and on the lowest pyarrow allowed. One bit of a file flipped at a random place, then read: refused
+with an error of tdfscal's own; read to the identical numbers (times, positions, forces, to the
+bit); different numbers; another exception, or the process ended. Parquet files have checksums of
+their pages. The slow tests assert zeros in the last two columns.
+"""
 TRUTH = make_truth(12)
 
 
@@ -145,24 +154,19 @@ def main() -> None:
         cells += [found[REFUSED], found[SAME], found[DIFFERENT], found[FAILED] + found[DIED]]
         rows.append(f"| {' | '.join(map(str, cells))} |")
         print(rows[-1], flush=True)
-    text = "\n".join(
-        [
-            "# Flipped bits",
-            "",
-            "Made by `python -m benchmarks.bitflips "
-            f"--tries {options.tries} --seed {options.seed}`. One bit of a file",
-            "flipped at a random place, then read: refused with an error of tdfscal's own; read to",
-            "the identical numbers (times, positions, forces, to the bit); different numbers;",
-            "another exception, or the process ended. Parquet files have checksums of their pages.",
-            "The slow tests assert zeros in the last two columns.",
-            "",
-            f"| {' | '.join(HEADS)} |",
-            f"|{'---|' * len(HEADS)}",
-            *rows,
-            "",
-        ]
+    place = Path(__file__).with_suffix(".md")
+    written = place.read_text(encoding="utf-8") if place.is_file() else ""
+    sections = {part.split("\n")[0]: part for part in written.split("\n## ")[1:]}
+    title = f"pyarrow {pa.__version__}"
+    sections[title] = "\n".join(
+        [title, "", f"| {' | '.join(HEADS)} |", f"|{'---|' * len(HEADS)}", *rows, ""]
     )
-    Path(__file__).with_suffix(".md").write_text(text, encoding="utf-8")
+    tables = [f"## {sections[key].rstrip()}\n" for key in sorted(sections, key=_release)]
+    place.write_text("\n".join([INTRODUCTION.format(options=options), *tables]), encoding="utf-8")
+
+
+def _release(title: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in title.split()[-1].split(".") if part.isdigit())
 
 
 if __name__ == "__main__":

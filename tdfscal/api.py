@@ -22,6 +22,7 @@ from tdfscal.workflows.calibration import Calibration, angles_frame, load_calibr
 from tdfscal.workflows.compare import compare
 from tdfscal.workflows.export import export
 from tdfscal.workflows.info import info
+from tdfscal.workflows.init import init
 from tdfscal.workflows.monitor import monitor
 from tdfscal.workflows.plan import plan
 from tdfscal.workflows.progress import Progress
@@ -93,6 +94,7 @@ __all__ = [
     "export",
     "find_dwells",
     "info",
+    "init",
     "load_calibration",
     "load_rig",
     "monitor",

@@ -14,6 +14,7 @@ from tdfscal.cli import (  # noqa: F401
     compare,
     export,
     info,
+    init,
     monitor,
     plan,
     register,

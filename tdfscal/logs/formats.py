@@ -22,6 +22,9 @@ _KINDS: Final[dict[str, Kind]] = {
     **dict.fromkeys((".db3", ".bag"), "bag"),
 }
 _COMPRESSED = (".gz", ".zst")
+_SHARED: Final = (".txt", ".dat", ".log")
+_OPENING: Final = 1 << 16
+_FEWEST: Final = 9  # three supports have 18 columns
 _POINTER: Final = b"version https://git-lfs.github.com/spec/"
 NOWHERE = "it is a link that leads to no file; correct or remove it"
 """What to do about such a link."""
@@ -35,6 +38,24 @@ def is_log(path: Path) -> bool:
     if path.is_dir():
         return has_metadata(path)
     return _suffix(path) in _KINDS
+
+
+def looks_recorded(path: Path) -> bool:
+    """Tell whether a file of a folder that nobody names is a log.
+
+    By its suffix; where that is shared with notes and messages, by a row of numbers near its start.
+    """
+    if path.is_dir() or path.suffix.lower() not in _SHARED:
+        return is_log(path)
+    from tdfscal.logs.text.header import numbered_columns
+
+    try:
+        with path.open("rb") as file:
+            lines = file.read(_OPENING).decode("latin-1").splitlines()
+    except OSError:
+        return True  # the reader says why
+    tables = (numbered_columns(lines, decimal) for decimal in ".,")
+    return any(table is not None and len(table.cells) > _FEWEST for table in tables)
 
 
 def kind_of(path: Path) -> Kind:

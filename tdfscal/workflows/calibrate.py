@@ -21,6 +21,7 @@ from tdfscal.files.calibration.from_results import (
     from_tracker,
 )
 from tdfscal.files.output_places import check_place
+from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.files.saving import write_text
 from tdfscal.model.calibrated import independent
 from tdfscal.motioncal.pipeline import MotionCalibration
@@ -39,6 +40,8 @@ from tdfscal.workflows.several_campaigns import calibrate_several, campaign_fold
 from tdfscal.workflows.survey import surveyed
 
 Method = Literal["self", "tracker", "joint"]
+#: Lines to be confirmed that a warning names at most.
+_LISTED = 8
 
 
 def calibrate(
@@ -169,7 +172,7 @@ def _calibrated(
     # A joint result has intervals of its own; trials of its parts would be thrown away.
     trials = 0 if method == "joint" else trials
     inputs: list[InputFile] = []
-    notes: tuple[str, ...] = ()
+    notes = _confirmations(campaign)
     own: Own | None = None
     tracker = None
     if method in ("self", "joint"):
@@ -193,7 +196,8 @@ def _calibrated(
         inputs += log.inputs
     if method in ("tracker", "joint"):
         log.progress.stage("calibrating from the tracker's survey")
-        tracker, files, notes = surveyed(campaign, trials, tracker_rng)
+        tracker, files, doubts = surveyed(campaign, trials, tracker_rng)
+        notes += doubts
         inputs += files
 
     origin = Provenance(campaign.rig, tuple(inputs), command, seed, measured(log))
@@ -212,6 +216,17 @@ def _calibrated(
         return Calibration.of(file, Records(tracker=tracker))
     assert own is not None
     return Calibration.of(from_self(own, origin, notes), Records(own))
+
+
+def _confirmations(campaign: Campaign) -> tuple[str, ...]:
+    """Which lines of a drafted rig file are still to be confirmed."""
+    keys = unconfirmed_in(campaign.rig.path)
+    if not keys:
+        return ()
+    listed = ", ".join(keys[:_LISTED]) + (
+        f" and {len(keys) - _LISTED} more" if len(keys) > _LISTED else ""
+    )
+    return (f"the result rests on {len(keys)} lines of the rig file to be confirmed: {listed}",)
 
 
 def _both(

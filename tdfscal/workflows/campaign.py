@@ -12,7 +12,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
-from tdfscal.logs import is_log
+from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.bag.rosbag2 import entries_of, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
 
@@ -74,7 +74,10 @@ def find_logs(paths: Sequence[Path], apart: Iterable[Path] = ()) -> tuple[Path, 
         elif is_log(path):
             found.setdefault(_real(path), path)
         else:
-            kinds = "logs are .csv, .tsv (also .gz, .zst), .parquet, .mcap, or rosbag2 folders"
+            kinds = (
+                "logs are .csv, .tsv, .txt, .dat, .log (also .gz, .zst), .parquet, .mcap, .db3, "
+                ".bag or rosbag2 folders"
+            )
             raise UsageError(
                 "is not a log",
                 where=str(path),
@@ -95,7 +98,7 @@ def _real(path: Path) -> Path:
 
 def _is_recorded(entry: Path) -> bool:
     apart = entry.name.startswith(".") or entry.stem == "calibration"
-    return not apart and is_log(entry)
+    return not apart and looks_recorded(entry)
 
 
 def _may_be_recording(entry: Path) -> bool:

@@ -97,7 +97,7 @@ def refuse_unfinished(folder: Path, named: Set[Path] = frozenset()) -> None:
     raise UsageError(
         f"the folder holds {_some(stored)} and no {METADATA}: its recording was not finished",
         where=str(folder),
-        hint=f"write its {METADATA} with `ros2 bag reindex`, or name its files themselves",
+        hint=f"write its {METADATA} with `ros2 bag reindex`, or name its .mcap or .db3 files",
     )
 
 

@@ -20,7 +20,7 @@ from tdfscal.logs.description.plausible_units import (
     resampled,
     time_unit,
 )
-from tdfscal.records import LogMapping, Rig
+from tdfscal.records import FloatArray, LogMapping, Rig
 
 Role = Literal["position", "force", "other"]
 
@@ -104,6 +104,23 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
         (*notes, *unit.notes),
         (*problems, *unit.problems),
     )
+
+
+def sampled(contents: Contents, mapping: LogMapping) -> tuple[FloatArray, FloatArray] | None:
+    """Positions in m and forces in N on the terminal, (K, n, 3), as sampled over a log.
+
+    None where the log's description holds no samples of all of them.
+    """
+    by_fields = {vector.fields: vector for vector in contents.vectors if vector.time.size}
+    wanted = (*mapping.position, *mapping.force)
+    if not all(fields in by_fields for fields in wanted):
+        return None
+    value = resampled([by_fields[fields] for fields in wanted]).transpose(1, 0, 2)
+    n = len(mapping.supports)
+    length = units.factor("position", mapping.length_unit) or 1.0
+    force = units.factor("force", mapping.force_unit) or 1.0
+    sign = -1.0 if mapping.force_on == "sensor" else 1.0
+    return value[:, :n] * length, value[:, n:] * (sign * force)
 
 
 def words(label: str) -> list[str]:

@@ -16,6 +16,7 @@ from tdfscal.errors import DataError
 from tdfscal.logs import is_log, read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import LogMapping
+from tdfscal.workflows.campaign import find_logs
 from tests.files.logs.log_making import SUPPORTS, make_truth, table
 
 FRAME = table(make_truth(50)).assign(time=np.arange(50) * 0.02)
@@ -91,6 +92,13 @@ def test_columns_without_a_header_have_numbers(
     assert [f.name for f in fields] == [str(k + 1) for k in range(19)]
     with pytest.raises(DataError, match=r"no column 20"):
         read_log([path], replace(NUMBERS, time_field="20"), SUPPORTS)
+
+
+def test_notes_beside_a_log_are_no_log(tmp_path: Path) -> None:
+    rtde(tmp_path / "record.txt")
+    (tmp_path / "notes.txt").write_text("Tilt 5 6 7\nsqueezed, 200 N\n1 2 3\n")
+    (tmp_path / "trace.log").write_text("12:00:01 started\n12:00:02 stopped\n")
+    assert [path.name for path in find_logs([tmp_path])] == ["record.txt"]
 
 
 def stamps(write: Callable[[datetime], str]) -> list[str]:

@@ -1,0 +1,24 @@
+"""`tdfscal init`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tdfscal.cli.app import Json, Paths, Quiet, app
+from tdfscal.cli.perform import perform
+
+
+@app.command()
+def init(
+    paths: Paths,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="Default: stdout (-).")
+    ] = Path("-"),
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Write a complete, commented rig.yaml from a log; what to confirm is marked in it."""
+    return perform("init", locals(), dash={"output": "yaml"}).exit_status

@@ -1,0 +1,160 @@
+"""A rig file for a rig of which only a log is known: complete, and marked where to confirm."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+
+from tdfscal.files.rig.model import RIG_FORMAT
+from tdfscal.records import FloatArray
+
+#: What a line says whose value the user has still to confirm.
+CONFIRM: Final = "confirm"
+_WIDTH: Final = 90
+_KEY: Final = re.compile(r"^(?P<indent>\s*)(?P<item>-\s+)?(?P<key>[\w.]+):(?P<rest>.*)$")
+_MARK: Final = re.compile(rf"#.*\b{CONFIRM}\b")
+
+
+def draft(
+    name: str,
+    supports: tuple[str, ...],
+    hinge: FloatArray,
+    mass: float,
+    barycentre: FloatArray,
+    nominal_rpy: FloatArray,
+    notes: Mapping[str, str],
+    log: Mapping[str, Any],
+    reasons: Sequence[str] = (),
+) -> str:
+    """Write a rig file's text.
+
+    Parameters
+    ----------
+    hinge : (n, 3), m. barycentre : (2,), m. nominal_rpy : (n, 3), rad. notes : what is to be said
+    beside `mass`, `hinge` and `nominal_rpy`. log : the log block, and the
+    reasons for what it says.
+    """
+    lines = [
+        "# yaml-language-server: $schema=rig.schema.json",
+        "# (For editors; `tdfscal schema .` writes that file beside this one.)",
+        f"# Drafted by `tdfscal init` from a log. Take each `# {CONFIRM}` away once its line is",
+        "# right: until then `calibrate` says which of them its result rests on.",
+        f"format: {RIG_FORMAT}",
+        f"name: {_flow(name)}",
+        *_entry("levelness of the BCS, rad per horizontal axis; gravity points along its −Z",
+                "gravity: {magnitude: 9.80665, tilt_std: 0.0005}"),
+        "terminal:",
+        *_entry(f"kg, {notes['mass']}; weigh the terminal with all it carries",
+                f"  mass: {{value: {mass:.6g}, std: {_round(0.02 * mass):g}}}"),
+        *_entry("m, LCS, x and y from the shares of the load; the height from the drawing, where "
+                ".inf says that it is unknown",
+                f"  barycenter: {{value: [{barycentre[0]:.3f}, {barycentre[1]:.3f}, 0.0], "
+                "std: [0.02, 0.02, .inf]}"),
+        *_remark(f"hinge: m, LCS; {notes['hinge']}; better from the terminal's drawing. zero: N; "
+                 "after a tare its standard uncertainty, such as 0.5. nominal_rpy: rad; "
+                 f"{notes['nominal_rpy']}. rpy_std: rad, how well that is kept; .inf relies on "
+                 "nothing"),
+        "supports:",
+    ]  # fmt: skip
+    for i, support in enumerate(supports):
+        x, y, z = hinge[i]
+        quarter = ", ".join(f"{a:.15g}" for a in nominal_rpy[i] + 0.0)
+        lines += [
+            f"  - name: {_flow(support)}",
+            f"    hinge: [{x:.6f}, {y:.6f}, {z:.6f}]  # {CONFIRM}",
+            f"    zero: {{value: [0, 0, 0], std: [.inf, .inf, .inf]}}  # {CONFIRM}",
+            f"    nominal_rpy: [{quarter}]  # {CONFIRM}",
+            "    rpy_std: .inf",
+        ]
+    lines += [
+        "# Standard uncertainties, k = 1, that the log's own scatter cannot show.",
+        "uncertainty:",
+        f"  positioner: 1.0e-5  # {CONFIRM}: m, repeatability of an NCP per axis",
+        f"  hinge: 1.0e-4  # {CONFIRM}: m, per coordinate of each hinge",
+        f"  datum: 1.0e-4  # {CONFIRM}: m, constant offset of each servo's coordinates",
+        f"  force_noise: 0.1  # {CONFIRM}: N, per axis and posture, beyond the scatter",
+        f"  force_sensitivity: 0.0  # {CONFIRM}: relative, gain and crosstalk; 0.002 is usual",
+        f"  hinge_moment: 0.0  # {CONFIRM}: N·m, friction of the hinges",
+        *(line for reason in reasons for line in _remark(reason)),
+        *_log_lines(log),
+        "acceptance:",
+        "  angle_std: 5.0e-3  # rad, largest standard uncertainty of any angle that is accepted",
+        "  birge_max: 2.0",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _entry(remark: str, line: str) -> list[str]:
+    """A line to be confirmed under a remark."""
+    indent = line[: len(line) - len(line.lstrip())]
+    return [*(indent + text for text in _remark(remark)), f"{line}  # {CONFIRM}"]
+
+
+def _remark(text: str) -> list[str]:
+    return textwrap.wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="# ")
+
+
+def unconfirmed(text: str) -> tuple[str, ...]:
+    """Return the keys, with their lines, that a rig file still marks to be confirmed."""
+    found: list[str] = []
+    path: list[tuple[int, str]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        match = _KEY.match(line)
+        if match is None or line.lstrip().startswith("#"):
+            continue
+        indent = len(match["indent"]) + len(match["item"] or "")
+        outside = len(match["indent"]) + 1 if match["item"] else indent
+        path = [(depth, key) for depth, key in path if depth < outside]
+        key = match["key"]
+        if key == "name" and match["item"]:
+            path.append((indent - 1, match["rest"].split("#")[0].strip()))
+        elif _MARK.search(match["rest"]):
+            found.append(f"{'.'.join([*(k for _, k in path), key])} (line {number})")
+        else:
+            path.append((indent, key))
+    return tuple(found)
+
+
+def unconfirmed_in(path: Path) -> tuple[str, ...]:
+    """As `unconfirmed`, of a file; nothing where it cannot be read."""
+    try:
+        return unconfirmed(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError):
+        return ()
+
+
+def _log_lines(log: Mapping[str, Any]) -> list[str]:
+    marks = {
+        "rows": "each row is one averaged posture",
+        "time": "which field is the clock",
+        "length_unit": "of the positions",
+        "force_unit": "of the forces",
+        "force_on": "or sensor, where the reading is the reaction",
+        "decimal": "",
+    }
+    lines = ["log:"]
+    for key, value in log.items():
+        if key != "supports":
+            lines.append(f"  {key}: {_flow(value)}  # {CONFIRM}: {marks[key]}".rstrip(": "))
+    delay = "s, force minus position stamps; in motion"
+    lines.append(f"  delay: {{value: 0.0, std: 0.005}}  # {CONFIRM}: {delay}")
+    lines.append("  supports:")
+    for name, fields in log["supports"].items():
+        lines.append(f"    {_flow(name)}:  # {CONFIRM}: these fields are this support's")
+        lines += [f"      {what}: {_flow(which)}" for what, which in fields.items()]
+    return lines
+
+
+def _flow(value: Any) -> str:
+    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=1_000_000)
+    return text.removesuffix("...\n").strip()
+
+
+def _round(value: float) -> float:
+    return float(np.format_float_positional(value, 1, unique=False, fractional=False))

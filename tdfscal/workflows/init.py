@@ -1,0 +1,176 @@
+"""`init`: a rig file from nothing but logs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
+from tdfscal.dwells import no_dwell
+from tdfscal.errors import DataError
+from tdfscal.files.output_places import check_place
+from tdfscal.files.rig.draft import draft, unconfirmed
+from tdfscal.files.rig.reading import parse_rig
+from tdfscal.files.saving import write_text
+from tdfscal.logs import expand
+from tdfscal.logs.describe import describe_logs
+from tdfscal.logs.description.info import LogInfo
+from tdfscal.logs.description.mapping_guess import sampled
+from tdfscal.logs.description.mapping_text import mapping_document
+from tdfscal.records import FloatArray
+from tdfscal.workflows.arguments import PathLikes, listed, one
+from tdfscal.workflows.campaign import find_logs
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+
+_GRAVITY = 9.80665
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class InitResult(Result):
+    """A drafted rig file. yaml : its text. description : of the logs. confirm : what to confirm."""
+
+    yaml: str
+    description: LogInfo
+    sketch: RigSketch
+    confirm: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """What was drafted, in words."""
+        n, postures = len(self._supports), len(self.description.dwells or ())
+        return (
+            f"a rig of {n} supports ({', '.join(self._supports)}), {postures} static postures, "
+            f"about {self.sketch.mass:.4g} kg\n{len(self.confirm)} lines are marked to be "
+            "confirmed; `tdfscal calibrate` runs with them and says which its result rests on\n"
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What keeps the logs from being used, or wants a look."""
+        return self.description.problems
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the text, what to confirm, and the numbers behind it."""
+        return {
+            "yaml": self.yaml,
+            "confirm": list(self.confirm),
+            "supports": list(self._supports),
+            "hinge": self.sketch.hinge.tolist(),
+            "mass": self.sketch.mass,
+            "nominal_rpy": self.sketch.nominal_rpy.tolist(),
+            "notes": [*self.description.guess.notes, *self.notes],
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per support: hinge in m, nominal mounting in rad."""
+        import pandas as pd
+
+        rows = [
+            (name, *hinge, *rpy)
+            for name, hinge, rpy in zip(
+                self._supports, self.sketch.hinge, self.sketch.nominal_rpy, strict=True
+            )
+        ]
+        return pd.DataFrame(rows, columns=["support", "x", "y", "z", "roll", "pitch", "yaw"])
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figure of the dwells, where some are found."""
+        from tdfscal.reporting.figures.dwells import draw
+
+        dwells = self.description.dwells
+        return (draw(dwells),) if dwells is not None and len(dwells) else ()
+
+    @property
+    def _supports(self) -> tuple[str, ...]:
+        return self.description.mapping.supports if self.description.mapping else ()
+
+
+def init(
+    paths: PathLikes,
+    *,
+    output: str | PathLike[str] | None = None,
+    progress: Progress = SILENT,
+) -> InitResult:
+    """Write a complete, commented rig.yaml from logs of a rig never seen before.
+
+    Parameters
+    ----------
+    paths : logs, or a folder of logs; several are one campaign.
+    output : file to write.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, DataError where the logs cannot be read, or do not show which fields
+        are positions and forces.
+    """
+    logs = find_logs(listed(paths))
+    target = one(output)
+    if target is not None:
+        check_place(target, logs)
+    with progress.reading(expand(logs)) as share:
+        info = describe_logs(logs, progress=share)
+    mapping, first = info.mapping, info.contents[0]
+    if mapping is None:
+        raise DataError(
+            "; ".join((*info.problems, *info.guess.notes)) or "no mapping is guessed",
+            where=str(first.path),
+            hint="write the `log:` block by hand: `tdfscal info` lists the fields",
+        )
+    position, force = _postures(info)
+    sketch = sketch_rig(position, force, _GRAVITY)
+    text = draft(
+        first.path.absolute().parent.name or "Rig",
+        mapping.supports,
+        sketch.hinge,
+        sketch.mass,
+        sketch.barycentre,
+        sketch.nominal_rpy,
+        _notes(sketch, len(position)),
+        mapping_document(mapping, by_topic=first.by_topic)["log"],
+        info.guess.notes,
+    )
+    parse_rig(text.encode(), str(target or "rig.yaml"))
+    if target is not None:
+        write_text(target, text)
+    return InitResult(text, info, sketch, unconfirmed(text))
+
+
+def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:
+    """Positions and forces (K, n, 3): of the dwells, or of samples where there is none."""
+    if info.dwells is not None and len(info.dwells):
+        return info.dwells.position, info.dwells.force
+    there = info.mapping and sampled(info.contents[0], info.mapping)
+    if not there:
+        absence = no_dwell(info.dwells) if info.dwells is not None else None
+        raise DataError(
+            absence.what if absence else "; ".join(info.problems),
+            where=str(info.contents[0].path),
+            hint=absence.hint if absence else None,
+        )
+    return there
+
+
+def _notes(sketch: RigSketch, postures: int) -> dict[str, str]:
+    upright = "as the loads lie along the sensors' axes"
+    if not all(sketch.upright):
+        upright = "but the loads lie between a sensor's axes"
+    turns = (
+        "turns about the vertical as the forces cancel"
+        if sketch.turned
+        else ("turns about the vertical are not shown by the log")
+    )
+    return {
+        "mass": f"from the forces of {postures} postures",
+        "hinge": "from the positions, their origin in the middle of the hinges; the distances vary "
+        f"by {sketch.spread:.2g} m",
+        "nominal_rpy": f"nominal mounting, {upright}; {turns}",
+    }  # fmt: skip

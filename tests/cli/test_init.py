@@ -1,0 +1,261 @@
+"""`init`, then `calibrate`: one campaign as ten recorders write it gives the same angles."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+import tdfscal
+from tdfscal.errors import DataError, TdfscalError
+from tdfscal.files.rig.draft import unconfirmed
+from tests.files.logs.log_making import STORE, definition, point_stamped, wrench_stamped
+
+BEGIN = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
+ROS1 = get_typestore(Stores.ROS1_NOETIC)
+NCPS = (1, 2, 3)
+KINDS = ("geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped")
+
+
+@pytest.fixture(scope="module")
+def frame(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, np.ndarray]:
+    """One row per sample in mm and N, rounded as a recorder rounds; and the true angles, rad."""
+    folder = tmp_path_factory.mktemp("simulated") / "c"
+    tdfscal.simulate(folder, postures=14, squeeze=300.0, seed=3, rate=50.0)
+    log = tdfscal.read_log(next(folder.glob("log.*")), tdfscal.load_rig(folder / "rig.yaml"))
+    columns = {"time": log.force[0].time - log.force[0].time[0]}
+    for i in range(3):
+        for axis, letter in enumerate("XYZ"):
+            value = np.interp(
+                log.force[0].time, log.position[i].time, log.position[i].value[:, axis]
+            )
+            columns[f"NCP{i + 1}_Pos{letter}"] = np.round(value * 1e3, 6)
+        for axis, letter in enumerate("xyz"):
+            columns[f"TDFS{i + 1}_F{letter}"] = np.round(log.force[i].value[:, axis], 4)
+    truth = yaml.safe_load((folder / "truth.yaml").read_text())
+    return (
+        pd.DataFrame(columns).assign(time=lambda f: np.round(f["time"], 6)),
+        np.array([support["rpy"] for support in truth["supports"]]),
+    )
+
+
+def german_excel(frame: pd.DataFrame, folder: Path) -> Path:
+    units = {"time": "time [s]"} | {
+        name: f"{name} [{'mm' if 'Pos' in name else 'N'}]" for name in frame.columns[1:]
+    }
+    path = folder / "Messung.csv"
+    frame.rename(columns=units).to_csv(
+        path, sep=";", decimal=",", index=False, encoding="cp1252", lineterminator="\r\n"
+    )
+    return path
+
+
+def labview(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "measurement.txt"
+    names = ["X_Value", *frame.columns[1:], "Comment"]
+    with path.open("w", newline="") as file:
+        file.write("LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\n")
+        file.write("Date\t2026/11/21\n***End_of_Header***\t\n\n")
+        writer = csv.writer(file, delimiter="\t", lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows(frame.to_numpy().tolist())
+    return path
+
+
+def twincat(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "Scope.csv"
+    table = frame.assign(time=np.round(frame["time"] * 1000, 3))
+    with path.open("w", newline="") as file:
+        file.write("Name;Scope Project\nStart of record;21.11.2026 09:00:00\n\n")
+        writer = csv.writer(file, delimiter=";", lineterminator="\r\n")
+        writer.writerow(["Time [ms]", *frame.columns[1:]])
+        writer.writerows(table.to_numpy().tolist())
+    return path
+
+
+def rtde(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "record.txt"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, delimiter=" ", lineterminator="\n")
+        writer.writerow(["timestamp", *frame.columns[1:]])
+        writer.writerows(frame.to_numpy().tolist())
+    return path
+
+
+def iso_time(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "export.csv"
+    stamps = [(BEGIN + timedelta(seconds=float(s))).isoformat() for s in frame["time"]]
+    frame.assign(time=stamps).to_csv(path, index=False)
+    return path
+
+
+def matlab(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "log.dat"
+    np.savetxt(
+        path, frame.to_numpy(), fmt="%.17g", delimiter=",", comments="% ",
+        header=",".join(frame.columns),
+    )  # fmt: skip
+    return path
+
+
+def plotjuggler(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "plotjuggler.csv"
+    names = {"time": "__time"}
+    for i in NCPS:
+        for a in "XYZ":
+            names[f"NCP{i}_Pos{a}"] = f"/ncp{i}/position/point/{a.lower()}"
+            names[f"TDFS{i}_F{a.lower()}"] = f"/tdfs{i}/wrench/wrench/force/{a.lower()}"
+    table = frame.rename(columns=names)
+    for i in NCPS:
+        table[[f"/ncp{i}/position/point/{a}" for a in "xyz"]] *= 1e-3
+    table.to_csv(path, index=False)
+    return path
+
+
+def messages(frame: pd.DataFrame) -> list[tuple[int, str, str, list[float]]]:
+    """(ns, topic, kind, x y z) in SI."""
+    found = []
+    for row in frame.to_dict("records"):
+        ns = round((BEGIN.timestamp() + row["time"]) * 1e6) * 1000
+        for i in NCPS:
+            point = [row[f"NCP{i}_Pos{a}"] * 1e-3 for a in "XYZ"]
+            force = [row[f"TDFS{i}_F{a}"] for a in "xyz"]
+            found.append((ns, f"/ncp{i}/position", KINDS[0], point))
+            found.append((ns, f"/tdfs{i}/wrench", KINDS[1], force))
+    return found
+
+
+def cdr(ns: int, kind: str, xyz: list[float]) -> bytes:
+    return (point_stamped if kind == KINDS[0] else wrench_stamped)(ns / 1e9, xyz)
+
+
+def rosbag2_mcap(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "recording.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="ros2")
+        schemas = {k: writer.register_schema(k, "ros2msg", definition(k)) for k in KINDS}
+        channels: dict[str, int] = {}
+        for ns, topic, kind, xyz in messages(frame):
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "cdr", schemas[kind])
+            writer.add_message(channels[topic], ns, cdr(ns, kind, xyz), ns)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path
+
+
+def rosbag2_sqlite(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "bag"
+    with Writer2(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
+        topics: dict[str, Any] = {}
+        for ns, topic, kind, xyz in messages(frame):
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
+            bag.write(topics[topic], ns, cdr(ns, kind, xyz))
+    return path
+
+
+def ros1_bag(frame: pd.DataFrame, folder: Path) -> Path:
+    path = folder / "recording.bag"
+    types = ROS1.types
+    with Writer1(path) as bag:
+        topics: dict[str, Any] = {}
+        for ns, topic, kind, xyz in messages(frame):
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=ROS1)
+            stamp = types["builtin_interfaces/msg/Time"](*divmod(ns, 10**9))
+            header = types["std_msgs/msg/Header"](0, stamp, "base")
+            if kind == KINDS[0]:
+                content = types["geometry_msgs/msg/Point"](*xyz)
+            else:
+                vector = types["geometry_msgs/msg/Vector3"]
+                content = types["geometry_msgs/msg/Wrench"](vector(*xyz), vector(0.0, 0.0, 0.0))
+            data = ROS1.serialize_ros1(types[kind](header, content), kind)
+            bag.write(topics[topic], ns, bytes(data))
+    return path
+
+
+RECORDERS: list[Callable[[pd.DataFrame, Path], Path]] = [
+    german_excel, labview, twincat, rtde, iso_time, matlab, plotjuggler, rosbag2_mcap,
+    rosbag2_sqlite, ros1_bag,
+]  # fmt: skip
+QUICK = (german_excel, ros1_bag)
+
+
+def calibrated(log: Path, folder: Path) -> tdfscal.Calibration:
+    draft = tdfscal.init(log, output=folder / "rig.yaml")
+    assert draft.confirm
+    return tdfscal.calibrate(log, rig=folder / "rig.yaml", trials=0)
+
+
+@pytest.fixture(scope="module")
+def reference(
+    frame: tuple[pd.DataFrame, np.ndarray], tmp_path_factory: pytest.TempPathFactory
+) -> tdfscal.Calibration:
+    folder = tmp_path_factory.mktemp("reference")
+    return calibrated(rtde(frame[0], folder), folder)
+
+
+@pytest.mark.parametrize(
+    "record",
+    [pytest.param(r, marks=[] if r in QUICK else pytest.mark.slow, id=r.__name__)
+     for r in RECORDERS],
+)  # fmt: skip
+def test_every_recorder_gives_the_same_angles(
+    frame: tuple[pd.DataFrame, np.ndarray],
+    reference: tdfscal.Calibration,
+    record: Callable[[pd.DataFrame, Path], Path],
+    tmp_path: Path,
+) -> None:
+    result = calibrated(record(frame[0], tmp_path), tmp_path)
+    np.testing.assert_allclose(result.rpy, reference.rpy, rtol=0, atol=1e-9)
+    assert result.status == reference.status == "accepted"
+
+
+def test_the_angles_are_right(
+    frame: tuple[pd.DataFrame, np.ndarray], reference: tdfscal.Calibration
+) -> None:
+    std = np.array([support.rpy_std for support in reference.supports], dtype=np.float64)
+    # 4.5 standard uncertainties: nine angles, once in ten thousand.
+    assert np.abs((reference.rpy - frame[1]) / std).max() < 4.5
+    assert np.abs(reference.rpy - frame[1]).max() < 5e-3
+
+
+def test_what_is_to_be_confirmed_is_said(
+    frame: tuple[pd.DataFrame, np.ndarray], tmp_path: Path
+) -> None:
+    log = rtde(frame[0], tmp_path)
+    rig = tmp_path / "rig.yaml"
+    draft = tdfscal.init(log, output=rig)
+    text = rig.read_text()
+    assert draft.confirm == unconfirmed(text)
+    assert any(key.startswith("supports.ncp2.hinge ") for key in draft.confirm)
+    result = tdfscal.calibrate(log, rig=rig, trials=0)
+    assert any(f"{len(draft.confirm)} lines" in warning for warning in result.warnings)
+    rig.write_text(text.replace("# confirm", "# confirmed"))
+    result = tdfscal.calibrate(log, rig=rig, trials=0)
+    assert not any("to be confirmed" in warning for warning in result.warnings)
+
+
+def test_without_positions_nothing_is_drafted(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"time": np.arange(99) * 0.1, "a": 1.0, "b": 2.0}).to_csv(path, index=False)
+    with pytest.raises(DataError, match="no mapping is guessed"):
+        tdfscal.init(path, output=tmp_path / "rig.yaml")
+    assert not (tmp_path / "rig.yaml").exists()
+    with pytest.raises(TdfscalError, match="nowhere"):
+        tdfscal.init(tmp_path / "nowhere.csv")
+    assert json.dumps(unconfirmed("a: 1  # confirm: x\n")) == '["a (line 1)"]'
