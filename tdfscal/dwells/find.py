@@ -31,11 +31,12 @@ _VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line
 def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None) -> Dwells:
     """Static dwells of a log: NCPs at rest, forces settled.
 
+    Parameters
+    ----------
     pieces : one log, or its consecutive pieces; streams may differ in rate. It is read once and
-        reduced to bins on the way, so memory does not grow with the log.
+        reduced to bins on the way, so memory does not grow with the log. With rows == "postures"
+        each row is one dwell, without scatter.
     options : overrides; by default everything follows from the log's own noise.
-
-    With rows == "postures" each row is one dwell, without scatter.
 
     Raises
     ------

@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGES = ("index", "tutorial", "howto", "python", "conventions", "theory", "control", "reference")
+PAGES = (
+    *("index", "installation", "tutorial", "howto", "python", "api", "conventions", "theory"),
+    *("control", "reference", "glossary"),
+)
 
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _EXIT = re.compile(r"#\s*exit (\d+)\s*$")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import shutil
 import subprocess
@@ -53,6 +54,26 @@ def test_commands_run(
             done = subprocess.run(["bash", "-ec", block.content], capture_output=True, text=True)
             assert done.returncode == 0, done.stderr
             assert len(done.stdout.splitlines()) == 3
+
+
+def test_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its cells in their order, in an empty folder; none has stored output that could be stale."""
+    monkeypatch.chdir(tmp_path)
+    cells = json.loads((DOCS / "notebook.ipynb").read_text(encoding="utf-8"))["cells"]
+    names: dict[str, object] = {}
+    for k, cell in enumerate(c for c in cells if c["cell_type"] == "code"):
+        assert cell["outputs"] == []
+        exec(compile("".join(cell["source"]), f"cell {k}", "exec"), names)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_site_builds_without_a_warning(tmp_path: Path) -> None:
+    pytest.importorskip("pydata_sphinx_theme")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", str(DOCS), str(tmp_path / "site")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert all((tmp_path / "site" / f"{page}.html").is_file() for page in (*PAGES, "notebook"))
 
 
 @pytest.mark.parametrize("page", PAGES)
