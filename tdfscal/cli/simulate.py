@@ -18,7 +18,10 @@ def simulate(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Campaign folder to write.")],
     rig: RigFile = None,
     scenario: Annotated[
-        str, typer.Option(help="self, tracker, months, or a fault; an unknown name lists all.")
+        str,
+        typer.Option(
+            help="self, tracker, months, motion, approach, or a fault; an unknown name lists all."
+        ),
     ] = "self",
     format: Annotated[LogFormat, typer.Option(help="Format of the log.")] = "csv",
     postures: Annotated[int, typer.Option(min=1, help="Number of postures.")] = 24,

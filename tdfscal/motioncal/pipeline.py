@@ -31,7 +31,7 @@ from tdfscal.motioncal.estimator import (
 from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, UncertainValue
+from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
 from tdfscal.selfcal import observability
 from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.estimator import fit as quasi_static
@@ -207,9 +207,7 @@ def _judged(
     uncertainty = evaluate(fit)
     stats = quality(fit)
     turns = uncertainty.turns
-    verdict = observability.verdict(
-        rig, fit.state.still, used, turns.covariance, turns.rpy_covariance
-    )
+    verdict = observability.verdict(rig, fit.state.still, used, turns.covariance)
     if not verdict.identified:
         raise NotIdentifiableError(_unseen(verdict), hint=verdict.weak[0].advice)
     if not fit.converged:
@@ -244,7 +242,8 @@ def _judged(
     )
     conformity = assess_stated(result.calibrated)
     lost = sum(s.end - s.begin for s in rejected)
-    reasons = judge(rig, turns.rpy_std, stats.birge, inputs=inputs, conformity=conformity)
+    found = Rotations(rig.supports, fit.state.still.rotation, turns.covariance)
+    reasons = judge(rig, found, stats.birge, inputs=inputs, conformity=conformity)
     if lost > MOST_REJECTED * (lost + seconds):
         reasons += (
             f"{lost:.0f} of {lost + seconds:.0f} s had to be left out, above the limit of "

@@ -17,15 +17,18 @@ from tdfscal.simulation.faults import (
     Slip,
     ZeroShift,
 )
+from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
+from tdfscal.simulation.moving_options import MovingOptions, Touch
 from tdfscal.simulation.options import Options, Recorder, SurveyOptions
 from tdfscal.simulation.posture_means import Batch, simulate_dwells
 from tdfscal.simulation.postures import Postures, internal_part
 from tdfscal.simulation.reference_rig import make_rig, reference_rig
-from tdfscal.simulation.scenarios import SCENARIOS, Run, run
+from tdfscal.simulation.scenarios import MOVING, SCENARIOS, Run, run, run_moving
 from tdfscal.simulation.survey import Survey, measure, simulate_survey
 from tdfscal.simulation.truth import Truth, draw_truths
 
 __all__ = [
+    "MOVING",
     "SCENARIOS",
     "Batch",
     "Campaign",
@@ -38,6 +41,8 @@ __all__ = [
     "Gain",
     "Jolt",
     "Load",
+    "MovingCampaign",
+    "MovingOptions",
     "Options",
     "Pose",
     "Postures",
@@ -46,6 +51,7 @@ __all__ = [
     "Slip",
     "Survey",
     "SurveyOptions",
+    "Touch",
     "Truth",
     "ZeroShift",
     "draw_truths",
@@ -54,8 +60,10 @@ __all__ = [
     "measure",
     "reference_rig",
     "run",
+    "run_moving",
     "settle",
     "simulate_campaign",
     "simulate_dwells",
+    "simulate_moving",
     "simulate_survey",
 ]

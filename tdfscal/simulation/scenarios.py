@@ -21,6 +21,8 @@ from tdfscal.simulation.faults import (
     Jolt,
     ZeroShift,
 )
+from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
+from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.options import Options, SurveyOptions
 from tdfscal.simulation.survey import Survey, simulate_survey
 from tdfscal.simulation.truth import Truth, draw_truths
@@ -32,8 +34,8 @@ Setup = tuple[Rig, Options]
 class Run:
     """A scenario played: the rig as stated, the truth, and what was recorded.
 
-    campaign : None with scenario "tracker". survey : None with scenario "months", whose run is
-    that of the last month.
+    campaign : None with scenario "tracker" and in motion. survey : None with scenario "months",
+    whose run is that of the last month. moving : what never stops, in motion.
     """
 
     scenario: str
@@ -41,6 +43,7 @@ class Run:
     truth: Truth
     campaign: Campaign | None
     survey: Survey | None
+    moving: MovingCampaign | None = None
 
 
 def _with(faults: Faults) -> Callable[[Rig, Options], Setup]:
@@ -106,6 +109,29 @@ SCENARIOS: dict[str, Callable[[Rig, Options], Setup]] = {
 "no-squeeze": vertical loads only; the others: as "self", with one fault."""
 
 
+MOVING: dict[str, MovingOptions] = {
+    "motion": MovingOptions(),
+    "approach": MovingOptions.approach(),
+}
+"""Campaigns without a stop: "motion", a minute of slow multisine; "approach", 50 mm in 33 s."""
+
+
+def run_moving(
+    rig: Rig,
+    scenario: str,
+    options: MovingOptions,
+    rng: np.random.Generator,
+    survey: SurveyOptions | None = None,
+) -> Run:
+    """Play one of the scenarios in motion. Raises NotConvergedError as `simulate_moving`."""
+    campaign_rng, survey_rng = rng.spawn(2)
+    campaign = simulate_moving(rig, options, campaign_rng)
+    surveyed = simulate_survey(
+        rig, campaign.truth, survey or SurveyOptions(), survey_rng, home=options.home
+    )
+    return Run(scenario, rig, campaign.truth, None, surveyed, campaign)
+
+
 def run(
     rig: Rig,
     scenario: str,
@@ -118,7 +144,7 @@ def run(
     Raises UsageError for a scenario that is not in `SCENARIOS`; else as `simulate_campaign`.
     """
     if scenario not in SCENARIOS:
-        names = [*SCENARIOS, "months"]
+        names = [*SCENARIOS, *MOVING, "months"]
         near = difflib.get_close_matches(scenario, names, n=1)
         raise UsageError(
             f"there is no scenario {scenario!r}",

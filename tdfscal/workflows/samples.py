@@ -50,10 +50,11 @@ def calibrate_samples(
     try:
         return _moving(log, slow)
     except TdfscalError as error:
-        if len(dwells):
+        if len(dwells) and not isinstance(error, NotIdentifiableError):
             return _static(log, dwells, static)
+        few = f"{len(dwells)} static dwells are too few" if len(dwells) else "there is no dwell"
         raise type(error)(
-            f"no static dwell was found, and in motion {error.what}",
+            f"{few}, and in motion: {error.what}",
             where=error.where,
             hint=error.hint,
         ) from error

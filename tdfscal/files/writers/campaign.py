@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -14,7 +15,9 @@ from tdfscal.errors import UsageError
 from tdfscal.files.writers import documents, mcap_log, point_files, table_log
 from tdfscal.records import Log, Rig, Rows
 from tdfscal.simulation import (
+    MOVING,
     Campaign,
+    MovingCampaign,
     Options,
     Recorder,
     Run,
@@ -22,6 +25,7 @@ from tdfscal.simulation import (
     SurveyOptions,
     reference_rig,
     run,
+    run_moving,
 )
 from tdfscal.simulation.months import simulate_months
 
@@ -37,6 +41,8 @@ _BLOCKS: dict[LogFormat, Callable[[Log], dict[str, Any] | None]] = {
     "parquet": table_log.parquet_block,
     "mcap": mcap_log.mcap_block,
 }
+#: What the rig file of a campaign in motion says of the delay, s.
+STATED_DELAY = {"value": 0.0, "std": 0.02}
 _OURS = (
     "rig.yaml",
     "truth.yaml",
@@ -88,9 +94,17 @@ def simulate_to_folder(
     )
     if seed < 0:
         raise UsageError(f"the seed is {seed}", hint="give a whole number from 0 up")
+    rng, drawn = np.random.default_rng(seed), rig or reference_rig()
     if scenario == "months":
-        return _months(rig or reference_rig(), options, folder, format, months, seed, overwrite)
-    played = run(rig or reference_rig(), scenario, options, np.random.default_rng(seed), survey)
+        return _months(drawn, options, folder, format, months, seed, overwrite)
+    if scenario in MOVING:
+        rate = options.recorder.force_rate
+        moving = MOVING[scenario]
+        if scenario == "motion":
+            moving = replace(moving, tilt=options.tilt, squeeze=squeeze)
+        played = run_moving(drawn, scenario, replace(moving, rate=rate), rng, survey)
+    else:
+        played = run(drawn, scenario, options, rng, survey)
     write_run(played, folder, format=format, seed=seed, overwrite=overwrite)
     return played
 
@@ -126,6 +140,8 @@ def write_run(
     story: dict[str, Any] = {"name": played.scenario}
     if seed is not None:
         story["seed"] = seed
+    if played.moving is not None:
+        return _write_moving(played.moving, folder, format, played.survey, story, overwrite)
     if played.campaign is not None:
         return write_campaign(
             played.campaign,
@@ -187,6 +203,32 @@ def write_campaign(
             campaign.start, campaign.end, campaign.force, campaign.postures.pose.rotation
         )
         documents.write_yaml(into / "truth.yaml", truth)
+
+    return _write_folder(folder, fill, overwrite)
+
+
+def _write_moving(
+    campaign: MovingCampaign,
+    folder: Path,
+    format: LogFormat,
+    session: Survey | None,
+    scenario: Mapping[str, Any],
+    overwrite: bool,
+) -> tuple[Path, ...]:
+    """Write a campaign without a stop, as `write_campaign`; its rig file states a delay's std."""
+    _check_format(format)
+
+    def fill(into: Path) -> None:
+        _WRITERS[format](into / f"log.{format}", campaign.log)
+        tracker = None
+        if session is not None:
+            point_files.write_session(into / "tracker", session.session)
+            tracker = documents.tracker_block(session)
+        log = {**(_BLOCKS[format](campaign.log) or {}), "delay": STATED_DELAY}
+        documents.write_yaml(into / "rig.yaml", documents.rig_document(campaign.rig, log, tracker))
+        documents.write_yaml(
+            into / "truth.yaml", documents.moving_truth_document(campaign, scenario, session)
+        )
 
     return _write_folder(folder, fill, overwrite)
 

@@ -12,7 +12,7 @@ import numpy as np
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.files.saving import to_yaml
 from tdfscal.records import CampaignInfo, Drift, FloatArray, Rig, SensorInfo, UncertainValue
-from tdfscal.simulation import Options, Survey, Truth
+from tdfscal.simulation import MovingCampaign, Options, Survey, Truth
 
 TRACKER_BLOCK = {
     "length_unit": "mm",
@@ -150,6 +150,25 @@ def truth_document(
             "body": survey.body.tolist(),
             "offset": survey.offset.tolist(),
         }
+    return document
+
+
+def moving_truth_document(
+    campaign: MovingCampaign, scenario: Mapping[str, Any], survey: Survey | None
+) -> dict[str, Any]:
+    """truth.yaml of a campaign without a stop."""
+    options = {key: plain(value) for key, value in asdict(campaign.options).items()}
+    story = {**scenario, "options": options}
+    document = truth_document(campaign.rig, campaign.truth, story, survey)
+    document["terminal"]["inertia"] = campaign.inertia.tolist()
+    document["motion"] = {
+        "delay": campaign.options.delay,
+        "friction": campaign.options.friction,
+        "contacts": [
+            {"begin": touch.begin, "end": touch.end, "force": list(touch.force)}
+            for touch in campaign.options.touches
+        ],
+    }
     return document
 
 

@@ -1,0 +1,73 @@
+"""`simulate --scenario motion` and `calibrate --samples`, files in and file out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import tdfscal
+from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.workflows.calibration import load_calibration
+from tests.cli.running import run
+
+
+@pytest.fixture(scope="module")
+def minute(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("motion") / "campaign"
+    tdfscal.simulate(folder, scenario="motion", format="parquet", rate=100.0, seed=4)
+    return folder
+
+
+def test_a_log_without_a_stop_becomes_a_calibration(
+    minute: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "result.yaml"
+    seen = run(capsys, "calibrate", minute, "-o", target, "--html", tmp_path / "page.html", "-q")
+    assert seen.status == 0, seen.err
+    truth = yaml.safe_load((minute / "truth.yaml").read_text(encoding="utf-8"))
+    result = load_calibration(target)
+    rpy = np.array([support["rpy"] for support in truth["supports"]])
+    error = (result.rpy - rpy).ravel()
+    assert np.sum((error / result.rpy_std.ravel()) ** 2) < 2 * chi2_quantile(1 - 1e-3, 9)
+    assert result.motion is not None
+    moved = truth["motion"]
+    assert abs(result.motion.delay.value - moved["delay"]) < 4 * result.motion.delay.std
+    assert abs(result.motion.friction.value - moved["friction"]) < 4 * result.motion.friction.std
+    assert result.motion.seconds == pytest.approx(60.0, abs=0.5)
+    after, before = result.motion.spectrum.after, result.motion.spectrum.before
+    assert np.median(after) < 0.5 * np.median(before)
+
+
+def test_what_does_not_go_together_is_refused(minute: Path) -> None:
+    with pytest.raises(UsageError, match="dwells"):
+        tdfscal.calibrate(minute, samples="moving", estimator="linear")
+    with pytest.raises(UsageError, match="dwells"):
+        tdfscal.calibrate(minute, samples="all", method="joint")
+
+
+def test_supports_too_soft_to_squeeze_show_no_angle(tmp_path: Path) -> None:
+    """Carriages that float carry constant vertical loads alone: exit 4, nothing written."""
+    from dataclasses import replace
+
+    from tdfscal.files.writers.campaign import write_run
+    from tdfscal.simulation import MOVING, reference_rig, run_moving
+
+    soft = replace(MOVING["approach"], stiffness=(1e4, 1e4, 150e6), rate=100.0)
+    played = run_moving(reference_rig(), "approach", soft, np.random.default_rng(0))
+    write_run(played, tmp_path / "soft", format="parquet")
+    target = tmp_path / "result.yaml"
+    with pytest.raises(NotIdentifiableError, match="does not determine"):
+        tdfscal.calibrate(tmp_path / "soft", output=target)
+    assert not target.exists()
+
+
+def test_dwells_and_moves_together_are_never_wider(tmp_path: Path) -> None:
+    folder = tmp_path / "campaign"
+    tdfscal.simulate(folder, postures=8, format="parquet", seed=2)
+    dwells = tdfscal.calibrate(folder, samples="static", trials=0)
+    both = tdfscal.calibrate(folder, samples="all", trials=0)
+    assert np.all(both.rpy_std <= dwells.rpy_std)
