@@ -36,6 +36,8 @@ UNDECLARED_ERROR: Final = 0.008
 #: The other suspects share the rest.
 UNDECLARED_GRAVITY_SHARE: Final = 0.7
 UNDECLARED_FRICTION_SHARE: Final = 0.15
+#: That a faultless campaign has any positioner's frame called turned, scaled or not square.
+FRAME_MISFIT: Final = 1e-3
 #: Standard uncertainties of an angle: an undeclared error that moves it farther spoils the result.
 HARMFUL_SHIFT: Final = 2.0
 #: That noise alone is reported as drift, hysteresis or lack of repeatability, per test.

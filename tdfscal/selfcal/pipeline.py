@@ -19,6 +19,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
 from tdfscal.records import Dwells, InputFile, Rig, Rotations
 from tdfscal.selfcal import observability, repeatability
+from tdfscal.selfcal.closure import frame_errors
 from tdfscal.selfcal.covariance import Quality, Uncertainty, evaluate, information_root, quality
 from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
 from tdfscal.selfcal.estimator import Fit, fit
@@ -126,8 +127,10 @@ def self_calibrate(
     steady = repeatability.examine(result, held)
     doubts: tuple[Suspicion, ...] = ()
     if estimator == "ml" and not measured_noise:
-        doubts = suspicions(result, parts, uncertainty, held, stats)
+        warmth = None if dwells.temperature is None else dwells.temperature[index]
+        doubts = suspicions(result, parts, uncertainty, held, stats, warmth)
     if estimator == "ml":
+        doubts = (*doubts, *frame_errors(result, parts, uncertainty))
         slip = find_slip(result, uncertainty, held, index + 1, noise_from_residuals=measured_noise)
         # What spoils the whole campaign may look like a slip, and a slip like much that does.
         if slip is not None and all(slip.p_value <= doubt.p_value for doubt in doubts):

@@ -19,6 +19,8 @@ from tdfscal.significance import CHANGED_RIG
 #: Two dwells are one posture when every NCP stands within this distance, m. A squeeze moves NCPs
 #: by micrometres and is no other posture for this purpose, a tilt of 0.1 mrad is.
 SAME_PLACE = 5e-5
+#: Pairs of visits that are looked at, at most.
+_PAIRS = 200_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +110,28 @@ def _change(wrench: FloatArray, chi2: float, dof: int) -> Change:
 
 
 def _returns(position: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs (earlier, later) of visits to one place, not one right after the other."""
-    apart = np.abs(position[:, None] - position[None]).max(axis=(2, 3))
-    first, second = np.nonzero(np.triu(apart < SAME_PLACE, 2))
-    return first, second
+    """Pairs (earlier, later) of visits to one place, not one right after the other.
+
+    Postures in the order of one coordinate are compared with those next to them only. Where a
+    place is visited very often, `_PAIRS` of its pairs say as much as all.
+    """
+    flat = position.reshape(len(position), -1)
+    order = np.argsort(flat[:, np.argmax(np.ptp(flat, axis=0))], kind="stable")
+    along = flat[order, np.argmax(np.ptp(flat, axis=0))]
+    found: list[IntArray] = []
+    count = 0
+    for step in range(1, len(position)):
+        near = np.flatnonzero(along[step:] - along[:-step] < SAME_PLACE)
+        if not len(near) or count > _PAIRS:
+            break
+        a, b = order[near], order[near + step]
+        same = np.abs(flat[a] - flat[b]).max(axis=1) < SAME_PLACE
+        first, second = np.minimum(a, b)[same], np.maximum(a, b)[same]
+        found.append(np.stack([first, second])[:, second - first > 1])
+        count += found[-1].shape[1]
+    pairs = np.concatenate([np.zeros((2, 0), dtype=np.int64), *found], axis=1)
+    pairs = pairs[:, np.lexsort(pairs[::-1])]
+    return pairs[0], pairs[1]
 
 
 def _opposite(position: FloatArray, first: IntArray, second: IntArray) -> BoolArray:

@@ -47,7 +47,8 @@ _WORDS = {
     "tilt": ("gravity is not along -Z of the BCS", "level the BCS, or declare gravity.tilt_std"),
     "compliance": (
         "the NCPs give between encoder and hinge",
-        "declare uncertainty.compliance, or see what is loose",
+        "declare uncertainty.compliance in rig.yaml (`compliance: {{lateral: 1.0e-6, vertical: "
+        "1.0e-6}}`), or see what is loose",
     ),
     "friction": (
         "the hinges hold back against the turn by which a posture is reached",
@@ -57,7 +58,18 @@ _WORDS = {
         "the moments scatter as friction of {0:.2g} N·m in the hinges would make them",
         "declare uncertainty.hinge_moment, or see whether the NCPs repeat as stated",
     ),
-    "drift": ("the zero of {0} drifts over the campaign", "warm up, tare again, record faster"),
+    "drift": (
+        "the zero of {0} drifts over the campaign",
+        "declare drift.time in rig.yaml (`drift: {{time: .inf}}`), or warm up and tare again",
+    ),
+    "temperature": (
+        "the zero of {0} follows the temperature",
+        "declare drift.temperature in rig.yaml (`drift: {{temperature: .inf}}`)",
+    ),
+    "parabola": (
+        "the zero of {0} drifts other than along a line",
+        "declare drift.walk in rig.yaml, or record faster",
+    ),
 }
 
 
@@ -90,12 +102,20 @@ class Suspicion:
 
 
 def suspicions(
-    fit: Fit, parts: Spectrum, uncertainty: Uncertainty, time: FloatArray, stats: Quality
+    fit: Fit,
+    parts: Spectrum,
+    uncertainty: Uncertainty,
+    time: FloatArray,
+    stats: Quality,
+    temperature: FloatArray | None = None,
 ) -> tuple[Suspicion, ...]:
-    """Ask for every suspect; time (K,) in s is when each posture was held. The surest first."""
+    """Ask for every suspect, and return them with the surest first.
+
+    time : (K,), s, when each posture was held. temperature : (K, n), °C, where it is known.
+    """
     root = np.sqrt(fit.weight)[:, None, None] * fit.whitener  # rows of postures left out are 0
     residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
-    suspects = list(_suspects(fit, root, time))
+    suspects = list(_suspects(fit, root, time, temperature))
     others = (1 - UNDECLARED_GRAVITY_SHARE - UNDECLARED_FRICTION_SHARE) / max(1, len(suspects) - 1)
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std = np.sqrt(np.diagonal(uncertainty.covariance))
@@ -122,7 +142,11 @@ def suspicions(
         what, advice = _WORDS[group]
         found.append(
             _suspicion(
-                fit, what.format(fit.rig.supports[index]), advice, p_value, move[angles] / std
+                fit,
+                what.format(fit.rig.supports[index]),
+                advice.format(),
+                p_value,
+                move[angles] / std,
             )
         )
     friction, p_value, effect = _friction(fit, parts, root, residual)
@@ -137,6 +161,25 @@ def _suspicion(fit: Fit, what: str, advice: str, p_value: float, shift: FloatArr
     worst = int(np.argmax(np.abs(shift)))
     angle = f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}"
     return Suspicion(what, advice, p_value, float(np.abs(shift[worst])), angle)
+
+
+def largest_move(
+    fit: Fit,
+    parts: Spectrum,
+    uncertainty: Uncertainty,
+    wrench: FloatArray,
+    *,
+    what: str,
+    advice: str,
+    p_value: float,
+) -> Suspicion:
+    """Suspicion of what adds a wrench (K, 6) to the balance; the angles give way to it."""
+    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
+    white = (root @ wrench[..., None]).ravel()
+    move = parts.root @ (parts.left[: len(white)].T @ white)
+    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
+    std = np.sqrt(np.diagonal(uncertainty.covariance))
+    return _suspicion(fit, what, advice, p_value, move[angles] / std)
 
 
 def _friction(
@@ -167,7 +210,7 @@ def _friction(
 
 
 def _suspects(
-    fit: Fit, root: FloatArray, time: FloatArray
+    fit: Fit, root: FloatArray, time: FloatArray, temperature: FloatArray | None
 ) -> Iterator[tuple[str, int, FloatArray]]:
     """Group, support and whitened columns (rows, g) of each suspect."""
     rig, n = fit.rig, fit.rig.n
@@ -190,9 +233,33 @@ def _suspects(
             part = slice(start, start + size)
             if np.isfinite(std[part]).any():
                 yield group, index, columns[:, part]
-    elapsed = time - time.mean()
-    ramp = elapsed / max(float(np.abs(elapsed).max()), np.finfo(float).tiny)
-    for i in range(n):
-        start = place["zero"].start + 3 * i
-        drifting = (J[:, :, start : start + 3] * ramp[:, None, None]).reshape(-1, 3)
-        yield "drift", i, np.concatenate([drifting, np.zeros((len(below), 3))])
+    for group, shape in _shapes(fit, time, temperature):
+        for i in range(n):
+            start = place["zero"].start + 3 * i
+            moving = (J[:, :, start : start + 3] * shape[:, i, None, None]).reshape(-1, 3)
+            yield group, i, np.concatenate([moving, np.zeros((len(below), 3))])
+
+
+def _shapes(
+    fit: Fit, time: FloatArray, temperature: FloatArray | None
+) -> Iterator[tuple[str, FloatArray]]:
+    """How zeros may move that nobody declared, (K, n) at most 1: by what moves them."""
+    declared = () if fit.postures.motion is None else fit.postures.motion.kind
+    if "walk" in declared:
+        return
+    n = fit.rig.n
+    line = _centred(np.repeat(time[:, None], n, axis=1))
+    if "time" not in declared:
+        yield "drift", line
+    else:
+        yield "parabola", _centred(line**2)
+    if temperature is not None and "temperature" not in declared:
+        warm = _centred(temperature)
+        if np.any(warm):
+            yield "temperature", warm
+
+
+def _centred(values: FloatArray) -> FloatArray:
+    """Values (K, n) about their mean, the largest of a column at 1."""
+    away = values - values.mean(axis=0)
+    return np.asarray(away / np.maximum(np.abs(away).max(axis=0), np.finfo(float).tiny))

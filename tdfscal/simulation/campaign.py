@@ -71,6 +71,7 @@ def simulate_campaign(
             supports=rig.supports,
             position=_record_positions(rig, options, stage, timeline, position_rng),
             force=_record_forces(rig, options, stage, timeline, force_rng),
+            temperature=_record_temperature(options, timeline),
         )
     return Campaign(
         rig=rig,
@@ -110,7 +111,7 @@ def _record_forces(
     rig: Rig, options: Options, stage: Stage, timeline: Timeline, rng: np.random.Generator
 ) -> tuple[Series, ...]:
     recorder = options.recorder
-    sd_rng, shake_rng, noise_rng = rng.spawn(3)
+    sd_rng, shake_rng, noise_rng, walk_rng = rng.spawn(4)
     time = timeline.samples(recorder.force_rate)
     moment = timeline.at(time)
     truth = stage.truth.trial(0)
@@ -122,9 +123,18 @@ def _record_forces(
         reading(truth, faults.turned_away(options.faults, force, place))
         + moment.blend(stage.force_offset[0])
         + faults.zero_offset(options.faults, rig.n, place)
+        + faults.zero_walk(options.faults, rig.n, place.progress, walk_rng)
         + sensor_noise(sd, recorder.noise_correlation, recorder.force_rate, len(time), noise_rng)
     )
     return _series(time, faults.recorded(options.faults, signal, place, rig.capacity))
+
+
+def _record_temperature(options: Options, timeline: Timeline) -> tuple[Series, ...]:
+    if options.faults.warming is None:
+        return ()
+    time = timeline.samples(options.recorder.force_rate)
+    value = faults.temperature(options.faults, timeline.place(time))
+    return (Series(time, np.repeat(value[:, None], 3, axis=1)),)
 
 
 def _true_forces(

@@ -95,6 +95,46 @@ class DeadAxis:
 
 
 @dataclass(frozen=True, slots=True)
+class Walk:
+    """Each channel of a sensor walks at random by `size` (N, standard deviation) to the end."""
+
+    sensor: int
+    size: float
+
+
+@dataclass(frozen=True, slots=True)
+class Warming:
+    """The hall warms up by `rise` (K) over the campaign, and zeros follow by `slope` (N/K).
+
+    The temperature rises as 1 − exp(−3 t) does, t from 0 to 1. slope : per sensor, its axes.
+    """
+
+    rise: float
+    slope: tuple[Vector, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A positioner logs its travel in a frame that is turned, scaled and sheared.
+
+    turn (rad, rotation vector), scale (relative, per axis), shear (yz, xz, xy, rad).
+    """
+
+    sensor: int
+    turn: Vector = (0.0, 0.0, 0.0)
+    scale: Vector = (0.0, 0.0, 0.0)
+    shear: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def matrix(self) -> FloatArray:
+        """What the logged coordinates add to the true ones, per metre of travel, (3, 3)."""
+        (x, y, z), (yz, xz, xy) = self.turn, self.shear
+        skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        sheared = np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
+        return np.asarray(skew + np.diag(self.scale) + sheared)
+
+
+@dataclass(frozen=True, slots=True)
 class Faults:
     """All faults of one campaign. saturated: readings are cut off at the rig's capacity.
 
@@ -111,6 +151,11 @@ class Faults:
     dead_axes: tuple[DeadAxis, ...] = ()
     swapped: tuple[tuple[int, int], ...] = ()
     saturated: bool = False
+    walks: tuple[Walk, ...] = ()
+    warming: Warming | None = None
+    frames: tuple[Frame, ...] = ()
+    hysteresis: float = 0.0
+    """Friction of each hinge against the turn by which a posture is reached, N·m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +176,8 @@ def check(faults: Faults, sensors: int, postures: int) -> None:
         *(f.sensor for f in faults.zero_shifts),
         *(f.sensor for f in faults.slips),
         *(f.sensor for f in faults.drifts),
+        *(f.sensor for f in faults.walks),
+        *(f.sensor for f in faults.frames),
         *(f.sensor for f in faults.gains),
         *(f.sensor for f in faults.crosstalk),
         *(f.sensor for f in faults.dead_axes),
@@ -198,9 +245,40 @@ def zero_offset(faults: Faults, sensors: int, place: Place) -> FloatArray:
     offset = np.zeros((len(place.posture), sensors, 3))
     for s in faults.zero_shifts:
         offset[place.posture >= s.posture - 0.5, s.sensor] += s.change
+    if faults.warming is not None:
+        warmer = temperature(faults, place) - temperature(faults, Place(np.zeros(1), np.zeros(1)))
+        for i, slope in enumerate(faults.warming.slope):
+            offset[:, i] += warmer[:, None] * np.asarray(slope)
     for d in faults.drifts:
         offset[:, d.sensor] += place.progress[:, None] * np.asarray(d.change)
     return offset
+
+
+def temperature(faults: Faults, place: Place) -> FloatArray:
+    """Temperature of the hall (N,), °C."""
+    rise = 0.0 if faults.warming is None else faults.warming.rise
+    return np.asarray(20.0 + rise * (1.0 - np.exp(-3.0 * place.progress)))
+
+
+def zero_walk(
+    faults: Faults, sensors: int, progress: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """What random walks add to the zeros, (..., N, n, 3), N; progress (..., N) from 0 to 1."""
+    step = np.sqrt(np.maximum(np.diff(progress, axis=-1, prepend=progress[..., :1]), 0.0))
+    out = np.zeros((*progress.shape, sensors, 3))
+    for walk in faults.walks:
+        increments = walk.size * step[..., None] * rng.standard_normal((*progress.shape, 3))
+        out[..., walk.sensor, :] += np.cumsum(increments, axis=-2)
+    return out
+
+
+def logged(faults: Faults, place: FloatArray, home: FloatArray) -> FloatArray:
+    """What frames add to logged coordinates (..., n, 3), m; home: where they are right."""
+    out = np.zeros_like(place)
+    for frame in faults.frames:
+        away = place[..., frame.sensor, :] - home[..., frame.sensor, :]
+        out[..., frame.sensor, :] += away @ frame.matrix.T
+    return out
 
 
 def recorded(faults: Faults, reading: FloatArray, place: Place, capacity: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ class Batch:
     frames, mean readings. start, end : (B, K), s. sample_sd : (B, n), N, of one force sample.
     mean_sd : (B, K, n), N, of a mean force, without `force_noise`, which no averaging removes.
     position_sd : (B, K), m, of a mean position. count : (B, K), force samples per dwell.
-    effective : (B, K), effective sample size.
+    effective : (B, K), effective sample size. temperature : (K,), °C, where it is logged.
     """
 
     supports: tuple[str, ...]
@@ -39,6 +39,7 @@ class Batch:
     position_sd: FloatArray
     count: FloatArray
     effective: FloatArray
+    temperature: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.force)
@@ -64,6 +65,9 @@ class Batch:
             force_max=force + spread,
             count=np.repeat(self.count[trial, :, None], n, axis=1).astype(np.int64),
             effective=np.array(np.broadcast_to(self.effective[trial, :, None], (K, n))),
+            temperature=None
+            if self.temperature is None
+            else np.repeat(self.temperature[:, None], n, axis=1),
         )
 
     def log(self, trial: int) -> Log:
@@ -75,6 +79,9 @@ class Batch:
             position=tuple(Series(row, self.position[trial, :, i].copy()) for i in range(n)),
             force=tuple(Series(row, self.force[trial, :, i].copy()) for i in range(n)),
             rows="postures",
+            temperature=()
+            if self.temperature is None
+            else (Series(row, np.repeat(self.temperature[:, None], 3, axis=1)),),
         )
 
 
@@ -93,7 +100,7 @@ def simulate_dwells(rig: Rig, options: Options, rng: np.random.Generator, trials
 
 def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Generator) -> Batch:
     """What `stage` looks like after averaging; see `simulate_dwells`."""
-    recorder = options.recorder
+    recorder, walk_rng = options.recorder, rng.spawn(1)[0]
     trials, K, n = stage.servo.shape[:3]
     dwell = rng.uniform(*recorder.dwell, (trials, K))
     move = rng.uniform(*recorder.move, (trials, K))
@@ -120,6 +127,9 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
         reading(stage.truth, faults.turned_away(options.faults, force, place))
         + stage.force_offset
         + faults.zero_offset(options.faults, n, place)
+        + faults.zero_walk(
+            options.faults, n, (end - end[:, :1]) / np.ptp(end, axis=1, keepdims=True), walk_rng
+        )
         + mean_sd[..., None] * rng.standard_normal((trials, K, n, 3))
     )
     noise = position_sd[..., None, None] * rng.standard_normal((trials, K, n, 3))
@@ -136,6 +146,9 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
         position_sd=position_sd,
         count=count,
         effective=effective,
+        temperature=None
+        if options.faults.warming is None
+        else faults.temperature(options.faults, place),
     )
 
 

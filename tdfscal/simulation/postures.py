@@ -116,7 +116,9 @@ def stand(
     """
     datum = truth.datum[..., None, :, :]
     servo = target if options.datum_strain else target - datum
-    return servo, servo + datum + repeat
+    home = (truth.hinge + np.asarray(options.home))[..., None, :, :]
+    turned = faults.logged(options.faults, servo, home)
+    return servo + turned, servo + datum + repeat
 
 
 def set_stage(
@@ -137,6 +139,7 @@ def set_stage(
     repeat = declared.positioner * error_rng.standard_normal((*shape, rig.n, 3))
     force_offset = declared.force_noise * error_rng.standard_normal((*shape, rig.n, 3))
     friction = declared.hinge_moment * error_rng.standard_normal((*shape, 3))
+    friction -= rig.n * options.faults.hysteresis * _approach(postures.pose.rotation)
     contact = np.array(
         np.broadcast_to(faults.contact(options.faults, options.count), (*shape, 2, 3)),
         dtype=np.float64,
@@ -145,6 +148,13 @@ def set_stage(
     load = Load(contact, friction)
     rest = settle(truth, where, load, postures.pose)
     return Stage(truth, postures, servo, repeat, load, force_offset, rest)
+
+
+def _approach(rotation: FloatArray) -> FloatArray:
+    """Unit vectors (B, K, 3), BCS, of the turns from posture to posture; the first is 0."""
+    turn = rotations.log(rotation[:, 1:] @ np.swapaxes(rotation[:, :-1], -1, -2))
+    size = np.maximum(np.linalg.norm(turn, axis=-1, keepdims=True), 1e-12)
+    return np.concatenate([np.zeros_like(turn[:, :1]), turn / size], axis=1)
 
 
 def reading(truth: Truth, force: FloatArray) -> FloatArray:
