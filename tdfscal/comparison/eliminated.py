@@ -114,6 +114,6 @@ def stated(priors: Priors, reference: State) -> Information:
 
 def unstated(priors: Priors) -> int:
     """Count the free constants that have no prior of their own."""
-    std, n = priors.full_std, len(priors.rpy)
+    std, n = priors.full_std, len(priors.nominal)
     open_std = np.isinf(std) & constants(n)
     return int(open_std.sum()) - len(priors.angled)

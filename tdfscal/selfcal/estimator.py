@@ -104,7 +104,7 @@ class Priors:
         self.rows = np.zeros((len(self.held), len(std)))
         self.rows[np.arange(len(self.held)), self.held] = 1 / self.std
         self.rows = self.rows[:, self.active]
-        self.rpy, self.rpy_std = rig.nominal_rpy, rpy_prior_std(rig)
+        self.nominal, self.rpy_std = so3.from_rpy(rig.nominal_rpy), rpy_prior_std(rig)
         self.earlier, self.known = rig.earlier, starting_state(rig, motions)
         own = np.isfinite(self.rpy_std).ravel() & (rig.earlier is None)
         self.angled = np.flatnonzero(own)
