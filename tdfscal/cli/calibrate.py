@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
 from tdfscal.cli.app import Html, Json, Paths, Quiet, RigFile, Seed, app
-from tdfscal.cli.perform import perform, show_words
-from tdfscal.errors import visible
+from tdfscal.cli.perform import perform
+from tdfscal.cli.streams import say
 
 if TYPE_CHECKING:
     from tdfscal.workflows.calibration import Calibration
-    from tdfscal.workflows.result import Result
 
 DEFAULT_OUTPUT = Path("calibration.yaml")
 Method = Literal["self", "tracker", "joint"]
@@ -62,21 +60,14 @@ def calibrate(
     """Calibrate the sensors of a rig from a recorded campaign."""
     options = locals()
     del options["verbose"]
-    options["output"] = target = output or DEFAULT_OUTPUT
-
-    def show(result: Result) -> None:
-        show_words(result)
-        if result.exit_status == 0 or allow_rejected:
-            print(f"\nwrote {visible(str(target))}")
-
-    done = perform("calibrate", options, dash={"output": "content"}, show=show)
-    result = cast("Calibration", done)
+    options["output"] = output or DEFAULT_OUTPUT
+    result = cast("Calibration", perform("calibrate", options, dash={"output": "content"}))
     if verbose and result.records is not None and result.records.own is not None:
         for stretch in result.records.own.dwells.left_out:
             span = f"{stretch.start:.2f} to {stretch.end:.2f} s"
-            print(f"left out: {span}: {visible(stretch.reason)}", file=sys.stderr)
+            say(f"left out: {span}: {stretch.reason}")
     if not result.accepted:
         nothing = "nothing was written" if html is None else "only its page was written"
         what = "it was written as rejected" if allow_rejected else nothing
-        print(f"tdfscal: the quality gate rejects this result; {what}", file=sys.stderr)
+        say(f"tdfscal: the quality gate rejects this result; {what}")
     return result.exit_status

@@ -9,6 +9,7 @@ from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.cli.progress import on_stderr
+from tdfscal.cli.streams import hand_over, reporting, say
 from tdfscal.errors import UsageError, visible
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ def perform(
     options: dict[str, Any],
     *,
     dash: Mapping[str, str] | None = None,
-    show: Callable[[Result], None] | None = None,
 ) -> Result:
     """Call `tdfscal.workflows.<name>` with a command's options and print its result.
 
@@ -29,29 +29,38 @@ def perform(
     name : of the module and its function; `study.accuracy` for a study.
     options : all of the command's, by name; `json` and `quiet` concern the printing only.
     dash : options that take `-` for standard output, and the text of the result that it gets.
-    show : prints the result in words; by default its text, and where it was written.
 
     Raises
     ------
     TdfscalError
         By cause.
     """
+    from tdfscal.files.outputs import together
+
     json, output = options.pop("json"), options.get("output")
     carried = _carried(options, dash or {}, json=json)
-    result = _call(name, options)
-    if json:
-        _emit(result.to_dict())
-    elif carried is not None:
-        sys.stdout.write(getattr(result, carried))
-    elif show is not None:
-        show(result)
-    elif show_words(result) and output is not None:
-        files = getattr(result, "files", None)
-        where = output if files is None else f"{len(files)} files to {output}"
-        print(f"\nwrote {visible(str(where))}")
+    # Where standard output carries the result, it is an output like any other: all or none.
+    with together():
+        result = _call(name, options)
+        words = not json and (carried is None or not _written(result, options))
+        if json:
+            hand_over(_to_json(result.to_dict()))
+        elif not words and carried is not None:
+            hand_over(getattr(result, carried))
+    if words:
+        with reporting():
+            if show_words(result) and output is not None and _written(result, options):
+                files = getattr(result, "files", None)
+                where = output if files is None else f"{len(files)} files to {output}"
+                print(f"\nwrote {visible(str(where))}")
     for text in result.notes:
-        print(f"tdfscal: warning: {visible(text)}", file=sys.stderr)
+        say(f"tdfscal: warning: {text}")
     return result
+
+
+def _written(result: Result, options: dict[str, Any]) -> bool:
+    """Tell whether a result is written; what the quality gate rejects is not, unless asked for."""
+    return result.exit_status == 0 or bool(options.get("allow_rejected", True))
 
 
 def show_words(result: Result) -> bool:
@@ -98,8 +107,8 @@ def command_line() -> str:
     return " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
 
 
-def _emit(document: Any) -> None:
-    """Print one JSON object."""
+def _to_json(document: Any) -> str:
+    """One JSON object."""
     import json
 
-    print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1))
+    return json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n"

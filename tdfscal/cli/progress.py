@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tdfscal.cli import streams
+
 if TYPE_CHECKING:
     from tdfscal.workflows.progress import Progress
 
@@ -22,7 +24,7 @@ def on_stderr(*, quiet: bool) -> Progress:
     started = time.monotonic()
 
     def say(text: str) -> None:
-        print(f"[{time.monotonic() - started:5.1f} s] {text}", file=sys.stderr, flush=True)
+        streams.say(f"[{time.monotonic() - started:5.1f} s] {text}")
 
     return Progress(stage=lambda stage: say(f"{stage} …"), count=say, reading=_reading_bar)
 

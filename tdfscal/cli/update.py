@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from tdfscal.cli.app import CalibrationFile, Html, Json, Paths, Quiet, RigFile, Seed, app
-from tdfscal.cli.perform import perform, show_words
+from tdfscal.cli.perform import perform
+from tdfscal.cli.streams import say
 
 if TYPE_CHECKING:
     from tdfscal.workflows.calibration import Calibration
-    from tdfscal.workflows.result import Result
 
 
 @app.command()
@@ -39,16 +38,9 @@ def update(
     quiet: Quiet = False,
 ) -> int:
     """Bring a calibration up to date with a new campaign: zeros, load, angles."""
-
-    def show(result: Result) -> None:
-        show_words(result)
-        if result.exit_status == 0 or allow_rejected:
-            print(f"\nwrote {output}")
-
-    options = {key: value for key, value in locals().items() if key != "show"}
-    done = perform("update", options, dash={"output": "content"}, show=show)
-    result = cast("Calibration", done)
+    options = locals()
+    result = cast("Calibration", perform("update", options, dash={"output": "content"}))
     if not result.accepted:
         what = "it was written as rejected" if allow_rejected else "nothing was written"
-        print(f"tdfscal: the quality gate rejects this result; {what}", file=sys.stderr)
+        say(f"tdfscal: the quality gate rejects this result; {what}")
     return result.exit_status

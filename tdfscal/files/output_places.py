@@ -3,21 +3,72 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from tdfscal.errors import UsageError
-from tdfscal.files import RIG_NAME
+from tdfscal.files.outputs import check_link, identity, protect, replaces_input
+
+#: Of report pages.
+PAGE_SUFFIXES = (".html", ".htm")
 
 
-def check_place(path: Path, inputs: Iterable[Path] = ()) -> None:
-    """Raise UsageError where a file cannot be written, or is one of the inputs; `-` always can.
+def check_outputs(
+    outputs: Mapping[str, Path | None],
+    inputs: Iterable[Path],
+    suffixes: Mapping[str, tuple[str, ...]],
+) -> None:
+    """Refuse places of output before the work, and keep the inputs from any that follows.
 
-    inputs : files and campaign folders.
+    Parameters
+    ----------
+    outputs : file by option; None where it is not asked for.
+    inputs : every file that the command reads or would read.
+    suffixes : by option, what a file's name may end in; options without an entry are free.
+
+    Raises
+    ------
+    UsageError
+        A place cannot be written, is that of an input, is named twice, or the name ends in what
+        another kind of file has.
     """
-    if str(path) == "-":
-        return
+    files = {option: path for option, path in outputs.items() if path is not None}
+    reads = list(inputs)
+    protect(reads)
+    protected = {identity(path) for path in reads} - {None}
+    places: dict[str, str] = {}
+    for option, path in files.items():
+        if option in suffixes:
+            check_suffix(path, suffixes[option])
+        check_place(path)
+        if identity(path) in protected:
+            raise replaces_input(path)
+        place = os.path.realpath(path)
+        if place in places and path.name != "null":
+            raise UsageError(
+                f"{places[place]} and {option} name one file",
+                where=str(path),
+                hint="give each a name of its own",
+            )
+        places[place] = option
+
+
+def check_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
+    """Raise UsageError for a name that ends in none of the suffixes; a device may have any name."""
+    device = path.exists() and not path.is_file() and not path.is_dir()
+    if path.suffix.lower() not in suffixes and not device:
+        *others, last = suffixes
+        raise UsageError(
+            f"the name of this file ends in {', '.join(others)}{' or ' if others else ''}{last}",
+            where=str(path),
+            hint="choose such a name",
+        )
+
+
+def check_place(path: Path) -> None:
+    """Raise UsageError where a file cannot be written."""
     folder = path.absolute().parent
+    check_link(path)
     if path.is_dir():
         raise UsageError("is a folder", where=str(path), hint="name a file in it")
     if not folder.is_dir():
@@ -30,18 +81,15 @@ def check_place(path: Path, inputs: Iterable[Path] = ()) -> None:
             where=str(path),
             hint="choose another folder",
         )
-    if not path.exists():
-        return
-    named = list(inputs)
-    for given in (*named, *(folder / RIG_NAME for folder in named)):
-        if given.exists() and path.samefile(given):
-            raise UsageError(
-                "would replace an input", where=str(path), hint="choose another name for the result"
-            )
+    if path.is_file() and not path.stat().st_mode & 0o222:
+        raise UsageError(
+            "is write-protected", where=str(path), hint="choose another name for the result"
+        )
 
 
 def check_folder(path: Path) -> None:
     """Raise UsageError where a folder for results is not there and cannot be made."""
+    check_link(path)
     there = next(p for p in (path.absolute(), *path.absolute().parents) if os.path.lexists(p))
     if not there.is_dir() or not os.access(there, os.W_OK):
         raise UsageError(

@@ -12,9 +12,11 @@ import numpy as np
 
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.errors import DataError
+from tdfscal.files.output_places import check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.writers.wrenches import (
     COLUMNS,
-    check_wrench_path,
+    SUFFIXES,
     columns_of,
     numbers_only,
     write_wrenches,
@@ -24,6 +26,7 @@ from tdfscal.reporting.contact_wrench import summary_report
 from tdfscal.workflows.arguments import PathLikes, listed, one, one_of
 from tdfscal.workflows.calibration import CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
@@ -113,6 +116,7 @@ class _Totals:
         self.span = [self.span[0], self.span[-1]]
 
 
+@together()
 def apply(
     calibration: CalibrationSource,
     paths: PathLikes,
@@ -145,12 +149,10 @@ def apply(
     """
     target, files = one(output), listed(paths)
     one_of("--filter", filter, get_args(Kind))
-    if target is not None:
-        check_wrench_path(target)
+    reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
+    check_outputs({"--output": target}, reads, {"--output": SUFFIXES})
     walk = checked_walk(filter, walk)
     use = take(calibration, files, one(rig))
-    if target is not None:
-        check_wrench_path(target, [*paths_of([calibration]), *use.campaign.logs])
     moving = use.given.rig.inertia is not None and not quasi_static
     log = LogPass(use.campaign, progress)
     progress.stage("reading the log and working out the contact wrench")

@@ -12,7 +12,7 @@ from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.comparison.joint import combine
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.document import check_calibration_name, save_calibration
+from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import (
     Provenance,
     from_joint,
@@ -20,7 +20,8 @@ from tdfscal.files.calibration.from_results import (
     from_self,
     from_tracker,
 )
-from tdfscal.files.output_places import check_place
+from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.files.saving import write_text
 from tdfscal.model.calibrated import independent
@@ -32,6 +33,7 @@ from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.arguments import PathLikes, at_least, listed, one, one_of
 from tdfscal.workflows.calibration import Calibration, Records
 from tdfscal.workflows.campaign import Campaign, resolve
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress
@@ -44,6 +46,7 @@ Method = Literal["self", "tracker", "joint"]
 _LISTED = 8
 
 
+@together()
 def calibrate(
     paths: PathLikes,
     *,
@@ -95,11 +98,11 @@ def calibrate(
     one_of("--estimator", estimator, get_args(Estimator))
     at_least("--trials", trials or 0, 0)
     at_least("--seed", seed, 0)
-    if chosen is not None:
-        check_calibration_name(chosen)
-    for place in (chosen, page):
-        if place is not None:
-            check_place(place, [*files, *([rig_file] if rig_file else [])])
+    check_outputs(
+        {"--output": chosen, "--html": page},
+        inputs_read(files, rigs=[rig_file]),
+        {"--output": CALIBRATION_SUFFIXES, "--html": PAGE_SUFFIXES},
+    )
     groups = campaign_folders(files, rig_file)
     if len(groups) > 1:
         _check_several(method, samples, estimator)

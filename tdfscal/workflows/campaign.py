@@ -15,6 +15,7 @@ from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.bag.rosbag2 import entries_of, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
+from tdfscal.workflows.own_results import is_own_result
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,8 @@ def _real(path: Path) -> Path:
 
 def _is_recorded(entry: Path) -> bool:
     apart = entry.name.startswith(".") or entry.stem == "calibration"
-    return not apart and looks_recorded(entry)
+    # A pipe is not opened here: that might never end.
+    return not apart and looks_recorded(entry) and not (entry.is_file() and is_own_result(entry))
 
 
 def _may_be_recording(entry: Path) -> bool:

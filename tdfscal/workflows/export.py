@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.exports import FORMATS, certificate
-from tdfscal.files.output_places import check_place
+from tdfscal.files.output_places import check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.workflows.arguments import one, one_of
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of, read_source
@@ -56,6 +57,7 @@ class ExportResult(Result):
         return f"ExportResult: {self.format} of {self.calibration.rig.name}, {where}"
 
 
+@together()
 def export(
     calibration: CalibrationSource,
     to: Target,
@@ -90,8 +92,8 @@ def export(
     one_of("--to", to, list(FORMATS))
     if schema is not None and to != "dcc":
         raise UsageError("only a DCC has a schema", where="--schema", hint="use --to dcc")
-    if target is not None:
-        check_place(target, paths_of([calibration]))
+    reads = [*paths_of([calibration]), *([Path(schema)] if schema is not None else [])]
+    check_outputs({"--output": target}, reads, {})
     name, loaded = read_source(calibration)
     if not loaded.accepted and not allow_rejected:
         raise RejectedError(

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.dwells import no_dwell
 from tdfscal.errors import DataError
-from tdfscal.files.output_places import check_place
+from tdfscal.files.output_places import check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.rig.draft import draft, unconfirmed
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import write_text
@@ -21,6 +22,7 @@ from tdfscal.logs.description.mapping_text import mapping_document
 from tdfscal.records import FloatArray
 from tdfscal.workflows.arguments import PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 
@@ -92,6 +94,7 @@ class InitResult(Result):
         return self.description.mapping.supports if self.description.mapping else ()
 
 
+@together()
 def init(
     paths: PathLikes,
     *,
@@ -114,8 +117,7 @@ def init(
     """
     logs = find_logs(listed(paths))
     target = one(output)
-    if target is not None:
-        check_place(target, logs)
+    check_outputs({"--output": target}, inputs_read(listed(paths)), {"--output": (".yaml", ".yml")})
     with progress.reading(expand(logs)) as share:
         info = describe_logs(logs, progress=share)
     mapping, first = info.mapping, info.contents[0]

@@ -17,7 +17,8 @@ from tdfscal.comparison.history import Life, live
 from tdfscal.comparison.pooling import pool
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.output_places import check_place
+from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.logs import is_log
 from tdfscal.model.earlier import free_constants, turned
@@ -29,6 +30,7 @@ from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import one
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.earlier import Earlier, read_earlier
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.several_campaigns import (
@@ -116,6 +118,7 @@ class MonitorResult(Result):
         return draw(self.life)
 
 
+@together()
 def monitor(
     *files: CalibrationSource | Iterable[CalibrationSource],
     rate: float = ALARMS_PER_YEAR,
@@ -145,8 +148,7 @@ def monitor(
         raise UsageError(
             f"{rate:g} false alarms per year", where="--rate", hint="give 1 or less, above 0"
         )
-    if page is not None:
-        check_place(page, paths_of(sources))
+    check_outputs({"--html": page}, inputs_read(paths_of(sources)), {"--html": PAGE_SUFFIXES})
     calibrations, folders = _sorted_out(sources)
     known = [read_earlier(source) for source in calibrations]
     reads = [read_campaign([folder], progress) for folder in folders]

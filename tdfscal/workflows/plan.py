@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from tdfscal.errors import UsageError
+from tdfscal.files.output_places import check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.files.writers.plan import plan_csv
 from tdfscal.planning import (
@@ -37,6 +39,7 @@ from tdfscal.workflows.arguments import (
     triple,
 )
 from tdfscal.workflows.campaign import resolve
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
@@ -105,6 +108,7 @@ class PlanResult(Result):
         return (draw(self.plan),)
 
 
+@together()
 def plan(
     rig: str | PathLike[str],
     *,
@@ -162,6 +166,8 @@ def plan(
     for option, value in (("--postures", postures), ("--candidates", candidates)):
         at_least(option, 1 if value is None else value, 1)
     at_least("--seed", seed, 0)
+    reads = inputs_read(listed(given), rigs=[Path(rig)])
+    check_outputs({"--output": file}, reads, {"--output": (".csv",)})
     loaded = rig_named(rig).rig
     limits = Limits(
         tilt=float(np.deg2rad(tilt)),

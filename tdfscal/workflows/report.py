@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from tdfscal.files.output_places import check_place
+from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.workflows.arguments import one
 from tdfscal.workflows.calibration import (
@@ -83,6 +84,7 @@ class ReportResult(Result):
         return several_drawings(view.history, view.letters, view.days)
 
 
+@together()
 def report(
     *files: CalibrationSource | Iterable[CalibrationSource],
     html: str | PathLike[str] | None = None,
@@ -103,8 +105,7 @@ def report(
         A file cannot be read, is no calibration, or they are of different supports.
     """
     sources, page, folder = sources_of(*files), one(html), one(figures)
-    if page is not None:
-        check_place(page, paths_of(sources))
+    check_outputs({"--html": page}, paths_of(sources), {"--html": PAGE_SUFFIXES})
     result = ReportResult(tuple(read_sources(sources)))
     if folder is not None:
         from tdfscal.reporting.figures import style

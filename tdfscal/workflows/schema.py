@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tdfscal.files.outputs import together
 from tdfscal.files.schema import write_schemas
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
@@ -37,6 +38,7 @@ class SchemaResult(Result):
         return pd.DataFrame({"file": [str(path) for path in self.files]})
 
 
+@together()
 def schema(folder: str | PathLike[str] = "schemas", *, progress: Progress = SILENT) -> SchemaResult:
     """Write the JSON Schemas of the rig, calibration and point files.
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from tdfscal.errors import UsageError
+from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import protect, together
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.records import ANGLES
@@ -70,6 +72,7 @@ class SimulateResult(Result):
         return (draw(rig.supports, self.run.truth.rpy, rig.nominal_rpy),)
 
 
+@together()
 def simulate(
     folder: str | PathLike[str],
     *,
@@ -107,6 +110,7 @@ def simulate(
     TdfscalError
         By cause: UsageError, RigError, NotConvergedError.
     """
+    check_folder(Path(folder))
     one_of("--format", format, get_args(LogFormat))
     at_least("--postures", postures, 1)
     at_least("--months", months, 1)
@@ -116,6 +120,7 @@ def simulate(
             where="--rate",
             hint=f"give {RATES[0]:g} to {RATES[1]:g}",
         )
+    protect([Path(rig)] if rig else [])
     loaded = load_rig(Path(rig)) if rig else None
     progress.stage(f"simulating {postures} postures")
     played = simulate_to_folder(

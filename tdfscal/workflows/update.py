@@ -12,10 +12,11 @@ import numpy as np
 from tdfscal.comparison.eliminated import eliminate
 from tdfscal.comparison.pooling import Misfit, misfit_of
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.document import check_calibration_name, save_calibration
+from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.files.calibration.life import campaign_document
-from tdfscal.files.output_places import check_place
+from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.model.parameters import State, retract, starting_state
 from tdfscal.numerics.distributions import p_text
@@ -26,6 +27,7 @@ from tdfscal.workflows.arguments import PathLikes, at_least, listed, one
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, Records, paths_of
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.several_campaigns import (
     Read,
@@ -37,6 +39,7 @@ from tdfscal.workflows.several_campaigns import (
 )
 
 
+@together()
 def update(
     calibration: CalibrationSource,
     paths: PathLikes,
@@ -79,12 +82,11 @@ def update(
     target, page, rig_file, files = one(output), one(html), one(rig), listed(paths)
     at_least("--trials", trials or 0, 0)
     at_least("--seed", seed, 0)
-    if target is not None:
-        check_calibration_name(target)
-    for place in (target, page):
-        if place is not None:
-            inputs = [*files, *paths_of([calibration]), *([rig_file] if rig_file else [])]
-            check_place(place, inputs)
+    check_outputs(
+        {"--output": target, "--html": page},
+        inputs_read(files, rigs=[rig_file], files=paths_of([calibration])),
+        {"--output": CALIBRATION_SUFFIXES, "--html": PAGE_SUFFIXES},
+    )
     earlier = read_earlier(calibration)
     groups = campaign_folders(files, rig_file)
     for group in groups:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.files.output_places import check_place
+from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.records import FloatArray, InputFile
 from tdfscal.reporting.validation import Origin, document, validation_report
@@ -18,6 +19,7 @@ from tdfscal.validation.residual_wrench import Validation
 from tdfscal.workflows.arguments import PathLikes, listed, one
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
@@ -90,6 +92,7 @@ class ValidateResult(Result):
         return (validation.draw(self.validation),)
 
 
+@together()
 def validate(
     calibration: CalibrationSource,
     paths: PathLikes,
@@ -116,8 +119,8 @@ def validate(
         By cause: UsageError, RigError, DataError.
     """
     files, page = listed(paths), one(html)
-    if page is not None:
-        check_place(page, [*paths_of([calibration]), *files])
+    reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
+    check_outputs({"--html": page}, reads, {"--html": PAGE_SUFFIXES})
     use = take(calibration, files, one(rig))
     log = LogPass(use.campaign, progress)
     with log.explaining():

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import typer.main
 
-from tdfscal.cli import app
+from tdfscal.cli.program import app
 from tdfscal.studies import docking, free_space
 from tests.cli import world
 from tests.cli.running import Run, run
@@ -90,9 +90,9 @@ CASES = [
     Case("report own.yaml", 0, "ACCEPTED"),
     Case("report own.yaml survey.json", 0, "survey.json"),
     Case("report rejected.yaml", 0, "REJECTED"),
-    Case("report nowhere.yaml --html out/kept.csv", 2, "nowhere.yaml"),
-    Case("report own.yaml --html own.yaml", 2, "replace an input"),
-    Case("report broken.yaml --html out/kept.csv", 3, "broken.yaml"),
+    Case("report nowhere.yaml --html out/kept.html", 2, "nowhere.yaml"),
+    Case("report own.yaml --html own.yaml", 2, ".html"),
+    Case("report broken.yaml --html out/kept.html", 3, "broken.yaml"),
     Case("schema out/schemas", 0, "rig.schema.json"),
     Case("schema empty.csv", 2, "empty.csv"),
     Case("simulate out/new --postures 3 --rate 10 --force", 0, "out/new"),

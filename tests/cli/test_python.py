@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from pyarrow import csv
 
 import tdfscal
-from tdfscal.cli import app
+from tdfscal.cli.program import app
 from tdfscal.errors import DataError, NotIdentifiableError, RejectedError, RigError, UsageError
 from tdfscal.studies import docking, free_space
 from tests.cli import world

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import typer.main
 
-from tdfscal.cli import app
+from tdfscal.cli.program import app
 from tdfscal.dwells import DwellOptions
 from tdfscal.errors import (
     DataError,

@@ -8,7 +8,7 @@ from typing import Literal, Self, assert_never
 import numpy as np
 from pydantic import Field, model_validator
 
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError
 from tdfscal.files.calibration.consistency import (
     check_covariance,
     check_rotation,
@@ -43,6 +43,7 @@ from tdfscal.files.calibration.parts import (
 )
 from tdfscal.files.field_types import Count, FreeText, Strict, Text, fault
 from tdfscal.files.model_errors import checked, require_format
+from tdfscal.files.output_places import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import to_json, to_yaml, write_text
 from tdfscal.files.yaml.reading import Document, Format, parse_document, read_document
@@ -50,7 +51,7 @@ from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.records import BoolArray, FloatArray, Rotations
 
 AXES = ("rx", "ry", "rz")
-_FORMS: dict[str, Format] = {".json": "json", ".yaml": "yaml", ".yml": "yaml"}
+CALIBRATION_SUFFIXES = (".json", ".yaml", ".yml")
 
 
 class Calibration(Strict):
@@ -292,20 +293,9 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 
     Raises UsageError for another suffix or where it cannot be written.
     """
-    form = check_calibration_name(path)
+    check_suffix(Path(path), CALIBRATION_SUFFIXES)
+    form: Format = "json" if Path(path).suffix.lower() == ".json" else "yaml"
     write_text(Path(path), dump_calibration(calibration, form))
-
-
-def check_calibration_name(path: Path | str) -> Format:
-    """Return the form that a file's name asks for. Raises UsageError for any other suffix."""
-    form = _FORMS.get(Path(path).suffix.lower())
-    if form is None:
-        raise UsageError(
-            "a calibration file's name ends in .json, .yaml or .yml",
-            where=str(path),
-            hint="choose one of them",
-        )
-    return form
 
 
 def _from_document(document: Document) -> Calibration:
@@ -315,11 +305,11 @@ def _from_document(document: Document) -> Calibration:
 
 __all__ = [
     "CALIBRATION_FORMAT",
+    "CALIBRATION_SUFFIXES",
     "CONVENTION",
     "CONVENTION_WITH_SENSITIVITY",
     "COVARIANCE_DEFINITION",
     "Calibration",
-    "check_calibration_name",
     "dump_calibration",
     "load_calibration",
     "parameter_names",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
+import hashlib
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +11,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from tdfscal.errors import UsageError
+from tdfscal.errors import DataError, UsageError
+from tdfscal.files.outputs import make_folder, replacing, together
 from tdfscal.files.writers import documents, mcap_log, point_files, table_log
+from tdfscal.files.yaml.reading import read_document
 from tdfscal.records import Log, Rig, Rows
 from tdfscal.simulation import (
     MOVING,
@@ -43,9 +45,10 @@ _BLOCKS: dict[LogFormat, Callable[[Log], dict[str, Any] | None]] = {
 }
 #: What the rig file of a campaign in motion says of the delay, s.
 STATED_DELAY = {"value": 0.0, "std": 0.02}
+#: What `simulate` writes; the first says the SHA-256 of the others.
 _OURS = (
-    "rig.yaml",
     "truth.yaml",
+    "rig.yaml",
     "log.csv",
     "log.parquet",
     "log.mcap",
@@ -155,14 +158,11 @@ def write_run(
     survey = played.survey
     assert survey is not None
 
-    def fill(into: Path) -> None:
+    def fill(into: Path) -> dict[str, Any]:
         point_files.write_session(into / "tracker", survey.session)
         block = documents.tracker_block(survey)
         documents.write_yaml(into / "rig.yaml", documents.rig_document(played.rig, tracker=block))
-        documents.write_yaml(
-            into / "truth.yaml",
-            documents.truth_document(played.rig, played.truth, story, survey),
-        )
+        return documents.truth_document(played.rig, played.truth, story, survey)
 
     return _write_folder(folder, fill, overwrite)
 
@@ -187,8 +187,9 @@ def write_campaign(
     """
     _check_format(format)
 
-    def fill(into: Path) -> None:
-        _WRITERS[format](into / f"log.{format}", campaign.log)
+    def fill(into: Path) -> dict[str, Any]:
+        with replacing(into / f"log.{format}") as beside:
+            _WRITERS[format](beside, campaign.log)
         tracker = None
         if session is not None:
             point_files.write_session(into / "tracker", session.session)
@@ -202,7 +203,7 @@ def write_campaign(
         truth["postures"] = documents.dwell_document(
             campaign.start, campaign.end, campaign.force, campaign.postures.pose.rotation
         )
-        documents.write_yaml(into / "truth.yaml", truth)
+        return truth
 
     return _write_folder(folder, fill, overwrite)
 
@@ -218,17 +219,16 @@ def _write_moving(
     """Write a campaign without a stop, as `write_campaign`; its rig file states a delay's std."""
     _check_format(format)
 
-    def fill(into: Path) -> None:
-        _WRITERS[format](into / f"log.{format}", campaign.log)
+    def fill(into: Path) -> dict[str, Any]:
+        with replacing(into / f"log.{format}") as beside:
+            _WRITERS[format](beside, campaign.log)
         tracker = None
         if session is not None:
             point_files.write_session(into / "tracker", session.session)
             tracker = documents.tracker_block(session)
         log = {**(_BLOCKS[format](campaign.log) or {}), "delay": STATED_DELAY}
         documents.write_yaml(into / "rig.yaml", documents.rig_document(campaign.rig, log, tracker))
-        documents.write_yaml(
-            into / "truth.yaml", documents.moving_truth_document(campaign, scenario, session)
-        )
+        return documents.moving_truth_document(campaign, scenario, session)
 
     return _write_folder(folder, fill, overwrite)
 
@@ -242,36 +242,72 @@ def _check_format(format: str) -> None:
 
 
 def _check_folder(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder that holds what `simulate` did not write, or what was changed since."""
     if folder.exists() and not folder.is_dir():
         raise UsageError("this is a file, not a folder", where=str(folder))
-    if not overwrite and folder.is_dir() and any(folder.iterdir()):
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    if not overwrite:
         raise UsageError(
             "the folder is not empty",
             where=str(folder),
             hint="name a new folder, or ask for it to be overwritten",
         )
+    written = _written_before(folder)
+    for name in _OURS[1:]:
+        path = folder / name
+        if path.is_file() and written.get(name) != _sha256(path):
+            raise UsageError(
+                "was not written by simulate, or was changed since",
+                where=str(path),
+                hint="name a new folder, or move this file away",
+            )
 
 
-def _write_folder(folder: Path, fill: Callable[[Path], None], overwrite: bool) -> tuple[Path, ...]:
-    """Fill a folder beside the target, then move its files into place."""
+def _written_before(folder: Path) -> dict[str, Any]:
+    """SHA-256 of what `simulate` wrote into a folder, by name."""
+    truth = folder / _OURS[0]
+    if not truth.is_file():
+        return {}
+    content = read_document(truth, DataError).content
+    if not isinstance(content, dict) or "scenario" not in content:
+        raise UsageError(
+            "does not say that simulate wrote it",
+            where=str(truth),
+            hint="name a new folder, or move this file away",
+        )
+    files: dict[str, Any] = content.get("files") or {}
+    return files
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _write_folder(
+    folder: Path, fill: Callable[[Path], dict[str, Any]], overwrite: bool
+) -> tuple[Path, ...]:
+    """Fill a folder; its files appear together, and what `simulate` left there before goes.
+
+    fill : writes all but the truth, which it returns.
+    """
     _check_folder(folder, overwrite)
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-        try:
-            fill(beside)
-            made = [name for name in _OURS if (beside / name).is_file()]
-            for name in _OURS:
-                if name not in made:
-                    (folder / name).unlink(missing_ok=True)
-            for name in made:
-                target = folder / name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                (beside / name).replace(target)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
+        with together() as outputs:
+            make_folder(folder)
+            truth = fill(folder)
+            beside = {staged.target: staged.beside for staged in outputs.staged}
+            files = {}
+            for name in _OURS[1:]:
+                place = Path(os.path.realpath(folder / name))
+                if place in beside:
+                    files[name] = _sha256(beside[place])
+                else:
+                    outputs.removed.append(folder / name)
+            documents.write_yaml(folder / _OURS[0], truth | {"files": files})
     except OSError as error:
         raise UsageError(
             f"the campaign cannot be written ({error.strerror or error})", where=str(folder)
         ) from error
-    return tuple(folder / name for name in made)
+    return tuple(folder / name for name in (*files, _OURS[0]))

@@ -32,6 +32,5 @@ def write_control_logs(
         with replacing(path) as beside:
             write(beside, log)
         names.append(path.name)
-    with replacing(folder / "rig.yaml") as beside:
-        documents.write_yaml(beside, documents.rig_document(rig, block(logs[0][1])))
+    documents.write_yaml(folder / "rig.yaml", documents.rig_document(rig, block(logs[0][1])))
     return [*names, "rig.yaml"]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.files.rig.reading import HOUR
-from tdfscal.files.saving import to_yaml
+from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.records import CampaignInfo, Drift, FloatArray, Rig, SensorInfo, UncertainValue
 from tdfscal.simulation import MovingCampaign, Options, Survey, Truth
 
@@ -202,4 +202,4 @@ def dwell_document(
 
 def write_yaml(path: Path, document: Mapping[str, Any]) -> None:
     """Plain YAML, keys in the order given, doubles to the last bit."""
-    path.write_text(to_yaml(dict(document)), encoding="utf-8", newline="\n")
+    write_text(path, to_yaml(dict(document)))

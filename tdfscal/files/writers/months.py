@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
-from tdfscal.errors import UsageError
+from tdfscal.files.outputs import make_folder, together
 from tdfscal.files.writers import documents
 from tdfscal.files.writers.campaign import LogFormat, write_campaign
 from tdfscal.simulation.months import Months
@@ -18,29 +16,16 @@ def write_months(
 ) -> None:
     """Write `<date>/` with rig.yaml, log and truth.yaml per campaign, and truth.yaml of all.
 
-    Nothing appears before all of it is written. With overwrite, folders of the same dates are
-    replaced and others left alone. Raises UsageError where it cannot be written.
+    Nothing appears before all of it is written. With overwrite, what `simulate` wrote for the same
+    dates is replaced. Raises UsageError where it cannot be written.
     """
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-        try:
-            for date, campaign in zip(played.dates, played.campaigns, strict=True):
-                story = {"name": "months", "seed": seed}
-                write_campaign(campaign, beside / date[:7], format=format, scenario=story)
-            documents.write_yaml(beside / "truth.yaml", _story(played, seed))
-            folder.mkdir(exist_ok=True)
-            for made in beside.iterdir():
-                target = folder / made.name
-                if overwrite and target.is_dir():
-                    shutil.rmtree(target)
-                made.replace(target)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
-    except OSError as error:
-        raise UsageError(
-            f"the campaigns cannot be written ({error.strerror or error})", where=str(folder)
-        ) from error
+    with together():
+        make_folder(folder)
+        for date, campaign in zip(played.dates, played.campaigns, strict=True):
+            story = {"name": "months", "seed": seed}
+            place = folder / date[:7]
+            write_campaign(campaign, place, format=format, scenario=story, overwrite=overwrite)
+        documents.write_yaml(folder / "truth.yaml", _story(played, seed))
 
 
 def _story(played: Months, seed: int) -> dict[str, Any]:

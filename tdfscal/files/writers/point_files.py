@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tdfscal.files.saving import make_folder, write_text
 from tdfscal.records import PointSet, TrackerSession
 
 MM = 1000.0
@@ -11,7 +12,7 @@ MM = 1000.0
 
 def write_session(folder: Path, session: TrackerSession) -> None:
     """nominal.csv and servo.csv (plain), targets.csv and moves.csv (SpatialAnalyzer); all in mm."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     _plain(folder / "nominal.csv", session.nominal)
     _plain(folder / "servo.csv", session.servo)
     _spatial_analyzer(folder / "targets.csv", session.targets)
@@ -24,7 +25,7 @@ def _plain(path: Path, points: PointSet) -> None:
         points.group, points.point, (MM * points.xyz).tolist(), strict=True
     ):
         lines.append(",".join([group, point, *map(repr, xyz)]))
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _spatial_analyzer(path: Path, points: PointSet) -> None:
@@ -39,4 +40,4 @@ def _spatial_analyzer(path: Path, points: PointSet) -> None:
         points.group, points.point, (MM * points.xyz).tolist(), strict=True
     ):
         lines.append(",  ".join([group, point, *(f"{v:.6f}" for v in xyz)]))
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    write_text(path, "\n".join(lines) + "\n")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.output_places import check_place
+from tdfscal.files.output_places import check_suffix
 from tdfscal.files.saving import replacing
 from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS
@@ -23,17 +23,6 @@ COLUMNS = (
     *(f"raw_{name}" for name in COMPONENTS),
 )
 """time in s; the contact wrench, its standard uncertainties, the uncalibrated wrench; N, N·m."""
-
-
-def check_wrench_path(path: Path, inputs: Iterable[Path] = ()) -> None:
-    """Raise UsageError where wrenches cannot be written there; inputs are not to be replaced."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(
-            "a file of contact wrenches ends in .csv or .parquet",
-            where=str(path),
-            hint="choose one of them",
-        )
-    check_place(path, inputs)
 
 
 def write_wrenches(
@@ -52,7 +41,7 @@ def write_wrenches(
     """
     import pyarrow as pa
 
-    check_wrench_path(path)
+    check_suffix(path, SUFFIXES)
     schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
     rows = 0
     with replacing(path) as beside:

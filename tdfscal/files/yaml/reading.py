@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import os
+import select
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +19,8 @@ from tdfscal.files.yaml.scalars import decimal, integer, shorten
 Format = Literal["json", "yaml"]
 
 MAX_BYTES = 4_000_000
+#: Seconds without anything from a pipe.
+_PATIENCE = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +57,32 @@ def read_document(path: Path, error: type[TdfscalError]) -> Document:
     wrong in it.
     """
     try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
+        raw = _content(path)
     except (OSError, ValueError) as fault:
         raise _unreadable(path, fault) from fault
     return parse_document(
         raw, str(path), error, "json" if path.suffix.lower() == ".json" else "yaml"
     )
+
+
+def _content(path: Path) -> bytes:
+    """Read a file, no more than a document may have; a pipe is waited for, but not for ever."""
+    if not path.is_fifo():
+        with path.open("rb") as file:
+            return file.read(MAX_BYTES + 1)
+    handle, parts, size = os.open(path, os.O_RDONLY | os.O_NONBLOCK), list[bytes](), 0
+    try:
+        while size <= MAX_BYTES:
+            if not select.select([handle], [], [], _PATIENCE)[0]:
+                raise OSError(errno.ETIMEDOUT, "nothing comes through this pipe")
+            part = os.read(handle, 1 << 16)
+            if not part:
+                break
+            parts.append(part)
+            size += len(part)
+    finally:
+        os.close(handle)
+    return b"".join(parts)
 
 
 def parse_document(

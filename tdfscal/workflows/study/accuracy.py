@@ -6,18 +6,21 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import protect, together
 from tdfscal.records import FloatArray
 from tdfscal.reporting import stakes, studies
 from tdfscal.simulation import Options
 from tdfscal.studies.accuracy import Accuracy, Setup
 from tdfscal.studies.accuracy import accuracy as simulate_accuracy
 from tdfscal.workflows.arguments import at_least, one
-from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import calibrations_named, rig_named, survey_of
@@ -63,6 +66,7 @@ class AccuracyResult(Result):
         return accuracy_drawings(self.study)
 
 
+@together()
 def accuracy(
     rig: str | PathLike[str],
     *,
@@ -101,6 +105,7 @@ def accuracy(
         By cause: UsageError, RigError, DataError.
     """
     folder = one(output)
+    protect(inputs_read(rigs=[Path(rig)], files=paths_of(sources_of(calibration))))
     for option, value, least in (
         ("--runs", runs, 2), ("--postures", postures, 1), ("--seed", seed, 0),
         ("--workers", 1 if workers is None else workers, 1),

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import protect, together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.reporting import controlstudies as words
 from tdfscal.studies import docking as study_of
 from tdfscal.workflows.arguments import Numbers, one
-from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
@@ -52,6 +55,7 @@ class DockingResult(Result):
         return docking_drawings(self.study)
 
 
+@together()
 def docking(
     rig: str | PathLike[str],
     *,
@@ -93,6 +97,7 @@ def docking(
         By cause: UsageError, RigError, DataError.
     """
     folder = one(output)
+    protect(inputs_read(rigs=[Path(rig)], files=paths_of(sources_of(calibration))))
     choices = Choices(
         calibration=sources_of(calibration), runs=runs, perfect=perfect, mounting=mounting,
         drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,

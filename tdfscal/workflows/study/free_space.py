@@ -13,12 +13,14 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import protect, together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.records import FloatArray
 from tdfscal.reporting import controlstudies as words
 from tdfscal.studies import free_space as study_of
 from tdfscal.workflows.arguments import Numbers, one
-from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
@@ -62,6 +64,7 @@ class FreeSpaceResult(Result):
         return free_space_drawings(self.study)
 
 
+@together()
 def free_space(
     rig: str | PathLike[str],
     *,
@@ -103,6 +106,8 @@ def free_space(
         By cause: UsageError, RigError, DataError.
     """
     folder = one(output)
+    files = [*paths_of(sources_of(calibration)), *([Path(moves)] if moves is not None else [])]
+    protect(inputs_read(rigs=[Path(rig)], files=files))
     choices = Choices(
         calibration=sources_of(calibration), runs=runs, perfect=perfect, mounting=mounting,
         drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
@@ -118,8 +123,8 @@ def free_space(
     if folder is None:
         return result
     tables = {"deviations.csv": words.free_space_rows(result.study)}
-    files = write_controlled(folder, tables, result.drawings(), result.study, logs)
-    return replace(result, files=files)
+    written = write_controlled(folder, tables, result.drawings(), result.study, logs)
+    return replace(result, files=written)
 
 
 def read_moves(path: Path) -> FloatArray:

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import protect, together
 from tdfscal.records import Rig
 from tdfscal.reporting import stakes, studies
 from tdfscal.studies.sensitivity import Sweep
 from tdfscal.studies.sensitivity import sensitivity as sweep
 from tdfscal.studies.wrench_error import stake
 from tdfscal.workflows.arguments import Numbers, at_least, one, triple
-from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import calibrations_named, rig_named
@@ -67,6 +70,7 @@ class SensitivityResult(Result):
         )
 
 
+@together()
 def sensitivity(
     rig: str | PathLike[str],
     *,
@@ -98,6 +102,7 @@ def sensitivity(
     """
     del seed, progress
     folder = one(output)
+    protect(inputs_read(rigs=[Path(rig)], files=paths_of(sources_of(calibration))))
     at_least("--squeeze", squeeze, 0)
     loaded = rig_named(rig)
     record = loaded.rig

@@ -1,0 +1,98 @@
+"""How a run ends that does not end by itself: signals, full disks, faults; always in one line."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+from tdfscal.cli.streams import prepare, reporting, say
+
+#: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
+INTERNAL_ERROR = 70
+#: Signals that end a run as an interruption does, with all cleaning up.
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+#: What the loader says where the memory does not suffice for a library.
+_TOO_LITTLE = ("failed to map segment", "cannot allocate memory")
+
+
+class Signalled(BaseException):
+    """A signal has ended the run."""
+
+
+@dataclass(slots=True)
+class End:
+    """Status with which the program leaves."""
+
+    status: int = 0
+
+
+@contextmanager
+def ending() -> Iterator[End]:
+    """Turn whatever ends the block into a status and one line on standard error."""
+    end = End()
+    prepare()
+    before = _listen()
+    try:
+        yield end
+        with reporting():
+            pass
+    except Signalled as ended:
+        end.status = 128 + int(ended.args[0])
+        say("tdfscal: interrupted; nothing was written")
+    except KeyboardInterrupt:
+        end.status = 130
+        say("tdfscal: interrupted; nothing was written")
+    except BaseException as fault:
+        end.status, text = _judged(fault)
+        say(f"tdfscal: {text}")
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _judged(fault: BaseException) -> tuple[int, str]:
+    """Status and words for what no command foresees."""
+    if os.environ.get("TDFSCAL_TRACEBACK") or isinstance(fault, SystemExit):
+        raise fault
+    said = str(fault)
+    if isinstance(fault, MemoryError) or (
+        isinstance(fault, ImportError) and any(words in said.lower() for words in _TOO_LITTLE)
+    ):
+        return 2, "the memory does not suffice. Close other programs, or allow this one more."
+    if isinstance(fault, OSError):
+        return 2, (
+            f"{fault.filename or 'a file or folder'} cannot be read or written: "
+            f"{fault.strerror or fault}. Make room, or choose another place."
+        )
+    return INTERNAL_ERROR, (
+        f"internal error, {type(fault).__name__}: {' '.join(said.split())}. This is a fault of "
+        "tdfscal, not of your data; run again with TDFSCAL_TRACEBACK=1 and report the output."
+    )
+
+
+def _listen() -> dict[int, Any]:
+    """Let the signals raise; those that the caller ignores (nohup) stay ignored.
+
+    Returns the handlers before.
+    """
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        del frame
+        raise Signalled(number)
+
+    before: dict[int, Any] = {}
+    for name in _SIGNALS:
+        number = getattr(signal, name, None)
+        if number is None:
+            continue
+        try:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, stop)
+        except ValueError:  # not in the main thread: whoever runs it there has the signals
+            break
+    return before

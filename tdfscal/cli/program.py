@@ -1,0 +1,64 @@
+"""All commands of the program, in the order in which the help lists them."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+
+import typer
+
+from tdfscal.cli import (  # noqa: F401 - each module registers its command
+    apply,
+    calibrate,
+    compare,
+    export,
+    info,
+    init,
+    monitor,
+    plan,
+    register,
+    report,
+    schema,
+    simulate,
+    study,
+    update,
+    validate,
+)
+from tdfscal.cli.app import app
+from tdfscal.cli.streams import say
+from tdfscal.errors import TdfscalError
+
+#: What typer raises for a faulty command line, whichever click it carries.
+_Misuse: type[Exception] = typer.BadParameter.__bases__[0]
+
+
+def run() -> int:
+    """Run the command that the command line asks for; return the exit status."""
+    if not sys.warnoptions:  # what concerns a user is in the result
+        warnings.simplefilter("ignore")
+    if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
+        del os.environ["SOURCE_DATE_EPOCH"]  # libraries fall over a date that is none
+    try:
+        return app(standalone_mode=False, prog_name="tdfscal") or 0
+    except TdfscalError as error:
+        say(f"tdfscal: {error}")
+        return error.exit_status
+    except _Misuse as error:
+        say(f"tdfscal: {_usage(error)}")
+        return 2
+    except typer.Abort as error:
+        raise KeyboardInterrupt from error
+
+
+def _usage(error: Exception) -> str:
+    """Say what is wrong with a command line, in one paragraph; the help where it is bare."""
+    said = str(error.format_message())  # type: ignore[attr-defined]
+    if said.startswith("Usage:"):
+        return f"no command is given\n\n{said}"
+    path = getattr(getattr(error, "ctx", None), "command_path", "tdfscal")
+    said = " ".join(said.split()).rstrip(".").replace("'?", "'")
+    return f"{said}. Try '{path} --help'."
+
+
+__all__ = ["app", "run"]

@@ -1,0 +1,301 @@
+"""Outputs that appear together, whole, or not at all; and never in the place of an input."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import secrets
+import shutil
+import signal
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+
+from tdfscal.errors import TdfscalError, UsageError
+from tdfscal.files.yaml.scalars import shorten
+
+_fcntl: ModuleType | None
+try:
+    import fcntl as _fcntl
+except ImportError:  # no POSIX: dead runs' files are then left where they are
+    _fcntl = None
+
+#: A file beside its place, held by a lock as long as the run that writes it lives.
+_PART = re.compile(r"\..*\.[0-9a-f]{12}\.part", re.DOTALL)
+#: What ends a run from outside; it waits while files are moved into their places.
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+#: Device and inode of a file, whatever its name.
+Identity = tuple[int, int]
+
+
+@dataclass(slots=True)
+class _Staged:
+    """A file that waits beside its place. direct : that is no regular file, and written into."""
+
+    beside: Path
+    lock: int | None
+    target: Path
+    name: Path
+    direct: bool = False
+
+
+@dataclass(slots=True)
+class Outputs:
+    """Files of one command, on their way. protected : files that it reads."""
+
+    staged: list[_Staged] = field(default_factory=list)
+    removed: list[Path] = field(default_factory=list)
+    folders: list[Path] = field(default_factory=list)
+    protected: set[Identity] = field(default_factory=set)
+
+    def stage(self, path: Path) -> _Staged:
+        """Return where to write what shall appear at `path`. Raises UsageError."""
+        try:
+            check_link(path)
+            target = Path(os.path.realpath(path))
+            if identity(target) in self.protected:
+                raise replaces_input(path)
+            if any(other.target == target for other in self.staged):
+                raise UsageError(
+                    "two outputs go to one file", where=str(path), hint="choose another name"
+                )
+            direct = target.exists() and not target.is_file()
+            if direct and target.is_dir():
+                raise UsageError("is a folder", where=str(path), hint="name a file in it")
+            if direct:
+                handle, name = tempfile.mkstemp(suffix=".part")
+                os.close(handle)
+                staged = _Staged(Path(name), None, target, path, direct=True)
+            else:
+                remove_dead(target.parent)
+                staged = _Staged(*_beside(target), target, path)
+        except (OSError, ValueError) as fault:
+            raise unwritable(path, fault) from fault
+        self.staged.append(staged)
+        return staged
+
+    def forget(self, staged: _Staged) -> None:
+        """Take back a file that failed."""
+        self.staged.remove(staged)
+        _drop(staged)
+
+    def make_folder(self, path: Path) -> None:
+        """Make a folder with its parents; it goes again where the outputs do not appear."""
+        check_link(path)
+        missing = [p for p in (path, *path.parents) if not p.exists()]
+        path.mkdir(parents=True, exist_ok=True)
+        self.folders += missing
+
+    def appear(self) -> None:
+        """Put everything in its place. Raises UsageError; then nothing has changed."""
+        for staged in self.staged:
+            try:
+                with staged.beside.open("rb+") as written:
+                    os.fsync(written.fileno())
+                if staged.direct:
+                    with staged.target.open("wb") as sink, staged.beside.open("rb") as source:
+                        shutil.copyfileobj(source, sink)
+                elif staged.target.exists():
+                    staged.beside.chmod(staged.target.stat().st_mode & 0o7777)
+            except OSError as fault:
+                raise unwritable(staged.name, fault) from fault
+        with _undisturbed():
+            self._move([staged for staged in self.staged if not staged.direct])
+            for staged in self.staged:
+                _drop(staged)
+            self.staged.clear()
+            self.folders.clear()
+
+    def _move(self, files: list[_Staged]) -> None:
+        """Move the files one after the other; at a fault give all places back what they held."""
+        several = len(files) + len(self.removed) > 1
+        done: list[tuple[Path, Path | None]] = []
+        at = Path()
+        try:
+            for staged in files:
+                at = staged.name
+                done.append((staged.target, _kept(staged.target) if several else None))
+                staged.beside.replace(staged.target)
+            for at in self.removed:
+                if at.exists():
+                    done.append((at, _kept(at)))
+                    at.unlink()
+        except OSError as fault:
+            for target, kept in reversed(done):
+                with contextlib.suppress(OSError):
+                    if kept is not None:
+                        kept.replace(target)
+                    elif several:
+                        target.unlink()
+            raise unwritable(at, fault) from fault
+        finally:
+            for _, kept in done:
+                if kept is not None:
+                    kept.unlink(missing_ok=True)
+
+    def vanish(self) -> None:
+        """Remove what has not appeared."""
+        for staged in self.staged:
+            _drop(staged)
+        for folder in self.folders:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+_current: ContextVar[Outputs | None] = ContextVar("outputs", default=None)
+
+
+@contextlib.contextmanager
+def together() -> Iterator[Outputs]:
+    """Let all files that are written inside appear at its end; at an exception none does.
+
+    Inside another one it is a part of that.
+    """
+    outer = _current.get()
+    if outer is not None:
+        yield outer
+        return
+    outputs = Outputs()
+    token = _current.set(outputs)
+    try:
+        yield outputs
+        outputs.appear()
+    finally:
+        _current.reset(token)
+        outputs.vanish()
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a path beside `path` to write to; at a clean end it takes the place of `path`.
+
+    Inside `together` that is the end of all outputs. At an exception an existing file stays as it
+    was and no trace is left. Raises UsageError where the folder is missing or cannot be written.
+    """
+    with together() as outputs:
+        staged = outputs.stage(path)
+        try:
+            yield staged.beside
+        except BaseException:
+            outputs.forget(staged)
+            raise
+
+
+def make_folder(path: Path) -> Path:
+    """Make a folder with its parents, where it is not there yet. Raises UsageError."""
+    outputs = _current.get()
+    try:
+        if outputs is None:
+            path.mkdir(parents=True, exist_ok=True)
+        else:
+            outputs.make_folder(path)
+    except (OSError, ValueError) as fault:
+        raise unwritable(path, fault) from fault
+    return path
+
+
+def protect(inputs: Iterable[Path]) -> None:
+    """Let none of these files be replaced by the outputs that are under way."""
+    outputs = _current.get()
+    if outputs is not None:
+        outputs.protected |= {one for one in map(identity, inputs) if one is not None}
+
+
+def identity(path: Path) -> Identity | None:
+    """Return which file a path leads to, through links; None where there is none."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None
+    return found.st_dev, found.st_ino
+
+
+def check_link(path: Path) -> None:
+    """Raise UsageError for a link that leads to itself."""
+    if Path(os.path.realpath(path)).is_symlink():
+        raise UsageError("is a link that leads to itself", where=str(path), hint="remove the link")
+
+
+def replaces_input(path: Path) -> UsageError:
+    """Return the error of an output in the place of an input."""
+    return UsageError(
+        "would replace an input", where=str(path), hint="choose another name for the result"
+    )
+
+
+def unwritable(path: Path, fault: OSError | ValueError) -> TdfscalError:
+    """Return the error of a place that cannot be written."""
+    reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else "no file's name"
+    return UsageError(
+        f"cannot be written: {reason}",
+        where=shorten(str(path), 300),
+        hint="check that the folder exists, may be written to and has room",
+    )
+
+
+def remove_dead(folder: Path) -> None:
+    """Remove the unfinished files of runs that were killed; those of living runs are locked."""
+    if _fcntl is None:
+        return
+    for path in folder.iterdir():
+        if not _PART.fullmatch(path.name):
+            continue
+        with contextlib.suppress(OSError):
+            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+            try:
+                _fcntl.flock(handle, _fcntl.LOCK_EX | _fcntl.LOCK_NB)
+                path.unlink()
+            finally:
+                os.close(handle)
+
+
+def _beside(target: Path) -> tuple[Path, int | None]:
+    """Create a file beside a target and lock it."""
+    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
+    # O_EXCL: never into a file that something else laid there; the mode obeys the umask.
+    handle = os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+    if _fcntl is None:
+        os.close(handle)
+        return beside, None
+    with contextlib.suppress(OSError):  # a file system without locks
+        _fcntl.flock(handle, _fcntl.LOCK_EX | _fcntl.LOCK_NB)
+    return beside, handle
+
+
+def _kept(target: Path) -> Path | None:
+    """Another name for what a target holds, to give it back."""
+    if not target.exists():
+        return None
+    kept = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
+    try:
+        os.link(target, kept)
+    except OSError:  # a file system without hard links
+        shutil.copy2(target, kept)
+    return kept
+
+
+def _drop(staged: _Staged) -> None:
+    with contextlib.suppress(OSError):
+        staged.beside.unlink(missing_ok=True)
+    if staged.lock is not None:
+        with contextlib.suppress(OSError):
+            os.close(staged.lock)
+        staged.lock = None
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let signals that end a run wait."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    ours = {getattr(signal, name) for name in _SIGNALS}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ours)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,417 @@
+"""Outputs: never over an input, all together or none, whatever ends the run or takes its words."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.cli import world
+from tests.cli.running import SAMPLES, run
+
+FAST = "--postures 4 --candidates 20"
+#: Every output that is one file: the command with its place, and the suffix of that place.
+PLACES = [
+    ("calibrate C -o OUT --trials 0", ".yaml"),
+    ("calibrate C --trials 0 --html OUT -o new.yaml", ".html"),
+    ("calibrate C/log.parquet --rig C/rig.yaml -o OUT --trials 0", ".json"),
+    ("validate own.yaml C --html OUT", ".html"),
+    ("apply own.yaml C -o OUT", ".csv"),
+    ("apply own.yaml C/log.parquet -o OUT", ".parquet"),
+    (f"plan C -o OUT {FAST}", ".csv"),
+    (f"plan C/rig.yaml -o OUT --given C {FAST}", ".csv"),
+    ("report own.yaml --html OUT", ".html"),
+    ("export own.yaml --to csv -o OUT", ".csv"),
+]
+CAMPAIGN = ("C/log.parquet", "C/rig.yaml", "C/tracker/moves.csv", "C/tracker/nominal.csv")
+INPUTS = (*CAMPAIGN, "own.yaml")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = tmp_path_factory.mktemp("outputs")
+    world.build(home)
+    (home / "campaign").rename(home / "C")
+    return home
+
+
+@pytest.fixture
+def home(made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(made)
+    return made
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def routes(target: Path, suffix: str) -> Iterator[Path]:
+    """Ways to name a file: as it is, through a folder above, by a link, by another name of it."""
+    yield target
+    yield Path("out") / ".." / target
+    soft, hard = Path(f"soft{suffix}"), Path(f"hard{suffix}")
+    soft.symlink_to(target)
+    os.link(target, hard)
+    yield soft
+    yield hard
+    soft.unlink()
+    hard.unlink()
+
+
+@pytest.mark.parametrize(("line", "suffix"), PLACES, ids=[line for line, _ in PLACES])
+def test_no_output_replaces_an_input(
+    line: str, suffix: str, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reads = [name for name in INPUTS if name.split("/")[0] in line]
+    assert reads
+    before = contents(home)
+    for name in reads:
+        for place in routes(Path(name), suffix):
+            seen = run(capsys, *(str(place) if word == "OUT" else word for word in line.split()))
+            assert (seen.status, seen.out) == (2, ""), (place, seen.err)
+            assert seen.err.count("\n") == 1
+            if place.suffix == suffix:
+                assert "input" in seen.err
+    assert contents(home) == before
+
+
+def test_a_study_does_not_write_over_the_log_in_its_folder(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "C"
+    shutil.copytree(SAMPLES / "csv", folder)
+    (folder / "log.csv").rename(folder / "sensitivity.csv")
+    before = contents(folder)
+    seen = run(capsys, "study", "sensitivity", folder, "-o", folder, "--squeeze", 0)
+    assert seen.status == 2
+    assert "replace an input" in seen.err
+    assert contents(folder) == before
+
+
+def test_two_outputs_of_one_name_are_refused(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("page.html").symlink_to("both.yaml")
+    seen = run(capsys, "calibrate", "C", "-o", "both.yaml", "--html", "page.html", "--trials", 0)
+    Path("page.html").unlink()
+    assert (seen.status, seen.out) == (2, "")
+    assert "--html" in seen.err
+    assert not Path("both.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "calibrate C -o out/c.html",
+        "calibrate C --html out/page.yaml",
+        "validate own.yaml C --html out/page.csv",
+        "report own.yaml --html out/page",
+        f"plan C -o out/plan.yaml {FAST}",
+        "apply own.yaml C -o out/w.html",
+    ],
+)
+def test_a_name_ends_in_what_the_file_is(
+    line: str, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = contents(home)
+    seen = run(capsys, *line.split())
+    assert (seen.status, seen.out) == (2, "")
+    assert contents(home) == before
+
+
+def test_an_output_that_is_write_protected_stays(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "page.html"
+    target.write_text("kept")
+    target.chmod(0o444)
+    assert run(capsys, "report", "own.yaml", "--html", target).status == 2
+    assert target.read_text() == "kept"
+
+
+def test_simulate_replaces_only_what_it_wrote(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ("simulate", tmp_path / "s", "--postures", 3, "--rate", 10, "--force", "-q")
+    assert run(capsys, *line).status == 0
+    (tmp_path / "s" / "notes.txt").write_text("mine")
+    assert run(capsys, *line, "--format", "parquet").status == 0
+    assert {p.name for p in (tmp_path / "s").iterdir()} == {
+        "rig.yaml", "log.parquet", "truth.yaml", "tracker", "notes.txt"
+    }  # fmt: skip
+    rig = tmp_path / "s" / "rig.yaml"
+    rig.write_text(rig.read_text() + "# edited\n")
+    before = contents(tmp_path)
+    seen = run(capsys, *line)
+    assert seen.status == 2
+    assert "rig.yaml" in seen.err
+    (tmp_path / "s" / "truth.yaml").unlink()
+    assert run(capsys, *line).status == 2
+    del before["s/truth.yaml"]
+    assert contents(tmp_path) == before
+
+
+class Torn(io.TextIOWrapper):
+    """Standard output whose reader has left."""
+
+    def write(self, text: str) -> int:
+        raise BrokenPipeError(32, "Broken pipe")
+
+
+def full() -> io.TextIOWrapper:
+    return open("/dev/full", "w", encoding="utf-8")  # noqa: PTH123
+
+
+STDOUTS: dict[str, Callable[[], io.TextIOWrapper | None]] = {
+    "closed": lambda: None,
+    "full": full,
+    "torn": lambda: Torn(io.BytesIO(), encoding="utf-8"),
+    "ascii": lambda: io.TextIOWrapper(io.BytesIO(), encoding="ascii"),
+    "cp1252": lambda: io.TextIOWrapper(io.BytesIO(), encoding="cp1252"),
+}
+needs_full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+
+
+@needs_full
+@pytest.mark.parametrize("kind", STDOUTS)
+def test_a_report_that_nobody_gets_changes_nothing(
+    kind: str,
+    home: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    target = tmp_path / "plan.csv"
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", STDOUTS[kind]())
+        seen = run(capsys, "plan", "C", "-o", target, *FAST.split(), "-q")
+    assert (seen.status, seen.err) == (0, "")
+    assert len(target.read_text().splitlines()) > 4
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", STDOUTS[kind]())
+        assert run(capsys, "validate", "own.yaml", "turned", "-q").status == 1
+
+
+@needs_full
+@pytest.mark.parametrize("kind", ["closed", "full"])
+@pytest.mark.parametrize("line", ["plan C -o OUT --json", "report own.yaml --json --html OUT"])
+def test_a_result_that_does_not_arrive_is_an_error_and_no_other_output_appears(
+    line: str,
+    kind: str,
+    home: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    target = tmp_path / ("plan.csv" if "plan" in line else "page.html")
+    words = [str(target) if word == "OUT" else word for word in line.split()]
+    words += FAST.split() if "plan" in line else []
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", STDOUTS[kind]())
+        seen = run(capsys, *words, "-q")
+    assert seen.status == 2
+    assert "standard output" in seen.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_result_is_utf8_whatever_the_terminal_is(
+    home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw = io.BytesIO()
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
+        assert run(capsys, "report", "own.yaml", "--json").status == 0
+        assert json.loads(raw.getvalue())["convention"].count("·") == 3
+
+
+def program(*words: object, cwd: Path) -> subprocess.Popen[str]:
+    line = [sys.executable, "-m", "tdfscal", *map(str, words)]
+    return subprocess.Popen(
+        line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd
+    )
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT", "SIGKILL"])
+def test_a_run_that_is_ended_leaves_nothing(name: str, home: Path, tmp_path: Path) -> None:
+    """An earlier output stays whole; what a killed run leaves goes with the next one."""
+    number = getattr(signal, name)
+    target = tmp_path / "w.csv"
+    target.write_text("before")
+    with program("calibrate", "C", "-o", tmp_path / "c.yaml", "--trials", 20000, cwd=home) as done:
+        assert done.stderr is not None
+        for line in done.stderr:
+            if "calibrating from" in line:
+                break
+        time.sleep(0.05)
+        done.send_signal(number)
+        said = done.stderr.read()
+    if name == "SIGKILL":
+        assert done.returncode == -number
+    else:
+        assert done.returncode == 128 + number, said
+        assert "interrupted" in said
+        assert {p.name for p in tmp_path.iterdir()} == {"w.csv"}
+    assert target.read_text() == "before"
+
+
+def test_what_dead_runs_leave_is_removed_and_what_living_ones_write_is_not(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dead = tmp_path / ".page.html.0123456789ab.part"
+    dead.write_text("half")
+    from tdfscal.files.outputs import replacing
+
+    with replacing(tmp_path / "living.html") as living:
+        living.write_text("whole")
+        assert run(capsys, "report", "own.yaml", "--html", tmp_path / "page.html").status == 0
+        assert not dead.exists()
+        assert living.exists()
+    assert {p.name for p in tmp_path.iterdir()} == {"living.html", "page.html"}
+
+
+def test_a_study_that_fails_leaves_the_folder_as_it_was(
+    home: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also the folder itself, where it was made for the study."""
+
+    def stop(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tdfscal.reporting.figures.style.save", stop)
+    old = tmp_path / "old"
+    old.mkdir()
+    (old / "sensitivity.csv").write_text("before")
+    for folder in (old, tmp_path / "new" / "er"):
+        assert run(capsys, "study", "sensitivity", "C", "-o", folder).status == 130
+    assert contents(tmp_path) == {"old/sensitivity.csv": b"before"}
+    assert not (tmp_path / "new").exists()
+
+
+def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
+    """Also where the last of them cannot be put into its place."""
+    from tdfscal.errors import UsageError
+    from tdfscal.files.outputs import together
+    from tdfscal.files.saving import write_text
+
+    (tmp_path / "a").write_text("before")
+
+    def write() -> None:
+        with together():
+            write_text(tmp_path / "a", "after")
+            write_text(tmp_path / "b", "after")
+            (tmp_path / "b").mkdir()
+            (tmp_path / "b" / "inside").write_text("x")
+
+    with pytest.raises(UsageError):
+        write()
+    assert contents(tmp_path) == {"a": b"before", "b/inside": b"x"}
+    with together():
+        write_text(tmp_path / "a", "after")
+        write_text(tmp_path / "c", "after")
+        assert (tmp_path / "a").read_text() == "before"
+    assert (tmp_path / "a").read_text() == (tmp_path / "c").read_text() == "after"
+
+
+def test_results_that_lie_in_a_campaign_are_left_alone(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "C"
+    shutil.copytree(SAMPLES / "parquet", folder)
+    line = ("calibrate", folder, "--trials", 0, "-q", "--json", "-o", folder / "first.json")
+    first = json.loads(run(capsys, *line).out)
+    for words in (
+        ("apply", "own.yaml", folder, "-o", folder / "w.csv"),
+        ("apply", "own.yaml", folder, "-o", folder / "w2.parquet"),
+        ("plan", folder, "-o", folder / "plan.csv", *FAST.split()),
+        ("export", "own.yaml", "--to", "csv", "-o", folder / "rotations.csv"),
+        ("study", "sensitivity", folder, "-o", folder, "--squeeze", 0, "--calibration", "own.yaml"),
+    ):
+        seen = run(capsys, *words)
+        assert seen.status == 0, seen.err
+    again = run(capsys, *line)
+    assert again.status == 0, again.err
+    assert json.loads(again.out)["inputs"] == first["inputs"]
+
+
+def test_odd_files_and_surroundings_are_said_in_one_line(
+    home: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loop = tmp_path / "loop.yaml"
+    loop.symlink_to(loop)
+    pipe = tmp_path / "pipe.yaml"
+    os.mkfifo(pipe)
+    monkeypatch.setattr("tdfscal.files.yaml.reading._PATIENCE", 0.2)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "nonsense")
+    for words in (
+        ("calibrate", "C", "-o", loop),
+        ("calibrate", "C/log.parquet", "--rig", loop),
+        ("calibrate", "C/log.parquet", "--rig", pipe),
+        ("report", loop),
+        ("report", pipe),
+        ("simulate", loop),
+        ("plan", loop, "-o", tmp_path / "p.csv"),
+    ):
+        seen = run(capsys, *words)
+        assert (seen.status, seen.out) == (2, ""), (words, seen.err)
+        assert seen.err.count("\n") == 1
+    done = run(capsys, "report", "own.yaml", "--html", tmp_path / "page.html",
+               "--figures", tmp_path / "figures")  # fmt: skip
+    assert done.status == 0, done.err
+
+
+def test_a_working_folder_that_is_gone(tmp_path: Path) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    code = (
+        "import os, sys; from tdfscal.cli import main; os.rmdir(os.getcwd()); "
+        "sys.argv = ['tdfscal', 'calibrate', 'C']; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=gone, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "fault", [MemoryError(), ImportError("failed to map segment from shared object")]
+)
+def test_too_little_memory(
+    fault: Exception,
+    home: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(*arguments: object) -> None:
+        raise fault
+
+    monkeypatch.setattr("tdfscal.workflows.report.read_sources", fail)
+    seen = run(capsys, "report", "own.yaml")
+    assert seen.status == 2
+    assert "memory" in seen.err
+
+
+def test_truth_says_what_was_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import hashlib
+
+    assert run(capsys, "simulate", tmp_path / "s", "--postures", 3, "--rate", 10).status == 0
+    files = yaml.safe_load((tmp_path / "s" / "truth.yaml").read_text())["files"]
+    for name, digest in files.items():
+        assert hashlib.sha256((tmp_path / "s" / name).read_bytes()).hexdigest() == digest
+    assert set(files) >= {"rig.yaml", "log.csv"}
