@@ -29,6 +29,8 @@ from tdfscal.cli.app import app
 from tdfscal.cli.streams import say
 from tdfscal.errors import TdfscalError
 
+#: What typer makes of an interruption.
+INTERRUPTED = 130
 #: What typer raises for a faulty command line, whichever click it carries.
 _Misuse: type[Exception] = typer.BadParameter.__bases__[0]
 
@@ -40,15 +42,18 @@ def run() -> int:
     if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
         del os.environ["SOURCE_DATE_EPOCH"]  # libraries fall over a date that is none
     try:
-        return app(standalone_mode=False, prog_name="tdfscal") or 0
+        status: int = app(standalone_mode=False, prog_name="tdfscal") or 0
     except TdfscalError as error:
         say(f"tdfscal: {error}")
         return error.exit_status
     except _Misuse as error:
         say(f"tdfscal: {_usage(error)}")
         return 2
-    except typer.Abort as error:
-        raise KeyboardInterrupt from error
+    except typer.Abort:
+        status = INTERRUPTED
+    if status == INTERRUPTED:
+        raise KeyboardInterrupt
+    return status
 
 
 def _usage(error: Exception) -> str:
