@@ -48,11 +48,12 @@ def advise(c: Calibration) -> tuple[str, ...]:
 def _mend(c: Calibration) -> tuple[str, ...]:
     """What may have caused each reason of the gate."""
     limits, fit, found = c.rig.acceptance, c.fit, []
-    if np.any(c.rpy_std > limits.angle_std):
-        i, j = np.unravel_index(int(c.rpy_std.argmax()), c.rpy_std.shape)
+    std = c.rpy_std[c.determined]
+    if np.any(std > limits.angle_std):
+        i, j = np.unravel_index(int(std.argmax()), std.shape)
         found.append(
             f"Squeeze the NCPs against each other, or record more postures with more tilt: "
-            f"{_ANGLES[j]} of {c.support_names[i]} is the weakest angle."
+            f"{_ANGLES[j]} of {c.mounted[i].name} is the weakest angle."
             if c.method != "tracker"
             else "Measure more targets, farther apart, or from nearer: the angles are too weak."
         )

@@ -164,7 +164,8 @@ def _std(value: float | None, digits: int, scale: float = 1.0) -> str:
 
 def _claim(c: Calibration) -> str:
     """Say in one sentence what was achieved."""
-    said = f"Every angle is known to {1e3 * c.rpy_std.max():.2g} mrad or better"
+    which = "Every angle" if c.determined.all() else "Every angle that is determined"
+    said = f"{which} is known to {1e3 * c.rpy_std[c.determined].max():.2g} mrad or better"
     if c.validation is not None:
         v = c.validation.force
         said += (
@@ -179,7 +180,7 @@ def _tiles(c: Calibration) -> tuple[Row, ...]:
     tiles = [
         (
             "weakest angle",
-            f"{1e3 * c.rpy_std.max():.2g} mrad",
+            f"{1e3 * c.rpy_std[c.determined].max():.2g} mrad",
             f"limit {1e3 * limits.angle_std:.2g} mrad",
         )
     ]

@@ -156,7 +156,7 @@ def _files(view: Several) -> tuple[tuple[str, str], ...]:
             mark,
             f"{name}: {METHODS[c.method].split(',')[0]}, "
             f"{c.created.replace('T', ' ').replace('Z', '')} UTC, {c.status}, weakest angle "
-            f"{1e3 * c.rpy_std.max():.2g} mrad",
+            f"{1e3 * c.rpy_std[c.determined].max():.2g} mrad",
         )
         for mark, name, c in zip(view.letters, view.names, view.content, strict=True)
     )

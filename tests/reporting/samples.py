@@ -44,13 +44,14 @@ class Sample:
     calibration: Calibration
 
 
-def rig_of(n: int, name: str) -> LoadedRig:
+def rig_of(n: int, name: str, last: str = "xyz") -> LoadedRig:
     turns = 2 * np.pi * np.arange(n) / n + 0.2
     lines = [
         f"  - {{name: support_{i + 1}, hinge: [{0.6 * np.cos(a):.4f}, {0.6 * np.sin(a):.4f}, "
         f"{0.02 * (-1) ** i:.2f}], zero: {{value: [0, 0, 0], std: [0.5, 0.5, 0.5]}}}}"
         for i, a in enumerate(turns)
     ]
+    lines[-1] = f"{lines[-1][:-1]}, axes: [{', '.join(last)}]}}"
     text = RIG.format(name=name, supports="\n".join(lines))
     return parse_rig(text.encode(), "rig.yaml")
 
@@ -69,6 +70,21 @@ def sample(
         dwells = replace(dwells, force=force)
     result = self_calibrate(loaded.rig, dwells, rng=np.random.default_rng(0), max_trials=4000)
     return Sample(loaded, dwells, result, from_self(result, provenance(loaded)))
+
+
+@cache
+def with_load_cell(axes: str = "z") -> Calibration:
+    """Four supports, the last with the given axes only, which leave its mounting undetermined."""
+    whole = rig_of(4, "Test rig")
+    dwells = simulate_dwells(
+        whole.rig, Options(postures=24, squeeze=200.0), np.random.default_rng(1), 1
+    ).dwells(0)
+    used = np.ones((4, 3), dtype=np.bool_)
+    used[3] = [axis in axes for axis in "xyz"]
+    loaded = rig_of(4, "Test rig", axes)
+    dwells = replace(dwells, force=np.where(used, dwells.force, 0.0))
+    result = self_calibrate(loaded.rig, dwells, rng=np.random.default_rng(0), max_trials=200)
+    return from_self(result, provenance(loaded))
 
 
 def provenance(loaded: LoadedRig) -> Provenance:

@@ -11,7 +11,7 @@ import pytest
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.reporting.html import render_page
 from tdfscal.workflows.report import report
-from tests.reporting.samples import NASTY, changed, run, sample, saved, surveyed
+from tests.reporting.samples import NASTY, changed, run, sample, saved, surveyed, with_load_cell
 
 VOID = {"meta", "br", "link", "img"}
 REASON = "the residuals are 13 times what the stated uncertainties explain"
@@ -165,3 +165,17 @@ def test_html_to_standard_output_is_only_the_page(
     assert done.out.startswith("<!DOCTYPE html>")
     assert done.out.rstrip().endswith("</html>")
     read(done.out)
+
+
+@pytest.mark.parametrize("axes", ["z", pytest.param("", marks=pytest.mark.slow)])
+def test_a_sensor_without_angles_spoils_no_page(axes: str) -> None:
+    c = with_load_cell(axes)
+    assert c.undetermined == ("support_4",)
+    page = render_page(c)
+    reader = read(page)
+    assert reader.tags.count("svg") == 7
+    said = " ".join(reader.words)
+    assert not re.search(r"\b(inf|nan|None)\b", said)
+    weakest = 1e3 * c.rpy_std[:3].max()
+    assert f"Every angle that is determined is known to {weakest:.2g} mrad" in said
+    assert re.search(r"support_4\s+undetermined", said)

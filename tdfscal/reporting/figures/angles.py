@@ -13,14 +13,14 @@ from tdfscal.reporting.figures.style import BLUE, GREY, INK, Drawing, figure, si
 
 def draw(c: Calibration) -> Drawing:
     """Turn from the nominal mounting, and beside it the interval about each angle."""
-    std = c.rpy_std
+    std = c.rpy_std[c.determined]
     i, j = np.unravel_index(int(std.argmax()), std.shape)
     a, b = np.unravel_index(int(std.argmin()), std.shape)
     return Drawing(
         "angles",
         "Installation angles",
-        f"{ANGLES[j].capitalize()} of {c.support_names[i]} is known to {1e3 * std[i, j]:.2g} mrad, "
-        f"the least well; {ANGLES[b]} of {c.support_names[a]} to {1e3 * std[a, b]:.2g} mrad, "
+        f"{ANGLES[j].capitalize()} of {c.mounted[i].name} is known to {1e3 * std[i, j]:.2g} mrad, "
+        f"the least well; {ANGLES[b]} of {c.mounted[a].name} to {1e3 * std[a, b]:.2g} mrad, "
         "the best (standard uncertainties).",
         lambda: _paint(c),
     )

@@ -42,7 +42,7 @@ def _shares(budget: Budget) -> FloatArray:
 
 def _paint(c: Calibration, budget: Budget) -> Figure:
     share = 100 * _shares(budget)
-    place = np.arange(len(share), dtype=float) + np.repeat(0.5 * np.arange(len(c.supports)), 3)
+    place = np.arange(len(share), dtype=float) + np.repeat(0.5 * np.arange(len(c.mounted)), 3)
     fig = figure(1.1 + 0.24 * len(share))
     ax = fig.subplots()
     left = np.zeros(len(share))
@@ -72,7 +72,7 @@ def _paint(c: Calibration, budget: Budget) -> Figure:
                     bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
                 )
         left += share[:, s]
-    for y, angle, std in zip(place, budget.angles, c.rpy_std.ravel(), strict=True):
+    for y, angle, std in zip(place, budget.angles, c.rpy_std[c.determined].ravel(), strict=True):
         del angle
         ax.text(101.5, y, f"{1e3 * std:.3f} mrad", va="center", fontsize=8)
     ax.text(101.5, place[0] - 1.0, "std. uncertainty", va="center", fontsize=7.5)

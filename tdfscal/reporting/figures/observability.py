@@ -25,7 +25,7 @@ def draw(c: Calibration) -> Drawing:
     i = int(std[:, 2].argmax())
     j = int(np.argmax(std[:, 2] / std[:, 0]))
     said = (
-        f"The weakest direction is a turn of {c.support_names[i]} about "
+        f"The weakest direction is a turn of {c.mounted[i].name} about "
         f"{_about(axes[i, :, 2])}: {1e3 * std[i, 2]:.2g} mrad"
     )
     off = _from_load(c, i, axes[i, :, 2])
@@ -39,9 +39,12 @@ def draw(c: Calibration) -> Drawing:
 
 
 def principal(c: Calibration) -> tuple[FloatArray, FloatArray]:
-    """Standard uncertainties (n, 3), rad, ascending, and their axes (n, 3, 3), columns, BCS."""
-    n = len(c.supports)
-    blocks = c.rotation_covariance.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
+    """Standard uncertainties (m, 3), rad, ascending, and their axes (m, 3, 3), columns, BCS.
+
+    Of the m sensors that the data determine.
+    """
+    n, known = len(c.supports), np.flatnonzero(c.determined)
+    blocks = c.rotation_covariance.reshape(n, 3, n, 3)[known, :, known]
     values, vectors = np.linalg.eigh(blocks)
     return np.sqrt(np.maximum(values, 0.0)), vectors
 
@@ -50,7 +53,8 @@ def _from_load(c: Calibration, i: int, axis: FloatArray) -> float | None:
     loads = c.observability.loads if c.observability else None
     if not loads:
         return None
-    return float(np.arccos(min(1.0, abs(float(axis @ np.array(loads[i].axis))))))
+    load = np.array(loads[np.flatnonzero(c.determined)[i]].axis)
+    return float(np.arccos(min(1.0, abs(float(axis @ load)))))
 
 
 def _about(axis: FloatArray) -> str:
@@ -68,14 +72,14 @@ def _paint(c: Calibration) -> Figure:
     rows = ceil(n / columns)
     fig = figure(0.35 + 2.75 * rows)
     reach = 1.25e3 * float(std.max())
-    for i, support in enumerate(c.supports):
+    for i, support in enumerate(c.mounted):
         ax: Any = fig.add_subplot(rows, columns, i + 1, projection="3d")
         _ellipsoid(ax, 1e3 * std[i], axes[i])
         weak = 1e3 * std[i, 2] * axes[i, :, 2]
         ax.plot(*np.array([-weak, weak]).T, "o-", color=ORANGE, linewidth=2.2, markersize=4)
         loads = c.observability.loads if c.observability else None
         if loads:
-            line = reach * np.array(loads[i].axis)
+            line = reach * np.array(loads[np.flatnonzero(c.determined)[i]].axis)
             ax.plot(*np.array([-line, line]).T, "--", color=INK, linewidth=1.2)
         sizes = " · ".join(f"{1e3 * s:.2g}" for s in std[i])
         ax.set_title(f"{support.name}: {sizes} mrad", pad=0)

@@ -65,9 +65,13 @@ def clear_view(points: FloatArray) -> int:
 
 
 def _turns(c: Calibration) -> FloatArray:
-    """(n, 3), rad, BCS: rotation vectors from the nominal to the calibrated mounting."""
+    """(n, 3), rad, BCS: rotation vectors from the nominal to the calibrated mounting.
+
+    None where a sensor's mounting is not determined.
+    """
     nominal = so3.from_rpy(np.array([s.nominal_rpy for s in c.rig.supports]))
-    return np.asarray(so3.log(c.rotation @ np.swapaxes(nominal, 1, 2)))
+    turn = so3.log(c.rotation @ np.swapaxes(nominal, 1, 2))
+    return np.asarray(np.where(c.determined[:, None], turn, 0.0))
 
 
 def _paint(c: Calibration, turn: FloatArray, factor: int) -> Figure:
@@ -97,7 +101,7 @@ def _paint(c: Calibration, turn: FloatArray, factor: int) -> Figure:
             fontweight="bold",
             ha="center",
         )
-        for k in range(3):
+        for k in range(3 if support.determined else 0):
             for frame, style, width in ((nominal, (0, (3, 2)), 0.9), (drawn, "-", 1.8)):
                 tip = hinge[i] + length * frame[i][:, k]
                 ax.plot(

@@ -23,7 +23,7 @@ def draw(c: Calibration) -> Drawing | None:
     if m is None or m.histogram is None:
         return None
     histogram = m.histogram
-    ratio = np.array(m.rpy_std) / c.rpy_std
+    ratio = (np.array(m.rpy_std) / c.rpy_std)[c.determined]
     confirm = "confirm" if m.linear_interval_validated else "do not confirm"
     return Drawing(
         "trials",
@@ -35,15 +35,16 @@ def draw(c: Calibration) -> Drawing | None:
 
 
 def _paint(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
-    n = len(c.supports)
+    known = np.flatnonzero(c.determined)
+    n = len(known)
     fig = figure(0.55 + 1.35 * n)
     grid = fig.subplots(n, 3, sharey=True, squeeze=False)
     edges = np.array(histogram.edges)
     k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
     u = np.linspace(edges[0], edges[-1], 121)
-    for i in range(n):
+    for row, i in enumerate(known):
         for j in range(3):
-            ax, std = grid[i, j], 1e3 * c.rpy_std[i, j]
+            ax, std = grid[row, j], 1e3 * c.rpy_std[i, j]
             counts = np.array(histogram.counts[i][j], dtype=float)
             density = 100 * counts / (counts.sum() or 1.0)
             ax.stairs(density, edges * std, fill=True, color="#c6d6ea", edgecolor=INK)
@@ -59,9 +60,9 @@ def _paint(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
             ax.xaxis.set_major_locator(MaxNLocator(5))
             ax.grid(visible=False)
             ax.tick_params(labelsize=7)
-            if i == n - 1:
+            if row == n - 1:
                 ax.set_xlabel("deviation from the estimate, mrad")
-        grid[i, 0].set_ylabel("trials per bin, %", fontsize=7.5)
+        grid[row, 0].set_ylabel("trials per bin, %", fontsize=7.5)
     fig.legend(handles=_keys(), loc="outside upper left", ncols=4)
     return fig
 
