@@ -26,7 +26,9 @@ from tdfscal.dwells import (
     DwellOptions,
     change_points,
     dwell_means,
+    field,
     find,
+    noise_level,
     noise_spectrum,
     search,
     settling,
@@ -61,17 +63,17 @@ def _zeros(value: Any, *_: Any) -> Any:
     return np.zeros(len(value))
 
 
-def _no_louder(found: Any, moving: Any) -> Any:
+def _none_noisier(found: Any, moving: Any) -> Any:
     none = np.empty(0, dtype=np.int64)
-    return change_points.Louder(none, none, np.ones((0, len(found.value))))
+    return noise_level.NoisierStops(none, none, np.ones((0, len(found.value))))
 
 
 def _white(found: Any, stream: int, pooled: Any) -> Any:
     return np.diag(pooled)
 
 
-def _every_calm(field: Any, begin: int, end: int) -> list[tuple[int, int]]:
-    first, last = change_points.runs(~field.disturbed[begin:end])
+def _every_calm(of: Any, begin: int, end: int) -> list[tuple[int, int]]:
+    first, last = noise_level.runs(~of.disturbed[begin:end])
     return [(begin + int(a), begin + int(b)) for a, b in zip(first, last, strict=True)]
 
 
@@ -84,23 +86,23 @@ def _own_drift(value: Any, std: Any) -> Any:
 
 
 def _one_round(bins: Any, options: Any = None) -> Any:
-    field = search.prepare(bins, options or DwellOptions())
-    extents, left_out = search.search(field, field.rate, field.long_run)
-    return find._with_statistics(field, extents, left_out)
+    of = field.prepare(bins, options or DwellOptions())
+    extents, left_out = search.search(of, of.rate, of.long_run)
+    return find._with_statistics(of, extents, left_out)
 
 
 def _two_rounds(bins: Any, options: Any = None) -> Any:
-    field = search.prepare(bins, options or DwellOptions())
-    extents, left_out = search.search(field, field.rate, field.long_run, rough=True, some=60)
-    rate, long_run = field.rate, field.long_run
+    of = field.prepare(bins, options or DwellOptions())
+    extents, left_out = search.search(of, of.rate, of.long_run, rough=True, some=60)
+    rate, long_run = of.rate, of.long_run
     if extents:
-        field = search.within(field, extents)
+        of = field.within(of, extents)
         moments = dwell_means.dwell_moments(bins, extents)
-        rate = find._common_drift(field, extents, moments)
+        rate = find._common_drift(of, extents, moments)
         found = find._long_run(bins, moments)
-        long_run = np.where(found > 0, found, field.long_run)
-    extents, left_out = search.search(field, rate, long_run)
-    return find._with_statistics(field, extents, left_out)
+        long_run = np.where(found > 0, found, of.long_run)
+    extents, left_out = search.search(of, rate, long_run)
+    return find._with_statistics(of, extents, left_out)
 
 
 SETTLE = _kinds("settling", "ringing")
@@ -112,20 +114,20 @@ PARTS: dict[str, Part] = {
     "rough first round": Part(SETTLE, ((find, "search",
         lambda *a, rough=False, **k: search.search(*a, **k)),)),
     "windows of many lengths (1 and 2 bins)": Part(_kinds("squeezes", "settling", "0.5 s"),
-        ((change_points, "_SCALES", 2),)),
+        ((noise_level, "SCALES", 2), (change_points, "SCALES", 2))),
     "seed of rest": Part(EVERY, ((change_points, "quiet_seed", lambda found, base, width: base),)),
-    "log that never rests": Part(_kinds("never"), ((change_points, "_travels",
+    "log that never rests": Part(_kinds("never"), ((change_points, "travels",
         lambda noise: False),)),
     "creep is not noise": Part(SETTLE, ((change_points, "without_creep", lambda noise: noise),
-        (search, "without_creep", lambda noise: noise))),
-    "stops of their own noise": Part(_kinds("noisy"), ((search, "louder_rests", _no_louder),)),
+        (field, "without_creep", lambda noise: noise))),
+    "stops of their own noise": Part(_kinds("noisy"), ((field, "noisier_stops", _none_noisier),)),
     "noise of readings coarser than it": Part(_kinds("rounded", "written"),
-        ((change_points, "_spread", _plain_spread),)),
+        ((noise_level, "_spread", _plain_spread),)),
     "drift of all stops, before the search": Part(_kinds("drift"),
-        ((search, "drift_of_rests", lambda value, *_: np.zeros(len(value))),)),
+        ((field, "drift_of_rests", lambda value, *_: np.zeros(len(value))),)),
     "drift of all dwells, between rounds": Part(_kinds("drift"),
         ((find, "common_drift", lambda slope, span: np.zeros(slope.shape[1])),)),
-    "ringing of all stops": Part(SETTLE, ((search, "find_ringing", _nothing),)),
+    "ringing of all stops": Part(SETTLE, ((field, "find_ringing", _nothing),)),
     "cut at the ends until they fit": Part(SETTLE, ((settling, "_misfits",
         lambda *_: (0, 0)),)),
     "extrapolated decay": Part(SETTLE, ((settling, "_fit_decay", _nothing),)),
@@ -133,7 +135,7 @@ PARTS: dict[str, Part] = {
     "kept clear of moves": Part(_kinds("50 Hz", "5 kHz", "squeezes", "0.5 s"),
         ((search, "_kept_clear", lambda field, begin, *_, **__: np.zeros_like(begin)),)),
     "one bin more about a move": Part(_kinds("50 Hz", "5 kHz", "squeezes", "0.5 s"),
-        ((search, "_dilated", lambda flag: flag),)),
+        ((field, "_dilated", lambda flag: flag),)),
     "parts of one stop joined": Part(_kinds("rounded", "written", "miscount"),
         ((search, "_whole_stops", lambda field, stretch, found: (found, [])),)),
     "unsettled dwells left out at the end": Part(SETTLE, ((find, "_drifts",

@@ -12,7 +12,10 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.dwells.change_points import runs, signals
+from tdfscal.dwells.noise_level import (
+    runs,
+    signals,
+)
 from tdfscal.errors import DataError
 from tdfscal.records import Absence, BoolArray, Dwells, FloatArray, IntArray
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.records import Dwells, FloatArray, Log
+from tdfscal.records import Dwells, FloatArray, IntArray, Log
 
 _DIGITS = range(9, 1, -1)  # after the point, that files are rounded to in m and N
 _EPS = 1e-12
@@ -46,20 +46,8 @@ def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
         raise DataError(
             "a reading is not a number", where=f"posture {row + 1}", hint="leave this posture out"
         )
-    resolution = np.concatenate(
-        [np.tile(_resolution(*of), (len(of[0]), 1)) for of in zip(position, force, strict=True)]
-    )
-    repeats = _repeated(np.concatenate([p, f], axis=1).reshape(len(t), -1), resolution)
-    warnings: tuple[str, ...] = ()
-    if repeats:
-        keep = np.setdiff1d(np.arange(len(t)), list(repeats))
-        later, earlier = min(repeats.items())
-        warnings = (
-            f"{len(repeats)} of {len(t)} postures repeat an earlier one in every digit (the first: "
-            f"posture {later + 1} is posture {earlier + 1}): a recording that is there twice is "
-            "counted once",
-        )
-        t, p, f = t[keep], p[keep], f[keep]
+    keep, warnings = _once(position, force)
+    t, p, f = t[keep], p[keep], f[keep]
     zero = np.zeros((*f.shape, 3))
     return Dwells(
         supports=supports,
@@ -75,6 +63,21 @@ def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
         effective=np.ones(f.shape[:2]),
         warnings=warnings,
         force_range=np.stack([f.min(axis=0), f.max(axis=0)]),
+    )
+
+
+def _once(position: list[FloatArray], force: list[FloatArray]) -> tuple[IntArray, tuple[str, ...]]:
+    """Rows of all files to keep, each once, and what to say of the others."""
+    files = list(zip(position, force, strict=True))
+    value = np.concatenate([np.concatenate(of, axis=1).reshape(len(of[0]), -1) for of in files])
+    resolution = np.concatenate([np.tile(_resolution(*of), (len(of[0]), 1)) for of in files])
+    repeats = _repeated(value, resolution)
+    if not repeats:
+        return np.arange(len(value)), ()
+    later, earlier = min(repeats.items())
+    return np.setdiff1d(np.arange(len(value)), list(repeats)), (
+        f"{len(repeats)} of {len(value)} postures repeat an earlier one in every digit (first: "
+        f"{later + 1} is {earlier + 1}): a recording that is there twice counts once",
     )
 
 

@@ -21,7 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.dwells.change_points import runs
+from tdfscal.dwells.noise_level import (
+    runs,
+)
 from tdfscal.dwells.noise_spectrum import Ordinates, Spectrum, density, spectrum, together
 from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray

@@ -15,8 +15,9 @@ from tdfscal.dwells.bins import Bins, reduce_to_bins
 from tdfscal.dwells.clock_offset import motion_offset
 from tdfscal.dwells.common_drift import common_drift
 from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes, whole_range
+from tdfscal.dwells.field import Field, prepare, within
 from tdfscal.dwells.options import DwellOptions
-from tdfscal.dwells.search import INTERRUPTED, Field, prepare, search, within
+from tdfscal.dwells.search import INTERRUPTED, search
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log

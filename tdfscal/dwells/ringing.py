@@ -47,7 +47,7 @@ class Ringing:
     power: FloatArray
 
     def __str__(self) -> str:
-        """As it is told to a user."""
+        """In words."""
         constant = f"time constant {self.width / self.decay.real:.2g} s"
         if not self.decay.imag:
             return constant

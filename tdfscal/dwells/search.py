@@ -3,141 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.dwells.bins import Bins
-from tdfscal.dwells.change_points import (
-    Louder,
-    Noise,
-    Signals,
-    difference_noise,
-    louder_rests,
-    runs,
-    segment,
-    signals,
-    threshold,
-    together,
-    without_creep,
-)
-from tdfscal.dwells.common_drift import drift_of_rests
 from tdfscal.dwells.dwell_means import Extent, evenly
-from tdfscal.dwells.options import DwellOptions
-from tdfscal.dwells.ringing import Ringing, find_ringing
+from tdfscal.dwells.field import Field
+from tdfscal.dwells.noise_level import (
+    runs,
+)
 from tdfscal.dwells.settling import Settled, Stretch, one_level, settled_part
-from tdfscal.records import BoolArray, FloatArray, IntArray, LeftOut
+from tdfscal.records import FloatArray, IntArray, LeftOut
 from tdfscal.significance import SAME_LEVEL
 
 INTERRUPTED = "interrupted"  # begins the reason of wrong readings that are left out amid a dwell
 _WRONG = f"{INTERRUPTED}: readings leave their level and return"
 _JOLT = "jolt: a burst of force, excluded from the dwell around it"
 
-_SHORTEST = 0.2  # s
-_SHORTEST_BINS = 5
 _MENTIONED = 0.1  # s; shorter moments of rest within a move are not worth a line
 _BRIEF = 1.0  # s; pauses between stretches of rest that are looked at together
 _UNSETTLED = 1.0  # bias / standard error that a dwell may not exceed
 _TRANSIENT = 0.6  # s; a level held for less, and left again, is the crest of an oscillation
 _CLEAR = 0.1  # largest share of a rest that is kept clear of each neighbouring move
 _ONSET = 25  # bins looked at to see how a move begins
-_MODES = 3  # of ringing
 _NEIGHBOURS = 32  # stretches of rest whose sums are taken at once
-
-
-@dataclass(frozen=True, slots=True)
-class Field:
-    """What the search works on: signals, where they change, their noise, the limits in bins.
-
-    visible : (3n,), m, change of a position between two bins that stands out of the noise.
-    louder : see `louder_rests`. noise : of 6n axes, positions first. rate : (3n,), N/s, and
-    ringing are removed from the forces.
-    """
-
-    bins: Bins
-    positions: Signals
-    forces: Signals
-    moving: BoolArray
-    disturbed: BoolArray
-    louder: Louder
-    noise: Noise
-    visible: FloatArray
-    shortest: int
-    rate: FloatArray
-    ringing: tuple[Ringing, ...]
-    settle: int | None
-
-    @property
-    def long_run(self) -> FloatArray:
-        """First guess (6n,), from the longest windows whose noise was measured."""
-        width = 2 ** (len(self.noise.difference) - 1)
-        return np.asarray(self.noise.of_mean(width) * np.sqrt(width))
-
-    def time(self, index: int) -> float:
-        """Time of a bin's edge, s."""
-        if index < len(self.bins):
-            return float(self.bins.start[index])
-        return float(self.bins.start[-1] + self.bins.width)
-
-    def out(self, begin: int, end: int, reason: str) -> LeftOut:
-        """A stretch of bins left out; `end` is exclusive."""
-        return LeftOut(self.time(begin), self.time(end - 1) + self.bins.width, reason)
-
-
-def prepare(bins: Bins, options: DwellOptions) -> Field:
-    """Noise and changes of all signals."""
-    n = len(bins.supports)
-    positions, forces = signals(bins, slice(0, n)), signals(bins, slice(n, 2 * n))
-    gap = positions.gap | forces.gap | _jumps(bins)
-    moving, position_noise = segment(positions, gap, bins.width, options.position_threshold)
-    moving = _dilated(moving)
-    rests = runs(~moving)
-    rate = drift_of_rests(forces.value, *rests, bins.width)
-    if rate.any():
-        time = bins.start - bins.start[0]
-        forces = replace(forces, value=forces.value - rate[:, None] * time)
-    louder = louder_rests(forces, moving)
-    disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold, louder)
-    ringing: list[Ringing] = []
-    while options.settle_time is None and len(ringing) < _MODES:
-        found = find_ringing(forces.value, force_noise.of_mean(1), *rests, bins.width)
-        if found is None:
-            break
-        ringing.append(found)
-        forces = replace(forces, value=found.removed(forces.value))
-    if ringing:
-        louder = louder_rests(forces, moving)
-        disturbed, force_noise = segment(
-            forces, moving, bins.width, options.force_threshold, louder
-        )
-    shortest = options.min_duration or max(_SHORTEST, _SHORTEST_BINS * bins.width)
-    settle = options.settle_time
-    return Field(
-        bins=bins,
-        positions=positions,
-        forces=forces,
-        moving=moving,
-        disturbed=disturbed,
-        louder=louder,
-        noise=together(position_noise, force_noise),
-        visible=threshold(positions, position_noise)[0],
-        shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
-        rate=rate,
-        ringing=tuple(ringing),
-        settle=None if settle is None else int(np.ceil(settle / bins.width)),
-    )
-
-
-def within(field: Field, extents: list[Extent]) -> Field:
-    """The field with the noise of the dwells alone: settling no longer counts as noise."""
-    out = np.ones(len(field.bins), dtype=np.bool_)
-    for extent in extents:
-        out[extent.rows] = False
-    positions = without_creep(difference_noise(field.positions, out))
-    forces = without_creep(difference_noise(field.forces, out))
-    return replace(field, noise=together(positions, forces))
 
 
 def search(
@@ -176,7 +66,7 @@ def search(
         stretch = Stretch.of(bins.start, value, field.noise, axes, long_run, field.bins.width)
         found: list[Extent] = []
         for begin, end, *inner in rests[part].tolist():
-            here = stretch.louder(np.concatenate([still, field.louder.at(begin)]))
+            here = stretch.noisier(np.concatenate([still, field.noisier.at(begin)]))
             kept, out = _within_rest(field, here, begin, end, inner, rough)
             found += kept
             left_out += out
@@ -200,8 +90,8 @@ def _whole_stops(
     for later in extents:
         earlier = joined[-1] if joined else None
         if earlier is not None and _stays(field, earlier, later):
-            factor = np.maximum(field.louder.at(earlier.begin), field.louder.at(later.begin))
-            here = stretch.louder(np.concatenate([still, factor]))
+            factor = np.maximum(field.noisier.at(earlier.begin), field.noisier.at(later.begin))
+            here = stretch.noisier(np.concatenate([still, factor]))
             if one_level(here, earlier.ends[1], later.ends[0], SAME_LEVEL):
                 joined[-1] = earlier.followed_by(later)
                 moved = field.moving[earlier.end : later.begin].any()
@@ -243,20 +133,6 @@ def _neighbours(first: IntArray, last: IntArray, brief: float) -> Iterator[slice
                 stop += 1
             yield slice(k, stop)
             k = stop
-
-
-def _jumps(bins: Bins) -> BoolArray:
-    """Bins that follow a stretch without any sample."""
-    step = np.diff(bins.start, prepend=bins.start[0] - bins.width)
-    return np.asarray(step > 1.5 * bins.width)
-
-
-def _dilated(flag: BoolArray) -> BoolArray:
-    """One bin more on either side: a bin at the edge of a move may hold its first samples."""
-    wide = flag.copy()
-    wide[1:] |= flag[:-1]
-    wide[:-1] |= flag[1:]
-    return wide
 
 
 def _kept_clear(field: Field, begin: IntArray, end: IntArray, *, after: bool) -> IntArray:

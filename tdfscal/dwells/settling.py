@@ -9,8 +9,10 @@ from functools import cache, lru_cache
 import numpy as np
 from scipy.special import chdtri
 
-from tdfscal.dwells.change_points import Noise
 from tdfscal.dwells.dwell_means import Extent
+from tdfscal.dwells.noise_level import (
+    Noise,
+)
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import SETTLING_CUT, SETTLING_DECAY
 
@@ -97,7 +99,7 @@ class Stretch:
         """The axes that settle."""
         return slice(self.forces, None)
 
-    def louder(self, factor: FloatArray) -> Stretch:
+    def noisier(self, factor: FloatArray) -> Stretch:
         """With the noise of each axis (A,) times a factor."""
         if np.all(factor == 1.0):
             return self

@@ -11,8 +11,8 @@ import pytest
 from benchmarks.dwell_stops import KINDS, Score, score, scored, together
 from tdfscal.dwells import DwellOptions, find_dwells, reduce_to_bins
 from tdfscal.dwells.common_drift import common_drift
+from tdfscal.dwells.field import prepare
 from tdfscal.dwells.ringing import Ringing
-from tdfscal.dwells.search import prepare
 
 from .rig_log import Recipe, record
 

@@ -1,0 +1,137 @@
+"""What the search for dwells works on: signals, where they change, noise, drift and ringing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.dwells.bins import Bins
+from tdfscal.dwells.change_points import segment, threshold
+from tdfscal.dwells.common_drift import drift_of_rests
+from tdfscal.dwells.dwell_means import Extent
+from tdfscal.dwells.noise_level import (
+    Noise,
+    NoisierStops,
+    Signals,
+    difference_noise,
+    noisier_stops,
+    runs,
+    signals,
+    together,
+    without_creep,
+)
+from tdfscal.dwells.options import DwellOptions
+from tdfscal.dwells.ringing import Ringing, find_ringing
+from tdfscal.records import BoolArray, FloatArray, LeftOut
+
+_SHORTEST = 0.2  # s
+_SHORTEST_BINS = 5
+_MODES = 3  # of ringing
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """What the search works on: signals, where they change, their noise, the limits in bins.
+
+    visible : (3n,), m, change of a position between two bins that stands out of the noise.
+    noisier : see `noisier_stops`. noise : of 6n axes, positions first. rate : (3n,), N/s, and
+    ringing are removed from the forces.
+    """
+
+    bins: Bins
+    positions: Signals
+    forces: Signals
+    moving: BoolArray
+    disturbed: BoolArray
+    noisier: NoisierStops
+    noise: Noise
+    visible: FloatArray
+    shortest: int
+    rate: FloatArray
+    ringing: tuple[Ringing, ...]
+    settle: int | None
+
+    @property
+    def long_run(self) -> FloatArray:
+        """First guess (6n,), from the longest windows whose noise was measured."""
+        width = 2 ** (len(self.noise.difference) - 1)
+        return np.asarray(self.noise.of_mean(width) * np.sqrt(width))
+
+    def time(self, index: int) -> float:
+        """Time of a bin's edge, s."""
+        if index < len(self.bins):
+            return float(self.bins.start[index])
+        return float(self.bins.start[-1] + self.bins.width)
+
+    def out(self, begin: int, end: int, reason: str) -> LeftOut:
+        """A stretch of bins left out; `end` is exclusive."""
+        return LeftOut(self.time(begin), self.time(end - 1) + self.bins.width, reason)
+
+
+def prepare(bins: Bins, options: DwellOptions) -> Field:
+    """Noise and changes of all signals."""
+    n = len(bins.supports)
+    positions, forces = signals(bins, slice(0, n)), signals(bins, slice(n, 2 * n))
+    gap = positions.gap | forces.gap | _jumps(bins)
+    moving, position_noise = segment(positions, gap, bins.width, options.position_threshold)
+    moving = _dilated(moving)
+    rests = runs(~moving)
+    rate = drift_of_rests(forces.value, *rests, bins.width)
+    if rate.any():
+        time = bins.start - bins.start[0]
+        forces = replace(forces, value=forces.value - rate[:, None] * time)
+    noisier = noisier_stops(forces, moving)
+    disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold, noisier)
+    ringing: list[Ringing] = []
+    while options.settle_time is None and len(ringing) < _MODES:
+        found = find_ringing(forces.value, force_noise.of_mean(1), *rests, bins.width)
+        if found is None:
+            break
+        ringing.append(found)
+        forces = replace(forces, value=found.removed(forces.value))
+    if ringing:
+        noisier = noisier_stops(forces, moving)
+        disturbed, force_noise = segment(
+            forces, moving, bins.width, options.force_threshold, noisier
+        )
+    shortest = options.min_duration or max(_SHORTEST, _SHORTEST_BINS * bins.width)
+    settle = options.settle_time
+    return Field(
+        bins=bins,
+        positions=positions,
+        forces=forces,
+        moving=moving,
+        disturbed=disturbed,
+        noisier=noisier,
+        noise=together(position_noise, force_noise),
+        visible=threshold(positions, position_noise)[0],
+        shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
+        rate=rate,
+        ringing=tuple(ringing),
+        settle=None if settle is None else int(np.ceil(settle / bins.width)),
+    )
+
+
+def within(field: Field, extents: list[Extent]) -> Field:
+    """The field with the noise of the dwells alone: settling no longer counts as noise."""
+    out = np.ones(len(field.bins), dtype=np.bool_)
+    for extent in extents:
+        out[extent.rows] = False
+    positions = without_creep(difference_noise(field.positions, out))
+    forces = without_creep(difference_noise(field.forces, out))
+    return replace(field, noise=together(positions, forces))
+
+
+def _jumps(bins: Bins) -> BoolArray:
+    """Bins that follow a stretch without any sample."""
+    step = np.diff(bins.start, prepend=bins.start[0] - bins.width)
+    return np.asarray(step > 1.5 * bins.width)
+
+
+def _dilated(flag: BoolArray) -> BoolArray:
+    """One bin more on either side: a bin at the edge of a move may hold its first samples."""
+    wide = flag.copy()
+    wide[1:] |= flag[:-1]
+    wide[:-1] |= flag[1:]
+    return wide

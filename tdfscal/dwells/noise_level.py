@@ -1,0 +1,269 @@
+"""Noise of signals at rest, measured on the log itself: differences of neighbouring window means.
+
+At window lengths of 1, 2, 4 … bins, so that vibration and correlated noise count as what they are;
+and which stops are noisier than most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.dwells.bins import Bins
+from tdfscal.numerics.threads import in_threads
+from tdfscal.records import BoolArray, FloatArray, IntArray
+
+SCALES = 6  # windows of 1 … 32 bins; what is slower is settling or drift, tested per dwell
+_BLOCKS, _BLOCK = 16, 2048  # bins
+_ENOUGH = 8_000  # differences that show the noise
+_MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
+_P90 = 1.6448536269514722  # 90 % quantile of a size / standard deviation, Gaussian
+_SMOOTH = 2.0 * np.sqrt(2.0 ** (SCALES - 1))
+_SOME_BENDS = 100
+_BENDS = 10  # second differences that show how noisy a rest is
+_CREEP = 1.25  # growth from the second longest windows to the longest; settling doubles
+
+
+def runs(flag: BoolArray) -> tuple[IntArray, IntArray]:
+    """First and one-past-last indices of the runs of True."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(np.int8), [0]])))
+    return change[::2], change[1::2]
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """Signals on a common grid: value (A, B), one row per axis, gaps filled with the last value.
+
+    gap : (B,), no sample there for too long. quantum : (A,), resolution of the readings.
+    """
+
+    value: FloatArray
+    gap: BoolArray
+    quantum: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviation of the difference of neighbouring window means, (scales, A).
+
+    smooth : (A,), the longest differences follow each other alike, as those of settling do, rather
+    than at random.
+    """
+
+    difference: FloatArray
+    quantum: FloatArray
+    smooth: BoolArray
+
+    def times(self, factor: FloatArray) -> Noise:
+        """The noise of each axis (A,) times a factor."""
+        return replace(self, difference=self.difference * factor)
+
+    def of_mean(self, length: IntArray | int) -> FloatArray:
+        """Standard deviation of a window's mean, length(s) in bins → (..., A).
+
+        Beyond the largest measured scale the noise is taken as uncorrelated.
+        """
+        n = np.maximum(length, 1.0)
+        level = np.minimum(np.log2(n).astype(np.int64), len(self.difference) - 1)
+        ratio = np.sqrt(2.0**level / (2.0 * n))
+        return np.asarray(self.difference[level] * ratio[..., None])
+
+
+def signals(bins: Bins, streams: slice) -> Signals:
+    """The bin means of some streams as (A, B) rows; a row of gap is put where time jumps."""
+    value = bins.mean.transpose(1, 2, 0)[streams].reshape(-1, len(bins))
+    gap = np.zeros(len(bins), dtype=np.bool_)
+    empty = np.flatnonzero((bins.count[:, streams] == 0).any(axis=0))
+    if len(empty):
+        value = value.copy()  # it was a view of the bins
+    for stream in empty:
+        present = bins.count[:, streams][:, stream] > 0
+        known = np.maximum.accumulate(np.where(present, np.arange(len(bins)), -1))
+        rows = value[3 * stream : 3 * stream + 3]
+        held = rows[:, np.maximum(known, 0)]
+        rows[:] = np.where(np.isfinite(held), held, 0.0)
+        age = np.where(known >= 0, bins.start - bins.start[known], np.inf)
+        silent = age > max(10.0 * bins.period[streams][stream], 3.0 * bins.width)
+        gap |= _back_to_last_sample(silent, present)
+    return Signals(value, gap, bins.quantum[streams].ravel())
+
+
+def _back_to_last_sample(silent: BoolArray, present: BoolArray) -> BoolArray:
+    """Extend each silence back over the empty bins before it was noticed."""
+    group = np.cumsum(present)
+    hit = np.zeros(group[-1] + 1 if len(group) else 0, dtype=np.bool_)
+    hit[group[silent]] = True
+    return np.asarray(~present & hit[group])
+
+
+def differences(row: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    """(W, D) with D[i] = mean(row[i+W : i+2W]) − mean(row[i : i+W]); exact for constant rows.
+
+    D is good until the next is taken; it may be changed in place.
+    """
+    mean, width = row, 1
+    difference, *spare = (np.empty(len(row)) for _ in range(3))
+    for scale in range(SCALES):
+        size = len(mean) - width
+        if size <= 0:
+            return
+        yield width, np.subtract(mean[width:], mean[:size], out=difference[:size])
+        wider = np.add(mean[width:], mean[:size], out=spare[scale % 2][:size])
+        wider *= 0.5
+        mean = wider
+        width *= 2
+
+
+def clean(marked: BoolArray, length: int) -> BoolArray:
+    """[i] : no marked bin in [i, i + length)."""
+    total = np.concatenate([[0], np.cumsum(marked)])
+    return np.asarray(total[length:] == total[:-length])
+
+
+def difference_noise(signal: Signals, marked: BoolArray) -> Noise:
+    """Robust noise of the differences over the bins that are not marked."""
+    signal, marked = blocks(signal, marked)
+    axes = len(signal.value)
+    result = np.full((SCALES, axes), np.nan)
+    some = []
+    follow: tuple[int, IntArray] | None = None
+    for scale in range(SCALES):
+        index = np.flatnonzero(clean(marked, 2 ** (scale + 1)))
+        some.append(index[:: max(len(index) // _ENOUGH, 1)])
+        index = np.flatnonzero(clean(marked, 3 * 2**scale))
+        if len(index) >= 8:
+            follow = scale, index[:: max(len(index) // _ENOUGH, 1)]
+    smooth = np.ones(axes, dtype=np.bool_)
+
+    def measure(axis: int) -> None:
+        for scale, (width, difference) in enumerate(differences(signal.value[axis])):
+            if len(some[scale]) >= 8:
+                result[scale, axis] = _spread(np.abs(difference[some[scale]]), signal.quantum[axis])
+            if follow is not None and follow[0] == scale:
+                first, second = difference[follow[1]], difference[follow[1] + width]
+                smooth[axis] = np.median(np.abs(second - first)) < np.median(np.abs(first))
+
+    in_threads(measure, range(axes))
+    for scale in range(SCALES):
+        missing = np.isnan(result[scale])
+        white = result[scale - 1] / np.sqrt(2.0) if scale else np.zeros(axes)
+        result[scale, missing] = white[missing]
+    return Noise(result, signal.quantum, smooth)
+
+
+def _spread(size: FloatArray, quantum: float) -> float:
+    """Standard deviation of differences of some size (N,).
+
+    Most differences of readings that are coarser than their noise are zero, or one step, whatever
+    the noise: then the larger ones tell.
+    """
+    half, most = len(size) // 2, 9 * len(size) // 10
+    ranked = np.partition(size, (half, most))
+    middle = _MAD * float(ranked[half])
+    return middle if middle >= quantum else max(middle, float(ranked[most]) / _P90)
+
+
+def blocks(signal: Signals, base: BoolArray) -> tuple[Signals, BoolArray]:
+    """Evenly spread blocks of a long log, each parted from the next by a bin that is out."""
+    count = len(base)
+    if count <= _BLOCKS * _BLOCK:
+        return signal, base
+    begin = np.linspace(0, count - _BLOCK, _BLOCKS).round().astype(np.int64)
+    rows = (begin[:, None] + np.arange(_BLOCK)).ravel()
+    out = base[rows]
+    out[::_BLOCK] = True
+    return Signals(signal.value[:, rows], signal.gap[rows], signal.quantum), out
+
+
+@dataclass(frozen=True, slots=True)
+class NoisierStops:
+    """Stretches of rest [first, last), (R,), whose noise exceeds that of most by factor (R, A)."""
+
+    first: IntArray
+    last: IntArray
+    factor: FloatArray
+
+    def at(self, bin_: int) -> FloatArray:
+        """The factor at a bin, (A,); 1 outside of all stretches."""
+        k = int(np.searchsorted(self.first, bin_, side="right")) - 1
+        inside = k >= 0 and bin_ < self.last[k]
+        return self.factor[k] if inside else np.ones(self.factor.shape[1])
+
+    def row(self, axis: int, begin: int, end: int) -> FloatArray | None:
+        """The factor of one axis at bins [begin, end); None where it is 1 throughout."""
+        here = (self.last > begin) & (self.first < end)
+        noisier = np.flatnonzero(here & (self.factor[:, axis] > 1.0))
+        if not len(noisier):
+            return None
+        row = np.ones(end - begin)
+        for k in noisier:
+            row[max(self.first[k] - begin, 0) : self.last[k] - begin] = self.factor[k, axis]
+        return row
+
+
+def noisier_stops(signal: Signals, moving: BoolArray) -> NoisierStops:
+    """Rests whose noise exceeds that of most.
+
+    By the lower quartile of the second differences: settling is too smooth to show in it, or too
+    brief.
+    """
+    first, last = runs(~moving)
+    long = last - first >= _BENDS + 2
+    first, last = first[long], last[long]
+    own = np.ones((len(first), len(signal.value)))
+    for k, (a, b) in enumerate(zip(first, last, strict=True)):
+        own[k] = _lower_quartile(signal.value[:, a:b])
+    most = np.median(own, axis=0) if len(own) else np.ones(own.shape[1])
+    ratio = np.divide(own, most, out=np.ones_like(own), where=most > 0)
+    # A quartile of n bends is known to about 1.6/√n.
+    known = 1.0 + 8.0 / np.sqrt(np.minimum(last - first, _SOME_BENDS))
+    return NoisierStops(first, last, np.where(ratio > known[:, None], ratio, 1.0))
+
+
+def _lower_quartile(value: FloatArray) -> FloatArray:
+    """(A,) of the second differences of (A, N), from a share of them where there are many."""
+    step = max((value.shape[1] - 2) // _SOME_BENDS, 1)
+    bend = value[:, 2::step] - 2 * value[:, 1:-1:step] + value[:, :-2:step]
+    some = np.sort(np.abs(bend), axis=1)
+    return np.asarray(some[:, some.shape[1] // 4])
+
+
+def without_creep(noise: Noise) -> Noise:
+    """The noise with what still grows at the longest windows replaced by uncorrelated noise.
+
+    Vibration and correlated noise average out in long windows. Differences that grow to the end
+    are settling that fills the stops, and would hide itself if it counted as noise.
+    """
+    difference = noise.difference.copy()
+    scales = len(difference)
+    growing = noise.smooth & (difference[-1] > _CREEP * difference[-2])
+    lowest = np.full(difference.shape[1], scales - 1)
+    for scale in range(scales - 1, 0, -1):
+        growing &= difference[scale] > difference[scale - 1]
+        lowest[growing] = scale - 1
+    for axis in np.flatnonzero(lowest < scales - 1):
+        beyond = np.arange(lowest[axis] + 1, scales)
+        difference[beyond, axis] = difference[lowest[axis], axis] * 2.0 ** (
+            -0.5 * (beyond - lowest[axis])
+        )
+    return replace(noise, difference=difference)
+
+
+def travels(noise: Noise) -> bool:
+    """Is even the quietest part of the log a smooth motion?
+
+    Differences of windows grow like W in a motion, like √W at most in noise.
+    """
+    short = np.maximum(noise.difference[0], noise.quantum)
+    return bool(np.any(noise.difference[-1] > _SMOOTH * short + 1e-300))
+
+
+def together(first: Noise, second: Noise) -> Noise:
+    """The noise of the axes of both."""
+    return Noise(
+        np.concatenate([first.difference, second.difference], axis=1),
+        np.concatenate([first.quantum, second.quantum]),
+        np.concatenate([first.smooth, second.smooth]),
+    )
