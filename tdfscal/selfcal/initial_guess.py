@@ -17,7 +17,8 @@ class LinearData:
     """What the linear method takes as given; every array may carry leading batch axes.
 
     load : (..., K, n, 3), f_i − z_i, N. pose : (..., K, 3, 3), R. weight : (..., 3), G, N, BCS.
-    hinge : (n, 3). barycentre : (..., 3), m, LCS.
+    hinge : (..., n, 3), barycentre : (..., 3), m, LCS. moment : (..., K, 3), N·m, LCS, of what else
+    acts on the terminal; 0 where nothing is known of it.
     """
 
     load: FloatArray
@@ -25,6 +26,7 @@ class LinearData:
     weight: FloatArray
     hinge: FloatArray
     barycentre: FloatArray
+    moment: FloatArray
 
 
 def linear_data(rig: Rig, postures: Postures) -> LinearData:
@@ -36,6 +38,7 @@ def linear_data(rig: Rig, postures: Postures) -> LinearData:
         weight=state.mass * gravity(state, rig.gravity),
         hinge=rig.hinge,
         barycentre=rig.barycentre.value,
+        moment=np.zeros((len(postures), 3)),
     )
 
 
@@ -45,10 +48,10 @@ def moment_rows(data: LinearData) -> tuple[FloatArray, FloatArray]:
     Returns (..., 3K, 9n) and (..., 3K), moments about the LCS origin.
     """
     Rt = np.swapaxes(data.pose, -1, -2)
-    lever = so3.hat(data.hinge) @ Rt[..., None, :, :]  # r̂_i Rᵀ
+    lever = so3.hat(data.hinge)[..., None, :, :, :] @ Rt[..., None, :, :]  # r̂_i Rᵀ
     rows = np.einsum("...knac,...knd->...kancd", lever, data.load)
     down = Rt @ data.weight[..., None, :, None]  # Rᵀ G
-    right = -(so3.hat(data.barycentre)[..., None, :, :] @ down)[..., 0]
+    right = -(so3.hat(data.barycentre)[..., None, :, :] @ down)[..., 0] - data.moment
     batch, (K, n) = rows.shape[:-5], data.load.shape[-3:-1]
     return rows.reshape(*batch, 3 * K, 9 * n), right.reshape(*batch, 3 * K)
 

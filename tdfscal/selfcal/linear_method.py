@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.model.parameters import nominal, prior_std
-from tdfscal.model.statics import Postures
+from tdfscal.model.parameters import layout, nominal, prior_std, symmetric
+from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import FloatArray, Rig
@@ -74,9 +74,11 @@ def _T(matrix: FloatArray) -> FloatArray:
 def _perturbed(fit: Fit, rng: np.random.Generator, trials: int) -> LinearData:
     """Draw all inputs of the linear method; what is unknown keeps its stated value."""
     rig, seen, given = fit.rig, fit.postures, linear_data(fit.rig, fit.postures)
+    std, place = prior_std(rig, seen.motion), layout(rig.n, seen.motions)
 
-    def draw(std: FloatArray) -> FloatArray:
-        return rng.standard_normal((trials, *np.shape(std))) * np.where(np.isfinite(std), std, 0.0)
+    def draw(group: str, *shape: int) -> FloatArray:
+        own = np.where(np.isfinite(std[place[group]]), std[place[group]], 0.0)
+        return (rng.standard_normal((trials, len(own))) * own).reshape(trials, *shape)
 
     noise = np.einsum(
         "knab,tknb->tkna",
@@ -84,15 +86,46 @@ def _perturbed(fit: Fit, rng: np.random.Generator, trials: int) -> LinearData:
         rng.standard_normal((trials, *seen.force.shape)),
         optimize=True,
     )
-    turn = np.einsum(
+    zero = draw("zero", rig.n, 3)[:, None]
+    if seen.motion is not None:
+        moving = draw("drift", seen.motions, rig.n, 3)
+        zero = zero + np.einsum("kng,tgna->tkna", seen.motion.value, moving)
+    mixed = np.eye(3) + symmetric(draw("sensitivity", rig.n, 6))  # (T, n, 3, 3)
+    hinge = draw("hinge", rig.n, 3)
+    shift = _shift(fit, hinge, draw("datum", rig.n, 3), draw("compliance", 2))
+    turn = np.einsum("knab,tknb->tka", _turn_by_position(fit), shift, optimize=True)
+    turn += np.einsum(
         "kab,tkb->tka",
         covariance_root(fit.at.turn_cov),
         rng.standard_normal((trials, len(seen), 3)),
     )
+    tilt = np.concatenate([draw("tilt", 2), np.zeros((trials, 1))], axis=1)
+    weight = given.weight * (1 + draw("mass") / rig.mass.value)[:, None]
     return LinearData(
-        load=given.load + noise - draw(rig.zero.std)[:, None],
+        load=np.einsum("tnab,knb->tkna", mixed, given.load) + noise - zero,
         pose=so3.exp(turn) @ given.pose,
-        weight=given.weight * (1 + draw(rig.mass.std) / rig.mass.value)[:, None],
-        hinge=given.hinge,
-        barycentre=given.barycentre + draw(rig.barycentre.std),
+        weight=np.einsum("tab,tb->ta", so3.exp(tilt), weight),
+        hinge=given.hinge + hinge,
+        barycentre=given.barycentre + draw("barycentre", 3),
+        moment=np.sqrt(seen.moment_var) * rng.standard_normal((trials, len(seen), 3)),
     )
+
+
+def _shift(fit: Fit, hinge: FloatArray, datum: FloatArray, compliance: FloatArray) -> FloatArray:
+    """Displacement (T, K, n, 3), m, BCS, of the positions on which the hinges are registered.
+
+    hinge, datum : (T, n, 3), errors. compliance : (T, 2), sideways and along Z, m/N: the encoder
+    stands C F ahead of the hinge.
+    """
+    F = forces(fit.state, fit.at.seen.force)
+    moved = np.einsum("kab,tnb->tkna", fit.at.rotation, hinge) + datum[:, None]
+    given: FloatArray = compliance[:, None, None, [0, 0, 1]] * F
+    return -(moved + given)
+
+
+def _turn_by_position(fit: Fit) -> FloatArray:
+    """Rotation of the registered pose for a displacement of each position, (K, n, 3, 3), rad/m."""
+    arm = fit.at.arm
+    spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
+    inertia = np.einsum("knca,kncb->kab", spoke, spoke)
+    return np.linalg.solve(inertia[:, None], spoke)

@@ -68,3 +68,15 @@ def test_an_undeclared_gain_is_found() -> None:
     options = Options(squeeze=100.0, faults=Faults(gains=(Gain(0, (0.01, 0.01, 0.01)),)))
     seen = study(simulation.reference_rig(), options, seed=1, trials=4)
     assert all("residuals" in r.reasons[0] for r in seen.results)
+
+
+def test_the_linear_method_states_every_declared_input() -> None:
+    """Hinges, datums, gain, friction, level and compliance together, each larger than the noise."""
+    from benchmarks.linear_inputs import declared, distances
+
+    rig = declared(
+        hinge=2e-4, datum=2e-4, force_sensitivity=2e-3, hinge_moment=0.05, compliance_vertical=1e-7
+    )
+    runs = 12
+    found, _ = distances(replace(rig, gravity_tilt_std=1e-3), runs, trials=200, seed=1)
+    assert within(9 * float(np.sum(found)), stats.chi2, 9 * runs)
