@@ -28,6 +28,8 @@ MOST_REJECTED: Final = 0.10
 #: That the less likely of two mountings is the true one: both are named, and neither is chosen, as
 #: long as it is likelier than this. Half a turn is a crash, not an error of measurement.
 AMBIGUOUS_MOUNTING: Final = 1e-6
+#: That a faultless campaign is weighted by unequal noise of its channels, which costs it little.
+UNEQUAL_NOISE: Final = 2e-3
 #: That a faultless campaign raises any suspicion of an undeclared error (score tests): low enough
 #: that one campaign in a hundred at most is questioned for nothing.
 UNDECLARED_ERROR: Final = 0.008

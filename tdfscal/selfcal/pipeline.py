@@ -27,6 +27,7 @@ from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import MonteCarlo, simulate
 from tdfscal.selfcal.mounting_search import Rival, describe
+from tdfscal.selfcal.noise_components import ChannelNoise, channel_noise, scaled
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.outliers import Rejection, RobustFit, fit_robust
 from tdfscal.selfcal.preparation import usable_postures
@@ -101,8 +102,12 @@ def self_calibrate(
     index, observed, measured_noise = usable.index, usable.postures, usable.measured_noise
     found: tuple[Rejection, ...] = ()
     near: tuple[Rival, ...] = ()
+    channels: ChannelNoise | None = None
     if estimator == "ml":
         robust = _fit(rig, observed, usable.start)
+        channels = None if measured_noise else channel_noise(robust.fit)
+        if channels is not None:
+            robust = _fit(rig, scaled(observed, channels), robust.fit.state)
         result, found, near = robust.fit, robust.rejections, robust.rivals
         parts = information_root(result)
         stats = quality(result, parts)
@@ -183,6 +188,7 @@ def self_calibrate(
             doubts,
             steady,
             seen,
+            channels,
             measured_noise=measured_noise,
         ),
     )
@@ -238,6 +244,7 @@ def _warnings(
     doubts: tuple[Suspicion, ...],
     steady: Stability,
     seen: Observability,
+    channels: ChannelNoise | None,
     *,
     measured_noise: bool,
 ) -> tuple[str, ...]:
@@ -246,6 +253,8 @@ def _warnings(
     if turned := log_against_rig.turned(rig, dwells.position):
         found.append(turned)
     found += _turned_sensors(rig, state)
+    if channels is not None:
+        found.append(channels.text(rig.supports))
     if seen.undetermined:
         found.append(
             f"{', '.join(seen.undetermined)}: the axes that are measured leave the mounting of the "

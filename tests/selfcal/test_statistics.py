@@ -11,7 +11,7 @@ from scipy import stats
 from tdfscal import simulation
 from tdfscal.model.statics import postures
 from tdfscal.selfcal.initial_guess import linear_data, linear_rotations
-from tdfscal.simulation import Faults, Gain, Options
+from tdfscal.simulation import Faults, Gain, Options, Recorder
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study, turns
 
 #: A test fails by chance once in this many times the number of its checks.
@@ -80,3 +80,24 @@ def test_the_linear_method_states_every_declared_input() -> None:
     runs = 12
     found, _ = distances(replace(rig, gravity_tilt_std=1e-3), runs, trials=200, seed=1)
     assert within(9 * float(np.sum(found)), stats.chi2, 9 * runs)
+
+
+def test_one_noisy_sensor_is_named_and_weighted() -> None:
+    """Six times the stated noise in one sensor: covered, named, and the others keep their weight."""
+    from benchmarks.noise import drawn, noisy
+    from tdfscal.selfcal.pipeline import self_calibrate
+
+    rig, runs = simulation.reference_rig(), 10
+    rig = replace(rig, declared=replace(rig.declared, force_noise=0.0))
+    options = replace(SQUEEZED, recorder=Recorder(mean_sd=1e-6))
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(3), runs)
+    rng, total = np.random.default_rng(4), 0.0
+    for i in range(runs):
+        dwells = noisy(batch.dwells(i), drawn("one sensor 6 times", rng, 24, 3))
+        result = self_calibrate(rig, dwells, rng=rng, max_trials=0)
+        said = next(text for text in result.warnings if "more noise than is stated" in text)
+        assert "ncp1" in said
+        assert not result.reasons
+        d = turns(batch.truth.rotation[i], result.fit.state.rotation)
+        total += float(d @ np.linalg.solve(result.uncertainty.covariance, d))
+    assert within(total, stats.chi2, 9 * runs)
