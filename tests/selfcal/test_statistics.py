@@ -83,7 +83,7 @@ def test_the_linear_method_states_every_declared_input() -> None:
 
 
 def test_one_noisy_sensor_is_named_and_weighted() -> None:
-    """Six times the stated noise in one sensor: covered, named, and the others keep their weight."""
+    """Six times the stated noise in one sensor: covered, named, the others keep their weight."""
     from benchmarks.noise import drawn, noisy
     from tdfscal.selfcal.pipeline import self_calibrate
 
