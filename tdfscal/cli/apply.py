@@ -28,7 +28,10 @@ def apply(
     ] = False,
     filter: Annotated[
         Filter,
-        typer.Option(help="Kalman filter: causal, as a controller's; or smoothed, without delay."),
+        typer.Option(
+            case_sensitive=False,
+            help="Kalman filter: causal, as a controller's; or smoothed, without delay.",
+        ),
     ] = "none",
     walk: Annotated[
         float | None,

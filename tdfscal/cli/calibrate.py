@@ -25,14 +25,22 @@ def calibrate(
     paths: Paths,
     rig: RigFile = None,
     method: Annotated[
-        Method | None, typer.Option(help="Default: self where there is a log, else tracker.")
+        Method | None,
+        typer.Option(
+            case_sensitive=False, help="Default: self where there is a log, else tracker."
+        ),
     ] = None,
     samples: Annotated[
         Samples | None,
-        typer.Option(help="Default: static where there are dwells enough, else moving."),
+        typer.Option(
+            case_sensitive=False, help="Default: static where there are dwells enough, else moving."
+        ),
     ] = None,
     estimator: Annotated[
-        Estimator, typer.Option(help="Maximum likelihood, or the paper's linear method.")
+        Estimator,
+        typer.Option(
+            case_sensitive=False, help="Maximum likelihood, or the paper's linear method."
+        ),
     ] = "ml",
     trials: Annotated[
         int | None, typer.Option(min=0, help="Monte Carlo trials at most; 0 for none.")

@@ -16,7 +16,7 @@ Target = Literal["urdf", "ros", "csv", "c", "dcc"]
 @app.command()
 def export(
     calibration: CalibrationFile,
-    to: Annotated[Target, typer.Option("--to", help="Format.")],
+    to: Annotated[Target, typer.Option("--to", case_sensitive=False, help="Format.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="Default: stdout (-).")
     ] = Path("-"),

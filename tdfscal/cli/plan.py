@@ -58,7 +58,8 @@ def plan(
     ] = None,
     candidates: Annotated[int, typer.Option(min=1, help="Postures to choose from.")] = 1000,
     objective: Annotated[
-        Objective, typer.Option(help="The quantity whose uncertainty is minimised.")
+        Objective,
+        typer.Option(case_sensitive=False, help="The quantity whose uncertainty is minimised."),
     ] = "angles",
     at: Annotated[
         str | None,

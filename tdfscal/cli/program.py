@@ -62,7 +62,7 @@ def _usage(error: Exception) -> str:
     if said.startswith("Usage:"):
         return f"no command is given\n\n{said}"
     path = getattr(getattr(error, "ctx", None), "command_path", "tdfscal")
-    said = " ".join(said.split()).rstrip(".").replace("'?", "'")
+    said = " ".join(said.split()).rstrip(".").replace("'?", "'").replace(": Value error, ", ": ")
     return f"{said}. Try '{path} --help'."
 
 

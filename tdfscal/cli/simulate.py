@@ -23,7 +23,9 @@ def simulate(
             help="self, tracker, months, motion, approach, or a fault; an unknown name lists all."
         ),
     ] = "self",
-    format: Annotated[LogFormat, typer.Option(help="Format of the log.")] = "csv",
+    format: Annotated[
+        LogFormat, typer.Option(case_sensitive=False, help="Format of the log.")
+    ] = "csv",
     postures: Annotated[int, typer.Option(min=1, help="Number of postures.")] = 24,
     tilt: Annotated[float, typer.Option(help="Largest tilt, degrees.")] = 5.0,
     squeeze: Annotated[float, typer.Option(help="Commanded internal forces, N.")] = 200.0,

@@ -38,12 +38,16 @@ Drift = Annotated[
     float, typer.Option(metavar="N", min=0, help="Std of the zeros' drift since the calibration.")
 ]
 Tare = Annotated[bool, typer.Option(help="Tare the wrench at the start.")]
-Filtered = Annotated[Filter, typer.Option("--filter", help="Kalman filter of the sensors.")]
+Filtered = Annotated[
+    Filter, typer.Option("--filter", case_sensitive=False, help="Kalman filter of the sensors.")
+]
 Walking = Annotated[
     float | None,
     typer.Option("--walk", metavar="N", help="What a force may walk by in 1 s, for it; 15 N."),
 ]
-Logs = Annotated[LogFormat | None, typer.Option("--logs", help="Write each run's log.")]
+Logs = Annotated[
+    LogFormat | None, typer.Option("--logs", case_sensitive=False, help="Write each run's log.")
+]
 
 
 def _perform(name: str, options: dict[str, Any]) -> int:

@@ -187,3 +187,11 @@ def test_refusals(
     done = run(capsys, "export", saved(PLAIN, tmp_path, "c.yaml"), *arguments)
     assert done.status == status
     assert done.out == ""
+
+
+def test_choices_know_no_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = saved(PLAIN, tmp_path, "c.yaml")
+    lower, upper = (run(capsys, "export", path, "--to", to) for to in ("csv", "CSV"))
+    assert (upper.status, upper.out) == (0, lower.out)
+    wrong = run(capsys, "export", path, "--to", "gazebo")
+    assert "'--to': 'gazebo' is not one of 'urdf'" in wrong.err
