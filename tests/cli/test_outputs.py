@@ -31,6 +31,10 @@ PLACES = [
     (f"plan C -o OUT {FAST}", ".csv"),
     (f"plan C/rig.yaml -o OUT --given C {FAST}", ".csv"),
     ("report own.yaml --html OUT", ".html"),
+    ("update own.yaml C -o OUT --trials 0", ".yaml"),
+    ("update own.yaml C --html OUT -o new.yaml", ".html"),
+    ("monitor own.yaml C --html OUT", ".html"),
+    ("init C -o OUT", ".yaml"),
     ("export own.yaml --to csv -o OUT", ".csv"),
 ]
 CAMPAIGN = ("C/log.parquet", "C/rig.yaml", "C/tracker/moves.csv", "C/tracker/nominal.csv")
