@@ -65,8 +65,6 @@ KINDS: dict[str, Callable[[Random], Recipe]] = {
         rng, quantum=_log(rng, 5e-7, 5e-6), position_noise=_log(rng, 1e-7, 1e-6)),
     "forces rounded to 0.2 to 1 N": lambda rng: _usual(
         rng, force_quantum=_log(rng, 0.2, 1.0), force_noise=_log(rng, 0.2, 1.0)),
-    "forces rounded to 3 to 6 times their noise": lambda rng: _usual(
-        rng, force_quantum=1.0, force_noise=1.0 / _log(rng, 3.0, 6.0)),
     "settling, 0.1 to 3 s": lambda rng: _settling(rng, 0.0, _log(rng, 0.1, 3.0)),
     "ringing, 0.3 to 1 Hz": lambda rng: _settling(
         rng, _log(rng, 0.3, 1.0), _log(rng, 0.5, 3.0)),
@@ -183,6 +181,9 @@ FAULTS: dict[str, Callable[[Random], Recorded]] = {
     "some stops four times as noisy": _noisy_stops,
     "encoders that miscount samples": _wrong_samples,
     "never at rest": _never_at_rest,
+    "forces rounded to 3 to 6 times their noise": lambda rng: record(
+        _usual(rng, force_quantum=1.0, force_noise=1.0 / _log(rng, 3.0, 6.0))
+    ),
     "ringing, four stops": _few_ringing,
     "settling that fills the stops": lambda rng: _filled(rng, 0.0),
     "ringing that fills the stops": lambda rng: _filled(rng, _log(rng, 0.2, 1.0)),
