@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.model import dynamics
 from tdfscal.motioncal.blocks import SHORTEST, Block, ComplexArray, blocks
 from tdfscal.motioncal.estimator import (
     MovingFit,
@@ -28,12 +29,15 @@ class Halves:
     """Do the two halves of a log give the same rotations?
 
     turn, std : (n, 3), rad, from the first half to the second, BCS. p_value : that chance alone
-    gives more; 1 where a half is too short to tell.
+    gives more; 1 where a half is too short to tell. delay, delay_std : s, change of the delay
+    between forces and positions.
     """
 
     turn: FloatArray
     std: FloatArray
     p_value: float
+    delay: float = 0.0
+    delay_std: float = np.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,8 @@ def compare_halves(fit: MovingFit, keep: BoolArray, delay: UncertainValue) -> Ha
     both = replace(both, still_residual=fit.still_residual, still_jacobian=fit.still_jacobian)
     later = np.zeros((len(both.residual), 1))
     later[both.rows.place[len(first)].start :] = 1.0
-    turned = both.jacobian[:, : 3 * n] * later
+    timed = both.jacobian[:, -1:] if priors.free[dynamics.DELAY] else later[:, :0]
+    turned = np.concatenate([timed, both.jacobian[:, : 3 * n]], axis=1) * later
     weight = weights(both.rows.bins, both.noise.variance(both.rows.bins))
     _, extra = stacked(np.concatenate([both.residual[:, None], turned], axis=1), weight)
     r, j = both.whitened()
@@ -83,8 +88,13 @@ def compare_halves(fit: MovingFit, keep: BoolArray, delay: UncertainValue) -> Ha
     cov = (parts.root @ parts.root.T)[-3 * n :, -3 * n :]
     if np.abs(parts.null[:, -3 * n :]).max(initial=0.0) > 1e-6:
         return none
+    column = -3 * n - 1
     p = float(chi2_sf(change @ np.linalg.solve(cov, change), 3 * n))
-    return Halves(change.reshape(n, 3), np.sqrt(np.diag(cov)).reshape(n, 3), p)
+    turns = Halves(change.reshape(n, 3), np.sqrt(np.diag(cov)).reshape(n, 3), p)
+    if not timed.shape[1] or np.abs(parts.null[:, column]).max(initial=0.0) > 1e-6:
+        return turns
+    spread = float(np.sqrt(parts.root[column] @ parts.root[column]))
+    return replace(turns, delay=float(parts.solve(r)[column]), delay_std=spread)
 
 
 def hold_out(

@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import log_against_rig
-from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import State, nominal, parameter_count, starting_state, with_motions
@@ -217,6 +217,14 @@ def _judged(
         )
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, delay)
+    if abs(halves.delay) > float(normal_quantile(1 - CHANGED_RIG / 2)) * halves.delay_std:
+        raise DataError(
+            "the delay between forces and positions changes within the log, by "
+            f"{1e3 * halves.delay:.3g} ± {1e3 * halves.delay_std:.2g} ms from its first to its "
+            "second half: a clock was set anew, or samples are missing in one stream",
+            where="log",
+            hint="calibrate each half alone, and check the recorder's clocks",
+        )
     start = MovingState(
         nominal(rig, fit.state.still.motions),
         dynamics.prior(rig, float(delay.value), float(delay.std))[0],

@@ -71,3 +71,12 @@ def test_a_log_that_cannot_do_it_says_why(
 ) -> None:
     with pytest.raises(error, match=word):
         calibrated(options)
+
+
+def test_positions_that_fall_behind_from_the_middle_on_are_refused() -> None:
+    campaign, slow, _ = played(MINUTE, 5)
+    half, lag = len(slow.time) // 2, 2  # 0.1 s
+    position = slow.position.copy()
+    position[half + lag :] = slow.position[half:-lag]
+    with pytest.raises(DataError, match="delay"):
+        calibrate_moving(campaign.rig, replace(slow, position=position), NOTHING)
