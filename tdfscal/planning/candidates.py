@@ -20,6 +20,8 @@ _MARGIN = 3.0
 #: Share of the candidates whose lean, and whose squeeze, is on the limit: good plans live there.
 _AT_THE_LIMIT = 0.8
 _ROUNDING = 1e-9
+#: Projections on the internal forces and onto the limit, in turn, until both hold.
+_PROJECTIONS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,41 @@ class Candidates:
             self.rotation[which], self.place[which], self.carried[which], self.squeeze[which]
         )
 
+    def replaced(self, others: Candidates, index: IntArray) -> Candidates:
+        """Put others[index[k]] in the place of posture k; −1 keeps it."""
+        new = index >= 0
+        values = []
+        for own, other in zip(self._arrays, others._arrays, strict=True):
+            values.append(own.copy())
+            values[-1][new] = other[index[new]]
+        return Candidates(*values)
+
+    @property
+    def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        return self.rotation, self.place, self.carried, self.squeeze
+
+
+@dataclass(frozen=True, slots=True)
+class Commanded:
+    """N postures as wished for, inside the limits or not.
+
+    turn : (N,), about the vertical, and lean : (N, 2), about horizontal axes of the LCS, rad;
+    the rotation is exp(turn z) exp(lean). squeeze : (N, n, 3), N, BCS, forces of which only the
+    internal part acts.
+    """
+
+    turn: FloatArray
+    lean: FloatArray
+    squeeze: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Realised:
+    """Postures inside the limits, nearest to those wished for; kept : which of these exist."""
+
+    postures: Candidates
+    kept: IntArray
+
 
 def draw(
     rig: Rig, limits: Limits, count: int, rng: np.random.Generator, *, extremes: bool = True
@@ -69,19 +106,50 @@ def draw(
     azimuth = rng.uniform(-np.pi, np.pi, count)
     turn = rng.uniform(-1.0, 1.0, count)
     turn = limits.tilt * np.where(at_limit[1], np.sign(turn), turn)
-    axis = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=-1)
+    axis = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     rotation = _within_travel(rig, limits, turn, lean[:, None] * axis)
-    place = limits.home + rig.hinge.mean(axis=0) + displacement(rig, rotation)
-    place += rig.hinge - rig.hinge.mean(axis=0)
-    arm, carried = hanging(rig, rotation)
-    modes = internal_modes(arm)
-    d = modes.shape[1]
-    along = rng.standard_normal((count, d))
+    modes = internal_modes(hanging(rig, rotation)[0])
+    along = rng.standard_normal((count, modes.shape[1]))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     direction = np.einsum("kd,kdna->kna", along, modes)
     radius = np.where(at_limit[2], 1.0, rng.uniform(size=count))
     reach = np.max(np.linalg.norm(direction, axis=2), axis=1)
     squeeze = (limits.squeeze * radius / reach)[:, None, None] * direction
+    return _loaded(rig, limits, rotation, squeeze).postures
+
+
+def realised(rig: Rig, limits: Limits, wish: Commanded) -> Realised | None:
+    """Bring postures inside the limits; None where not one can be.
+
+    Lean and turn are scaled down onto tilt and travel, the squeeze is projected on the internal
+    forces, and each NCP's part of it onto the limit in turn with that.
+    """
+    length = np.linalg.norm(wish.lean, axis=1)
+    shrink = np.minimum(1.0, limits.tilt / np.maximum(length, _ROUNDING))
+    turn = np.clip(wish.turn, -limits.tilt, limits.tilt)
+    rotation = _within_travel(rig, limits, turn, shrink[:, None] * wish.lean)
+    modes = internal_modes(hanging(rig, rotation)[0])
+    squeeze = wish.squeeze
+    for _ in range(_PROJECTIONS):
+        squeeze = np.einsum("kdna,kd->kna", modes, np.einsum("kdna,kna->kd", modes, squeeze))
+        size = np.linalg.norm(squeeze, axis=2, keepdims=True)
+        over = np.maximum(1.0, size / max(limits.squeeze, _ROUNDING))
+        squeeze = squeeze / over
+    squeeze = np.einsum("kdna,kd->kna", modes, np.einsum("kdna,kna->kd", modes, squeeze))
+    reach = np.max(np.linalg.norm(squeeze, axis=2), axis=1)
+    squeeze *= np.minimum(1.0, limits.squeeze / np.maximum(reach, _ROUNDING))[:, None, None]
+    try:
+        found = _loaded(rig, limits, rotation, squeeze)
+    except UsageError:
+        return None
+    return found
+
+
+def _loaded(rig: Rig, limits: Limits, rotation: FloatArray, squeeze: FloatArray) -> Realised:
+    """Postures with as much of the squeeze as the limits leave; those without room drop out."""
+    place = limits.home + rig.hinge.mean(axis=0) + displacement(rig, rotation)
+    place += rig.hinge - rig.hinge.mean(axis=0)
+    _, carried = hanging(rig, rotation)
     margin = _MARGIN * limits.repeatability_force(rig)
     room = np.minimum(
         _room_in_force(carried, squeeze, limits.force - margin),
@@ -90,7 +158,7 @@ def draw(
     _check_weight(rig, limits, carried, room, margin)
     keep = np.flatnonzero(room >= 0.0)
     squeeze = squeeze * np.minimum(room, 1.0)[:, None, None]
-    return Candidates(rotation, place, carried, squeeze).take(keep)
+    return Realised(Candidates(rotation, place, carried, squeeze).take(keep), keep)
 
 
 def hanging(rig: Rig, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -102,8 +170,9 @@ def hanging(rig: Rig, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _within_travel(rig: Rig, limits: Limits, turn: FloatArray, lean: FloatArray) -> FloatArray:
-    """Rotations (N, 3, 3) of turn (N,) and lean (N, 3), both scaled down where travel ends."""
+    """Rotations (N, 3, 3) of turn (N,) and lean (N, 2), both scaled down where travel ends."""
     scale = np.ones(len(turn))
+    lean = np.concatenate([lean, np.zeros((len(lean), 1))], axis=1)
     upright = np.array([0.0, 0.0, 1.0])
     for _ in range(8):  # the way grows almost linearly with the angles
         R = so3.exp((scale * turn)[:, None] * upright) @ so3.exp(scale[:, None] * lean)

@@ -19,6 +19,7 @@ from tdfscal.planning.predicted_information import (
     widened,
     wrench_rows,
 )
+from tdfscal.planning.refinement import refine
 from tdfscal.records import ANGLES, FloatArray, IntArray, Rig
 from tdfscal.selfcal.covariance import faked_information
 from tdfscal.selfcal.estimator import Fit
@@ -117,12 +118,29 @@ class Planner:
         L = angle_rows(self.sight)
         return float(np.sqrt(np.einsum("rp,pq,rq->r", L, C, L).max()))
 
+    def _refined(self, count: int) -> tuple[Candidates, int]:
+        """Choose and move freely: from the pool's best, and from postures anywhere."""
+        index, returns = self.select(count)
+        limits, starts = self.request.limits, [self.pool.take(index)]
+        anywhere = draw(self.rig, limits, 4 * len(index), self.rng, extremes=False)
+        if len(anywhere) >= len(index):
+            starts.append(anywhere.take(np.arange(len(index))))
+        base = self.held + count * self.scatter
+        found = [
+            refine(self.sight, limits, start, base, self.objective, self.rng) for start in starts
+        ]
+        values = []
+        for postures in found:
+            J = self.sight.rows(postures)
+            C = inverse(base + np.einsum("kmp,kmq->pq", J, J))
+            values.append(np.einsum("rp,pq,rq->", self.objective, C, self.objective))
+        return found[int(np.argmin(values))], returns
+
     def plan(self, count: int) -> Plan:
         """Choose, order and judge."""
         if count < 1:
             raise UsageError(f"{count} postures are asked for", hint="ask for one or more")
-        index, returns = self.select(count)
-        distinct = self.pool.take(index)
+        distinct, returns = self._refined(count)
         order = with_returns(short_tour(distances(distinct.place), 0), returns)
         postures = distinct.take(order)
         expected = self.forecast(postures)

@@ -22,7 +22,7 @@ def make_plan(
     *,
     given: Fit | None = None,
 ) -> Plan:
-    """Choose postures and squeezes: greedy and exchange over a random pool of candidates.
+    """Choose postures and squeezes: exchange over a random pool, then moved freely.
 
     postures : how many rows to drive, returns included. given : the fit of postures recorded
     already; the plan adds the best next ones.
@@ -58,7 +58,17 @@ def plan_for_target(
             f"{1e3 * target:.3g} mrad is asked for",
             hint="squeeze harder, average longer, or know zeros, mass and barycentre better",
         )
-    return planner.plan(_fewest(planner, target))
+    # The search goes by the pool alone, which is quick; free postures do better by some share.
+    count = _fewest(planner, target)
+    plan = planner.plan(count)
+    share = float(plan.expected.rpy_std.max()) / planner.largest(count)
+    fewer = _fewest(planner, target / min(1.0, share))
+    while fewer < count:
+        better = planner.plan(fewer)
+        if better.expected.rpy_std.max() <= target:
+            return better
+        fewer += 1
+    return plan
 
 
 def _fewest(planner: Planner, target: float) -> int:
