@@ -105,6 +105,12 @@ class Pool:
         dof = sum(m.dof for m in chosen)
         return joint_prior(rig, self.reference, rest, sum(m.chi2 for m in chosen), dof)
 
+    def posterior(self, rig: Rig, index: int) -> Information:
+        """What all campaigns together say of the constants at the time of one."""
+        own = [member.own for member in self.members]
+        steps = walk_steps(rig, self.members, self.walk)
+        return others(own, self.prior, steps)[index] + own[index]
+
     def own_state(self, rig: Rig, index: int) -> tuple[State, State]:
         """What one campaign's own parameters are, and their standard uncertainties, ∞ unknown."""
         member = self.members[index]
@@ -113,9 +119,7 @@ class Pool:
             std = prior_std(rig)
         else:
             state, part = member.fit.state, member.reduced
-            steps = walk_steps(rig, self.members, self.walk)
-            own = [m.own for m in self.members]
-            C = (others(own, self.prior, steps)[index] + own[index]).covariance
+            C = self.posterior(rig, index).covariance
             variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
             std = np.zeros(len(member.fit.active))
             own_places = member.fit.active & ~constants(rig.n, state.motions)
