@@ -11,7 +11,7 @@ from tdfscal.comparison.compatibility import ANGLES, Comparison, History, compar
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.layout import Facts, Report, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, probability
-from tdfscal.significance import COVERAGE_FACTOR
+from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 if TYPE_CHECKING:
     from tdfscal.reporting.figures.style import Drawing
@@ -21,9 +21,9 @@ _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 @dataclass(frozen=True, slots=True)
 class Several:
-    """Calibrations in the order of their creation; letters stand for the files in tables.
+    """Calibrations in the order of measurement; letters stand for the files in tables.
 
-    days : since the first was created.
+    days : since the first was measured.
     """
 
     names: tuple[str, ...]
@@ -34,12 +34,13 @@ class Several:
 
     @property
     def agrees(self) -> bool:
-        """Every later one is compatible with the first."""
-        return all(step.verified for step in self.history.against_first)
+        """Every later one is compatible with the first, at one level for all (Bonferroni)."""
+        pairs = self.history.against_first
+        return min(pair.p_value for pair in pairs) * len(pairs) >= INCOMPATIBLE
 
 
 def put_side_by_side(calibrations: Sequence[tuple[str, Calibration]]) -> Several:
-    """Order by the time of creation and compare.
+    """Order by the date of measurement and compare.
 
     Raises DataError where there is one only, or where their supports differ.
     """
@@ -63,7 +64,7 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
         subtitle=f"{len(view.names)} calibrations side by side, oldest first",
         verdict="COMPATIBLE" if view.agrees else "NOT COMPATIBLE",
         accepted=view.agrees,
-        reasons=tuple(step.verdict for step in view.history.against_first),
+        reasons=tuple(step.verdict for step in view.history.against_first if not step.verified),
         sections=(
             Section("Calibrations", (Facts(_files(view)),)),
             *illustrated(drawings, {}),
@@ -116,12 +117,14 @@ def comparison_document(c: Comparison, names: dict[str, str]) -> dict[str, Any]:
         "difference_rpy": c.rpy.tolist(),
         "difference_rpy_std": c.rpy_std.tolist(),
         "en": c.en.tolist(),
+        "detectable_rpy": c.detectable.tolist(),
         "rotation_vector": c.rotation_vector.tolist(),
     }
 
 
 def _instant(c: Calibration) -> datetime:
-    return datetime.fromisoformat(c.created)
+    """When it was measured; a file of old says only when it was computed."""
+    return datetime.fromisoformat(c.created if c.measured is None else c.measured.end)
 
 
 _ADVICE = {
@@ -142,7 +145,9 @@ def _warnings(view: Several) -> tuple[str, ...]:
     ]
     if len({c.rig.sha256 for c in view.content}) > 1:
         found.append("the rig files differ between these calibrations")
-    logs = [frozenset(f.sha256 for f in c.inputs) for c in view.content]
+    logs = [
+        frozenset(f.sha256 for part in (c, *c.campaigns) for f in part.inputs) for c in view.content
+    ]
     if any(a & b for i, a in enumerate(logs) for b in logs[i + 1 :]):
         found.append(
             "some share input files: they are not independent, and E_n is then only a guide"
@@ -199,15 +204,17 @@ def comparison_report(c: Comparison) -> Report:
             f"{1e3 * c.rpy[i, j]:+.3f}",
             f"{1e3 * COVERAGE_FACTOR * c.rpy_std[i, j]:.3f}",
             f"{c.en[i, j]:.2f}" + (" !" if c.en[i, j] > 1 else "  "),
+            f"{1e3 * c.detectable[i, j]:.3f}",
         )
         for i, name in enumerate(c.supports)
         for j in range(3)
     )
-    header = ("sensor", "angle", "difference", "U", "E_n  ")
+    header = ("sensor", "angle", "difference", "U", "E_n  ", "detectable")
     caption = f"{c.names[0]} minus {c.names[1]}, mrad; U with k = {COVERAGE_FACTOR:g}"
     together = (
         f"All together: χ² = {c.chi2:.4g} for {c.dof} degrees of freedom, "
-        f"p = {probability(c.p_value)}"
+        f"p = {probability(c.p_value)}. A change of one angle as large as its last column would "
+        f"have been seen with {DETECTION_POWER:.0%} probability."
     )
     return Report(
         title=f"{c.verdict[0].upper()}{c.verdict[1:]}",

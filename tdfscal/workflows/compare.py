@@ -23,14 +23,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CompareResult(Result):
-    """The first calibration against each of the others. pairs : one comparison each."""
+    """The first calibration against each of the others.
+
+    pairs : one comparison each. rejected : names of those that the quality gate rejected.
+    """
 
     pairs: tuple[Comparison, ...]
+    rejected: tuple[str, ...] = ()
 
     @property
     def verified(self) -> bool:
         """Every pair agrees."""
         return all(pair.verified for pair in self.pairs)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Rejected calibrations."""
+        return tuple(f"{name} was rejected by the quality gate" for name in self.rejected)
+
+    @property
+    def exit_status(self) -> int:
+        """1 unless all are accepted and compatible."""
+        return 0 if self.verified and not self.rejected else 1
 
     @property
     def text(self) -> str:
@@ -87,5 +101,9 @@ def compare(
     sources = sources_of(*files)
     if len(sources) < 2:
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
-    loaded = [(name, c.rotations()) for name, c in read_sources(sources)]
-    return CompareResult(tuple(compare_pair(loaded[0], other) for other in loaded[1:]))
+    read = read_sources(sources)
+    loaded = [(name, c.rotations()) for name, c in read]
+    return CompareResult(
+        tuple(compare_pair(loaded[0], other) for other in loaded[1:]),
+        tuple(name for name, c in read if not c.accepted),
+    )

@@ -37,6 +37,7 @@ def flat(yaw: float, created: str, status: str = "accepted") -> Calibration:
             "rotation": rotation.as_matrix().tolist(),
             "rpy": (0.0, 0.0, turn),
             "rpy_std": (STD, STD, STD),
+            "turn_std": (STD, STD, STD),
             "rpy_interval": {
                 "coverage": 0.95,
                 "low": (-2 * STD, -2 * STD, turn - 2 * STD),

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from tdfscal.comparison.compatibility import compare, compare_pair
 from tdfscal.comparison.joint import combine
 from tdfscal.errors import DataError
+from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rotations
 
 from .world import chi2_bounds, error_vector
@@ -63,13 +64,29 @@ def test_a_known_difference_in_closed_form() -> None:
     assert pair.en[1, 2] == pytest.approx(1.0, rel=1e-12)
     assert pair.chi2 == pytest.approx(4.0, rel=1e-12)
     assert pair.dof == 9
-    more = compare_pair(("a", about(a, 1, [0, 0, 1.01e-3])), ("b", b))
+    # χ² = 21.67 on 9 at 1 %: 2.328 mrad; E_n alone, 2.3 there, decides nothing.
+    more = compare_pair(("a", about(a, 1, [0, 0, 2.34e-3])), ("b", b))
     assert not more.verified
     assert more.verdict.startswith("not compatible")
     assert "yaw of ncp2" in more.verdict
-    less = compare_pair(("a", about(a, 1, [0, 0, 0.99e-3])), ("b", b))
+    less = compare_pair(("a", about(a, 1, [0, 0, 2.31e-3])), ("b", b))
     assert less.verified
+    assert less.en[1, 2] > 2
     assert less.verdict.startswith("metrologically compatible")
+
+
+def test_detectable_is_seen_in_95_of_100() -> None:
+    rng = np.random.default_rng(9)
+    X, C = truths(rng), covariance(rng, 5e-4)
+    zero = Rotations(NAMES, X, 1e-20 * np.eye(9))
+    size = compare_pair(("a", Rotations(NAMES, X, C)), ("b", zero)).detectable[2, 1]
+    rpy = so3.to_rpy(X)
+    rpy[2, 1] += size
+    moved = so3.from_rpy(rpy)
+    seen = sum(
+        not compare_pair(("a", draw(rng, moved, C)), ("b", zero)).verified for _ in range(400)
+    )
+    assert 0.92 * 400 < seen < 0.98 * 400
 
 
 def test_many_small_differences_are_not_verified() -> None:
