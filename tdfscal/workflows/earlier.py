@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.life import campaign_document, instant
@@ -75,6 +76,12 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     Raises DataError, UsageError where it is none, or cannot be read.
     """
     name, file = read_source(source)
+    if not file.determined.all():
+        raise UsageError(
+            "leaves a sensor undetermined: nothing can stand on it",
+            where=name,
+            hint="give its campaigns to calibrate, or monitor, together",
+        )
     known = calibrated(file, name)
     n = known.rig.n
     covariance = known.covariance
