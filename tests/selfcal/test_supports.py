@@ -1,0 +1,160 @@
+"""Sensors that lack axes, zeros that move, frames that are turned: truth from the simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.checks import faulty_sensors
+from tdfscal.errors import DataError
+from tdfscal.model import free_forces
+from tdfscal.model.parameters import layout, nominal, parameter_count, retract
+from tdfscal.model.statics import balance, features, features_jacobian, postures
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import Drift, Rig
+from tdfscal.selfcal.closure import frame_errors
+from tdfscal.selfcal.covariance import evaluate, information_root, quality
+from tdfscal.selfcal.estimator import fit
+from tdfscal.selfcal.observability import verdict
+from tdfscal.simulation import Options, Recorder
+from tdfscal.simulation.faults import Faults, Frame, Warming
+
+OPTIONS = Options(internal=200.0, recorder=Recorder(mean_sd=0.1))
+
+
+def lacking(*dead: tuple[int, int], n: int = 3) -> Rig:
+    """A rig whose sensors do not measure these (sensor, axis)."""
+    axes = np.ones((n, 3), dtype=np.bool_)
+    for sensor, axis in dead:
+        axes[sensor, axis] = False
+    return replace(simulation.make_rig(n), axes=axes)
+
+
+def test_projection_is_a_reading_with_infinite_variance() -> None:
+    """The whitener's information is the limit of a free force's growing variance."""
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(4, 6, 6))
+    cov, columns = np.eye(6) + root @ np.swapaxes(root, 1, 2), rng.normal(size=(4, 6, 2))
+    V, rows = free_forces.whitener(cov, columns)
+    assert (rows == 4).all()
+    assert np.abs(V @ columns).max() < 1e-10
+    wide = np.linalg.inv(cov + 1e7 * columns @ np.swapaxes(columns, 1, 2))
+    assert np.allclose(np.swapaxes(V, 1, 2) @ V, wide, rtol=0, atol=1e-5 * np.abs(wide).max())
+
+
+def test_jacobian_of_moving_zeros_compliance_and_friction_by_complex_step() -> None:
+    rng = np.random.default_rng(1)
+    rig = replace(simulation.make_rig(3), drift=Drift(time=1.0, temperature=1.0))
+    warming = replace(OPTIONS, faults=Faults(warming=Warming(5.0, ((0.1, 0.2, 0.3),) * 3)))
+    seen = postures(rig, simulation.simulate_dwells(rig, warming, rng, 1).dwells(0))
+    assert seen.motions == 2
+    size, place = parameter_count(3, 2), layout(3, 2)
+    step = np.zeros(size)
+    step[place["rotation"]] = 0.2 * rng.normal(size=9)
+    step[place["drift"]] = rng.normal(size=18)
+    step[place["compliance"]] = 1e-7
+    state = retract(nominal(rig, 2), step)
+    at = balance(seen, state, np.zeros(3), rig.gravity)
+    jac = features_jacobian(state, at, rig.gravity)
+    for j, unit in enumerate(np.eye(size)):
+        moved: Any = features(retract(state, 1e-30j * unit), at, rig.gravity)  # type: ignore[arg-type]
+        scale = max(1.0, float(np.abs(jac[:, j]).max()))
+        assert np.abs(moved.imag * 1e30 - jac[:, j]).max() < 1e-12 * scale, j
+
+
+def test_compliance_columns_by_differences() -> None:
+    rig = simulation.make_rig(3)
+    seen = postures(
+        rig, simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(2), 1).dwells(0)
+    )
+    state, g = nominal(rig), rig.gravity
+    at = balance(seen, state, np.zeros(3), g)
+    jac = at.design @ features_jacobian(state, at, g)
+    for j in range(layout(3)["compliance"].start, layout(3)["friction"].stop):
+        step = 1e-9 * np.eye(jac.shape[2])[j]
+        plus, minus = (retract(state, sign * step) for sign in (1, -1))
+        e = [balance(seen, s, np.zeros(3), g) for s in (plus, minus)]
+        first, second = (
+            a.design @ features(s, a, g) for a, s in zip(e, (plus, minus), strict=True)
+        )
+        difference = (first - second) / 2e-9
+        assert np.abs(difference - jac[:, :, j]).max() < 1e-3 * np.abs(jac[:, :, j]).max()
+
+
+@pytest.mark.parametrize(
+    ("dead", "n", "undetermined"),
+    [
+        (((2, 1),), 3, ()),
+        (((2, 2),), 3, ()),
+        (((2, 0), (2, 1)), 3, ("ncp3",)),
+        (((3, 0), (3, 1), (3, 2)), 4, ("ncp4",)),
+    ],
+)
+def test_the_rest_of_the_sensors_stand(
+    dead: tuple[tuple[int, int], ...], n: int, undetermined: tuple[str, ...]
+) -> None:
+    """Errors within χ² at a millionth; what lacks too much is named and nothing else."""
+    rig = lacking(*dead, n=n)
+    batch = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(3), 1)
+    result = fit(rig, postures(rig, batch.dwells(0)), nominal(rig))
+    parts = information_root(result)
+    found = evaluate(result, parts, 1.0)
+    seen = verdict(rig, result.state, result.postures, found.covariance)
+    assert result.converged
+    assert seen.undetermined == undetermined
+    assert seen.identified
+    d = so3.log(batch.truth.rotation[0] @ np.swapaxes(result.state.rotation, 1, 2)).ravel()
+    known = np.repeat(seen.determined, 3)
+    d2 = d[known] @ np.linalg.solve(found.covariance[np.ix_(known, known)], d[known])
+    assert d2 < chi2_quantile(1 - 1e-6, int(known.sum()))
+    stats = quality(result, parts)
+    assert chi2_quantile(1e-6, stats.dof) < stats.chi2 < chi2_quantile(1 - 1e-6, stats.dof)
+
+
+def test_zeros_follow_the_temperature_where_declared() -> None:
+    slopes = ((0.4, -0.3, 0.2), (-0.2, 0.3, 0.1), (0.1, -0.1, -0.3))
+    warming = replace(OPTIONS, faults=Faults(warming=Warming(10.0, slopes)))
+    rig = simulation.make_rig(3)
+    dwells = simulation.simulate_dwells(rig, warming, np.random.default_rng(4), 1).dwells(0)
+    declared = replace(rig, drift=Drift(temperature=np.inf))
+    result = fit(declared, postures(declared, dwells), nominal(declared))
+    place = layout(3, 1)["drift"]
+    std = evaluate(result, information_root(result), 1.0).parameter_std[place].reshape(3, 3)
+    off = (result.state.drift[0] - np.array(slopes)) / std
+    assert np.abs(off).max() < 4.5
+    assert std[:, 2].max() < 0.02  # N/K: plain against slopes of 0.1 to 0.3
+    ignored = fit(rig, postures(rig, dwells), nominal(rig))
+    assert ignored.cost > 2 * result.cost  # the check can fail
+
+
+def test_a_turned_frame_is_named() -> None:
+    rig = simulation.make_rig(3)
+    for faults, named in ((Faults(), False), (Faults(frames=(Frame(1, (0.0, 6e-4, 8e-4)),)), True)):
+        options = replace(OPTIONS, faults=faults)
+        dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(5), 1).dwells(0)
+        result = fit(rig, postures(rig, dwells), nominal(rig))
+        parts = information_root(result)
+        doubts = frame_errors(result, parts, evaluate(result, parts, 1.0))
+        assert bool(doubts) is named
+        if named:
+            assert "ncp2 is turned" in doubts[0].what
+
+
+def test_declarations_that_contradict_the_log() -> None:
+    """A channel declared dead that moves, and a dead one with the line to write."""
+    rig = lacking((1, 0))
+    dwells = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(6), 1).dwells(0)
+    with pytest.raises(DataError, match="declared as not measured"):
+        faulty_sensors.screen(rig, dwells)
+    force = dwells.force.copy()
+    force[:, 1, 0] = 0.01
+    still = replace(dwells, force=force, force_min=force, force_max=force)
+    faulty_sensors.screen(rig, still)
+    with pytest.raises(DataError) as told:
+        faulty_sensors.screen(lacking(), still)
+    assert "`axes: [y, z]` for ncp2" in str(told.value.hint)
