@@ -228,9 +228,9 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         m = c.monte_carlo
         said = "confirm" if m.linear_interval_validated else "do not confirm"
         facts.append(("Monte Carlo", f"{m.trials} trials {said} the linear 95 % intervals"))
-    std = np.sqrt(np.diagonal(c.rotation_covariance))
+    std = np.sqrt(np.diagonal(np.array(c.covariance.matrix)))
     if np.all(std > 0):
-        off = c.rotation_covariance / np.outer(std, std) - np.eye(len(std))
+        off = np.array(c.covariance.matrix) / np.outer(std, std) - np.eye(len(std))
         a, b = np.unravel_index(int(np.abs(off).argmax()), off.shape)
         names = c.covariance.parameters
         facts.append(("Correlation", f"largest {off[a, b]:+.2f}, {names[a]} and {names[b]}"))
