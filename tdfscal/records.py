@@ -171,6 +171,9 @@ class Rig:
         return len(self.supports)
 
 
+Scale = tuple[float, float, float]
+
+
 @dataclass(frozen=True, slots=True)
 class LogMapping:
     """How a recorder names things, and in which units (rig.yaml, `log`; defaults filled in).
@@ -178,6 +181,8 @@ class LogMapping:
     position, force : per support, three fields, or one field with members x, y, z.
     delay : s, force stamps minus position stamps; None where nothing is known of it.
     temperature : fields in °C; none, one for all sensors, or one per support.
+    position_scale, force_scale : per support, m and N per unit of the log in x, y, z, in place of
+        the unit; None or missing where the unit holds.
     """
 
     supports: tuple[str, ...]
@@ -193,6 +198,8 @@ class LogMapping:
     decimal: Literal[".", ","] = "."
     delay: UncertainValue | None = None
     temperature: tuple[str, ...] = ()
+    position_scale: tuple[Scale | None, ...] = ()
+    force_scale: tuple[Scale | None, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,12 @@ def as_text(info: LogInfo) -> str:
         lines.append("")
     if info.guess.mapping is not None:
         read = "" if info.source == "guessed" else "; the rig file's own was used above"
-        lines += [f"Mapping guessed{read}. Check it, and paste it into rig.yaml:", ""]
+        lines += _wrapped(
+            f"Mapping guessed{read}. Check it, and paste it into rig.yaml; `tdfscal init` writes a "
+            "whole rig file:",
+            "",
+        )
+        lines.append("")
         lines += mapping_block(info.guess.mapping, by_topic=info.contents[0].by_topic).splitlines()
         lines.append("")
         for note in info.guess.notes:

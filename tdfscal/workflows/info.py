@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tdfscal.errors import RigError
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
@@ -86,18 +87,25 @@ def info(
         By cause: UsageError, RigError, DataError where a file cannot be read at all.
     """
     files = listed(paths)
-    loaded = _rig(files, one(rig))
+    loaded, fault = _rig(files, one(rig))
     apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
     logs = find_logs(files, apart=apart)
     with progress.reading(expand(logs)) as share:
-        return InfoResult(describe_logs(logs, loaded, progress=share))
+        found = describe_logs(logs, loaded, progress=share)
+    return InfoResult(replace(found, problems=(*fault, *found.problems)))
 
 
-def _rig(paths: list[Path], named: Path | None) -> LoadedRig | None:
-    """The rig that is named, or the rig.yaml of a campaign folder; none is fine."""
+def _rig(paths: list[Path], named: Path | None) -> tuple[LoadedRig | None, tuple[str, ...]]:
+    """The rig that is named, or the rig.yaml of a campaign folder, and what is wrong with that.
+
+    None is fine, and so is one that is being written.
+    """
     if named is not None:
-        return load_rig(named)
+        return load_rig(named), ()
     for path in paths:
         if path.is_dir() and not is_log(path) and (path / RIG_NAME).is_file():
-            return load_rig(path / RIG_NAME)
-    return None
+            try:
+                return load_rig(path / RIG_NAME), ()
+            except RigError as error:
+                return None, (f"the rig file is not used: {error}",)
+    return None, ()

@@ -14,6 +14,8 @@ import yaml
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+import tdfscal
+from tdfscal.logs.describe import describe_logs
 from tests.cli.running import SAMPLES, run
 
 NAMES, *_ = (SAMPLES / "csv/log.csv").read_text().splitlines()
@@ -276,3 +278,25 @@ def test_a_separator_at_the_end_of_the_rows_or_of_the_header_only(
     assert found["problems"] == []
     for key in ("mapping", "signals", "dwells", "time_offset"):
         assert found[key] == plain[key]
+
+
+def test_thousands_of_rows_are_no_averaged_postures(tmp_path: Path) -> None:
+    names = [f"ncp{i}.{c}" for i in (1, 2, 3) for c in ("x", "y", "z", "fx", "fy", "fz")]
+    rng = np.random.default_rng(0)
+    for rows, guessed in ((900, True), (5000, False)):
+        path = tmp_path / f"{rows}.csv"
+        table = rng.normal(size=(rows, 18))
+        np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
+        guess = describe_logs([path]).guess
+        assert (guess.mapping is not None) == guessed
+        assert any("no column ascends" in note for note in guess.notes)
+
+
+def test_a_rig_file_that_is_being_written_is_no_hindrance(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text("format: tdfscal-rig/1\nname: half\nterminal:\n")
+    shutil.copy(SAMPLES / "csv/log.csv", tmp_path)
+    result = tdfscal.info(tmp_path)
+    assert result.description.guess.mapping is not None
+    assert result.problems[0].startswith("the rig file is not used: ")
+    with pytest.raises(tdfscal.TdfscalError):
+        tdfscal.info(tmp_path, rig=tmp_path / "rig.yaml")

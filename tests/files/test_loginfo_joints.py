@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,12 @@ def joint_state(
 
 
 def recording(
-    path: Path, names: list[str], *, encoding: str = "cdr", effort: bool = False
+    path: Path,
+    names: list[str],
+    *,
+    encoding: str = "cdr",
+    effort: bool = False,
+    unused: bool = False,
 ) -> tuple[Path, np.ndarray]:
     """Joint positions of three NCPs; forces as efforts, or as wrenches in topics of their own."""
     rng = np.random.default_rng(4)
@@ -64,7 +70,11 @@ def recording(
         ns = round(seconds * 1e9)
         force = FORCE + np.arange(NCPS)[:, None]
         data = joint_state(
-            seconds, names, position[k].ravel(), force.ravel() if effort else np.empty(0), encoding
+            seconds,
+            names,
+            position[k].ravel(),
+            force.ravel() if effort else np.zeros(9 if unused else 0),
+            encoding,
         )
         writer.add_message(joints, ns, data, ns)
         if not effort:
@@ -92,9 +102,15 @@ def test_joints_named_by_axis_are_paired_with_wrenches(
     guess = describe_logs([path]).guess
     assert guess.mapping is not None
     assert guess.mapping.supports == ("ncp1", "ncp2", "ncp3")
-    assert guess.mapping.position[1] == tuple(
-        f"/joint_states.position[{form.format(i=2, a=a)}]" for a in "xyz"
+    joints = [form.format(i=2, a=a) for a in "xyz"]
+    # A name that is no word stands in brackets.
+    paths = [f".{j}" if j.isidentifier() else f"[{j}]" for j in joints]
+    assert guess.mapping.position[1] == tuple(f"/joint_states.position{p}" for p in paths)
+    brackets = tuple(
+        tuple(f"/joint_states.position[{form.format(i=i + 1, a=a)}]" for a in "xyz")
+        for i in range(NCPS)
     )
+    assert_reads(path, replace(guess.mapping, position=brackets), position)
     assert guess.mapping.force[1] == ("/tdfs2/wrench.wrench.force",)
     assert guess.mapping.time_source == "header"
     assert_reads(path, guess.mapping, position)
@@ -105,7 +121,7 @@ def test_efforts_are_forces(tmp_path: Path) -> None:
     path, position = recording(tmp_path / "log.mcap", names, effort=True)
     mapping = describe_logs([path]).guess.mapping
     assert mapping is not None
-    assert mapping.force[2][0] == "/joint_states.effort[ncp3_x]"
+    assert mapping.force[2][0] == "/joint_states.effort.ncp3_x"
     assert_reads(path, mapping, position)
 
 
@@ -117,4 +133,13 @@ def test_names_that_say_nothing_are_shown(tmp_path: Path) -> None:
     (none, note) = info.guess.notes
     assert "0 vectors look like positions and 3 like forces" in none
     assert "the joints of /joint_states are joint_a, joint_b" in note
-    assert "write position: [/joint_states.position[joint_a], " in note
+    assert "write position: [/joint_states.position.joint_a, " in note
+
+
+def test_efforts_that_are_all_zero_are_no_forces(tmp_path: Path) -> None:
+    names = [f"ncp{i + 1}_{a}" for i in range(NCPS) for a in "xyz"]
+    path, position = recording(tmp_path / "log.mcap", names, unused=True)
+    mapping = describe_logs([path]).guess.mapping
+    assert mapping is not None
+    assert mapping.force[1] == ("/tdfs2/wrench.wrench.force",)
+    assert_reads(path, mapping, position)

@@ -264,11 +264,43 @@ Fields = Annotated[
 """Three fields, or one field with members x, y, z."""
 
 
+def _each(given: Any) -> Any:
+    return (given,) * 3 if isinstance(given, int | float) else given
+
+
+def _not_zero(scale: Vector) -> Vector:
+    if not all(scale):
+        raise fault("a scale of zero", hint="write N or m per unit of the log")
+    return scale
+
+
+Scale = Annotated[
+    Vector,
+    BeforeValidator(_each),
+    AfterValidator(_not_zero),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number"},
+                {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
+            ]
+        }
+    ),
+]
+"""One factor for x, y, z, or three; its sign turns the reading's."""
+
+
 class SupportFields(Strict):
-    """Where a support's servo position and force reading are in the log."""
+    """Where a support's servo position and force reading are in the log.
+
+    The scales are m and N per unit of the log, in place of `length_unit` and `force_unit`: of raw
+    counts, of mV.
+    """
 
     position: Fields
     force: Fields
+    position_scale: Scale | None = None
+    force_scale: Scale | None = None
 
 
 def _temperatures(given: Any) -> Any:

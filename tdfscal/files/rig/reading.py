@@ -241,7 +241,13 @@ def _mapping(file: RigFile) -> LogMapping | None:
     if block.supports is not None:
         fields = [block.supports[name] for name in supports]
         position, force = (tuple(f.position for f in fields), tuple(f.force for f in fields))
-        named = dataclasses.replace(named, position=position, force=force)
+        named = dataclasses.replace(
+            named,
+            position=position,
+            force=force,
+            position_scale=tuple(f.position_scale for f in fields),
+            force_scale=tuple(f.force_scale for f in fields),
+        )
     return dataclasses.replace(
         named,
         rows=block.rows,

@@ -1,4 +1,7 @@
-"""Foxglove's message paths: `/topic.field.sub`, `[0]` for an element, `[name]` for a joint."""
+"""Foxglove's message paths: `/topic.field.sub`, `[0]` for an element, `[name]` for a joint.
+
+`.0` and `.name` say the same and need no quotes in YAML.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,10 @@ from tdfscal.errors import RigError
 Step = str | int
 """A field's name, or an element's number."""
 
-_STEP = re.compile(r"\.(?P<field>[A-Za-z_]\w*)|\[(?P<index>\d{1,9})\]|\[(?P<key>[^\[\]]+)\]")
+_PLAIN = re.compile(r"[A-Za-z_]\w*")
+_STEP = re.compile(
+    r"\.(?P<field>[A-Za-z_]\w*)|\.(?P<place>\d{1,9})(?=[.\[]|$)|\[(?P<index>\d{1,9})\]|\[(?P<key>[^\[\]]+)\]"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +55,8 @@ def parse_steps(rest: str, whole: str) -> Path:
             )
         if match["field"] is not None:
             steps.append(match["field"])
-        elif match["index"] is not None:
-            steps.append(int(match["index"]))
+        elif (index := match["index"] or match["place"]) is not None:
+            steps.append(int(index))
         else:
             steps.append(Named(match["key"].strip("\"'")))
         position = match.end()
@@ -59,7 +65,10 @@ def parse_steps(rest: str, whole: str) -> Path:
 
 def shown(steps: Path) -> str:
     """Return steps as text."""
-    return "".join(
-        f".{s}" if isinstance(s, str) else f"[{s.name if isinstance(s, Named) else s}]"
-        for s in steps
-    )
+    return "".join(map(_shown, steps))
+
+
+def _shown(step: Step | Named) -> str:
+    if isinstance(step, Named):
+        return f".{step.name}" if _PLAIN.fullmatch(step.name) else f"[{step.name}]"
+    return f".{step}"

@@ -20,7 +20,8 @@ class Signal:
     """One vector signal of one support, as the file has it.
 
     fields : three names, or one that has the members x, y, z; of a temperature, one name thrice.
-    factor : from the file's unit and sign to SI and tdfscal's sign.
+    factor : from the file's unit and sign to SI and tdfscal's sign. scale : as `factor`, of each of
+        x, y, z, where the mapping states them in place of a unit.
     """
 
     support: str
@@ -28,6 +29,12 @@ class Signal:
     fields: tuple[str, ...]
     unit: str
     factor: float
+    scale: tuple[float, float, float] | None = None
+
+    @property
+    def factors(self) -> FloatArray:
+        """(3,), of x, y, z."""
+        return np.array(self.scale if self.scale is not None else (self.factor,) * 3)
 
     @property
     def components(self) -> tuple[str, str, str]:
@@ -127,12 +134,13 @@ def make_request(mapping: LogMapping | None, supports: Sequence[str]) -> Request
                 hint=f"add {name} with its position and force",
             )
         i = mapping.supports.index(name)
-        signals += [
-            Signal(
-                name, "position", _three(mapping.position[i], name), mapping.length_unit, length
-            ),
-            Signal(name, "force", _three(mapping.force[i], name), mapping.force_unit, sign * force),
-        ]
+        moves, loads = _scale(mapping.position_scale, i), _scale(mapping.force_scale, i)
+        if loads is not None:
+            loads = (sign * loads[0], sign * loads[1], sign * loads[2])
+        three = _three(mapping.position[i], name)
+        signals.append(Signal(name, "position", three, mapping.length_unit, length, moves))
+        three = _three(mapping.force[i], name)
+        signals.append(Signal(name, "force", three, mapping.force_unit, sign * force, loads))
     for field, owner in zip(mapping.temperature, supports, strict=False):
         name = owner if len(mapping.temperature) > 1 else "the rig"
         signals.append(Signal(name, "temperature", (field,) * 3, "°C", 1.0))
@@ -217,6 +225,12 @@ def join(pieces: Sequence[Piece]) -> Piece:
         )
         for clock, blocks in by_clock.items()
     )
+
+
+def _scale(
+    scales: Sequence[tuple[float, float, float] | None], i: int
+) -> tuple[float, float, float] | None:
+    return scales[i] if i < len(scales) else None
 
 
 def _factor(quantity: units.Quantity, unit: str, place: str) -> float:

@@ -34,6 +34,7 @@ _OTHER: Final = frozenset(
     | {"err", "error", "temp", "temperature", "current", "gyro", "mag", "euler"}
 )
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\*")
+_MOST_POSTURES: Final = 1000
 _RIGID: Final = 0.02  # largest relative spread of distances that a rigid terminal leaves
 
 
@@ -63,7 +64,8 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     """
     vectors = [v for v in contents.vectors if v.time.size]
     positions = [v for v in vectors if _role(v) == "position"]
-    forces = [v for v in vectors if _role(v) == "force"]
+    # Drivers fill what they do not measure with zeros: the efforts of a JointState.
+    forces = [v for v in vectors if _role(v) == "force" and v.value.any()]
     notes: list[str] = []
     pairs = _paired(positions, forces)
     if len(pairs) < 3:
@@ -96,8 +98,15 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
     timed = _time([c for c in contents.columns if c.name not in used])
     if timed is None:
-        none = "no column ascends as a time does, so each row is taken for a posture"
-        return Guess(replace(mapping, rows="postures"), (*notes, none), problems)
+        rows = sum(stream.count for stream in contents.streams)
+        none = "no column ascends as a time does"
+        if rows > _MOST_POSTURES:
+            many = (
+                f"{none}, and {rows} rows are too many for averaged postures: no mapping is guessed"
+            )
+            return Guess(None, (*notes, many), problems)
+        posture = f"{none}, so each row is taken for a posture"
+        return Guess(replace(mapping, rows="postures"), (*notes, posture), problems)
     column, unit = timed
     return Guess(
         replace(mapping, time_field=column.name, time_unit=_as_unit(unit.unit)),
@@ -164,8 +173,7 @@ def _joints(contents: Contents) -> list[str]:
         x, y, z = (*names[:3], "…", "…", "…")[:3]
         notes.append(
             f"the joints of {topic} are {shown}; where three of them move an NCP along x, y and z, "
-            f"write position: [{topic}.position[{x}], {topic}.position[{y}], "
-            f"{topic}.position[{z}]]"
+            f"write position: [{', '.join(f'{topic}.position.{j}' for j in (x, y, z))}]"
         )
     return notes
 

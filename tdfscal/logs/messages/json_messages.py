@@ -31,6 +31,8 @@ def decode(content: bytes) -> Any:
 
 
 def _inner(node: Any, step: str | int | Named, above: Any) -> Any:
+    if isinstance(step, str) and isinstance(node, list):
+        step = Named(step)
     if isinstance(step, str):
         return node.get(step) if isinstance(node, dict) else None
     if not isinstance(node, list):

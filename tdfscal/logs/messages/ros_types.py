@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.base import TypesysError
 
 from tdfscal.errors import DataError
-from tdfscal.logs.common.message_path import Path, shown
+from tdfscal.logs.common.message_path import Named, Path, shown
 
 Definitions = Mapping[str, Sequence[tuple[str, Any]]]
 """Message type → its fields in order, each as (name, rosbags' description of its type)."""
@@ -88,6 +88,21 @@ def expand_vector(types: Definitions, name: str, path: Path, where: str) -> list
             hint="name a field with x, y, z, or three fields",
         )
     return [(*path, member) for member in "xyz"]
+
+
+def settled(types: Definitions, name: str, path: Path) -> Path:
+    """A path in which a name that follows a list is that of one of its elements."""
+    node: Any = (Nodetype.NAME, full_name(name))
+    steps: list[str | int | Named] = []
+    for step in path:
+        kind, detail = node
+        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            steps.append(Named(step) if isinstance(step, str) else step)
+            node = detail[0]
+            continue
+        steps.append(step)
+        node = dict(types.get(detail, ())).get(step, (Nodetype.BASE, ("", 0)))
+    return tuple(steps)
 
 
 def check_path(types: Definitions, name: str, path: Path, where: str) -> None:

@@ -18,7 +18,7 @@ from tdfscal.logs.common.request import Block, Piece, Request, missing_fields
 from tdfscal.logs.messages.buffer import Messages, Recording
 from tdfscal.logs.messages.cdr import Gatherer
 from tdfscal.logs.messages.json_messages import read_numbers
-from tdfscal.logs.messages.ros_types import ROS, check_path, definitions, expand_vector
+from tdfscal.logs.messages.ros_types import ROS, check_path, definitions, expand_vector, settled
 from tdfscal.records import FloatArray, IntArray
 
 _STAMP: Final[tuple[MessagePath, MessagePath]] = (
@@ -277,6 +277,8 @@ class Topics:
         for number in self._signals[topic]:
             fields = self.request.signals[number].fields
             steps = [parse_steps(name[len(topic) :], name) for name in fields]
+            if types is not None:
+                steps = [settled(*types, path) for path in steps]
             if types is not None and len(steps) == 1:
                 paths += expand_vector(*types, steps[0], where)
             elif len(steps) == 1:
@@ -294,7 +296,7 @@ class Topics:
 
     def _block(self, topic: str, signals: list[int], time: FloatArray, value: FloatArray) -> Block:
         vectors = {
-            number: value[:, 3 * k : 3 * k + 3] * self.request.signals[number].factor
+            number: value[:, 3 * k : 3 * k + 3] * self.request.signals[number].factors
             for k, number in enumerate(signals)
         }
         return Block(topic, time, vectors)

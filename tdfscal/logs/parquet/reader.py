@@ -262,7 +262,7 @@ def _piece(
     for number, signal in enumerate(request.signals):
         for axis, name in enumerate(columns.components[number]):
             column = _numbers(table.column(name), name, first_row, where)
-            np.multiply(column, signal.factor, out=vectors[number, axis])
+            np.multiply(column, signal.factors[axis], out=vectors[number, axis])
         value[number] = vectors[number].T
     if columns.time is None:
         time = np.arange(first_row, first_row + table.num_rows, dtype=np.float64)

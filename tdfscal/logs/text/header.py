@@ -33,7 +33,8 @@ class Header:
     time : column of the time; None where rows are postures and the file has no time.
     dated : the time is written as date and time of day.
     components : per signal, the columns of x, y, z.
-    factors : per signal, to SI and tdfscal's sign. time_factor : to s.
+    factors : per signal, to SI and tdfscal's sign; 1 where the mapping states a scale.
+    time_factor : to s.
     """
 
     separator: str
@@ -152,7 +153,7 @@ def _factor(
     signal: Signal, stated: Sequence[str | None], cells: Sequence[str], request: Request, where: str
 ) -> float:
     """Return the factor of x, y, z of a signal to SI and tdfscal's sign."""
-    if signal.quantity == "temperature":
+    if signal.quantity == "temperature" or signal.scale is not None:
         return 1.0
     one = {
         _unit(signal.quantity, signal.unit, unit, request, cell, where)

@@ -225,7 +225,10 @@ def _piece(rows: Rows, header: Header, request: Request, rows_before: int) -> Pi
     value: dict[int, FloatArray] = {}
     for number, factor in enumerate(header.factors):
         vector = rows.value[3 * number : 3 * number + 3]
-        if factor != 1.0:
+        scale = request.signals[number].scale
+        if scale is not None:
+            vector *= np.array(scale)[:, None]
+        elif factor != 1.0:
             vector *= factor
         value[number] = vector.T
     if header.time is None:

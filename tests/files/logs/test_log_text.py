@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
 import pytest
 import zstandard
 
@@ -295,3 +297,19 @@ def test_long_names_are_cut_where_they_are_quoted(tmp_path: Path) -> None:
 def test_the_slow_path_takes_a_separator_at_the_end(tmp_path: Path) -> None:
     content = text(HEADER, *(f"{row}," for row in ROWS), "torn")
     assert_plain(read(tmp_path, content, salvage=True))
+
+
+def test_a_scale_takes_the_place_of_a_unit(tmp_path: Path) -> None:
+    """Raw counts and mV: m and N per unit of the log, one for all axes or one of each."""
+    mapping = replace(
+        MAPPING, position_scale=((2e-6, 2e-6, 2e-6),), force_scale=((0.5, -1.0, 2.0),)
+    )
+    content = text("t,X,Y,Z,FX [mV],FY [mV],FZ [mV]", *ROWS)
+    for on, sign in (("terminal", 1.0), ("sensor", -1.0)):
+        log = read(tmp_path, content, replace(mapping, force_on=on))  # type: ignore[arg-type]
+        np.testing.assert_allclose(log.position[0].value[0], np.array([1, 2, 3]) * 2e-6)
+        np.testing.assert_allclose(log.force[0].value[0], sign * np.array([2.0, -5.0, 12.0]))
+    pq.write_table(pa_csv.read_csv(tmp_path / "log.csv"), tmp_path / "log.parquet")
+    named = replace(mapping, force=(("FX [mV]", "FY [mV]", "FZ [mV]"),))
+    log = read_log([tmp_path / "log.parquet"], named, ONE)
+    np.testing.assert_allclose(log.force[0].value[1], [2.25, -5.5, 13.0])
