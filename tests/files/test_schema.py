@@ -126,3 +126,12 @@ def test_bad_documents_fail(name: str, change: Change) -> None:
     content = sample(name)
     change(content)
     assert not valid(name, content)
+
+
+def test_every_key_of_a_rig_file_is_described() -> None:
+    """What an editor shows while a drafted rig file is confirmed."""
+    schema = schemas()["rig.schema.json"]
+    models = [schema, *schema["$defs"].values()]
+    bare = [key for model in models for key, value in model.get("properties", {}).items()
+            if not value.get("description")]  # fmt: skip
+    assert bare == []

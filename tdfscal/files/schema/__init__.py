@@ -10,6 +10,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.points.model import PointFile
+from tdfscal.files.rig.descriptions import DESCRIPTIONS
 from tdfscal.files.rig.model import RigFile
 from tdfscal.files.saving import make_folder, to_json, write_text
 
@@ -29,13 +30,25 @@ class _WithoutTitles(GenerateJsonSchema):
         return False
 
 
+def _described(schema: dict[str, Any], root: str) -> dict[str, Any]:
+    """Add what the keys of a rig file say, which editors show."""
+    models = {root: schema, **schema.get("$defs", {})}
+    for model, document in models.items():
+        own = "RigFile" if model == "EmbeddedRig" else model
+        for key, described in document.get("properties", {}).items():
+            text = DESCRIPTIONS.get(f"{own}.{key}")
+            if text is not None:
+                described.setdefault("description", text)
+    return schema
+
+
 def schemas() -> dict[str, dict[str, Any]]:
     """Return each format's schema by its file name, the same at every call."""
     return {
         f"{name}.schema.json": {
             "$schema": DIALECT,
             "$id": f"urn:tdfscal:schema:{name}:1",
-            **model.model_json_schema(schema_generator=_WithoutTitles),
+            **_described(model.model_json_schema(schema_generator=_WithoutTitles), model.__name__),
             "title": title,
         }
         for name, (model, title) in _MODELS.items()
