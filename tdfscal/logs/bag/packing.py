@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,8 +20,8 @@ _AT_ONCE: Final = 4 << 20
 
 
 @dataclass(slots=True)
-class Stored:
-    """What a `Recording` of any bag says of itself; none has checksums."""
+class Stored(ABC):
+    """A `Recording` of any bag; none has checksums."""
 
     path: Path
     salvage: bool
@@ -30,6 +31,10 @@ class Stored:
     lost: list[str] = field(default_factory=list)
     checked: bool = False
     reached: int = 0
+
+    @abstractmethod
+    def messages(self) -> Iterator[Messages]:
+        """Yield the messages in file order, some at a time."""
 
     def define(
         self, number: int, topic: str, encoding: str, kind: str, schema: tuple[str, bytes]

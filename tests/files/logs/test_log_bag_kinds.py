@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
@@ -48,7 +48,7 @@ def events() -> Iterator[tuple[float, str, str, bytes]]:
     yield from sorted(found, key=lambda event: event[0])
 
 
-def sqlite_bag(folder: Path, version: int = 9) -> Path:
+def sqlite_bag(folder: Path, version: Literal[8, 9] = 9) -> Path:
     bag = Writer2(folder, version=version, storage_plugin=StoragePlugin.SQLITE3)
     with bag:
         topics: dict[str, Any] = {}
@@ -74,7 +74,7 @@ def ros1_bag(path: Path, compression: Writer1.CompressionFormat | None = None) -
 
 def as_ros1(data: bytes, kind: str) -> Any:
     """The same message as ROS 1 writes it: its header has a number, too."""
-    message = STORE.deserialize_cdr(data, kind)
+    message: Any = STORE.deserialize_cdr(data, kind)
     stamp, frame = message.header.stamp, message.header.frame_id
     types = ROS1.types
     stamp = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
@@ -91,7 +91,7 @@ def as_ros1(data: bytes, kind: str) -> Any:
 
 @pytest.mark.parametrize("source", ["header", "log", "publish"])
 @pytest.mark.parametrize("version", [8, 9])
-def test_sqlite_holds_what_mcap_does(tmp_path: Path, source: Any, version: int) -> None:
+def test_sqlite_holds_what_mcap_does(tmp_path: Path, source: Any, version: Literal[8, 9]) -> None:
     folder = sqlite_bag(tmp_path / "bag", version)
     mapping = replace(MAPPING, time_source=source)
     log = read_log([folder], mapping, SUPPORTS)
@@ -175,7 +175,7 @@ def _with_strange_topic(path: Path) -> None:
         database.commit()
 
 
-SQLITE_FAULTS = {
+SQLITE_FAULTS: dict[str, Callable[[Path], object]] = {
     "empty": lambda p: p.write_bytes(b""),
     "text": lambda p: p.write_text("time,x,y\n1,2,3\n"),
     "half": lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]),
@@ -200,7 +200,7 @@ def test_damaged_sqlite_is_refused(tmp_path: Path, fault: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-ROS1_FAULTS = {
+ROS1_FAULTS: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda b: b"",
     "text": lambda b: b"time,x,y\n1,2,3\n",
     "version 1.2": lambda b: b.replace(b"V2.0", b"V1.2", 1),
