@@ -38,7 +38,7 @@ def drawn(kind: str, rng: np.random.Generator, postures: int, n: int) -> FloatAr
     match kind.split():
         case ["t", "with", dof, *_]:
             nu = float(dof)
-            return rng.standard_t(nu, white.shape) / np.sqrt(nu / (nu - 2))
+            return np.asarray(rng.standard_t(nu, white.shape) / np.sqrt(nu / (nu - 2)))
         case ["one", "sensor", times, _]:
             white[:, 0] *= float(times)
         case ["Fz", *_, times, _]:

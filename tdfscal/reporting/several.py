@@ -146,7 +146,8 @@ def _warnings(view: Several) -> tuple[str, ...]:
     if len({c.rig.sha256 for c in view.content}) > 1:
         found.append("the rig files differ between these calibrations")
     logs = [
-        frozenset(f.sha256 for part in (c, *c.campaigns) for f in part.inputs) for c in view.content
+        {f.sha256 for f in c.inputs} | {f.sha256 for part in c.campaigns for f in part.inputs}
+        for c in view.content
     ]
     if any(a & b for i, a in enumerate(logs) for b in logs[i + 1 :]):
         found.append(

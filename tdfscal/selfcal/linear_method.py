@@ -120,7 +120,7 @@ def _shift(fit: Fit, hinge: FloatArray, datum: FloatArray, compliance: FloatArra
     F = forces(fit.state, fit.at.seen.force)
     moved = np.einsum("kab,tnb->tkna", fit.at.rotation, hinge) + datum[:, None]
     given: FloatArray = compliance[:, None, None, [0, 0, 1]] * F
-    return -(moved + given)
+    return np.asarray(-(moved + given))
 
 
 def _turn_by_position(fit: Fit) -> FloatArray:

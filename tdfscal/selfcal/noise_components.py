@@ -127,7 +127,7 @@ def _projected(model: _Model, theta: FloatArray) -> tuple[FloatArray, FloatArray
     root = vectors[:, keep] / np.sqrt(values[keep])
     pull = np.einsum("kap,ka->p", WJ, model.residual) + P.T @ model.prior_residual
     rest = model.residual - model.jacobian @ (root @ (root.T @ pull))
-    return W, (W @ rest[..., None])[..., 0], WJ @ root
+    return np.asarray(W), np.asarray((W @ rest[..., None])[..., 0]), np.asarray(WJ @ root)
 
 
 def _p_values(model: _Model, theta: FloatArray, columns: FloatArray, birge2: float) -> FloatArray:
@@ -160,7 +160,7 @@ def _restricted(model: _Model, theta: FloatArray) -> FloatArray:
         mean = np.einsum("kac,kab,kbc->c", model.channel, W, model.channel, optimize=True)
         mean -= np.sum(np.einsum("kac,kap->ckp", model.channel, half) ** 2, axis=(1, 2))
         ratio = (score + _STATED / theta**2) / (np.maximum(mean, 0.0) + _STATED / theta)
-        new = theta * np.sqrt(ratio)
+        new: FloatArray = theta * np.sqrt(ratio)
         if np.max(np.abs(np.log(new / theta))) < _SETTLED:
             return new
         theta = new

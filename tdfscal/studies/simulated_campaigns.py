@@ -138,6 +138,7 @@ def _linear(rig: Rig, campaigns: list[Dwells], truth: Truth) -> Errors:
         load=np.stack([d.load for d in each]),
         pose=np.stack([d.pose for d in each]),
         weight=np.stack([d.weight for d in each]),
+        moment=np.stack([d.moment for d in each]),
         hinge=rig.hinge,
         barycentre=rig.barycentre.value,
     )

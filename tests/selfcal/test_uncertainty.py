@@ -129,7 +129,9 @@ def redrawn(result: Fit, rng: np.random.Generator) -> FloatArray:
     new -= explained @ (explained.T @ new)
     whole = np.concatenate([rows @ given.features, given.prior]) + new
     start = result.state.rotation[None]
-    return descend(whole, start, iterations=100, tolerance=1e-6, curved=True).rotation[0]
+    return np.asarray(
+        descend(whole, start, iterations=100, tolerance=1e-6, curved=True).rotation[0]
+    )
 
 
 @pytest.mark.parametrize("internal", [200.0, 12.0])

@@ -194,6 +194,7 @@ def test_tracker_files(tmp_path: Path) -> None:
         "tracker/targets.csv",
         "truth.yaml",
     ]
+    assert played.survey is not None
     session = played.survey.session
     for name, points, atol in (
         ("nominal", session.nominal, 1e-16),

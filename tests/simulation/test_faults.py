@@ -148,6 +148,8 @@ def test_every_scenario_is_the_same_machine_with_one_fault(name: str) -> None:
     plain = run(reference_rig(), "self", options, np.random.default_rng(0))
     faulty = run(reference_rig(), name, options, np.random.default_rng(0))
     np.testing.assert_array_equal(plain.truth.rotation, faulty.truth.rotation)
+    assert plain.survey is not None
+    assert faulty.survey is not None
     np.testing.assert_array_equal(plain.survey.session.moves.xyz, faulty.survey.session.moves.xyz)
     assert plain.campaign is not None
     assert faulty.campaign is not None
@@ -159,6 +161,8 @@ def test_tracker_scenario_is_the_same_machine_without_a_log() -> None:
     tracker = run(reference_rig(), "tracker", Options(postures=K), np.random.default_rng(0))
     assert tracker.campaign is None
     np.testing.assert_array_equal(plain.truth.rotation, tracker.truth.rotation)
+    assert plain.survey is not None
+    assert tracker.survey is not None
     seen = plain.survey.session.targets.xyz
     np.testing.assert_array_equal(seen, tracker.survey.session.targets.xyz)
 

@@ -101,7 +101,7 @@ def settled(types: Definitions, name: str, path: Path) -> Path:
             node = detail[0]
             continue
         steps.append(step)
-        node = dict(types.get(detail, ())).get(step, (Nodetype.BASE, ("", 0)))
+        node = dict(types.get(detail, ())).get(str(step), (Nodetype.BASE, ("", 0)))
     return tuple(steps)
 
 
