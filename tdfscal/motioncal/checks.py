@@ -21,7 +21,17 @@ _FROZEN = 1.0
 
 
 def check_stream(rig: Rig, slow: Slow) -> None:
-    """Raise DataError where a component is not measured, dead, or positions are too coarse."""
+    """Raise DataError where a declaration has no place in motion, or the streams are unfit.
+
+    Unfit: a component is dead, or positions are too coarse.
+    """
+    if rig.drift.temperature > 0:
+        raise DataError(
+            "zeros that follow the temperature are declared, and a calibration in motion does not "
+            "know them",
+            where="rig.yaml, drift.temperature",
+            hint="calibrate from dwells (--samples static)",
+        )
     if not rig.axes.all():
         i, j = np.argwhere(~rig.axes)[0]
         raise DataError(

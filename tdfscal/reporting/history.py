@@ -102,8 +102,8 @@ def _walk(life: Life) -> str:
     if life.walk is None:
         return f"{stated}; too few checks to estimate it"
     low, high = 1e3 * life.walk.low, 1e3 * life.walk.high
-    seen = f"{1e3 * life.walk.value:.2g}" if life.walk.value > 0 else "none"
-    return f"{seen} mrad/√month by the history (95 %: {low:.2g} to {high:.2g}); {stated}"
+    seen = f"{1e3 * life.walk.value:.2g} mrad/√month" if life.walk.value > 0 else "none"
+    return f"{seen} by the history (95 %: {low:.2g} to {high:.2g}); {stated}"
 
 
 def _due(life: Life) -> str:
