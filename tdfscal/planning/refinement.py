@@ -18,7 +18,7 @@ from tdfscal.records import FloatArray
 
 #: Rounds, proposals per round, at most and at least per posture; sizes of the steps, as shares of
 #: the limits.
-_ROUNDS, _PROPOSALS, _MOST, _LEAST = 60, 1200, 48, 8
+_ROUNDS, _PROPOSALS, _MOST, _LEAST = 60, 600, 24, 6
 _WIDEST, _FINEST = 1.2, 0.03
 #: Share of the proposals that turn and lean as before and only squeeze otherwise, and of those
 #: that first turn, lean or squeeze the other way: no small step gets there.

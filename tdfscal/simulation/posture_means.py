@@ -127,9 +127,7 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
         reading(stage.truth, faults.turned_away(options.faults, force, place))
         + stage.force_offset
         + faults.zero_offset(options.faults, n, place)
-        + faults.zero_walk(
-            options.faults, n, (end - end[:, :1]) / np.ptp(end, axis=1, keepdims=True), walk_rng
-        )
+        + faults.zero_walk(options.faults, n, _share(end), walk_rng)
         + mean_sd[..., None] * rng.standard_normal((trials, K, n, 3))
     )
     noise = position_sd[..., None, None] * rng.standard_normal((trials, K, n, 3))
@@ -164,3 +162,9 @@ def _mean_forces(rig: Rig, options: Options, stage: Stage, dwell: FloatArray) ->
     _, where = stand(stage.truth, options, stage.postures.target(rig.hinge), stage.repeat)
     load = replace(stage.load, contact=contact)
     return settle(stage.truth, where, load, stage.rest.pose).force
+
+
+def _share(time: FloatArray) -> FloatArray:
+    """Share (B, K) of the campaign that has passed at times (B, K), s; 0 for a single one."""
+    whole = np.ptp(time, axis=1, keepdims=True)
+    return np.asarray((time - time[:, :1]) / np.where(whole > 0, whole, 1.0))

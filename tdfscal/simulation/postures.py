@@ -154,7 +154,7 @@ def _approach(rotation: FloatArray) -> FloatArray:
     """Unit vectors (B, K, 3), BCS, of the turns from posture to posture; the first is 0."""
     turn = rotations.log(rotation[:, 1:] @ np.swapaxes(rotation[:, :-1], -1, -2))
     size = np.maximum(np.linalg.norm(turn, axis=-1, keepdims=True), 1e-12)
-    return np.concatenate([np.zeros_like(turn[:, :1]), turn / size], axis=1)
+    return np.concatenate([np.zeros((len(rotation), 1, 3)), turn / size], axis=1)
 
 
 def reading(truth: Truth, force: FloatArray) -> FloatArray:

@@ -59,6 +59,12 @@ class ValidateResult(Result):
         """Return verdict, causes, residual wrenches."""
         return validation_report(self.validation, self.warnings)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What concerns the calibration's use, said beside the verdict too."""
+        own = set(self.validation.warnings)
+        return tuple(text for text in self.warnings if text not in own)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""
         return document(self.validation, self.warnings)

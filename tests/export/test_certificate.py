@@ -134,7 +134,7 @@ def test_known_exactly_has_no_uncertainty() -> None:
     document["covariance"]["matrix"] = np.zeros((9, 9)).tolist()
     document["parameters"] = None
     for support in document["supports"]:
-        support["rpy_std"] = (0.0, 0.0, 0.0)
+        support["rpy_std"] = support["turn_std"] = (0.0, 0.0, 0.0)
     root = ET.fromstring(certificate(Calibration.model_validate(document)))
     assert root.find(".//si:expandedMU", NAMES) is None
     assert len(root.findall(".//si:real", NAMES)) == 18

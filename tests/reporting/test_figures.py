@@ -163,6 +163,7 @@ def test_weakest_direction_is_that_of_the_covariance() -> None:
         J = _rpy_jacobian(c.rotation[i])
         std = np.sqrt(np.diag(J @ C[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] @ J.T))
         support["rpy_std"] = std.tolist()
+        support["turn_std"] = np.sqrt(np.diag(C)[3 * i : 3 * i + 3]).tolist()
     weak = Calibration.model_validate(content)
     said = next(d.reading for d in drawings(weak) if d.name == "observability")
     assert "a turn of support_2 about an axis 37° from Z of the BCS: 4 mrad" in said

@@ -179,7 +179,7 @@ def test_apply_refuses_what_calibrate_refuses(
     if older:
         target.write_text("older")
     for line in (
-        ("apply", calibration, campaign, "-o", target),
+        ("apply", calibration, campaign, "-o", target, "-q"),
         ("calibrate", campaign, "-o", target.with_suffix(".yaml"), "--trials", 0, "-q"),
     ):
         seen = run(capsys, *line)

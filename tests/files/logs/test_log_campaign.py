@@ -163,9 +163,18 @@ def test_leaving_early_stops_the_reading(tmp_path: Path) -> None:
 
 
 def test_what_is_a_log(tmp_path: Path) -> None:
-    for name in ("a.csv", "A.CSV", "a.tsv", "a.csv.gz", "a.csv.zst", "a.parquet", "a.mcap"):
+    for name in (
+        "a.csv",
+        "A.CSV",
+        "a.tsv",
+        "a.csv.gz",
+        "a.csv.zst",
+        "a.parquet",
+        "a.mcap",
+        "a.txt",
+    ):
         assert is_log(tmp_path / name)
-    for name in ("rig.yaml", "notes.txt", "a.parquet.gz.json", "a.json", "csv", "a.gz"):
+    for name in ("rig.yaml", "a.parquet.gz.json", "a.json", "csv", "a.gz"):
         assert not is_log(tmp_path / name)
     assert not is_log(tmp_path)
 
