@@ -316,10 +316,10 @@ def test_a_pipe_in_and_out(home: Path) -> None:
 
 
 def test_a_reader_that_leaves(home: Path) -> None:
-    line = f"{sys.executable} -m tdfscal schema out/schemas --json | true"
+    line = f"{sys.executable} -m tdfscal schema out/left --json | true"
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", line], capture_output=True, check=False, cwd=home
     )
     # Here standard output is the result: what cannot be handed over leaves no other file either.
     assert done.returncode == 2
-    assert not (home / "out/schemas").exists()
+    assert not (home / "out/left").exists()
