@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from functools import cache
+from typing import Any
 
 import typer
+import typer.main
 
 from tdfscal.cli import (  # noqa: F401 - each module registers its command
     apply,
@@ -35,6 +38,12 @@ INTERRUPTED = 130
 _Misuse: type[Exception] = typer.BadParameter.__bases__[0]
 
 
+@cache
+def command() -> Any:
+    """The commands as typer makes them of their functions, once."""
+    return typer.main.get_command(app)
+
+
 def run() -> int:
     """Run the command that the command line asks for; return the exit status."""
     if not sys.warnoptions:  # what concerns a user is in the result
@@ -42,7 +51,7 @@ def run() -> int:
     if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
         del os.environ["SOURCE_DATE_EPOCH"]  # libraries fall over a date that is none
     try:
-        status: int = app(standalone_mode=False, prog_name="tdfscal") or 0
+        status: int = command()(standalone_mode=False, prog_name="tdfscal") or 0
     except TdfscalError as error:
         say(f"tdfscal: {error}")
         return error.exit_status

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
 from scipy.special import fdtrc
 
 from tdfscal.dwells.dwell_means import evenly
@@ -26,6 +26,7 @@ _SHORTEST = 8  # bins
 _LONGEST = 12.0  # s of a stop that are looked at
 _SLOWEST, _CONSTANTS = 5.0, 8  # s; time constants tried
 _LOWEST, _HIGHEST, _FREQUENCIES = 0.1, 6.0, 16  # Hz; frequencies tried, besides none
+_ROUNDS, _CLOSE = 24, 1e-3  # parabolas at most; relative distance of the last one's decays
 _LASTING = 6.0  # time constants after which nothing is left to fit
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -145,19 +146,36 @@ def find_ringing(
 
 
 def _refined(stops: Sequence[FloatArray], decay: complex, most: int) -> complex:
-    """The decay that explains most, from one close to it."""
+    """The decay that explains most, from one close to it: parabolas through ever closer decays."""
+    at = np.array([np.log(decay.real), decay.imag][: 2 if decay.imag else 1])
+    step = np.array([0.3, 0.15 * abs(decay.imag)][: len(at)])
+    around = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at))))
+    for _ in range(_ROUNDS):
+        tried = at + step * around
+        decays = [complex(np.exp(x[0]), x[1] if len(x) > 1 else 0.0) for x in tried]
+        explained = _Shapes(decays, most).explained(stops)
+        best, top = around[np.argmax(explained)], _top_of_parabola(around, explained)
+        if top is None or (np.abs(top) > 1.0).any():
+            top = best
+        at = at + step * top
+        if top is not best or not best.any():
+            step = step / 4.0
+        if step[0] < _CLOSE:
+            break
+    return complex(np.exp(at[0]), at[1] if len(at) > 1 else 0.0)
 
-    def at(x: FloatArray) -> complex:
-        return complex(np.exp(x[0]), x[1] if len(x) > 1 else 0.0)
 
-    def cost(x: FloatArray) -> float:
-        return -float(_Shapes([at(x)], most).explained(stops)[0])
-
-    start = [np.log(decay.real), decay.imag][: 2 if decay.imag else 1]
-    steps = [0.3, 0.15 * decay.imag][: len(start)]
-    simplex = np.vstack([start, start + np.diag(steps)])
-    options = {"initial_simplex": simplex, "maxfev": 60, "xatol": 1e-3, "fatol": 1e-3}
-    return at(minimize(cost, start, method="Nelder-Mead", options=options).x)
+def _top_of_parabola(x: FloatArray, value: FloatArray) -> FloatArray | None:
+    """Where the parabola fitted to values (G,) at x (G, D) is highest; None where it has no top."""
+    first, second = np.triu_indices(x.shape[1])
+    terms = np.column_stack([np.ones(len(x)), x, x[:, first] * x[:, second]])
+    fit = np.linalg.lstsq(terms, value, rcond=None)[0]
+    gradient, curvature = fit[1 : 1 + x.shape[1]], np.zeros((x.shape[1],) * 2)
+    curvature[first, second] = fit[1 + x.shape[1] :]
+    curvature += curvature.T
+    if np.linalg.eigvalsh(curvature).max() >= 0.0:
+        return None
+    return np.asarray(-np.linalg.solve(curvature, gradient))
 
 
 def _in_all_stops(

@@ -33,12 +33,15 @@ def to_yaml(content: Any) -> str:
         Dumper=_PlainDumper,
         sort_keys=False,
         allow_unicode=True,
-        width=float("inf"),
+        width=1 << 30,
         default_flow_style=False,
     )
 
 
-class _PlainDumper(yaml.SafeDumper):
+_SafeDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+class _PlainDumper(_SafeDumper):  # type: ignore[misc,valid-type]
     """Without aliases; text that YAML 1.2 would take for a number is quoted."""
 
     def ignore_aliases(self, data: Any) -> bool:

@@ -239,9 +239,15 @@ def test_a_result_is_utf8_whatever_the_terminal_is(
 
 
 def program(*words: object, cwd: Path) -> subprocess.Popen[str]:
+    """The program in a process of its own, which heeds signals that the tests' own may ignore."""
+
+    def heed() -> None:
+        for number in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+
     line = [sys.executable, "-m", "tdfscal", *map(str, words)]
     return subprocess.Popen(
-        line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd
+        line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd, preexec_fn=heed
     )
 
 
