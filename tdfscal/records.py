@@ -317,8 +317,10 @@ class Dwells:
 class PointSet:
     """Named points of one file.
 
-    group : support's name, per point. point : its label. xyz : (N, 3), m, in the file's frame.
-    std : (N, 3), m, standard uncertainties that the file gives, NaN-free; None where it gives none.
+    group : support's name, per point; "" in a file without groups. point : its label. xyz :
+    (N, 3), m, in the file's frame. std : (N, 3), m, standard uncertainties that the file gives; a
+    row of NaN where it gives none for a point, None where it gives none at all. resolution : m,
+    worth of the last digit that the coordinates are written with; 0 where they are design values.
     """
 
     group: tuple[str, ...]
@@ -326,6 +328,7 @@ class PointSet:
     xyz: FloatArray
     std: FloatArray | None
     source: str
+    resolution: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from tdfscal.cli.app import Json, app
 from tdfscal.cli.perform import perform
+
+Match = Literal["name", "point", "order"]
 
 
 @app.command()
@@ -18,7 +20,35 @@ def register(
     unit: Annotated[
         str | None, typer.Option("--unit", metavar="U", help="Of files that name none: m, mm, in …")
     ] = None,
+    match: Annotated[
+        Match,
+        typer.Option(
+            case_sensitive=False,
+            help="Pair points by group and name, by name in whatever group, or row by row.",
+        ),
+    ] = "name",
+    groups: Annotated[
+        list[str] | None,
+        typer.Option(metavar="A=B", help="Measured group A is reference group B; repeatable."),
+    ] = None,
+    range: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Instrument: standard uncertainty of its range, m."),
+    ] = None,
+    range_ppm: Annotated[
+        float | None,
+        typer.Option(metavar="P", help="Instrument: what adds to it, ppm of the distance."),
+    ] = None,
+    angle_arcsec: Annotated[
+        float | None,
+        typer.Option(metavar="A", help="Instrument: standard uncertainty of its angles, arcsec."),
+    ] = None,
+    scale: Annotated[
+        bool, typer.Option("--scale", help="Estimate a scale of the reference too.")
+    ] = False,
     json: Json = False,
 ) -> int:
     """Fit the rigid transform from reference points to measured ones, with its uncertainty."""
-    return perform("register", locals()).exit_status
+    options = locals()
+    options["groups"] = groups or ()
+    return perform("register", options).exit_status

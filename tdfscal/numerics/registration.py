@@ -86,11 +86,14 @@ def register(
     measured_cov: FloatArray | None = None,
     reference_cov: FloatArray | None = None,
     group: IntArray | None = None,
+    *,
+    least: float = 0.0,
 ) -> Registration:
     """Register one set of N points and judge the answer.
 
     measured, reference : (N, 3), m. measured_cov, reference_cov : (N, 3, 3), m²; with neither,
     equal isotropic noise of both sets is assumed and its size taken from the residuals.
+    least : m per coordinate, below which no noise is taken from residuals, however well they fit.
 
     Raises
     ------
@@ -115,7 +118,8 @@ def register(
         )
     fit = align(y, x, C, D, index)
     mirror = align(y, -x, C, D, index, tolerance=1e-3)
-    sigma2 = _unit_variance(min(fit.chi2, mirror.chi2), dof, y, x) if unknown else 1.0
+    floor2 = _rounding(y, x) + least**2
+    sigma2 = max(float(min(fit.chi2, mirror.chi2)) / dof, floor2) if unknown else 1.0
     R = fit.rotation
     D_turned = R @ D @ R.T
     weight = _inv(C + D_turned)
@@ -127,11 +131,11 @@ def register(
     )
     normal = np.einsum("nip,nij,njq->pq", J, weight, J)
     _refuse_undetermined(normal, D_turned, weight, sigma2)
-    _refuse_mirrored(float(fit.chi2), float(mirror.chi2), dof)
+    _refuse_mirrored(float(fit.chi2), float(mirror.chi2), dof, floor2 if unknown else 0.0)
     if not fit.converged:
         raise NotConvergedError("the registration found no minimum")
     if unknown:
-        sigma2 = _unit_variance(fit.chi2, dof, y, x)
+        sigma2 = max(float(fit.chi2) / dof, floor2)
     # t refers to the origin of the reference frame, not to the centroid.
     to_origin = np.eye(3 + 3 * groups)
     to_origin[3:, :3] = so3.hat(mean @ R.T).reshape(-1, 3)
@@ -150,7 +154,9 @@ def register(
         normalised=normalised,
         statistic=statistic,
         redundancy=redundancy,
-        outlier_p=_outlier_p(statistic, redundancy, chi2, dof, unknown),
+        outlier_p=_outlier_p(
+            statistic, redundancy, chi2, dof, floor2 / sigma2 if unknown else None
+        ),
         chi2=chi2,
         dof=dof,
         p_value=None if unknown else float(chi2_sf(chi2, dof)),
@@ -164,11 +170,15 @@ def register(
 
 @dataclass(frozen=True, slots=True)
 class Extension:
-    """Further parameters of a registration: value (q,), covariance (q, q), fall of χ² by them."""
+    """Further parameters of a registration: value (q,), covariance (q, q), fall of χ² by them.
+
+    rigid_covariance : of the registration's own parameters beside them, as `Registration` has it.
+    """
 
     value: FloatArray
     covariance: FloatArray
     chi2_drop: float
+    rigid_covariance: FloatArray
 
 
 def extend(fit: Registration, columns: FloatArray) -> Extension | None:
@@ -187,7 +197,9 @@ def extend(fit: Registration, columns: FloatArray) -> Extension | None:
     # The residual is orthogonal to the rigid parameters at the minimum.
     score = np.einsum("niq,ni->q", WB, fit.residual)
     value = covariance @ score
-    return Extension(value, covariance, float(score @ value))
+    carried = fit.covariance @ JB
+    rigid = fit.covariance + carried @ covariance @ carried.T
+    return Extension(value, covariance, float(score @ value), rigid)
 
 
 def _inv(m: FloatArray) -> FloatArray:
@@ -205,15 +217,12 @@ def outlier_p_beside(fit: Registration, columns: FloatArray) -> FloatArray:
     e = fit.residual + J @ step
     statistic, redundancy, _ = _judge_points(e, J, fit.weight, cov)
     chi2 = float(np.einsum("ni,nij,nj->", e, fit.weight, e))
-    return _outlier_p(
-        statistic, redundancy, chi2, fit.dof - columns.shape[2], fit.sigma is not None
-    )
+    return _outlier_p(statistic, redundancy, chi2, fit.dof - columns.shape[2])
 
 
-def _unit_variance(chi2: FloatArray | float, dof: int, y: FloatArray, x: FloatArray) -> float:
-    """Variance per coordinate from the residuals, never below the coordinates' own rounding."""
-    rounding = np.finfo(np.float64).eps * max(np.abs(y).max(), np.abs(x).max())
-    return float(chi2) / dof + float(rounding) ** 2
+def _rounding(y: FloatArray, x: FloatArray) -> float:
+    """Variance per coordinate of numbers of double precision, m²."""
+    return float(np.finfo(np.float64).eps * max(np.abs(y).max(), np.abs(x).max())) ** 2
 
 
 def _refuse_undetermined(
@@ -247,8 +256,12 @@ def _refuse_undetermined(
         )
 
 
-def _refuse_mirrored(chi2: float, mirrored: float, dof: int) -> None:
-    """F-test, so that neither a misstated noise nor one bad point decides it."""
+def _refuse_mirrored(chi2: float, mirrored: float, dof: int, floor: float) -> None:
+    """F-test, so that neither a misstated noise nor one bad point decides it.
+
+    floor : variance below which none is told from rounding.
+    """
+    mirrored = max(mirrored, dof * floor)
     if mirrored < chi2 and special.fdtrc(dof, dof, chi2 / max(mirrored, 1e-300)) < MIRRORED:
         raise MirroredError(
             "the measured points are the mirror image of the reference: no rotation takes one to "
@@ -277,12 +290,17 @@ def _judge_points(
 
 
 def _outlier_p(
-    statistic: FloatArray, redundancy: IntArray, chi2: float, dof: int, unknown: bool
+    statistic: FloatArray,
+    redundancy: IntArray,
+    chi2: float,
+    dof: int,
+    floor: float | None = None,
 ) -> FloatArray:
     """Probability of each point's statistic against the stated noise and against the other points.
 
     Taking a point out lowers χ² by its statistic. Where the other points alone are worse than
-    stated, a point must stand out from them too (F-test); with unknown noise, from them only.
+    stated, a point must stand out from them too (F-test); where the noise was estimated
+    from the residuals, from them and from its least variance `floor`, in units of theirs.
     """
     others = dof - redundancy
     safe_others, safe = np.maximum(others, 1), np.maximum(redundancy, 1)
@@ -290,5 +308,8 @@ def _outlier_p(
     against_others = special.fdtrc(safe, safe_others, statistic / safe / mean_square)
     against_others = np.where(others > 0, against_others, 1.0)
     stated = chi2_sf(statistic, safe)
-    p = np.where(mean_square > 1, np.maximum(stated, against_others), stated)
-    return np.where(redundancy > 0, against_others if unknown else p, 1.0)
+    if floor is not None:
+        p = np.maximum(against_others, chi2_sf(statistic / floor, safe))
+    else:
+        p = np.where(mean_square > 1, np.maximum(stated, against_others), stated)
+    return np.where(redundancy > 0, p, 1.0)

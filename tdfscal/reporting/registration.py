@@ -12,7 +12,8 @@ from tdfscal.reporting.layout import Facts, Report, Section, Table
 from tdfscal.trackercal import PointRegistration
 
 CONVENTION = "measured = rotation · reference + translation"
-CAPTION = f"{CONVENTION}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
+SCALED = "measured = scale · rotation · reference + translation"
+_ANGLES = "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
 
 
 def registration_report(r: PointRegistration) -> Report:
@@ -33,7 +34,7 @@ def registration_report(r: PointRegistration) -> Report:
     )
     blocks = (
         Table(
-            CAPTION,
+            f"{SCALED if r.scaled else CONVENTION}; {_ANGLES}",
             ("", "value", "std. unc.", "unit"),
             tuple(values),
         ),
@@ -50,6 +51,7 @@ def registration_report(r: PointRegistration) -> Report:
 
 def _statistics(r: PointRegistration) -> tuple[tuple[str, str], ...]:
     scale = f"1 {1e6 * (r.scale - 1):+.1f} ppm, std. unc. {1e6 * r.scale_std:.1f} ppm"
+    scale += "" if r.scaled else " (not applied)"
     if r.chi2 is None or r.p_value is None:
         noise = f"{1e3 * r.sigma:.3g} mm per coordinate" if r.sigma is not None else "none"
         first = ("Noise", f"{noise}, from the residuals ({r.dof} degrees of freedom)")
@@ -62,7 +64,7 @@ def _statistics(r: PointRegistration) -> tuple[tuple[str, str], ...]:
 def document(r: PointRegistration, notes: Sequence[str] = ()) -> dict[str, Any]:
     """Return plain JSON values; m and rad."""
     return {
-        "convention": CONVENTION,
+        "convention": SCALED if r.scaled else CONVENTION,
         "rotation": r.rotation.tolist(),
         "rpy": r.rpy.tolist(),
         "rpy_std": r.rpy_std.tolist(),
@@ -84,6 +86,7 @@ def document(r: PointRegistration, notes: Sequence[str] = ()) -> dict[str, Any]:
         "sigma": r.sigma,
         "scale": r.scale,
         "scale_std": _finite(r.scale_std),
+        "scale_estimated": r.scaled,
         "coplanar": r.coplanar,
         "rejected": [{"name": p.name, "reason": p.reason} for p in r.rejected],
         "missing": list(r.missing),

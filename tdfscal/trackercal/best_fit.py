@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.errors import TdfscalError
+from tdfscal.errors import NotConvergedError, NotIdentifiableError, TdfscalError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.registration import extend
+from tdfscal.numerics.registration import Extension, extend
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.significance import SCALE_DIFFERS
 from tdfscal.trackercal.group_motion import fit_one_by_one, moved_apart
 from tdfscal.trackercal.judged_registration import (
+    MEASURED_FILE,
     Noise,
     RejectedPoint,
     SurveyFit,
@@ -21,22 +23,26 @@ from tdfscal.trackercal.judged_registration import (
     point_noise,
 )
 from tdfscal.trackercal.point_matching import (
+    Match,
     MatchedPoints,
     describe_unmatched,
     match_points,
     relabellings,
 )
 
+_SCALE_STEPS = 30
+
 
 @dataclass(frozen=True, slots=True)
 class PointRegistration:
-    """measured = rotation · reference + translation.
+    """measured = rotation · reference + translation; or, `scaled`, scale · rotation · reference …
 
     rotation : (3, 3), det = +1. rpy, rpy_std : (3,), rad. translation, translation_std : (3,), m.
     covariance : (6, 6) of (d, t), R_true = exp([d]×) · rotation, d in the measured frame; rad, m.
     chi2, p_value : None where no uncertainty was stated; sigma : m per coordinate, estimated from
     the residuals then, else None. residual, normalised : (N, 3), m and 1, of the points `names`.
-    scale : best scale of the reference with its standard uncertainty; a check, not applied.
+    scale : best scale of the reference with its standard uncertainty; applied where it was to be
+    estimated (`scaled`), else a check.
     scale_p : probability of a scale this far from 1 by chance. coplanar : handedness unchecked.
     """
 
@@ -57,6 +63,7 @@ class PointRegistration:
     scale: float
     scale_std: float
     scale_p: float
+    scaled: bool
     coplanar: bool
     rejected: tuple[RejectedPoint, ...]
     missing: tuple[str, ...]
@@ -70,27 +77,33 @@ def register(
     *,
     instrument: Instrument | None = None,
     drawing: float = 0.0,
+    match: Match = "name",
+    groups: Mapping[str, str] | None = None,
+    scale: bool = False,
 ) -> PointRegistration:
     """Register the points that two sets have in common, reference → measured.
 
     instrument : of the measured points, which are in its frame then. drawing : m, standard
     uncertainty per coordinate of the reference points. With neither, and none in the files, the
-    noise is estimated from the residuals.
+    noise is estimated from the residuals. match, groups : as `match_points`. scale : estimate a
+    scale of the reference too.
 
     Raises
     ------
     DataError : no common names, wrong names, units or handedness.
     NotIdentifiableError : the points do not determine a rotation.
     """
-    matched = match_points(measured, reference)
+    matched = match_points(measured, reference, match, groups)
     noise = point_noise(matched, instrument, {"drawing": drawing})
-    survey = _together(matched, noise)
-    fit = survey.fit
-    lever = (fit.adjusted - fit.adjusted.mean(axis=0)) @ fit.rotation.T
-    scaled = extend(fit, lever[:, :, None])
-    ratio, ratio_std = (
-        (float(scaled.value[0]), float(scaled.covariance[0, 0] ** 0.5)) if scaled else (0.0, np.inf)
-    )
+    applied, survey, scaled = _scaled(matched, noise) if scale else _unscaled(matched, noise)
+    fit, covariance = survey.fit, survey.fit.covariance
+    ratio, ratio_std = applied - 1, np.inf
+    if scaled is not None:
+        ratio, ratio_std = ratio + float(scaled.value[0]), float(scaled.covariance[0, 0] ** 0.5)
+    if scale and scaled is not None:
+        # One parameter more, taken from the residuals that tell the noise.
+        fewer = fit.dof / (fit.dof - 1) if fit.sigma is not None else 1.0
+        covariance, ratio_std = scaled.rigid_covariance * fewer, ratio_std * fewer**0.5
     scale_p = float(chi2_sf((ratio / ratio_std) ** 2, 1))
     J = so3.rpy_jacobian(fit.rotation)
     warnings = [*describe_unmatched(matched)]
@@ -100,28 +113,28 @@ def register(
             "the points lie in one plane within their uncertainty: a mirrored frame would not be "
             "noticed"
         )
-    if scale_p < SCALE_DIFFERS:
+    if scale_p < SCALE_DIFFERS and not scale:
         warnings.append(
             f"a scale of {ratio * 1e6:+.0f} ± {ratio_std * 1e6:.0f} ppm fits significantly better: "
-            "check temperature and units"
+            "check temperature and units, or let --scale estimate it"
         )
     if apart := moved_apart(matched, noise, survey):
         warnings.append(apart)
     if relabellings(survey.points.measured, survey.points.reference, survey.sigma):
         warnings.append("the points are symmetric: they would fit under other names too")
-    if noise.measured and "measured points' file" in noise.measured and instrument is not None:
-        warnings.append("the uncertainties stated in the file add to the instrument's")
+    if instrument is not None and MEASURED_FILE in noise.measured:
+        warnings.append("the uncertainties stated in the file stand in place of the instrument's")
     return PointRegistration(
         names=survey.points.names,
         rotation=fit.rotation,
         rpy=so3.to_rpy(fit.rotation),
-        rpy_std=np.sqrt(np.diag(J @ fit.rotation_covariance @ J.T)),
+        rpy_std=np.sqrt(np.diag(J @ covariance[:3, :3] @ J.T)),
         translation=fit.translation[0],
-        translation_std=np.sqrt(np.diag(fit.covariance)[3:]),
-        covariance=fit.covariance,
+        translation_std=np.sqrt(np.diag(covariance)[3:]),
+        covariance=covariance,
         chi2=None if fit.sigma is not None else fit.chi2,
-        dof=fit.dof,
-        p_value=fit.p_value,
+        dof=fit.dof - scale,
+        p_value=None if fit.p_value is None else float(chi2_sf(fit.chi2, fit.dof - scale)),
         sigma=fit.sigma,
         residual=fit.residual,
         normalised=fit.normalised,
@@ -129,12 +142,44 @@ def register(
         scale=1 + ratio,
         scale_std=ratio_std,
         scale_p=scale_p,
+        scaled=scale,
         coplanar=not fit.handed,
         rejected=survey.rejected,
         missing=matched.missing,
         extra=matched.extra,
         warnings=tuple(warnings),
     )
+
+
+def _unscaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit, Extension | None]:
+    """The fit, and the scale that it would take beside."""
+    survey = _together(points, noise)
+    return 1.0, survey, _scale_beside(survey)
+
+
+def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit, Extension]:
+    """The fit to a reference of the best scale, that scale, and what remains to it."""
+    scale = 1.0
+    for _ in range(_SCALE_STEPS):
+        larger = replace(points, reference=scale * points.reference)
+        grown = {name: scale**2 * cov for name, cov in noise.reference.items()}
+        survey = _together(larger, Noise(noise.measured, grown))
+        step = _scale_beside(survey)
+        if step is None or survey.fit.dof < 2:
+            raise NotIdentifiableError(
+                "the points do not determine a scale", where=points.source, hint="measure more"
+            )
+        move = float(step.value[0])
+        if abs(move) <= 1e-6 * float(step.covariance[0, 0] ** 0.5):
+            return scale, survey, step
+        scale *= 1 + move
+    raise NotConvergedError("the scale found no minimum", where=points.source)
+
+
+def _scale_beside(survey: SurveyFit) -> Extension | None:
+    fit = survey.fit
+    lever = (fit.adjusted - fit.adjusted.mean(axis=0)) @ fit.rotation.T
+    return extend(fit, lever[:, :, None])
 
 
 def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:

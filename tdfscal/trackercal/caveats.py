@@ -52,7 +52,8 @@ def survey_warnings(
         for name in (*s.noise.measured, *s.noise.reference)
     ):
         lines.append(
-            "uncertainties that the point files state add to the instrument's and drawing's"
+            "uncertainties that the point files state stand in place of the instrument's, the "
+            "drawing's and the positioners'"
         )
     return tuple(lines)
 

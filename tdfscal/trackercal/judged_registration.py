@@ -24,6 +24,13 @@ from tdfscal.trackercal.point_matching import (
 
 FEWEST_FOR_OWN_AXES = 6
 """Moves of one NCP; 12 parameters leave 6 degrees of freedom."""
+INSTRUMENT = ("instrument range", "instrument angles")
+MEASURED_FILE, REFERENCE_FILE = "measured points' file", "reference points' file"
+LAST_DIGIT = "last digit of the coordinates"
+ROUNDING = 1 / np.sqrt(12)
+"""Standard uncertainty of a number that is rounded, over the worth of its last digit."""
+FINEST = 1e-9
+"""m; no instrument resolves less of a coordinate, whatever digits a file writes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,24 +85,54 @@ class SurveyFit:
 def point_noise(
     points: MatchedPoints, instrument: Instrument | None, reference: Mapping[str, float]
 ) -> Noise:
-    """Covariances of matched points: the instrument's, the files', and isotropic ones.
+    """Covariances of matched points: the files' or the instrument's, isotropic ones, rounding.
 
     reference : source → m, standard uncertainty per coordinate of the reference points. What a
-    file states for a point adds to these.
+    file states of a point stands in the place of both; a point of which it states none has the
+    instrument's or, without one, the largest that the file states.
     """
-    measured = {}
-    if instrument is not None:
-        measured["instrument range"] = range_covariance(points.measured, instrument)
-        measured["instrument angles"] = angle_covariance(points.measured, instrument)
-    if points.measured_std.any():
-        measured["measured points' file"] = _diagonal(points.measured_std)
-    isotropic = {
-        name: _diagonal(np.full((len(points), 3), std))
-        for name, std in reference.items()
-        if std > 0
-    }
-    if points.reference_std.any():
-        isotropic["reference points' file"] = _diagonal(points.reference_std)
+    measured: dict[str, FloatArray] = {}
+    by_file = np.isfinite(points.measured_std).all(axis=1)
+    if instrument is not None and not by_file.all():
+        left = ~by_file[:, None, None]
+        for name, covariance in zip(INSTRUMENT, (range_covariance, angle_covariance), strict=True):
+            measured[name] = left * covariance(points.measured, instrument)
+    if by_file.any():
+        std = _filled(points.measured_std, 0.0 if instrument is not None else None)
+        measured[MEASURED_FILE] = _diagonal(std)
+    isotropic = {}
+    by_file = np.isfinite(points.reference_std).all(axis=1)
+    for name, std in reference.items():
+        if std > 0 and not by_file.all():
+            isotropic[name] = ~by_file[:, None, None] * _diagonal(np.full((len(points), 3), std))
+    if by_file.any():
+        std = _filled(points.reference_std, 0.0 if isotropic else None)
+        isotropic[REFERENCE_FILE] = _diagonal(std)
+    return _with_rounding(points, measured, isotropic)
+
+
+def _filled(std: FloatArray, unstated: float | None) -> FloatArray:
+    """Rows of NaN become `unstated`, or where it is None the largest of each column."""
+    fill = np.nanmax(std, axis=0) if unstated is None else np.full(3, unstated)
+    return np.where(np.isfinite(std), std, fill)
+
+
+def _with_rounding(
+    points: MatchedPoints, measured: dict[str, FloatArray], isotropic: dict[str, FloatArray]
+) -> Noise:
+    """Add what the last digits of the files leave open, where any uncertainty is stated.
+
+    Without any, the residuals show the rounding among the rest. A stated uncertainty of the
+    reference points is that of the points themselves: it covers how they are written.
+    """
+    if measured or isotropic:
+        for digit, sources in (
+            (points.measured_digit, measured),
+            (points.reference_digit if not isotropic else 0.0, isotropic),
+        ):
+            if digit > 0:
+                std = np.full((len(points), 3), digit * ROUNDING)
+                sources[LAST_DIGIT] = _diagonal(std)
     return Noise(measured, isotropic)
 
 
@@ -141,7 +178,7 @@ def fit_survey(
             return SurveyFit(current, covs, groups, index, fit, tuple(rejected))
         size = np.linalg.norm(fit.residual[worst])
         ratio = np.sqrt(fit.statistic[worst] / max(fit.redundancy[worst], 1))
-        reason = f"residual {size * 1e3:.3g} mm, {ratio:.1f} times what its uncertainty allows"
+        reason = f"residual {size * 1e3:.3g} mm, {ratio:.3g} times what its uncertainty allows"
         rejected.append(RejectedPoint(current.names[worst], reason))
         kept = np.delete(kept, worst)
 
@@ -186,7 +223,9 @@ def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> R
     try:
         if given:
             return solve(points.measured, points.reference, C, D, index)
-        return solve(points.measured, points.reference, group=index)
+        digits = np.hypot(points.measured_digit, points.reference_digit)
+        least = max(FINEST, float(digits) * ROUNDING)
+        return solve(points.measured, points.reference, group=index, least=least)
     except MirroredError as error:
         raise DataError(error.what, where=f"{points.source}, {what}", hint=error.hint) from error
     except (NotIdentifiableError, NotConvergedError) as error:

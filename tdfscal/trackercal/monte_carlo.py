@@ -13,7 +13,7 @@ from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.records import FloatArray, Instrument
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.trackercal.instrument import observe
-from tdfscal.trackercal.judged_registration import SurveyFit
+from tdfscal.trackercal.judged_registration import INSTRUMENT, SurveyFit
 
 _BATCH = 500
 
@@ -111,9 +111,12 @@ def _draw(
     x = fit.adjusted
     y = x @ fit.rotation.T + fit.translation[survey.group]
     shape = (count, len(x), 3)
-    by_file = noise.measured.get("measured points' file", np.zeros((len(x), 3, 3)))
-    seen = observe(y, instrument, rng, count)
-    seen = seen + rng.standard_normal(shape) * np.sqrt(np.diagonal(by_file, axis1=1, axis2=2))
+    none = np.zeros((len(x), 3, 3))
+    by_instrument = sum((noise.measured.get(source, none) for source in INSTRUMENT), none)
+    others = sum((cov for s, cov in noise.measured.items() if s not in INSTRUMENT), none)
+    sighted = np.any(by_instrument, axis=(1, 2))[:, None]
+    seen = np.where(sighted, observe(y, instrument, rng, count), y)
+    seen = seen + rng.standard_normal(shape) * np.sqrt(np.diagonal(others, axis1=1, axis2=2))
     C, D = noise.totals(len(x))
     known = x + rng.standard_normal(shape) * np.sqrt(np.diagonal(D, axis1=1, axis2=2))
     start = np.broadcast_to(fit.rotation, (count, 3, 3))

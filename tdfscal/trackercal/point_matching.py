@@ -1,9 +1,12 @@
-"""Which measured point is which reference point: by name, and checked by the distances."""
+"""Which measured point is which reference point: by name or order, checked by the distances."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import permutations
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -17,12 +20,17 @@ _UNITS = {"mm read as m": 1000.0, "inches read as mm": 25.4, "inches read as m":
 _UNITS |= {"µm read as mm": 1000.0, "µm read as m": 1e6}
 
 
+Match = Literal["name", "point", "order"]
+_BY = {"name": "group and name", "point": "name", "order": "place"}
+
+
 @dataclass(frozen=True, slots=True)
 class MatchedPoints:
     """Points that two sets have in common, in the reference set's order.
 
     group, point : names, (N,). measured, reference : (N, 3), m, each in its own frame.
-    measured_std, reference_std : (N, 3), m, as the files state; zeros where they state none.
+    measured_std, reference_std : (N, 3), m, as the files state; rows of NaN where they state none.
+    measured_digit, reference_digit : m, worth of the last digit of the files' coordinates.
     missing : "group/point" of the reference that were not measured. extra : the reverse.
     """
 
@@ -32,6 +40,8 @@ class MatchedPoints:
     reference: FloatArray
     measured_std: FloatArray
     reference_std: FloatArray
+    measured_digit: float
+    reference_digit: float
     missing: tuple[str, ...]
     extra: tuple[str, ...]
     source: str
@@ -42,20 +52,18 @@ class MatchedPoints:
     @property
     def names(self) -> tuple[str, ...]:
         """Return "group/point" of each point."""
-        return tuple(f"{g}/{p}" for g, p in zip(self.group, self.point, strict=True))
+        return tuple(_label(name) for name in zip(self.group, self.point, strict=True))
 
     def take(self, which: IntArray) -> MatchedPoints:
         """Only the points with these indices; missing and extra ones are left as they are."""
-        return MatchedPoints(
-            tuple(self.group[i] for i in which),
-            tuple(self.point[i] for i in which),
-            self.measured[which],
-            self.reference[which],
-            self.measured_std[which],
-            self.reference_std[which],
-            self.missing,
-            self.extra,
-            self.source,
+        return replace(
+            self,
+            group=tuple(self.group[i] for i in which),
+            point=tuple(self.point[i] for i in which),
+            measured=self.measured[which],
+            reference=self.reference[which],
+            measured_std=self.measured_std[which],
+            reference_std=self.reference_std[which],
         )
 
     def indices(self, group: str) -> IntArray:
@@ -63,40 +71,111 @@ class MatchedPoints:
         return np.flatnonzero([g == group for g in self.group])
 
 
-def match_points(measured: PointSet, reference: PointSet) -> MatchedPoints:
-    """Pair the points of two sets by group and point name.
+def match_points(
+    measured: PointSet,
+    reference: PointSet,
+    match: Match = "name",
+    groups: Mapping[str, str] | None = None,
+) -> MatchedPoints:
+    """Pair the points of two sets.
+
+    match : "name", group and point, or the point alone where one of the files has no groups;
+    "point", whatever the groups; "order", row by row. groups : measured group → reference group,
+    where they are named differently.
 
     Raises
     ------
-    DataError : no name is common to both.
+    DataError : nothing is common to both, or what is common fits several points.
     """
-    where = {name: i for i, name in enumerate(zip(measured.group, measured.point, strict=True))}
+    measured = _renamed(measured, groups or {}, reference)
+    ours = list(zip(measured.group, measured.point, strict=True))
     names = list(zip(reference.group, reference.point, strict=True))
-    common = [(j, where[name]) for j, name in enumerate(names) if name in where]
+    partner = _partners(measured, reference, match)
+    common = [(j, i) for j, i in enumerate(partner) if i is not None]
     if not common:
-        ours, theirs = (
-            _listed([f"{g}/{p}" for g, p in where]),
-            _listed([f"{g}/{p}" for g, p in names]),
-        )
         raise DataError(
-            f"no point has the same group and name as one of {reference.source}: {ours} against "
-            f"{theirs}",
+            f"no point has the same {_BY[match]} as one of {reference.source}: "
+            f"{_listed([_label(n) for n in ours])} against {_listed([_label(n) for n in names])}",
             where=measured.source,
-            hint="give the same points the same group and name in both files",
+            hint="name the points alike in both files, or pair them by --match point, --match "
+            "order or --groups MEASURED=REFERENCE",
         )
     j, i = (np.array(index) for index in zip(*common, strict=True))
-    known = set(names)
+    taken = set(i.tolist())
+    unknown = np.full((max(len(ours), len(names)), 3), np.nan)
     return MatchedPoints(
         group=tuple(reference.group[k] for k in j),
         point=tuple(reference.point[k] for k in j),
         measured=measured.xyz[i],
         reference=reference.xyz[j],
-        measured_std=np.zeros((len(i), 3)) if measured.std is None else measured.std[i],
-        reference_std=np.zeros((len(j), 3)) if reference.std is None else reference.std[j],
-        missing=tuple(f"{g}/{p}" for g, p in names if (g, p) not in where),
-        extra=tuple(f"{g}/{p}" for g, p in where if (g, p) not in known),
+        measured_std=(unknown if measured.std is None else measured.std)[i],
+        reference_std=(unknown if reference.std is None else reference.std)[j],
+        measured_digit=measured.resolution,
+        reference_digit=reference.resolution,
+        missing=tuple(_label(names[k]) for k, found in enumerate(partner) if found is None),
+        extra=tuple(_label(name) for k, name in enumerate(ours) if k not in taken),
         source=measured.source,
     )
+
+
+def _renamed(measured: PointSet, groups: Mapping[str, str], reference: PointSet) -> PointSet:
+    for names, known, source in (
+        (groups, measured.group, measured.source),
+        (groups.values(), reference.group, reference.source),
+    ):
+        for name in names:
+            if name not in known:
+                there = ", ".join(dict.fromkeys(filter(None, known))) or "none"
+                raise DataError(
+                    f"has no group {name}", where=source, hint=f"its groups are: {there}"
+                )
+    return replace(measured, group=tuple(groups.get(g, g) for g in measured.group))
+
+
+def _partners(measured: PointSet, reference: PointSet, match: Match) -> list[int | None]:
+    """Index of the measured point that belongs to each reference point, or None."""
+    if match == "order":
+        if len(measured.point) != len(reference.point):
+            raise DataError(
+                f"has {len(measured.point)} points where {reference.source} has "
+                f"{len(reference.point)}: they cannot be paired by their order",
+                where=measured.source,
+                hint="leave out what only one of the files has, or pair the points by name",
+            )
+        return list(range(len(reference.point)))
+    names = list(zip(reference.group, reference.point, strict=True))
+    if match == "name" and any(measured.group) and any(reference.group):
+        where = {n: i for i, n in enumerate(zip(measured.group, measured.point, strict=True))}
+        return [where.get(name) for name in names]
+    if match == "name" and not any(measured.group):
+        # A recorder without groups writes the support into the point's name: ncp1_P1.
+        full = {_folded(point): i for i, point in enumerate(measured.point)}
+        found = [full.get(_folded(f"{g} {p}")) if g else None for g, p in names]
+        if any(i is not None for i in found):
+            return found
+    return _by_point(measured, reference)
+
+
+def _by_point(measured: PointSet, reference: PointSet) -> list[int | None]:
+    common = set(measured.point) & set(reference.point)
+    for points in (measured, reference):
+        twice = next((p for p in points.point if p in common and points.point.count(p) > 1), None)
+        if twice is not None:
+            raise DataError(
+                f"has several points {twice}, which their groups alone tell apart",
+                where=points.source,
+                hint="give both files a column `group`, or rename groups by --groups",
+            )
+    where = {point: i for i, point in enumerate(measured.point)}
+    return [where.get(point) for point in reference.point]
+
+
+def _folded(name: str) -> str:
+    return re.sub(r"[\s_./:-]+", " ", name).strip().lower()
+
+
+def _label(name: tuple[str, str]) -> str:
+    return "/".join(part for part in name if part)
 
 
 def describe_unmatched(points: MatchedPoints) -> tuple[str, ...]:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from tdfscal import trackercal
+from tdfscal.errors import UsageError
 from tdfscal.files.points import read_point_file
+from tdfscal.records import Instrument
 from tdfscal.reporting.registration import document, registration_report
 from tdfscal.trackercal import PointRegistration
+from tdfscal.trackercal.point_matching import Match
+from tdfscal.workflows.arguments import one_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 
@@ -60,6 +66,12 @@ def register(
     reference: str | PathLike[str],
     *,
     unit: str | None = None,
+    match: Match = "name",
+    groups: Mapping[str, str] | Sequence[str] = (),
+    range: float | None = None,
+    range_ppm: float | None = None,
+    angle_arcsec: float | None = None,
+    scale: bool = False,
     progress: Progress = SILENT,
 ) -> RegisterResult:
     """Fit the rigid transform from reference points to measured ones, with its uncertainty.
@@ -68,6 +80,11 @@ def register(
     ----------
     measured, reference : point files; the second is moved onto the first.
     unit : length unit of files that name none.
+    match : pair the points by group and name ("name"), by name alone ("point"), by row ("order").
+    groups : measured group → reference group, where their names differ; or texts `A=B`.
+    range, range_ppm, angle_arcsec : standard uncertainties of the instrument, m, ppm of the
+        distance, seconds of arc. Without them, and without any in the files, the residuals tell.
+    scale : estimate a scale of the reference too.
     progress : called as the work goes on.
 
     Raises
@@ -78,7 +95,53 @@ def register(
         The points do not fix a transform.
     """
     del progress
+    one_of("--match", match, get_args(Match))
+    instrument = _instrument(range, range_ppm, angle_arcsec)
+    pairs = _pairs(groups)
     first = read_point_file(Path(measured), length_unit=unit)
     second = read_point_file(Path(reference), length_unit=unit)
-    fit = trackercal.register(first.points, second.points)
+    fit = trackercal.register(
+        first.points,
+        second.points,
+        instrument=instrument,
+        match=match,
+        groups=pairs,
+        scale=scale,
+    )
     return RegisterResult(fit, (*first.notes, *second.notes))
+
+
+def _instrument(*given: float | None) -> Instrument | None:
+    """Return the instrument of range, range_ppm, angle_arcsec; None where none is stated."""
+    if all(value is None for value in given):
+        return None
+    names = ("--range", "--range-ppm", "--angle-arcsec")
+    values = [0.0 if value is None else float(value) for value in given]
+    for name, value in zip(names, values, strict=True):
+        if not 0 <= value < math.inf:
+            raise UsageError(f"{value:g} is no standard uncertainty", where=name, hint="give ≥ 0")
+    if not (values[0] or values[1]) or not values[2]:
+        raise UsageError(
+            "an instrument has an uncertainty of its range and one of its angles",
+            where=", ".join(names),
+            hint="state both, as in --range 1e-5 --range-ppm 5 --angle-arcsec 2",
+        )
+    return Instrument(*values)
+
+
+def _pairs(groups: Mapping[str, str] | Sequence[str]) -> dict[str, str]:
+    """Return measured → reference group, of a mapping or of texts `A=B`, `A=B,C=D`."""
+    if isinstance(groups, Mapping):
+        return dict(groups)
+    pairs: dict[str, str] = {}
+    texts = [groups] if isinstance(groups, str) else groups
+    for text in (part for whole in texts for part in whole.split(",")):
+        ours, equals, theirs = (part.strip() for part in text.partition("="))
+        if not (ours and equals and theirs) or ours in pairs:
+            raise UsageError(
+                f"{text!r} does not pair two groups",
+                where="--groups",
+                hint="write MEASURED=REFERENCE, as in --groups targets_1=ncp1",
+            )
+        pairs[ours] = theirs
+    return pairs

@@ -112,7 +112,9 @@ BAD = {
     "empty": ("", "no points"),
     "comments": ("// AXES = CARTESIAN (mm)\n", "no points"),
     "header": (HEAD, "no points"),
-    "no header": ("ncp1,P1,1,2,3\n", "line 1.*names the columns"),
+    "no header": ("left,right,up\n", "line 1.*names the columns"),
+    "no header, seven": ("P1,1,2,3,4,5,6\n", "line 1.*7 columns"),
+    "polar numbers": ("P1,1\n", "line 1.*2 columns"),
     "nan": (HEAD + "ncp1,P1,1,2,3\nncp1,P2,nan,2,3\n", "line 3.*finite"),
     "inf": (HEAD + "ncp1,P1,1,inf,3\n", "line 2.*finite"),
     "too large": (HEAD + "ncp1,P1,1,1e999,3\n", "line 2.*finite"),
@@ -123,7 +125,11 @@ BAD = {
     "short": (HEAD + "ncp1,P1,1,2\n", "line 2.*4 columns.*5"),
     "long": (HEAD + "ncp1,P1,1,2,3,4\n", "line 2.*6 columns.*5"),
     "nameless": (HEAD + "ncp1,,1,2,3\n", "line 2.*name"),
-    "no group": ("point,x,y,z\nP1,1,2,3\n", "line 1.*group"),
+    "no name": ("point,x,y,z\n,1,2,3\n", "line 2.*name"),
+    "points twice": ("point,x,y,z\nP1,1,2,3\nP1,1,2,4\n", "line 3.*P1.*line 2"),
+    "target twice": ("target,x,y,z\nA,1,2,3\nB,1,2,4\nC,1,3,2\nA,1,2,5\n", "line 5.*A"),
+    "one u": ("group,point,x,y,z,ux,uy,uz\nncp1,P1,1,2,3,1,,1\n", "line 2.*some of x, y and z"),
+    "two sigmas": ("// 1 sigma\n// 2 sigma\n" + HEAD + "ncp1,P1,1,2,3\n", "line 2.*2 sigma"),
     "no z": ("group,point,x,y\nncp1,P1,1,2\n", "line 1"),
     "x twice": ("group,point,x,y,z,x [mm]\nncp1,P1,1,2,3,1\n", "line 1.*twice"),
     "cylindrical": ("// AXES = CYLINDRICAL: R, Theta, Z (mm)\nncp1,P1,1,2,3\n", "cylindrical"),
@@ -140,6 +146,99 @@ BAD = {
     "six": ("// AXES = CARTESIAN (mm)\nA,B,ncp1,P1,1,2,3\n", "line 2.*7 columns"),
     "binary": ("group\0point", "not a text file"),
 }
+
+
+LEICA_ROWS = """Target,X [mm],Y [mm],Z [mm],U(95) X [mm],U(95) Y [mm],U(95) Z [mm],,
+RRR 1.5in,1,2,3,0.02,0.00,0.03,,
+RRR 1.5in,4,5,6.5,0.02,0.02,0.03
+"""
+SA_U = """// SpatialAnalyzer 2019.01 (x64)
+// Working Frame: A::WORLD
+// AXES = CARTESIAN: X, Y, Z (mm)  Uncertainties ({sigma})
+// Collection{d}Group{d}Point{d}X{d}Y{d}Z{d}U-x{d}U-y{d}U-z
+A{d}ncp1{d}P1{d}1.000{d}2.000{d}3.000{d}0.02{d}0.04{d}0.06
+A{d}ncp1{d}P2{d}4.000{d}5.000{d}6.000{blank}
+"""
+
+
+def test_a_tracker_export_without_names(tmp_path: Path) -> None:
+    """`Target` is the reflector; U(95) of 0.00 lies below 0.005, and k = 2."""
+    read = read_point_file(write(tmp_path, LEICA_ROWS), length_unit=None)
+    assert read.points.group == ("", "")
+    assert read.points.point == ("1", "2")
+    assert read.points.std is not None
+    assert read.points.std[0] == pytest.approx([1e-5, 2.5e-6, 1.5e-5], rel=1e-12)
+    assert any("RRR 1.5in" in note for note in read.notes)
+
+
+def test_zeros_throughout_state_no_uncertainty(tmp_path: Path) -> None:
+    text = LEICA_ROWS.replace("0.02", "0.00").replace("0.03", "0.00")
+    read = read_point_file(write(tmp_path, text), length_unit=None)
+    assert read.points.std is None
+    assert any("all zero" in note for note in read.notes)
+
+
+def test_a_target_column_of_names_names_the_points(tmp_path: Path) -> None:
+    text = "Target;X [mm];Y [mm];Z [mm]\nA;1;2;3\nB;4;5;6\nC;7;8;9\n"
+    assert read_points(write(tmp_path, text), length_unit=None).point == ("A", "B", "C")
+
+
+@pytest.mark.parametrize(("delimiter", "blank"), [(", ", ", , , "), (" ", ""), (",", "")])
+@pytest.mark.parametrize(("sigma", "k"), [("1.0 sigma", 1.0), ("2.00 Sigma", 2.0), ("k = 3", 3.0)])
+def test_spatial_analyzer_uncertainties(
+    tmp_path: Path, delimiter: str, blank: str, sigma: str, k: float
+) -> None:
+    text = SA_U.format(d=delimiter, blank=blank, sigma=sigma)
+    read = read_point_file(write(tmp_path, text), length_unit=None)
+    assert (read.points.group, read.points.point) == (("ncp1", "ncp1"), ("P1", "P2"))
+    assert read.points.xyz == pytest.approx(1e-3 * METRES, rel=1e-15)
+    assert read.points.std is not None
+    assert read.points.std[0] == pytest.approx(np.array([2e-5, 4e-5, 6e-5]) / k, rel=1e-12)
+    assert np.isnan(read.points.std[1]).all()
+
+
+def test_spatial_analyzer_uncertainties_without_column_names(tmp_path: Path) -> None:
+    lines = SA_U.format(d=" ", blank="", sigma="1 sigma").splitlines()
+    text = "\n".join(lines[:3] + lines[4:])
+    std = read_points(write(tmp_path, text), length_unit=None).std
+    assert std is not None
+    assert std[0] == pytest.approx([2e-5, 4e-5, 6e-5], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "point"),
+    [
+        ("P1 1 2 3\nP2 4 5 6\n", ("P1", "P2")),
+        ("P1\t1,0\t2,0\t3,0\nP2\t4,0\t5,0\t6,0\n", ("P1", "P2")),
+        ("P1 1,0 2,0 3,0\nP2 4,0 5,0 6,0\n", ("P1", "P2")),
+        ('"point 1" 1 2 3 0 0 1\n"point 2" 4 5 6 0 1 0\n', ("point 1", "point 2")),
+        ("17 1 2 3\n18 4 5 6\n", ("17", "18")),
+        ("1.0 2.0 3.0\n4.0 5.0 6.0\n", ("1", "2")),
+        ("Tracker AT960\nStation 1\n\nPoint ID X [mm] Y [mm] Z [mm]\nP1 1 2 3\nP2 4 5 6\n",
+         ("P1", "P2")),
+        ("Name\tNominal X\tNominal Y\tNominal Z\tMeasured X\tMeasured Y\tMeasured Z\tDev\n"
+         "P1\t0\t0\t0\t1\t2\t3\t1\nP2\t0\t0\t0\t4\t5\t6\t2\n", ("P1", "P2")),
+        ("ID,Name,x_mm,y_mm,z_mm\n8,P1,1,2,3\n9,P2,4,5,6\n", ("P1", "P2")),
+        ("Name,X,Y,Z\nA::ncp1::P1,1,2,3\nA::ncp1::P2,4,5,6\n", ("P1", "P2")),
+        ("Unit: mm\nPoint;X;Y;Z\nP1;1,0;2,0;3,0\nP2;4;5;6\n;;;\n", ("P1", "P2")),
+    ],
+)  # fmt: skip
+def test_texts_of_instruments_and_inspection_software(
+    tmp_path: Path, text: str, point: tuple[str, str]
+) -> None:
+    read = read_points(write(tmp_path, text), length_unit="mm")
+    assert read.point == point
+    assert read.xyz == pytest.approx(1e-3 * METRES, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("row", "digit"),
+    [("1.25,2,3", 1e-5), ("1.250,2.5,3", 1e-6), ("1.5e2,2,3.1", 1e-4), ("50.0,-50.0,0.0", 0.0)],
+)
+def test_the_last_digit(tmp_path: Path, row: str, digit: float) -> None:
+    """The finest of the file; whole numbers are a drawing's."""
+    read = read_points(write(tmp_path, HEAD + f"ncp1,P1,{row}\n"), length_unit="mm")
+    assert read.resolution == pytest.approx(digit, rel=1e-12)
 
 
 @pytest.mark.parametrize("case", BAD)

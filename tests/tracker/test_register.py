@@ -166,3 +166,117 @@ def test_the_same_file_twice() -> None:
     result = register(reference, reference)
     assert np.abs(result.rotation - np.eye(3)).max() < 1e-14
     assert result.rms < 1e-14
+
+
+CAD = {
+    "cube": np.array([[x, y, z] for x in (0.0, 0.1) for y in (0.0, 0.1) for z in (0.0, 0.1)]),
+    "targets": np.array([[50.0, 50, 0], [-50, 50, 0], [-50, -50, 0], [50, -50, 20]]) / 1e3,
+    "92 points": np.random.default_rng(0).uniform(-0.5, 0.5, size=(92, 3)),
+}
+
+
+@pytest.mark.parametrize("name", CAD)
+@pytest.mark.parametrize("off", [0.0, 1e-12])
+def test_a_perfect_fit_has_the_uncertainty_of_what_is_written(name: str, off: float) -> None:
+    """Not refused, nothing left out, though one point is off by a millionth of a micrometre."""
+    x = CAD[name]
+    R, t = rotation(np.random.default_rng(1)), np.array([4.0, 1.0, 0.5])
+    labels = [f"P{i}" for i in range(len(x))]
+    y = x @ R.T + t
+    y[1, 0] += off
+    names = ["frame"] * len(x), labels
+    result = register(points(*names, y), points(*names, x))
+    assert not result.rejected
+    assert np.abs(error_vector(R, result.rotation)).max() < 1e-10
+    assert np.abs(result.translation - t).max() < 1e-10
+    assert result.sigma == pytest.approx(1e-9, rel=1e-6)  # a nanometre, the least there is
+
+
+def test_noise_is_never_below_the_last_digit() -> None:
+    """Points that happen to fit better than their rounding allows know no better for it."""
+    x, digit = CAD["targets"], 1e-6
+    names = ["frame"] * 4, LABELS[:4]
+    measured = replace(points(*names, x + np.array([1.0, 2, 3])), resolution=digit)
+    result = register(measured, points(*names, x))
+    assert result.sigma == pytest.approx(digit / np.sqrt(12), rel=1e-9)
+    stated = replace(measured, std=np.full((4, 3), 1e-9))
+    sharper = register(stated, points(*names, x))
+    assert sharper.rpy_std == pytest.approx(result.rpy_std, rel=1e-5)
+
+
+def test_rounded_coordinates_have_the_uncertainty_of_their_rounding() -> None:
+    """On 60 surveys without noise but rounding, the errors have the covariance that is stated."""
+    total = 0.0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        x, R = rng.uniform(-0.5, 0.5, size=(12, 3)), rotation(rng)
+        y = np.round(x @ R.T + [4.0, 1.0, 0.5], 5)
+        names = ["frame"] * 12, [f"P{i}" for i in range(12)]
+        stated = points(*names, y, np.full_like(y, 1e-9))
+        result = register(replace(stated, resolution=1e-5), points(*names, x))
+        d = np.concatenate([error_vector(R, result.rotation), [4.0, 1.0, 0.5] - result.translation])
+        total += float(d @ np.linalg.solve(result.covariance, d))
+    low, high = chi2_bounds(360)
+    assert low < total < high
+
+
+@pytest.mark.parametrize("std", [True, False])
+def test_a_scale_is_estimated_on_request(std: bool) -> None:
+    total, scales, count = 0.0, 0.0, 60
+    for seed in range(count):
+        measured, reference, R, t = pair(seed, count=8, std=std)
+        reference = replace(reference, xyz=reference.xyz / 1.0002)
+        result = register(measured, reference, scale=True)
+        assert not any("ppm" in w for w in result.warnings)
+        d = np.concatenate([error_vector(R, result.rotation), t - result.translation])
+        total += float(d @ np.linalg.solve(result.covariance, d))
+        scales += ((result.scale - 1.0002) / result.scale_std) ** 2
+    low, high = chi2_bounds(6 * count)
+    bounds = chi2_bounds(count)
+    if not std:  # F(6, 17), F(1, 17) in place of χ²: mean 17/15, with a wider upper tail
+        high, bounds = 1.3 * high, (bounds[0], 1.3 * bounds[1])
+    assert low < total < high
+    assert bounds[0] < scales < bounds[1]
+
+
+def test_points_are_paired_as_asked() -> None:
+    measured, reference, R, _ = pair(20)
+    other = replace(measured, group=("station",) * 6)
+    renumbered = replace(measured, point=tuple("123456"), group=("",) * 6)
+    nameless = replace(measured, group=("",) * 6)
+    in_one = replace(nameless, point=tuple(f"FRAME_{p}" for p in measured.point))
+    for result in (
+        register(other, reference, match="point"),
+        register(other, reference, groups={"station": "frame"}),
+        register(renumbered, reference, match="order"),
+        register(nameless, reference),
+        register(in_one, reference),
+        register(measured, replace(reference, group=("",) * 6)),
+    ):
+        assert len(result.names) == 6
+        d = error_vector(R, result.rotation)
+        assert d @ np.linalg.solve(result.covariance[:3, :3], d) < chi2_bounds(3)[1]
+    with pytest.raises(DataError, match="--match"):
+        register(renumbered, reference)
+    with pytest.raises(DataError, match="no group mine"):
+        register(other, reference, groups={"mine": "frame"})
+    fewer = replace(reference, group=("f",) * 5, point=reference.point[1:], xyz=reference.xyz[1:])
+    with pytest.raises(DataError, match=r"6 points.*5"):
+        register(measured, fewer, match="order")
+    twins = replace(measured, group=("a", "b", *measured.group[2:]), point=("A", *"ACDEF"))
+    with pytest.raises(DataError, match="several points A"):
+        register(twins, reference, match="point")
+
+
+def test_uncertainties_of_the_file_stand_in_place_of_the_instruments() -> None:
+    """A point without one has the instrument's, or the file's largest."""
+    measured, reference, _, _ = pair(21)
+    assert measured.std is not None
+    by_file, both = register(measured, reference), register(measured, reference, instrument=PAPER)
+    assert both.covariance == pytest.approx(by_file.covariance, rel=1e-12)
+    some = measured.std.copy()
+    some[2] = np.nan
+    filled = register(replace(measured, std=some), reference)
+    assert filled.covariance == pytest.approx(by_file.covariance, rel=1e-12)
+    mixed = register(replace(measured, std=some), reference, instrument=PAPER)
+    assert mixed.rpy_std.max() > 1.02 * by_file.rpy_std.max()  # 4 m away it sees less well

@@ -7,14 +7,39 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tdfscal.errors import DataError
-from tdfscal.files.points.units import to_metres
+from tdfscal.files.points.units import SPELLINGS, to_metres
 
-_COLUMN = re.compile(
-    r"(?P<u95>u\s*\(?\s*95\s*%?\s*\)?\s*)?(?P<u>u_?)?(?P<axis>[xyz])\s*(?:[\[(](?P<unit>[^\])]*)[\])])?",
-    re.IGNORECASE,
-)
+_BARE_UNIT = "|".join(map(re.escape, sorted(SPELLINGS, key=len, reverse=True)))
+_GAP = r"[\s_.-]*"
+_KINDS = {
+    "expanded": rf"u{_GAP}\(?\s*95\s*%?\s*\)?",
+    "standard": r"(?:u|σ|sigma|std|sd|unc(?:ert(?:ainty)?)?)",
+    "nominal": r"(?:nom(?:inal)?|soll|ref(?:erence)?)",
+    "coordinate": r"(?:(?:meas(?:ured)?|actual|act|ist|coord(?:inate)?)?)",
+}
+_AFTER = {
+    "coordinate": rf"(?:{_GAP}(?:meas(?:ured)?|actual|act|ist|coord(?:inate)?))?",
+    "nominal": "",
+    "expanded": "",
+    "standard": "",
+}
+_COLUMN = {
+    kind: re.compile(
+        rf"{before}{_GAP}\(?(?P<axis>[xyz])\)?{_AFTER[kind]}\s*"
+        rf"(?:[\[(](?P<unit>[^\])]*)[\])]|[/_\s]\s*(?P<bare>{_BARE_UNIT}))?",
+        re.IGNORECASE,
+    )
+    for kind, before in _KINDS.items()
+}
 _GROUP = ("group", "group name", "point group", "gruppe")
-_POINT = ("point", "point name", "point id", "target", "name", "id", "punkt")
+#: Names of the column with the points' names, the best first; `Target` is a reflector's type or,
+#: in SpatialAnalyzer, the point.
+_POINT = (
+    "point", "point name", "pointname", "name", "point id", "pointid", "point no", "point nr",
+    "pt", "pt name", "pt id", "punkt", "punktname", "punktnummer", "label", "id", "feature",
+    "object", "element", "no", "no.", "nr", "nr.", "number", "#", "index",
+)  # fmt: skip
+_TARGET = ("target", "target name")
 _OFFSET = re.compile(r"offset|radius|probe|planar|radial", re.IGNORECASE)
 
 
@@ -22,98 +47,108 @@ _OFFSET = re.compile(r"offset|radius|probe|planar|radial", re.IGNORECASE)
 class Columns:
     """Where a table has what, by column number.
 
-    coordinate, uncertainty : x, y, z; factor and uncertainty_factor take them to m and to k = 1,
-    None where the header names no unit. offset : columns that must be zero.
+    group, point : None where there is no such column. coordinate, uncertainty : x, y, z; factor
+    and uncertainty_factor take them to m, None where the header names no unit. expanded : the
+    uncertainties are U(95). bare : they are such as SpatialAnalyzer's `U-x`, whose coverage stands
+    elsewhere in the file. reflector : the point's column may hold the reflector's type instead.
+    offset : columns that must be zero.
     """
 
     count: int
-    group: int
-    point: int
+    group: int | None
+    point: int | None
     coordinate: tuple[int, int, int]
     factor: tuple[float | None, float | None, float | None]
-    uncertainty: tuple[int, int, int] | None
-    uncertainty_factor: tuple[float | None, float | None, float | None]
-    expanded: bool
-    offset: tuple[int, ...]
-    ignored: tuple[str, ...]
+    uncertainty: tuple[int, int, int] | None = None
+    uncertainty_factor: tuple[float | None, float | None, float | None] = (None, None, None)
+    expanded: bool = False
+    bare: bool = False
+    reflector: bool = False
+    offset: tuple[int, ...] = ()
+    ignored: tuple[str, ...] = ()
+
+    @property
+    def needed(self) -> int:
+        """Number of cells that a row has at least: the others may be left out at its end."""
+        return 1 + max(*self.coordinate, self.group or 0, self.point or 0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Name:
+    """What a column's name says: kind, axis x, y or z, and the unit as written."""
+
+    kind: str
+    axis: str
+    unit: str | None
 
 
 def is_header(cells: Sequence[str]) -> bool:
     """Whether these cells name x, y and z."""
-    axes = {m["axis"].lower() for m in map(_match, cells) if m and not m["u"] and not m["u95"]}
-    return axes == {"x", "y", "z"}
+    found = {(c.kind, c.axis) for c in map(_parsed, cells) if c}
+    return any({(kind, axis) for axis in "xyz"} <= found for kind in ("coordinate", "nominal"))
+
+
+def is_column_name(text: str) -> bool:
+    """Whether a text is one column's name: several words of a line may be."""
+    return _parsed(text) is not None or text.strip().lower() in (*_POINT, *_TARGET, *_GROUP)
 
 
 def read_header(cells: Sequence[str], where: str) -> Columns:
     """Columns from the cells of a header line; DataError where they do not make a point table."""
     names = [cell.strip() for cell in cells]
     folded = [name.lower() for name in names]
-    matches = [_match(name) for name in names]
-    plain = {
-        m["axis"].lower(): i for i, m in enumerate(matches) if m and not m["u95"] and not m["u"]
-    }
-    expanded = {m["axis"].lower(): i for i, m in enumerate(matches) if m and m["u95"]}
-    standard = {
-        m["axis"].lower(): i for i, m in enumerate(matches) if m and m["u"] and not m["u95"]
-    }
-    _refuse_repeated(names, matches, where)
-    group, point = (
-        _one(folded, known, label, where) for known, label in ((_GROUP, "group"), (_POINT, "point"))
+    parsed = [_parsed(name) for name in names]
+    kinds: dict[str, dict[str, int]] = {kind: {} for kind in _KINDS}
+    for i, column in enumerate(parsed):
+        if column is not None and kinds[column.kind].setdefault(column.axis, i) != i:
+            raise DataError(
+                f"names the column `{names[i]}` twice", where=where, hint="leave one out"
+            )
+    coordinate = kinds["coordinate"] if len(kinds["coordinate"]) == 3 else kinds["nominal"]
+    uncertain = _uncertain(kinds, where)
+    point = _first(folded, _POINT)
+    target = _first(folded, _TARGET) if point is None else None
+    group = _first(folded, _GROUP)
+    offset = tuple(i for i, name in enumerate(names) if parsed[i] is None and _OFFSET.search(name))
+    name = point if point is not None else target
+    used = {group, name, *coordinate.values(), *uncertain.values(), *offset}
+    u = _three(uncertain) if uncertain else None
+    return Columns(
+        count=len(names),
+        group=group,
+        point=name,
+        coordinate=_three(coordinate),
+        factor=_factors(parsed, _three(coordinate), where),
+        uncertainty=u,
+        uncertainty_factor=_factors(parsed, u, where) if u else (None, None, None),
+        expanded=bool(kinds["expanded"]),
+        bare=any(re.match(r"U\W", names[i]) for i in kinds["standard"].values()),
+        reflector=target is not None and group is None,
+        offset=offset,
+        ignored=tuple(names[i] for i in range(len(names)) if i not in used and names[i]),
     )
-    if expanded and standard:
+
+
+def _parsed(name: str) -> _Name | None:
+    for kind, pattern in _COLUMN.items():
+        if found := pattern.fullmatch(name.strip()):
+            return _Name(kind, found["axis"].lower(), found["unit"] or found["bare"])
+    return None
+
+
+def _uncertain(kinds: dict[str, dict[str, int]], where: str) -> dict[str, int]:
+    if kinds["expanded"] and kinds["standard"]:
         raise DataError(
             "has both U(95) and u columns", where=where, hint="leave one kind of them out"
         )
-    uncertain = expanded or standard
+    uncertain = kinds["expanded"] or kinds["standard"]
     if uncertain and set(uncertain) != set("xyz"):
         raise DataError(
             f"has uncertainties for {', '.join(sorted(uncertain))} only",
             where=where,
             hint="give them for x, y and z, or for none",
         )
-    u = _three(uncertain) if uncertain else None
-    offset = tuple(i for i, name in enumerate(names) if matches[i] is None and _OFFSET.search(name))
-    used = {group, point, *plain.values(), *uncertain.values(), *offset}
-    return Columns(
-        count=len(names),
-        group=group,
-        point=point,
-        coordinate=_three(plain),
-        factor=_factors(matches, _three(plain), where),
-        uncertainty=u,
-        uncertainty_factor=_factors(matches, u, where) if u else (None, None, None),
-        expanded=bool(expanded),
-        offset=offset,
-        ignored=tuple(names[i] for i in range(len(names)) if i not in used),
-    )
-
-
-def by_position(count: int, where: str) -> Columns:
-    """Columns of a SpatialAnalyzer table that names none: [Collection,] Group, Point, X, Y, Z."""
-    if count not in (5, 6):
-        raise DataError(
-            f"has {count} columns and no line that names them",
-            where=where,
-            hint="add the line `group,point,x,y,z`, or export with the column names",
-        )
-    first = count - 5
-    none = (None, None, None)
-    return Columns(
-        count,
-        first,
-        first + 1,
-        (first + 2, first + 3, first + 4),
-        none,
-        None,
-        none,
-        False,
-        (),
-        ("Collection",) * first,
-    )
-
-
-def _match(name: str) -> re.Match[str] | None:
-    return _COLUMN.fullmatch(name.strip())
+    return uncertain
 
 
 def _three(index: dict[str, int]) -> tuple[int, int, int]:
@@ -121,33 +156,12 @@ def _three(index: dict[str, int]) -> tuple[int, int, int]:
 
 
 def _factors(
-    matches: Sequence[re.Match[str] | None], columns: tuple[int, int, int], where: str
+    parsed: Sequence[_Name | None], columns: tuple[int, int, int], where: str
 ) -> tuple[float | None, float | None, float | None]:
-    units = [match["unit"] if (match := matches[i]) else None for i in columns]
+    units = [column.unit if (column := parsed[i]) else None for i in columns]
     x, y, z = (to_metres(unit, where) if unit is not None else None for unit in units)
     return x, y, z
 
 
-def _one(names: Sequence[str], known: Sequence[str], label: str, where: str) -> int:
-    found = [i for i, name in enumerate(names) if name in known]
-    if len(found) != 1:
-        what = "no column" if not found else f"{len(found)} columns"
-        raise DataError(
-            f"has {what} for the {label} in `{', '.join(names)}`",
-            where=where,
-            hint=f"name one column `{label}`",
-        )
-    return found[0]
-
-
-def _refuse_repeated(
-    names: Sequence[str], matches: Sequence[re.Match[str] | None], where: str
-) -> None:
-    seen: set[tuple[bool, bool, str]] = set()
-    for name, m in zip(names, matches, strict=True):
-        if m is None:
-            continue
-        key = (bool(m["u95"]), bool(m["u"]), m["axis"].lower())
-        if key in seen:
-            raise DataError(f"names the column `{name}` twice", where=where, hint="leave one out")
-        seen.add(key)
+def _first(names: Sequence[str], known: Sequence[str]) -> int | None:
+    return next((names.index(name) for name in known if name in names), None)

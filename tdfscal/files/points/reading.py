@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-import csv
-import math
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from tdfscal.errors import DataError, UsageError
-from tdfscal.files.points.columns import Columns, by_position, is_header, read_header
+from tdfscal.errors import DataError
+from tdfscal.files.points.columns import Columns, is_header, read_header
+from tdfscal.files.points.headless import by_cells, in_words, spatial_analyzer
+from tdfscal.files.points.numbers import as_number, last_digit
+from tdfscal.files.points.text import (
+    Line,
+    Preamble,
+    cells_of,
+    delimiter_of,
+    header_cells,
+    read_preamble,
+    read_text,
+    split,
+)
+from tdfscal.files.points.uncertainties import coverage_of, standard_uncertainties
 from tdfscal.files.points.units import to_metres
-from tdfscal.records import PointSet
+from tdfscal.records import FloatArray, PointSet
 
-_AXES = re.compile(r"AXES\s*=\s*(?P<kind>[A-Za-z]+)(?P<rest>.*)", re.IGNORECASE)
-_UNIT = re.compile(r"\(\s*([^()]+?)\s*\)")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+#: Lines before the header at most, as instruments write them about themselves.
+_PREAMBLE = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +39,16 @@ class PointReading:
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
-    number: int
-    text: str
+class _Table:
+    """A table of cells: its columns, the line of each row, decimal comma allowed or not."""
+
+    columns: Columns
+    rows: tuple[tuple[Line, list[str]], ...]
+    comma: bool
+    source: str
+
+    def where(self, row: int) -> str:
+        return f"{self.source}, line {self.rows[row][0].number}"
 
 
 def read_points(path: Path | str, *, length_unit: str | None) -> PointSet:
@@ -43,7 +60,7 @@ def read_points(path: Path | str, *, length_unit: str | None) -> PointSet:
 
 
 def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReading:
-    """Read a point file with notes on what was assumed: U(95) halved, columns ignored.
+    """Read a point file with notes on what was assumed: coverage, names, columns ignored.
 
     Raises
     ------
@@ -52,37 +69,31 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
         no number where one should be, a point twice; the message names the line.
     """
     path = Path(path)
-    text = _text(path)
+    text, source = read_text(path), str(path)
     if path.suffix.lower() == ".json":
-        return PointReading(_from_json(text, str(path)), ())
-    comments, lines = _split(text)
-    if not lines:
-        raise DataError("holds no points", where=str(path), hint="check the export")
-    unit, cartesian = _axes(comments, str(path))
-    delimiter = _delimiter(lines[-1].text)
-    columns, rows = _columns(comments, lines, delimiter, cartesian, str(path))
-    if not rows:
-        raise DataError("holds a header, but no points", where=str(path), hint="check the export")
-    factors = _all_factors(columns, unit, length_unit, str(path))
-    return _table(rows, columns, factors, delimiter, str(path))
-
-
-def _text(path: Path) -> str:
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise UsageError(
-            f"cannot be read: {error.strerror or error}", where=str(path), hint="check the path"
-        ) from error
-    wide = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
-        try:
-            text = raw.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if "\0" not in text:
-            return text
-    raise DataError("is not a text file", where=str(path), hint="export the points as CSV")
+        return PointReading(_from_json(text, source), ())
+    lines = split(text)
+    data = [line for line in lines if not line.comment]
+    if not data:
+        raise DataError("holds no points", where=source, hint="check the export")
+    table, beside, notes = _table(lines, data, source)
+    coordinate, uncertainty = _factors(table.columns, beside, length_unit, source)
+    names, named = _names(table)
+    xyz, cells = _coordinates(table)
+    # Whole numbers are a drawing's: exact, not readings that were rounded to a unit.
+    digit = 0.0 if np.all(xyz == np.round(xyz)) else last_digit(cells, comma=table.comma)
+    std, stated = _stated(table, beside, uncertainty)
+    if table.columns.ignored:
+        notes.append(f"{source}: columns not used: {', '.join(table.columns.ignored)}")
+    points = PointSet(
+        group=tuple(group for group, _ in names),
+        point=tuple(point for _, point in names),
+        xyz=xyz * coordinate,
+        std=std,
+        source=source,
+        resolution=digit * max(coordinate),
+    )
+    return PointReading(points, (*named, *stated, *notes))
 
 
 def _from_json(text: str, source: str) -> PointSet:
@@ -94,208 +105,201 @@ def _from_json(text: str, source: str) -> PointSet:
     if not file.points:
         raise DataError("holds no points", where=source, hint="check the export")
     factor = to_metres(file.length_unit, source)
-    stds = {(p.ux is None) for p in file.points}
-    if len(stds) > 1:
-        raise DataError(
-            "gives uncertainties for some points only",
-            where=source,
-            hint="give ux, uy, uz for all points or for none",
-        )
+    given = [p.ux is not None for p in file.points]
+    nan = float("nan")
+    std = [[nan if u is None else u for u in (p.ux, p.uy, p.uz)] for p in file.points]
     return PointSet(
         group=tuple(p.group for p in file.points),
         point=tuple(p.point for p in file.points),
         xyz=factor * np.array([[p.x, p.y, p.z] for p in file.points]),
-        std=None
-        if stds == {True}
-        else factor * np.array([[p.ux, p.uy, p.uz] for p in file.points], dtype=np.float64),
+        std=factor * np.array(std, dtype=np.float64) if any(given) else None,
         source=source,
     )
 
 
-def _split(text: str) -> tuple[list[_Line], list[_Line]]:
-    """Comment lines without their marks, and the others; blank ones are skipped."""
-    numbered = [
-        _Line(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip()
-    ]
-    comments = [
-        _Line(line.number, line.text.lstrip("/#").strip())
-        for line in numbered
-        if line.text.startswith(("//", "#"))
-    ]
-    return comments, [line for line in numbered if not line.text.startswith(("//", "#"))]
-
-
-def _axes(comments: list[_Line], source: str) -> tuple[str | None, bool]:
-    """Unit that an AXES comment names, and whether there is such a comment."""
-    for line in comments:
-        axes = _AXES.search(line.text)
-        if axes is None:
-            continue
-        where = f"{source}, line {line.number}"
-        if axes["kind"].upper() != "CARTESIAN":
+def _table(
+    lines: Sequence[Line], data: Sequence[Line], source: str
+) -> tuple[_Table, Preamble, list[str]]:
+    """The table, what the lines beside it say, and a note where no line names the columns."""
+    delimiter = delimiter_of(data[-1].text)
+    header = _header(lines, data, delimiter)
+    own_line = header is not None and not header.comment
+    body = [line for line in data if not own_line or line.number > header.number]
+    if not body:
+        raise DataError("holds a header, but no points", where=source, hint="check the export")
+    inside = {line.number for line in body}
+    beside = read_preamble([line for line in lines if line.number not in inside], source)
+    rows = tuple((line, cells_of(line.text, delimiter)) for line in body)
+    notes = []
+    if header is not None:
+        where = f"{source}, line {header.number}"
+        columns = read_header(_cells_of_header(header, delimiter), where)
+    else:
+        columns, note = _nameless(rows, beside, delimiter != ",", source)
+        notes = [note] if note else []
+    table = _Table(columns, rows, delimiter != ",", source)
+    for k, (_, cells) in enumerate(rows):
+        if not columns.needed <= len(cells) <= columns.count:
             raise DataError(
-                f"the coordinates are {axes['kind'].lower()}, not Cartesian",
-                where=where,
-                hint="export the points in Cartesian coordinates",
+                f"has {len(cells)} columns where {columns.count} are expected",
+                where=table.where(k),
+                hint="check the line; quote a name that has a comma or a blank in it",
             )
-        units = _UNIT.findall(axes["rest"])
-        if units:
-            to_metres(units[-1], where)
-        return (units[-1] if units else None), True
-    return None, False
+        cells += [""] * (columns.count - len(cells))
+    return table, beside, notes
 
 
-def _delimiter(line: str) -> str | None:
-    """The separator of a data line; None for white space."""
-    for mark in (";", "\t", ","):
-        if mark in line:
-            return mark
-    return None
-
-
-def _cells(line: str, delimiter: str | None) -> list[str]:
-    if delimiter is None:
-        # "X [mm]" and "U(95) X" are one name each.
-        joined = re.sub(
-            r"(?i)(u\s*\(\s*95\s*%?\s*\))\s+", r"\1", re.sub(r"\s+([\[(])", r"\1", line)
-        )
-        return joined.split()
-    cells = [
-        c.strip() for c in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+def _header(lines: Sequence[Line], data: Sequence[Line], delimiter: str | None) -> Line | None:
+    """The line that names x, y and z: among the first of the file, or a comment."""
+    first = [line for line in data[:_PREAMBLE] if is_header(_cells_of_header(line, delimiter))]
+    comments = [
+        line
+        for line in lines
+        if line.comment and "=" not in line.text and is_header(_cells_of_header(line, delimiter))
     ]
-    return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+    return next(iter([*first, *comments]), None)
 
 
-def _columns(
-    comments: list[_Line],
-    lines: list[_Line],
-    delimiter: str | None,
-    cartesian: bool,
-    source: str,
-) -> tuple[Columns, list[_Line]]:
-    first = lines[0]
-    where = f"{source}, line {first.number}"
-    header = _cells(first.text, delimiter)
-    if is_header(header):
-        return read_header(header, where), lines[1:]
-    for line in comments:
-        named = _cells(line.text, _delimiter(line.text))
-        if is_header(named) and not _AXES.search(line.text):
-            return read_header(named, f"{source}, line {line.number}"), lines
-    if any(_NUMBER.fullmatch(cell) for cell in header) and cartesian:
-        return by_position(len(header), where), lines
-    raise DataError(
-        f"no line names the columns group, point, x, y and z; the first reads `{first.text[:60]}`",
-        where=where,
-        hint="begin the file with `group,point,x,y,z`",
-    )
+def _cells_of_header(line: Line, delimiter: str | None) -> list[str]:
+    """Names of the columns; SpatialAnalyzer's comment may be delimited otherwise than the rows."""
+    return header_cells(line.text, delimiter_of(line.text) if line.comment else delimiter)
 
 
-def _all_factors(
-    columns: Columns, unit: str | None, length_unit: str | None, source: str
-) -> tuple[list[float], list[float]]:
-    """Factors to m of the coordinates and of their standard uncertainties."""
-    from_axes = None if unit is None else to_metres(unit, source)
-    named = [f for f in columns.factor if f is not None]
-    if from_axes is not None and any(f != from_axes for f in named):
+def _nameless(
+    rows: Sequence[tuple[Line, list[str]]], beside: Preamble, comma: bool, source: str
+) -> tuple[Columns, str | None]:
+    where = f"{source}, line {rows[0][0].number}"
+    cells = [row for _, row in rows]
+    if beside.axes and (columns := spatial_analyzer(len(cells[0]), beside.uncertain)):
+        return columns, None
+    if not any(as_number(cell, comma=comma) is not None for cell in cells[0]):
         raise DataError(
-            "the AXES line and the column names give different units",
+            "no line names the columns group, point, x, y and z; the first reads "
+            f"`{rows[0][0].text[:60]}`",
+            where=where,
+            hint="begin the file with `group,point,x,y,z`",
+        )
+    columns = by_cells(cells, beside.uncertain, comma, where)
+    return columns, f"{source}: no line names the columns; read as {in_words(columns)}"
+
+
+def _factors(
+    columns: Columns, beside: Preamble, length_unit: str | None, source: str
+) -> tuple[FloatArray, FloatArray]:
+    """Factors to m of the coordinates and of their uncertainties, (3,) each."""
+    unit = None if beside.unit is None else to_metres(beside.unit, source)
+    named = [f for f in columns.factor if f is not None]
+    if unit is not None and any(f != unit for f in named):
+        raise DataError(
+            f"the {'AXES line' if beside.axes else 'unit line'} and the column names give "
+            "different units",
             where=source,
             hint="correct one of them",
         )
-    fallback = from_axes
+    fallback = unit
     if fallback is None and length_unit is not None:
         fallback = to_metres(length_unit, "length_unit")
     if fallback is None and len(named) < 3:
         raise DataError(
             "no length unit: the file names none and neither does the rig file",
             where=source,
-            hint="name it in the header, as in `x [mm]`, or set `length_unit`",
+            hint="name it in the header, as in `x [mm]`, or give it with --unit or `length_unit`",
         )
-    pairs = zip(columns.factor, columns.uncertainty_factor, strict=True)
-    coordinate, uncertainty = [], []
-    for own, own_u in pairs:
-        factor = own if own is not None else float(fallback or 0.0)
-        coordinate.append(factor)
-        uncertainty.append(
-            (own_u if own_u is not None else factor) * (0.5 if columns.expanded else 1.0)
-        )
-    return coordinate, uncertainty
+    coordinate = np.array([f if f is not None else fallback for f in columns.factor])
+    own = columns.uncertainty_factor
+    return coordinate, np.array(
+        [u if u is not None else f for u, f in zip(own, coordinate, strict=True)]
+    )
 
 
-def _table(
-    rows: list[_Line],
-    columns: Columns,
-    factors: tuple[list[float], list[float]],
-    delimiter: str | None,
-    source: str,
-) -> PointReading:
-    comma = delimiter in (";", "\t")
+def _names(table: _Table) -> tuple[list[tuple[str, str]], list[str]]:
+    """Group and point of each row, and notes; rows are numbered where no column names them."""
+    columns, source = table.columns, table.source
+    points = None if columns.point is None else [row[columns.point] for _, row in table.rows]
+    notes = []
+    if points and columns.reflector and 2 * len(set(points)) <= len(points):
+        notes.append(f"{source}: the column Target holds reflectors ({points[0]}), not points")
+        points = None
+    if points is None:
+        notes.append(f"{source}: the points have no names; they are numbered by their rows")
+        points = [str(k + 1) for k in range(len(table.rows))]
     seen: dict[tuple[str, str], int] = {}
-    xyz, std = [], []
-    for line in rows:
-        where = f"{source}, line {line.number}"
-        cells = _cells(line.text, delimiter)
-        if len(cells) != columns.count:
+    for k, (line, row) in enumerate(table.rows):
+        group = "" if columns.group is None else row[columns.group]
+        name = _apart(group, points[k])
+        if not name[1] or (columns.group is not None and not name[0]):
             raise DataError(
-                f"has {len(cells)} columns where {columns.count} are expected",
-                where=where,
-                hint="check the line; quote a name that has a comma or a blank in it",
+                "has no group or no point name", where=table.where(k), hint="name the point"
             )
-        name = cells[columns.group], cells[columns.point]
-        if not all(name):
-            raise DataError("has no group or no point name", where=where, hint="name the point")
         if name in seen:
+            label = "/".join(part for part in name if part)
             raise DataError(
-                f"{name[0]}/{name[1]} stands in line {seen[name]} already",
-                where=where,
+                f"{label} stands in line {seen[name]} already",
+                where=table.where(k),
                 hint="give each point of a group a name of its own, or leave one out",
             )
         seen[name] = line.number
+    return list(seen), notes
+
+
+def _apart(group: str, point: str) -> tuple[str, str]:
+    """Group and point of SpatialAnalyzer's `Collection::Group::Point`."""
+    *path, last = point.split("::")
+    return (group or (path[-1] if path else ""), last) if path else (group, point)
+
+
+def _coordinates(table: _Table) -> tuple[FloatArray, list[str]]:
+    """Coordinates (N, 3) in the file's unit, and their cells."""
+    columns, cells = table.columns, list[str]()
+    xyz = np.empty((len(table.rows), 3))
+    for k, (_, row) in enumerate(table.rows):
         for i in columns.offset:
-            if cells[i] and _number(cells[i], where, comma) != 0:
+            if row[i] and _number(table, k, i) != 0:
+                label = row[columns.point] if columns.point is not None else f"point {k + 1}"
                 raise DataError(
-                    f"{name[0]}/{name[1]} has a probe offset of {cells[i]}: the coordinates are "
-                    "those of the probe, not of the point",
-                    where=where,
+                    f"{label} has a probe offset of {row[i]}: the coordinates are those of the "
+                    "probe, not of the point",
+                    where=table.where(k),
                     hint="export offset-corrected points",
                 )
-        xyz.append(
-            [
-                f * _number(cells[i], where, comma)
-                for i, f in zip(columns.coordinate, factors[0], strict=True)
-            ]
-        )
-        if columns.uncertainty is not None:
-            u = [
-                f * _number(cells[i], where, comma)
-                for i, f in zip(columns.uncertainty, factors[1], strict=True)
-            ]
-            if min(u) < 0:
-                raise DataError("has a negative uncertainty", where=where, hint="check the line")
-            std.append(u)
-    notes = []
-    if columns.expanded:
-        notes.append(f"{source}: U(95) is taken as an expanded uncertainty, u = U(95)/2")
-    if columns.ignored:
-        notes.append(f"{source}: columns not used: {', '.join(columns.ignored)}")
-    points = PointSet(
-        group=tuple(group for group, _ in seen),
-        point=tuple(point for _, point in seen),
-        xyz=np.array(xyz),
-        std=np.array(std) if std else None,
-        source=source,
-    )
-    return PointReading(points, tuple(notes))
+        xyz[k] = [_number(table, k, i) for i in columns.coordinate]
+        cells += [row[i] for i in columns.coordinate]
+    return xyz, cells
 
 
-def _number(cell: str, where: str, comma: bool) -> float:
-    text = cell.replace(",", ".") if comma and cell.count(",") == 1 and "." not in cell else cell
-    value = float(text) if _NUMBER.fullmatch(text) else math.nan
-    if not math.isfinite(value):
+def _stated(
+    table: _Table, beside: Preamble, factor: FloatArray
+) -> tuple[FloatArray | None, list[str]]:
+    """Standard uncertainties (N, 3), m, as `PointSet.std` has them, and notes."""
+    columns = table.columns
+    if columns.uncertainty is None:
+        return None, []
+    cells = [[row[i] for i in columns.uncertainty] for _, row in table.rows]
+    numbers = np.full((len(cells), 3), np.nan)
+    for k, row in enumerate(cells):
+        if 0 < sum(map(bool, row)) < 3:
+            raise DataError(
+                "has an uncertainty for some of x, y and z only",
+                where=table.where(k),
+                hint="give all three, or none",
+            )
+        if all(row):
+            numbers[k] = [_number(table, k, i) for i in columns.uncertainty]
+        if np.any(numbers[k] < 0):
+            raise DataError(
+                "has a negative uncertainty", where=table.where(k), hint="check the line"
+            )
+    coverage, note = coverage_of(columns, beside.coverage, table.source)
+    digit = last_digit((cell for row in cells for cell in row), comma=table.comma)
+    std, notes = standard_uncertainties(numbers, digit, coverage, table.source)
+    return None if std is None else std * factor, [*note, *notes]
+
+
+def _number(table: _Table, row: int, column: int) -> float:
+    cell = table.rows[row][1][column]
+    value = as_number(cell, comma=table.comma)
+    if value is None:
         raise DataError(
-            f"`{cell}` is not a finite number",
-            where=where,
-            hint="check the line",
+            f"`{cell}` is not a finite number", where=table.where(row), hint="check the line"
         )
     return value

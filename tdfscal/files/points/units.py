@@ -12,13 +12,14 @@ _SPELLINGS = {
     "um": ("um", "µm", "μm", "micron", "microns", "micrometer", "micrometre"),
     "in": ("in", "inch", "inches", '"'),
 }
-_UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
+SPELLINGS = {spelling: unit for unit, all_of in _SPELLINGS.items() for spelling in all_of}
+"""Every spelling of a unit that is known, and which of METRES it means."""
 
 
 def to_metres(unit: str, where: str) -> float:
     """Return the factor from `unit`, however spelt, to m; DataError where it is no length unit."""
     try:
-        return METRES[_UNITS[unit.strip().lower().rstrip(".")]]
+        return METRES[SPELLINGS[unit.strip().lower().rstrip(".")]]
     except KeyError:
         raise DataError(
             f"`{unit.strip()}` is not a length unit known here",

@@ -1,0 +1,36 @@
+"""Numbers as point files write them, and what their last digit is worth."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:e([+-]?\d+))?", re.IGNORECASE)
+
+
+def as_number(cell: str, *, comma: bool = False) -> float | None:
+    """Return the finite number of a cell; None where it is none. comma : decimal comma allowed."""
+    text = _plain(cell, comma)
+    if not _NUMBER.fullmatch(text):
+        return None
+    value = float(text)
+    return value if math.isfinite(value) else None
+
+
+def last_digit(cells: Iterable[str], *, comma: bool = False) -> float:
+    """Return the worth of the last digit of the most finely written of these numbers; 0 of none."""
+    worth = [_last(_plain(cell, comma)) for cell in cells]
+    return min((w for w in worth if w > 0), default=0.0)
+
+
+def _plain(cell: str, comma: bool) -> str:
+    return cell.replace(",", ".") if comma and cell.count(",") == 1 and "." not in cell else cell
+
+
+def _last(text: str) -> float:
+    number = _NUMBER.fullmatch(text)
+    if number is None:
+        return 0.0
+    decimals = len(number[1] or number[2] or "")
+    return float(10.0 ** (int(number[3] or 0) - decimals))
