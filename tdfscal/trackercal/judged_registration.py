@@ -94,7 +94,7 @@ def point_noise(
     measured: dict[str, FloatArray] = {}
     by_file = np.isfinite(points.measured_std).all(axis=1)
     if instrument is not None and not by_file.all():
-        left = ~by_file[:, None, None]
+        left = np.where(by_file, 0.0, 1.0)[:, None, None]
         for name, covariance in zip(INSTRUMENT, (range_covariance, angle_covariance), strict=True):
             measured[name] = left * covariance(points.measured, instrument)
     if by_file.any():
@@ -102,9 +102,9 @@ def point_noise(
         measured[MEASURED_FILE] = _diagonal(std)
     isotropic = {}
     by_file = np.isfinite(points.reference_std).all(axis=1)
-    for name, std in reference.items():
-        if std > 0 and not by_file.all():
-            isotropic[name] = ~by_file[:, None, None] * _diagonal(np.full((len(points), 3), std))
+    for name, size in reference.items():
+        if size > 0 and not by_file.all():
+            isotropic[name] = np.where(by_file, 0.0, size**2)[:, None, None] * np.eye(3)
     if by_file.any():
         std = _filled(points.reference_std, 0.0 if isotropic else None)
         isotropic[REFERENCE_FILE] = _diagonal(std)

@@ -123,8 +123,8 @@ def _table(
     """The table, what the lines beside it say, and a note where no line names the columns."""
     delimiter = delimiter_of(data[-1].text)
     header = _header(lines, data, delimiter)
-    own_line = header is not None and not header.comment
-    body = [line for line in data if not own_line or line.number > header.number]
+    begin = 0 if header is None or header.comment else header.number
+    body = [line for line in data if line.number > begin]
     if not body:
         raise DataError("holds a header, but no points", where=source, hint="check the export")
     inside = {line.number for line in body}
