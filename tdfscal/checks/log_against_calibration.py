@@ -141,7 +141,7 @@ def _doubt(given: Calibrated, seen: Samples) -> str | None:
             "log block in rig.yaml, and the cabling"
         )
     weight = float(given.state.mass) * given.rig.gravity
-    std = float(np.median(np.linalg.norm(found.std[:, :3], axis=1)))
+    std = float(np.median(np.linalg.norm(found.calibration_std[:, :3], axis=1)))
     if force > max(
         weight * log_against_rig.weight_tolerance(_mass_std(given)), WRENCH_PRESENT * std
     ):

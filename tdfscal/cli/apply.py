@@ -37,6 +37,10 @@ def apply(
         float | None,
         typer.Option(metavar="N", help="What a force may walk by in 1 s, for the filter; 15 N."),
     ] = None,
+    at: Annotated[
+        str,
+        typer.Option(metavar="X,Y,Z", help="Point of the LCS that moments are about, m."),
+    ] = "0,0,0",
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,27 @@ class Calibrated:
         root = np.zeros((len(scale), int(keep.sum())))
         root[used] = scale[used, None] * vectors[:, keep] * np.sqrt(values[keep])
         return root
+
+
+def about_point(given: Calibrated, point: FloatArray) -> Calibrated:
+    """The same with the LCS moved parallel to itself to a point (3,), m, of the present one.
+
+    Moments and the inertia are then about that point.
+    """
+    state, rig = given.state, given.rig
+    inertia = rig.inertia
+    if inertia is not None:
+        r, m = state.barycentre, float(state.mass)
+        about_old, about_new = (v @ v * np.eye(3) - np.outer(v, v) for v in (r, r - point))
+        inertia = replace(inertia, value=inertia.value + m * (about_new - about_old))
+    moved = replace(
+        rig,
+        hinge=rig.hinge - point,
+        barycentre=replace(rig.barycentre, value=rig.barycentre.value - point),
+        inertia=inertia,
+    )
+    at = replace(state, hinge=state.hinge - point, barycentre=state.barycentre - point)
+    return replace(given, rig=moved, state=at)
 
 
 def with_rotations(covariance: FloatArray, turns: int, rotations: FloatArray) -> FloatArray:

@@ -18,20 +18,26 @@ def summary_report(summary: dict[str, Any]) -> Report:
             _number(summary["rms"][name], ".3g"),
             _number(summary["rms_uncalibrated"][name], ".3g"),
             _number(summary["std"][name], ".2g"),
+            _number(summary["std_calibration"][name], ".2g"),
         )
         for name in COMPONENTS
     )
-    table = Table("", ("", "", "rms", "rms uncalibrated", "std. unc."), rows, left=2)
+    table = Table(
+        "", ("", "", "rms", "rms uncalibrated", "std. unc.", "of it calibration"), rows, left=2
+    )
     largest = summary["largest"]
+    point = summary["about"]
+    place = f"({', '.join(f'{x:g}' for x in point)}) m" if any(point) else "its origin"
     return Report(
         f"Contact wrench of {summary['rows']} samples",
-        f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about its origin",
+        f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {place}",
         claim=_filter(summary["filter"]),
         sections=(
             Section(
                 "",
                 (
                     table,
+                    _noise(summary["noise"]),
                     f"largest: force {largest['force']:.3g} N, torque {largest['torque']:.3g} N·m",
                 ),
             ),
@@ -39,13 +45,35 @@ def summary_report(summary: dict[str, Any]) -> Report:
     )
 
 
+#: Share of the noise from which on a filter is said to do nothing.
+_IDLE = 0.95
+
+
 def _filter(f: dict[str, Any] | None) -> str:
     if f is None:
         return ""
+    left = f["noise_left"]
+    if left is None:
+        return f"filter {f['kind']}: the sensors show no noise, and nothing is taken off"
     late = f"{1e3 * f['delay']:.3g} ms late" if f["delay"] else "without delay"
+    told = f"filter {f['kind']}: {late}; leaves {100 * left:.0f} % of the sensors' noise of "
+    told += f"{f['noise']:.3g} N"
+    if left < _IDLE:
+        return told
     return (
-        f"filter {f['kind']}: {late}; leaves {100 * f['noise_left']:.0f} % of the sensors' "
-        f"noise of {f['noise']:.3g} N"
+        f"{told}: it does next to nothing, since the noise is as slow as a force that walks by "
+        f"{f['walk']:g} N in 1 s; a smaller --walk would take off more, and be later"
+    )
+
+
+def _noise(noise: dict[str, Any] | None) -> str:
+    if noise is None or not (noise["dwells"] or noise["windows"]):
+        return "noise of a sample: as declared; the log shows none"
+    if noise["dwells"]:
+        return f"noise of a sample: measured in {noise['dwells']} static dwells of the log"
+    return (
+        f"noise of a sample: measured in {noise['windows']} short windows, for the beginning of "
+        "the log holds no static dwell; slower noise is not in it"
     )
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from tdfscal.checks.log_against_calibration import Inspection
+from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
@@ -21,9 +22,10 @@ from tdfscal.files.writers.wrenches import (
     numbers_only,
     write_wrenches,
 )
+from tdfscal.model.calibrated import about_point
 from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
-from tdfscal.workflows.arguments import PathLikes, listed, one, one_of
+from tdfscal.workflows.arguments import Numbers, PathLikes, listed, one, one_of, triple
 from tdfscal.workflows.calibration import CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
@@ -32,8 +34,15 @@ from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
+from tdfscal.wrench.log_head import ColouredNoise, LogHead, coloured_noise, take_head
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Tally, aligned
+from tdfscal.wrench.sample_noise import (
+    SampleNoise,
+    ZeroVariance,
+    moved_zeros,
+    with_sample_noise,
+)
 from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
 
 if TYPE_CHECKING:
@@ -74,7 +83,9 @@ class ApplyResult(Result):
         return dict(self.summary)
 
     def to_frame(self) -> pd.DataFrame:
-        """One row per sample: time in s, wrench, `u_` standard uncertainty, `raw_` uncalibrated."""
+        """One row per sample: time in s, wrench, `u_` standard uncertainty, `u_cal_` the
+        calibration's part of it, `raw_` uncalibrated.
+        """
         import pandas as pd
 
         if self.columns is not None:
@@ -102,6 +113,7 @@ class _Totals:
     squares: FloatArray = field(default_factory=lambda: np.zeros(6))
     raw_squares: FloatArray = field(default_factory=lambda: np.zeros(6))
     variance: FloatArray = field(default_factory=lambda: np.zeros(6))
+    common: FloatArray = field(default_factory=lambda: np.zeros(6))
     largest: FloatArray = field(default_factory=lambda: np.zeros(2))
     span: list[float] = field(default_factory=list)
 
@@ -110,6 +122,7 @@ class _Totals:
         self.squares += np.einsum("ka,ka->a", w.value, w.value)
         self.raw_squares += np.einsum("ka,ka->a", w.raw, w.raw)
         self.variance += np.einsum("ka,ka->a", w.std, w.std)
+        self.common += np.einsum("ka,ka->a", w.calibration_std, w.calibration_std)
         lengths = np.sqrt(np.sum(w.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
         self.largest = np.maximum(self.largest, lengths)
         self.span = [*self.span[:1], float(piece.time[0]), float(piece.time[-1])]
@@ -126,6 +139,7 @@ def apply(
     quasi_static: bool = False,
     filter: Kind = "none",
     walk: float | None = None,
+    at: Numbers = (0.0, 0.0, 0.0),
     progress: Progress = SILENT,
 ) -> ApplyResult:
     """Work out the contact force and torque over a whole log.
@@ -140,6 +154,7 @@ def apply(
     quasi_static : leave inertia out although the rig file states it.
     filter : none; kalman, causal as a controller's; or smooth, without delay.
     walk : N, what a force may walk by in 1 s, for the filter; 15 N.
+    at : m, point of the LCS that moments are about; its origin.
     progress : called as the work goes on.
 
     Raises
@@ -152,30 +167,47 @@ def apply(
     reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
     check_outputs({"--output": target}, reads, {"--output": SUFFIXES})
     walk = checked_walk(filter, walk)
+    point = np.array(triple("--at", at))
     use = take(calibration, files, one(rig))
+    given = about_point(use.given, point)
     moving = use.given.rig.inertia is not None and not quasi_static
     log = LogPass(use.campaign, progress)
     progress.stage("reading the log and working out the contact wrench")
-    tally, totals, models = Tally(), _Totals(), list[Walk]()
-    inspection = Inspection(use.given)
-    samples = inspection.watch(aligned(log.pieces(), tally))
+    tally, totals, models, noises = Tally(), _Totals(), list[Walk](), list[SampleNoise]()
+    inspection, thermometer = Inspection(use.given), Thermometer()
+    samples = inspection.watch(aligned(thermometer.passing(log.pieces()), tally))
+    head, samples = take_head(
+        samples, use.given.rig.supports, averaged=use.campaign.rig.log.rows == "postures"
+    )
+    noise = None if head is None or walk is None else coloured_noise(head, use.given.rig.axes)
     if walk is not None:
-        samples = filtered(samples, filter, walk, models.append)
-    wrenches = in_motion(use.given, samples) if moving else at_rest(use.given, samples)
+        samples = filtered(samples, filter, walk, models.append, noise)
+    wrenches = in_motion(given, samples) if moving else at_rest(given, samples)
+    if head is not None:
+        wrenches = with_sample_noise(
+            wrenches,
+            head,
+            given,
+            posture_std=_posture_std(use),
+            zero_variance=_moved_zeros(use, head, thermometer),
+            tell=noises.append,
+        )
     notes: list[str] = []
     judged = _judged(wrenches, files, inspection, notes)
     # Numbers out of all proportion are refused by name, not warned of by numpy.
     with np.errstate(all="ignore"):
         if target is not None:
             columns = None
-            about = _about(use, filter, walk, moving=moving)
+            about = _about(use, filter, walk, point, moving=moving)
             rows = write_wrenches(target, judged, about, totals.add)
         else:
             columns = _kept(judged, totals.add)
             rows = len(columns["time"])
     notes = [*log.messages, *notes, *_notes(tally, use)]
     summary = _summary(use, target, rows, tally, totals, notes, moving=moving)
-    summary["filter"] = _filter(filter, walk, models[0]) if walk is not None else None
+    summary["about"] = point.tolist()
+    summary["noise"] = _noise(noises[0], use) if noises else None
+    summary["filter"] = _filter(filter, walk, models[0], noise) if walk is not None else None
     return ApplyResult(summary, target, columns)
 
 
@@ -190,14 +222,52 @@ def _kept(
     return {name: np.concatenate([columns[name] for columns in found]) for name in found[0]}
 
 
-def _filter(kind: str, walk: float, model: Walk) -> dict[str, Any]:
-    """What the filter does, SI units."""
+def _posture_std(use: InUse) -> float:
+    """Noise of a force at a posture, N per axis, as the calibration's own residuals show it."""
+    fit = use.calibration.fit
+    if fit is None or fit.dof <= 0:
+        return 0.0
+    # The residual force of a posture is the sum of n readings, three axes each.
+    spent = 6 * fit.postures / fit.dof
+    return float(fit.rms_force * np.sqrt(max(spent, 1.0) / (3 * use.given.rig.n)))
+
+
+def _moved_zeros(use: InUse, head: LogHead, thermometer: Thermometer) -> ZeroVariance | None:
+    """By how much zeros may have moved since the log's first sample, by what its rig declares."""
+    rig = use.campaign.rig.rig
+
+    def temperature(time: FloatArray) -> FloatArray | None:
+        return thermometer.at(time, time, rig.n)
+
+    return moved_zeros(rig.drift, float(head.samples.time[0]), temperature)
+
+
+def _noise(noise: SampleNoise, use: InUse) -> dict[str, Any]:
+    """What a sample adds by its noise, SI units, and what that was measured on."""
+    return {
+        "std": dict(zip(COMPONENTS, noise.std.tolist(), strict=True)),
+        "dwells": noise.dwells,
+        "windows": noise.windows,
+        "posture": _posture_std(use),
+    }
+
+
+def _filter(kind: str, walk: float, model: Walk, noise: ColouredNoise | None) -> dict[str, Any]:
+    """What the filter does, SI units; noise_left as a share, None where there is no noise."""
+    smooth = kind == "smooth"
+    std, left = float(np.sqrt(model.r)), model.left_smooth if smooth else model.left
+    share: float | None = left
+    if noise is not None:
+        std = noise.std
+        rest = float(np.sqrt(noise.remaining(np.array([model.gain]), smooth=smooth)[0]))
+        share = rest / std if std > 0 else None
     return {
         "kind": kind,
         "walk": walk,
-        "noise": float(np.sqrt(model.r)),
-        "noise_left": model.left if kind == "kalman" else model.left_smooth,
-        "delay": model.delay if kind == "kalman" else 0.0,
+        "gain": model.gain,
+        "noise": std,
+        "noise_left": share,
+        "delay": 0.0 if smooth else model.delay,
     }
 
 
@@ -222,14 +292,17 @@ def _judged(
     notes += inspection.finish()
 
 
-def _about(use: InUse, kind: str, walk: float | None, *, moving: bool) -> dict[str, str]:
+def _about(
+    use: InUse, kind: str, walk: float | None, point: FloatArray, *, moving: bool
+) -> dict[str, str]:
     """Metadata of a Parquet file."""
+    place = f"the point ({', '.join(f'{x:g}' for x in point)}) m" if point.any() else "the origin"
     return {
-        "quantity": "contact wrench on the terminal: force, and moment about the LCS origin",
+        "quantity": f"contact wrench on the terminal: force, and moment about {place} of the LCS",
         "frame": "LCS",
         "units": "s, N, N·m",
-        "u_": "standard uncertainty (k = 1) from the calibration and the rig's constants; "
-        "noise of the single sample not included",
+        "u_": "standard uncertainty (k = 1) of the single sample, its noise included",
+        "u_cal_": "the part of the calibration and the rig's constants, common to all samples",
         "raw_": "the same with the nominal mounting and the stated zeros, mass and barycentre",
         "filter": "none" if walk is None else f"{kind}, walk {walk:g} N in 1 s",
         "inertia": "included" if moving else "not included (quasi-static)",
@@ -286,6 +359,7 @@ def _summary(
         "rms": rms(totals.squares),
         "rms_uncalibrated": rms(totals.raw_squares),
         "std": rms(totals.variance),
+        "std_calibration": rms(totals.common),
         "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
         "warnings": [*use.warnings, *notes],
     }

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import State, gravity, nominal, sensing
+from tdfscal.model.parameters import State, gravity, layout, nominal, sensing
 from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, free
 from tdfscal.numerics import so3
 from tdfscal.numerics.in_place import dot
@@ -38,15 +38,18 @@ _REACHED = 1.0e-6
 class Wrenches:
     """Contact wrenches (N, 6): fx, fy, fz in N, mx, my, mz in N·m about the LCS origin, LCS.
 
-    std : standard uncertainty of each component from the calibration and the rig's constants
-    (rotations, zeros, sensitivities, mass, barycentre, hinges, datums, gravity's direction) with
-    their correlations; ∞ where a constant is open. What a single sample adds (its noise, and what
-    the rig file declares per posture: positioner, force_noise, hinge_moment) is not in it.
+    std : standard uncertainty of each component: the calibration's, and what a sample adds by the
+    declarations of the rig file per posture (positioner, force_noise, hinge_moment, friction with a
+    direction); its noise is added by `sample_noise`. ∞ where a constant is open.
+    calibration_std : the part of the calibration and the rig's constants (rotations, zeros,
+    sensitivities, mass, barycentre, hinges, datums, gravity's direction) with their correlations,
+    common to all samples.
     raw : without the calibration: nominal mounting, the rig's stated zeros, mass and barycentre.
     """
 
     value: FloatArray
     std: FloatArray
+    calibration_std: FloatArray
     raw: FloatArray
 
 
@@ -120,10 +123,16 @@ def single(given: Calibrated, position: FloatArray, force: FloatArray) -> Postur
         force=force,
         position_cov=np.broadcast_to(declared.positioner**2 * eye, shape),
         force_cov=np.broadcast_to(declared.force_noise**2 * eye, shape),
-        moment_var=declared.hinge_moment**2,
+        moment_var=declared.hinge_moment**2 + _friction_variance(given),
         approach=np.zeros((len(force), 3)),
         measured=np.ones(given.rig.axes.shape, dtype=np.bool_),
     )
+
+
+def _friction_variance(given: Calibrated) -> float:
+    """Variance per axis, (N·m)², of friction n τ against a turn whose direction is any."""
+    n, place = given.rig.n, layout(given.rig.n)["friction"].start
+    return n**2 * (float(given.state.friction) ** 2 + given.covariance[place, place]) / 3.0
 
 
 def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> FloatArray:
@@ -131,6 +140,13 @@ def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> Fl
 
     position (K, n, 3) in m, BCS; force (K, n, 3), N, readings.
     """
+    return _covariances(given, position, force)[0]
+
+
+def _covariances(
+    given: Calibrated, position: FloatArray, force: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Covariances (K, 6, 6) by the calibration, as above, and by what is declared per posture."""
     posture = single(given, position, measured(given, force))
     at = balance(posture, given.state, given.state.barycentre, given.rig.gravity)
     T = to_lcs(at)
@@ -146,7 +162,7 @@ def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> Fl
         diagonal = np.arange(6)
         unseen = reach > _REACHED * reach.max(axis=1, keepdims=True)
         out[:, diagonal, diagonal] = np.where(unseen, np.inf, out[:, diagonal, diagonal])
-    return np.asarray(out)
+    return np.asarray(out), np.asarray(T @ at.cov @ np.swapaxes(T, 1, 2))
 
 
 def measured(given: Calibrated, force: FloatArray) -> FloatArray:
@@ -182,7 +198,8 @@ def wrenches(
         )
         for state in states
     )
-    return Wrenches(value=value, std=_std(given, time, position, force), raw=raw)
+    own, common = _std(given, time, position, force)
+    return Wrenches(value=value, std=own, calibration_std=common, raw=raw)
 
 
 def pose(given: Calibrated, position: FloatArray) -> Poses:
@@ -192,15 +209,19 @@ def pose(given: Calibrated, position: FloatArray) -> Poses:
 
 def _std(
     given: Calibrated, time: FloatArray, position: FloatArray, force: FloatArray
-) -> FloatArray:
-    """Standard uncertainties (N, 6), worked out at the means of short blocks of samples."""
+) -> tuple[FloatArray, FloatArray]:
+    """Standard uncertainties (N, 6) with what samples add and without, by short blocks' means."""
     start = _blocks(time)
     count = np.diff(np.append(start, len(time)))
     position, force = (
         np.add.reduceat(v, start, axis=0) / count[:, None, None] for v in (position, force)
     )
-    var = np.diagonal(covariance(given, position, force), axis1=1, axis2=2)
-    return np.repeat(np.sqrt(var), count, axis=0)
+    common, own = (
+        np.diagonal(cov, axis1=1, axis2=2) for cov in _covariances(given, position, force)
+    )
+    both = np.sqrt(np.concatenate([common + own, common], axis=1))
+    std, calibration_std = np.split(np.repeat(both, count, axis=0), 2, axis=1)
+    return std, calibration_std
 
 
 def _blocks(time: FloatArray) -> IntArray:

@@ -17,6 +17,7 @@ import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.records import FloatArray
+from tdfscal.wrench.log_head import ColouredNoise
 from tdfscal.wrench.resampling import Samples
 
 #: N by which a force walks in a second: a contact builds up by K v = 10 kN/m · 1.5 mm/s (Sect. 5).
@@ -52,6 +53,11 @@ class Walk:
     def of(cls, walk: float, noise: float, interval: float) -> Walk:
         """Walk : N in a second. noise : N, standard deviation of a sample. Raises UsageError."""
         return cls(walk**2 * interval, noise**2, interval)
+
+    @classmethod
+    def with_gain(cls, q: float, gain: float, interval: float) -> Walk:
+        """Walk and white noise whose filter has this gain: r = q (1 − g) / g²."""
+        return cls(q, q * (1.0 - gain) / gain**2, interval)
 
     @property
     def gain(self) -> float:
@@ -103,12 +109,16 @@ def measured_noise(signal: FloatArray) -> float:
     Raises DataError for fewer than 16 samples or numbers that are none.
     """
     if signal.ndim != 2 or len(signal) < _FEWEST or not np.all(np.isfinite(signal)):
-        raise DataError(
-            f"the noise cannot be measured from {len(signal)} samples",
-            hint=f"give {_FEWEST} finite samples or more",
-        )
+        raise _too_few(len(signal))
     r = _variance(np.diff(signal, axis=0)) - 0.5 * _variance(signal[2:] - signal[:-2])
     return float(np.sqrt(np.mean(np.maximum(r, 0.0))))
+
+
+def _too_few(samples: int) -> DataError:
+    return DataError(
+        f"the noise cannot be measured from {samples} samples",
+        hint=f"give {_FEWEST} finite samples or more",
+    )
 
 
 def _variance(difference: FloatArray) -> FloatArray:
@@ -179,11 +189,13 @@ def filtered(
     kind: Kind,
     walk: float,
     tell: Callable[[Walk], None] = lambda walk: None,
+    noise: ColouredNoise | None = None,
 ) -> Iterator[Samples]:
     """Filter the forces of a log that comes in pieces, in bounded memory.
 
-    walk : N in a second. The noise is measured from the first 20 000 samples; tell : is told the
-    filter once it is known. A filter starts anew after a gap.
+    walk : N in a second. noise : of the forces at rest; without it, it is taken as white and
+    measured from the first 20 000 samples. tell : is told the filter once it is known: for noise
+    that is not white, the Walk with the best gain. A filter starts anew after a gap.
 
     Raises UsageError and DataError where no filter can be made.
     """
@@ -196,8 +208,15 @@ def filtered(
     if not first:
         return
     start = _joined(first)
-    noise = measured_noise(start.force.reshape(len(start.time), -1)[:_MEASURED])
-    model = Walk.of(walk, noise, float(np.median(np.diff(start.time))))
+    if len(start.time) < _FEWEST:
+        raise _too_few(len(start.time))
+    interval = float(np.median(np.diff(start.time)))
+    if noise is None:
+        white = measured_noise(start.force.reshape(len(start.time), -1)[:_MEASURED])
+        model = Walk.of(walk, white, interval)
+    else:
+        q = walk**2 * interval
+        model = Walk.with_gain(q, noise.best_gain(q, smooth=kind == "smooth"), interval)
     tell(model)
     stage = _Stage(kind, model)
     for piece in chain([start], source):

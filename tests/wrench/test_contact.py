@@ -73,7 +73,7 @@ def test_standard_uncertainty_is_the_spread_over_the_covariance() -> None:
         state = retract(given.state, step)
         at = poses(state.hinge, dwells.position - state.datum)
         values.append(contact_wrench(state, RIG.gravity, at.rotation, dwells.force))
-    stated = wrenches(given, time, dwells.position, dwells.force).std
+    stated = wrenches(given, time, dwells.position, dwells.force).calibration_std
     # The spread of a standard deviation from m draws is 1/√(2m): five of these.
     assert np.abs(np.std(values, axis=0) / stated - 1).max() < 5 / np.sqrt(2 * draws)
 

@@ -193,7 +193,8 @@ def test_apply_refuses_what_calibrate_refuses(
 
 def test_a_wrench_that_is_no_number_is_refused(tmp_path: Path) -> None:
     value = np.zeros((3, 6))
-    good = Wrenches(value=value, std=np.full((3, 6), np.inf), raw=value)
+    good = Wrenches(value=value, std=np.full((3, 6), np.inf),
+                    calibration_std=np.full((3, 6), np.inf), raw=value)  # fmt: skip
     bad = replace(good, value=np.where(np.arange(3)[:, None] == 1, np.nan, value))
     time, target = np.array([0.5, 0.75, 1.0]), tmp_path / "w.csv"
     with pytest.raises(DataError, match=r"at 0\.75 s is no number"):

@@ -20,9 +20,11 @@ COLUMNS = (
     "time",
     *COMPONENTS,
     *(f"u_{name}" for name in COMPONENTS),
+    *(f"u_cal_{name}" for name in COMPONENTS),
     *(f"raw_{name}" for name in COMPONENTS),
 )
-"""time in s; the contact wrench, its standard uncertainties, the uncalibrated wrench; N, N·m."""
+"""time in s; the contact wrench, its standard uncertainties with the sample's noise and by the
+calibration alone, the uncalibrated wrench; N, N·m."""
 
 
 def write_wrenches(
@@ -77,8 +79,9 @@ def numbers_only(pieces: Iterable[WrenchPiece]) -> Iterator[WrenchPiece]:
 def columns_of(piece: WrenchPiece) -> dict[str, FloatArray]:
     """Return the columns of a piece by their names; an unknown uncertainty is NaN."""
     w = piece.wrench
-    std = np.where(np.isfinite(w.std), w.std, np.nan)
-    return dict(zip(COLUMNS, [piece.time, *w.value.T, *std.T, *w.raw.T], strict=True))
+    own, common = (np.where(np.isfinite(s), s, np.nan) for s in (w.std, w.calibration_std))
+    values = [piece.time, *w.value.T, *own.T, *common.T, *w.raw.T]
+    return dict(zip(COLUMNS, values, strict=True))
 
 
 def _writer(path: Path, beside: Path, schema: Any) -> Any:

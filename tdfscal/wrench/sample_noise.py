@@ -1,0 +1,141 @@
+"""What a single sample adds to the uncertainty of the contact wrench, whatever makes it.
+
+The scatter of the wrench itself within static dwells holds the noise of all channels with their
+correlation, what a filter leaves of it, and the noise of accelerations. What is slower than a
+dwell shows in the residuals of the calibration's own postures, and in what the rig file declares.
+
+Noise that is alike and independent along the three axes of each sensor makes a wrench whose
+variance does not depend on the pose: in the LCS it is Σ_i [I; [r_i]×] [I; [r_i]×]ᵀ times theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.statics import wrench
+from tdfscal.records import Drift, FloatArray
+from tdfscal.wrench.log_head import LogHead
+from tdfscal.wrench.stream import WrenchPiece
+
+#: Where nothing rests: windows whose scatter about a parabola counts, s and samples at least.
+_WINDOW, _FEWEST = 0.5, 32
+
+
+@dataclass(frozen=True, slots=True)
+class SampleNoise:
+    """Standard deviation (6,) of a sample's contact wrench by its own noise, N and N·m, LCS.
+
+    dwells : static dwells behind it; without any it is the scatter of `windows` short windows,
+    which noise slower than these escapes.
+    """
+
+    std: FloatArray
+    dwells: int
+    windows: int
+
+
+ZeroVariance = Callable[[FloatArray], FloatArray]
+
+
+def with_sample_noise(
+    pieces: Iterator[WrenchPiece],
+    head: LogHead,
+    given: Calibrated,
+    *,
+    posture_std: float,
+    zero_variance: ZeroVariance | None,
+    tell: Callable[[SampleNoise], None],
+) -> Iterator[WrenchPiece]:
+    """Add the noise of a sample, and zeros that move, to the standard uncertainties.
+
+    posture_std : N per axis, by which the calibration's own postures scattered beyond the
+    calibration. zero_variance : N², (N, n) at times (N,) s, by which zeros have moved. tell : is
+    told the noise before the first piece comes.
+    """
+    held = list[WrenchPiece]()
+    for piece in pieces:
+        held.append(piece)
+        if piece.time[-1] >= head.samples.time[-1]:
+            break
+    if not held:
+        return
+    each = _by_sensor(given)
+    slow = posture_std**2 - given.rig.declared.force_noise**2
+    noise = _noise(held, head, each.sum(axis=0), slow)
+    tell(noise)
+    for piece in chain(held, pieces):
+        variance = piece.wrench.std**2 + noise.std**2
+        if zero_variance is not None:
+            variance = variance + zero_variance(piece.time) @ each
+        yield replace(piece, wrench=replace(piece.wrench, std=np.sqrt(variance)))
+
+
+def _by_sensor(given: Calibrated) -> FloatArray:
+    """Variance (n, 6) of the wrench by one of each axis of a sensor, per N²."""
+    B = wrench(given.state.hinge)
+    return np.asarray(np.einsum("nab,nab->na", B, B))
+
+
+def _noise(held: list[WrenchPiece], head: LogHead, each: FloatArray, slow: float) -> SampleNoise:
+    time = np.concatenate([piece.time for piece in held])
+    value = np.concatenate([piece.wrench.value for piece in held])
+    rows = list(head.dwells(time))
+    # The mean of a dwell takes the slow part of the noise away.
+    lost = max(head.mean_variance, slow)
+    if head.averaged:
+        variance, windows = np.zeros(value.shape[1]), 0
+    elif rows:
+        squares = sum(np.sum((value[r] - value[r].mean(axis=0)) ** 2, axis=0) for r in rows)
+        variance, windows = squares / sum(r.stop - r.start for r in rows), 0
+    else:
+        variance, windows = _scatter_in_windows(time, value)
+    return SampleNoise(np.sqrt(variance + lost * each), len(rows), windows)
+
+
+def _scatter_in_windows(time: FloatArray, value: FloatArray) -> tuple[FloatArray, int]:
+    """Median over short windows of the variance (6,) about a parabola, and their number."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    size = max(_FEWEST, round(_WINDOW / step)) if np.isfinite(step) else _FEWEST
+    count = len(time) // size
+    if not count:
+        return np.zeros(value.shape[1]), 0
+    parts = value[: count * size].reshape(count, size, -1)
+    Q = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 3))[0]
+    rest = parts - Q @ (Q.T @ parts)
+    freedom = size - 3
+    # Wilson and Hilferty: the median of χ² over its degrees of freedom.
+    median = (1.0 - 2.0 / (9.0 * freedom)) ** 3
+    return np.median(np.sum(rest**2, axis=1), axis=0) / freedom / median, count
+
+
+def moved_zeros(
+    drift: Drift, start: float, temperature: Callable[[FloatArray], FloatArray | None] | None
+) -> ZeroVariance | None:
+    """Variance by which zeros have moved since the first sample; None where they stay.
+
+    start : s, of that sample. temperature : °C, (N, n) at times (N,).
+    """
+    if not (drift.time > 0 or drift.walk > 0 or (drift.temperature > 0 and temperature)):
+        return None
+
+    def variance(time: FloatArray) -> FloatArray:
+        elapsed = (time - start)[:, None]
+        out = _square(drift.time, elapsed) + drift.walk**2 * elapsed
+        if drift.temperature > 0 and temperature is not None:
+            now, first = temperature(time), temperature(np.array([start]))
+            if now is not None and first is not None:
+                out = out + _square(drift.temperature, now - first)
+        return np.asarray(out)
+
+    return variance
+
+
+def _square(slope: float, change: FloatArray) -> FloatArray:
+    """(slope · change)², 0 where nothing has changed, however unknown the slope."""
+    return np.square(slope * np.where(change == 0, 0.0, change), where=change != 0,
+                     out=np.zeros_like(change))  # fmt: skip
