@@ -176,9 +176,7 @@ def apply(
     tally, totals, models, noises = Tally(), _Totals(), list[Walk](), list[SampleNoise]()
     inspection, thermometer = Inspection(use.given), Thermometer()
     samples = inspection.watch(aligned(thermometer.passing(log.pieces()), tally))
-    head, samples = take_head(
-        samples, use.given.rig.supports, averaged=use.campaign.rig.log.rows == "postures"
-    )
+    head, samples = take_head(samples, use.given.rig.supports, averaged=_averaged(use))
     noise = None if head is None or walk is None else coloured_noise(head, use.given.rig.axes)
     if walk is not None:
         samples = filtered(samples, filter, walk, models.append, noise)
@@ -220,6 +218,11 @@ def _kept(
         found.append(columns_of(piece))
         watch(piece)
     return {name: np.concatenate([columns[name] for columns in found]) for name in found[0]}
+
+
+def _averaged(use: InUse) -> bool:
+    mapping = use.campaign.rig.log
+    return mapping is not None and mapping.rows == "postures"
 
 
 def _posture_std(use: InUse) -> float:

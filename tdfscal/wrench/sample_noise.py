@@ -137,5 +137,5 @@ def moved_zeros(
 
 def _square(slope: float, change: FloatArray) -> FloatArray:
     """(slope · change)², 0 where nothing has changed, however unknown the slope."""
-    return np.square(slope * np.where(change == 0, 0.0, change), where=change != 0,
-                     out=np.zeros_like(change))  # fmt: skip
+    moved = change != 0
+    return np.square(np.multiply(slope, change, where=moved, out=np.zeros(change.shape)))
