@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
+import tdfscal
 from tdfscal.numerics import so3
 from tests.cli.running import SAMPLES, run
 
@@ -18,19 +19,9 @@ FORMATS = ("csv", "parquet", "mcap")
 
 
 @pytest.fixture(scope="module")
-def documents(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Calibrations of the three formats, by the command line, as JSON documents."""
-    import subprocess
-    import sys
-
-    found = {}
-    for form in FORMATS:
-        line = [sys.executable, "-m", "tdfscal", "calibrate", str(SAMPLES / form), "--json", "-o",
-                str(tmp_path_factory.mktemp(form) / "c.json"), "--trials", "2000"]  # fmt: skip
-        done = subprocess.run(line, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        found[form] = json.loads(done.stdout)
-    return found
+def documents() -> dict[str, Any]:
+    """Calibrations of the three formats, as JSON documents."""
+    return {form: tdfscal.calibrate(SAMPLES / form, trials=0).to_dict() for form in FORMATS}
 
 
 def test_three_formats_give_the_same_angles(documents: dict[str, Any]) -> None:

@@ -195,10 +195,10 @@ def test_a_report_that_nobody_gets_changes_nothing(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    target = tmp_path / "plan.csv"
+    target = tmp_path / "w.csv"
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", STDOUTS[kind]())
-        seen = run(capsys, "plan", "C", "-o", target, *FAST.split(), "-q")
+        seen = run(capsys, "apply", "own.yaml", "C", "-o", target, "-q")
     assert (seen.status, seen.err) == (0, "")
     assert len(target.read_text().splitlines()) > 4
     with monkeypatch.context() as patch:
@@ -208,7 +208,9 @@ def test_a_report_that_nobody_gets_changes_nothing(
 
 @needs_full
 @pytest.mark.parametrize("kind", ["closed", "full"])
-@pytest.mark.parametrize("line", ["plan C -o OUT --json", "report own.yaml --json --html OUT"])
+@pytest.mark.parametrize(
+    "line", ["apply own.yaml C -o OUT --json", "report own.yaml --json --html OUT"]
+)
 def test_a_result_that_does_not_arrive_is_an_error_and_no_other_output_appears(
     line: str,
     kind: str,
@@ -217,9 +219,8 @@ def test_a_result_that_does_not_arrive_is_an_error_and_no_other_output_appears(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    target = tmp_path / ("plan.csv" if "plan" in line else "page.html")
+    target = tmp_path / ("w.csv" if "apply" in line else "page.html")
     words = [str(target) if word == "OUT" else word for word in line.split()]
-    words += FAST.split() if "plan" in line else []
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", STDOUTS[kind]())
         seen = run(capsys, *words, "-q")
@@ -380,8 +381,7 @@ def test_odd_files_and_surroundings_are_said_in_one_line(
         seen = run(capsys, *words)
         assert (seen.status, seen.out) == (2, ""), (words, seen.err)
         assert seen.err.count("\n") == 1
-    done = run(capsys, "report", "own.yaml", "--html", tmp_path / "page.html",
-               "--figures", tmp_path / "figures")  # fmt: skip
+    done = run(capsys, "report", "own.yaml", "--html", tmp_path / "page.html")
     assert done.status == 0, done.err
 
 

@@ -17,7 +17,7 @@ from tests.cli.running import run
 
 from .limits import limits
 
-FEW = ["--candidates", "150"]
+FEW = ["--candidates", "50"]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def table(text: str) -> list[dict[str, str]]:
 def test_rows_are_the_plan() -> None:
     rig = reference_rig()
     plan = make_plan(
-        rig, Request(limits(rig, stiffness=2e7), candidates=150), 8, np.random.default_rng(0)
+        rig, Request(limits(rig, stiffness=2e7), candidates=50), 8, np.random.default_rng(0)
     )
     text = plan_csv(plan, "tdfscal plan", 0)
     rows = table(text)
@@ -90,7 +90,7 @@ def test_command_writes_and_prints(
         (["--at", "0.3,0,0", "--travel", "0.05"], 2, "beyond its travel"),
         (["--at", "0.3"], 2, "not three numbers"),
         (["--postures", "5", "--target", "1"], 2, "two different things"),
-        (["--tilt", "0", "--squeeze", "0"], 4, "do not determine"),
+        (["--tilt", "0", "--squeeze", "0", "--postures", "4"], 4, "do not determine"),
         (["--target", "0.001"], 4, "is asked for"),
         (["--given", "nowhere"], 2, "no such file"),
     ],
