@@ -121,9 +121,13 @@ def _moving_columns(
     arm_rate = np.cross(np.swapaxes(R, 1, 2), speed_up[:, None], axis=2)  # (R e_a) × a
     out[:, 3:, 1:4] = -block.transform(np.swapaxes(arm_rate, 1, 2))
     out[:, 3:, 4:10] = -block.transform(dynamics.spin_momentum(R, turning), derivative=1)
-    speed = np.sqrt(np.sum(turning**2, axis=1, keepdims=True) + _STICK**2)
-    out[:, 3:, 10] = -state.n * block.transform(turning / speed)
+    out[:, 3:, 10] = -state.n * block.transform(stuck(turning))
     return out
+
+
+def stuck(turning: FloatArray) -> FloatArray:
+    """ω/|ω| (N, 3), smooth near rest."""
+    return np.asarray(turning / np.sqrt(np.sum(turning**2, axis=1, keepdims=True) + _STICK**2))
 
 
 def _kinematics(

@@ -182,7 +182,8 @@ def _features(rig: Rig, state: MovingState, origin: Balance, delay: float) -> Fl
     return np.concatenate([still, more])
 
 
-def _features_jacobian(rig: Rig, state: MovingState, origin: Balance) -> FloatArray:
+def slope_of(rig: Rig, state: MovingState, origin: Balance) -> FloatArray:
+    """∂ features / ∂ all parameters, (q + 12, P + 8)."""
     still = features_jacobian(state.still, origin, rig.gravity)
     more = dynamics.features_jacobian(state.still, origin.centre)
     out = np.zeros((len(still) + len(more), more.shape[1]))
@@ -211,7 +212,7 @@ def _solve(
     def model(state: MovingState) -> tuple[FloatArray, FloatArray]:
         prior_r, prior_j = priors(state)
         r = compressed @ _features(rig, state, origin, delay)
-        j = compressed @ _features_jacobian(rig, state, origin)[:, active]
+        j = compressed @ slope_of(rig, state, origin)[:, active]
         return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
 
     def move(state: MovingState, step: FloatArray) -> MovingState:
@@ -236,7 +237,7 @@ def at_state(
     designs = tuple(design for design, _ in pairs)
     origin, rows = pairs[0][1], gather(designs)
     psi = _features(rig, state, origin, state.moving.delay)
-    slope = _features_jacobian(rig, state, origin)[:, priors.active]
+    slope = slope_of(rig, state, origin)[:, priors.active]
     residual, jacobian = rows.design @ psi, rows.design @ slope
     rest = still_rows(rig, state, still, len(psi))
     if model is None:

@@ -16,7 +16,7 @@ from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import State, nominal, parameter_count, starting_state, with_motions
 from tdfscal.model.postures import Postures
 from tdfscal.motioncal import checks
-from tdfscal.motioncal.blocks import blocks, stretches
+from tdfscal.motioncal.blocks import Block, blocks, stretches
 from tdfscal.motioncal.contact import Stretch, merged, outside, touched
 from tdfscal.motioncal.covariance import MovingUncertainty, evaluate, quality
 from tdfscal.motioncal.design import drifting
@@ -121,12 +121,8 @@ def calibrate_moving(
     NotConvergedError
         The iteration does not settle.
     """
-    checks.check_stream(rig, slow)
-    keep, rejected = checks.frozen(rig, slow)
-    rejected += checks.clipped(rig, slow)
-    keep &= ~slow.clipped & outside(slow.time, apart)
-    cut = blocks(slow, keep)
-    checks.check_blocks(slow, cut)
+    usable = usable_samples(rig, slow, apart)
+    keep, cut = usable.keep, usable.blocks
     seen = _moments(rig, slow, keep)
     log_against_rig.check_geometry(rig, seen.position)
     progress("fitting the motion and the spectrum of its residuals")
@@ -146,17 +142,50 @@ def calibrate_moving(
             still=still,
         ),
     )
+    fit, usable = without_contacts(
+        fit, usable, lambda cut, last: fit_moving(rig, slow, cut, last.state, delay, still=still)
+    )
+    result = _judged(rig, fit, delay, usable.keep, usable.rejected, still, inputs, progress)
+    return replace(result, warnings=(*result.warnings, *doubt))
+
+
+@dataclass(frozen=True, slots=True)
+class Usable:
+    """What of a log serves: its instants (a mask (N,)), their blocks, and what was left out."""
+
+    keep: BoolArray
+    blocks: tuple[Block, ...]
+    rejected: tuple[Stretch, ...]
+
+
+def usable_samples(rig: Rig, slow: Slow, apart: tuple[Stretch, ...] = ()) -> Usable:
+    """Leave out what is frozen, clipped or `apart`. Raises DataError where nothing serves."""
+    checks.check_stream(rig, slow)
+    keep, rejected = checks.frozen(rig, slow)
+    rejected += checks.clipped(rig, slow)
+    keep &= ~slow.clipped & outside(slow.time, apart)
+    cut = blocks(slow, keep)
+    checks.check_blocks(slow, cut)
+    return Usable(keep, cut, rejected)
+
+
+def without_contacts(
+    fit: MovingFit, usable: Usable, again: Callable[[tuple[Block, ...], MovingFit], MovingFit]
+) -> tuple[MovingFit, Usable]:
+    """Leave out what touches the terminal, and fit anew, until nothing does.
+
+    again : the fit of what is left, from the last one.
+    """
+    slow, rejected, cut = fit.slow, usable.rejected, usable.blocks
     for _ in range(_ROUNDS):
         found = touched(fit)
         if not found:
             break
         rejected = merged([*rejected, *found], _TOGETHER)
-        cut = blocks(slow, keep & outside(slow.time, rejected))
+        cut = blocks(slow, usable.keep & outside(slow.time, rejected))
         checks.check_blocks(slow, cut)
-        fit = fit_moving(rig, slow, cut, fit.state, delay, still=still)
-    keep &= outside(slow.time, rejected)
-    result = _judged(rig, fit, delay, keep, rejected, still, inputs, progress)
-    return replace(result, warnings=(*result.warnings, *doubt))
+        fit = again(cut, fit)
+    return fit, Usable(usable.keep & outside(slow.time, rejected), cut, rejected)
 
 
 def _first_fit(

@@ -45,9 +45,12 @@ class MovingCampaign:
     force: FloatArray
 
 
-def simulate_moving(rig: Rig, options: MovingOptions, rng: np.random.Generator) -> MovingCampaign:
+def simulate_moving(
+    rig: Rig, options: MovingOptions, rng: np.random.Generator, truth: Truth | None = None
+) -> MovingCampaign:
     """Drive and record one campaign in motion.
 
+    truth : of the machine, where it was driven before; else it is drawn.
     Truth, trajectory, error fields and recorder draw from streams of their own.
 
     Raises NotConvergedError where the carriages cannot hold the terminal.
@@ -56,7 +59,7 @@ def simulate_moving(rig: Rig, options: MovingOptions, rng: np.random.Generator) 
 
     truth_rng, way_rng, field_rng, record_rng, inertia_rng = rng.spawn(5)
     machine = Options(stiffness=np.diag(options.stiffness), rpy=options.rpy)
-    truth = draw_truths(rig, machine, truth_rng, 1).trial(0)
+    truth = truth or draw_truths(rig, machine, truth_rng, 1).trial(0)
     inertia = _true_inertia(rig, options, truth, inertia_rng)
     way = draw_trajectory(options, rig.n, way_rng)
     field = draw_field(rig.n, rig.declared.positioner, options.field_correlation, field_rng)

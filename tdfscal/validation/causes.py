@@ -32,9 +32,11 @@ _SUSPECTS = 20
 class Whitened:
     """Residual wrenches of K postures with all that correlates them taken away.
 
-    residual : (6K,), white. columns : (6K, P), its derivative by the calibrated parameters.
-    own : (K, 6, 6), whitens each posture's own noise. common : (6K, r), orthonormal; shrink : (r,):
-    along them the calibration's error is common to all postures. free : (6K, f), orthonormal,
+    residual : (m,), white; m is 6K, or as many as a motion determines. columns : (m, P), its
+    derivative by the calibrated parameters.
+    own : (K, 6, 6), whitens each posture's own noise; K = 0 in motion, where a contact is found
+    otherwise. common : (m, r), orthonormal; shrink : (r,):
+    along them the calibration's error is common to all postures. free : (m, f), orthonormal,
     directions of parameters that nobody knows; the residual has no part in them. rows : directions
     of all residuals that no unmeasured force reaches. sensors : n.
     """
@@ -67,27 +69,26 @@ class Whitened:
 
 def whiten(
     residual: FloatArray,
-    jacobian: FloatArray,
+    columns: FloatArray,
     own: FloatArray,
     root: FloatArray,
     unknown: BoolArray,
     rows: int,
     sensors: int,
 ) -> Whitened:
-    """Take away the noise of each posture and the error of the calibration.
+    """Take away the error of the calibration from residuals that are white in their own noise.
 
-    residual : (K, 6). jacobian : (K, 6, P), its derivative by the parameters. own : (K, 6, 6),
-    whitens each posture's own noise, with 0 along forces that nobody measures; rows : how many
+    residual : (m,). columns : (m, P), its derivative by the parameters. own : (K, 6, 6), what
+    whitened each posture's own noise, with 0 along forces that nobody measures; rows : how many
     directions that leaves. root : (P, r), U with U Uᵀ the covariance of the
     parameters. unknown : (P,), parameters of which nothing is known.
 
-    With B = L⁻¹ J U the covariance is I + B Bᵀ; by the singular values s of B its inverse root is
-    I − V (1 − 1/√(1 + s²)) Vᵀ.
+    With B the columns times U the covariance is I + B Bᵀ; by the singular values s of B its
+    inverse root is I − V (1 − 1/√(1 + s²)) Vᵀ.
     """
-    columns = (own @ jacobian).reshape(-1, jacobian.shape[2])
     V, s, _ = np.linalg.svd(columns @ root, full_matrices=False)
     start = Whitened(
-        residual=(own @ residual[..., None]).ravel(),
+        residual=residual,
         columns=columns,
         own=own,
         common=V,
@@ -99,7 +100,7 @@ def whiten(
     known = replace(start, free=_basis(start.white(columns[:, unknown])))
     return replace(
         known,
-        residual=known.white(start.residual[:, None])[:, 0],
+        residual=known.white(residual[:, None])[:, 0],
         columns=known.white(columns),
     )
 

@@ -6,6 +6,7 @@ to them, only the dwells' own noise is not (theory, section 7).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,15 +60,25 @@ class Validation:
     @property
     def holds(self) -> bool:
         """The residual wrenches are what the stated uncertainties explain."""
-        return self.p_value >= VALIDATION_ALARM / 2 and self.search_p >= VALIDATION_ALARM / 2
+        return within_level(self.p_value, self.search_p)
 
     @property
     def suspected(self) -> tuple[Cause, ...]:
         """Where it does not hold: the causes that explain it and cannot be told apart."""
-        if self.holds or not self.causes or not self.causes[0].explains:
-            return ()
-        first, *others = self.causes
-        return (first, *(cause for cause in others if causes.alike(first, cause)))
+        return () if self.holds else suspects(self.causes)
+
+
+def within_level(p_value: float, search_p: float) -> bool:
+    """Neither all residuals together nor the likeliest single cause are beyond chance."""
+    return p_value >= VALIDATION_ALARM / 2 and search_p >= VALIDATION_ALARM / 2
+
+
+def suspects(found: Sequence[Cause]) -> tuple[Cause, ...]:
+    """The likeliest cause and those that cannot be told from it, where it explains all."""
+    if not found or not found[0].explains:
+        return ()
+    first, *others = found
+    return (first, *(cause for cause in others if causes.alike(first, cause)))
 
 
 def validate(
@@ -118,7 +129,7 @@ def validate(
         p_value=float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0,
         search_p=min(1.0, tried * min(cause.p_value for cause in single)),
         causes=found,
-        detectable=_detectable(causes.turn_information(white), tried),
+        detectable=detectable_turns(causes.turn_information(white), tried),
         warnings=(*dwells.warnings, *warnings, *([turned] if turned else [])),
     )
 
@@ -166,12 +177,19 @@ def _see(given: Calibrated, observed: Postures) -> _Seen:
     if not observed.measured.all():
         reach = np.linalg.norm(T @ at.free, axis=2)
         std = np.where(reach > _REACHED * reach.max(axis=1, keepdims=True), np.inf, std)
+    own = at.whitener @ np.linalg.inv(T)
     return _Seen(
         nominal=plain,
         calibrated=calibrated,
         std=std,
         white=whiten(
-            calibrated, J, at.whitener @ np.linalg.inv(T), root, unknown, int(at.rows.sum()), rig.n
+            (own @ calibrated[..., None]).ravel(),
+            (own @ J).reshape(-1, J.shape[2]),
+            own,
+            root,
+            unknown,
+            int(at.rows.sum()),
+            rig.n,
         ),
     )
 
@@ -191,7 +209,7 @@ def _with_motion(given: Calibrated, observed: Postures) -> tuple[FloatArray, Boo
     return root, np.concatenate([given.open, np.isinf(std)])
 
 
-def _detectable(information: FloatArray, tried: int) -> FloatArray:
+def detectable_turns(information: FloatArray, tried: int) -> FloatArray:
     """Smallest turns (n, 3), rad, that the search finds with probability DETECTION_POWER."""
     threshold = special.chdtri(3, VALIDATION_ALARM / 2 / tried)
     offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))

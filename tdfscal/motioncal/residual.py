@@ -1,0 +1,76 @@
+"""The residual wrench over time: what the balance lacks at every instant of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.model import dynamics, statics
+from tdfscal.model.dynamics import Moving
+from tdfscal.model.parameters import State, gravity, symmetric
+from tdfscal.motioncal.blocks import Block
+from tdfscal.motioncal.design import shifted, stuck
+from tdfscal.motioncal.streams import Slow
+from tdfscal.records import FloatArray, Rig
+from tdfscal.wrench.kinematics import Poses, motion
+
+#: Instants on either side that a local cubic takes in for accelerations; they are drawn only.
+_HALF = 6
+#: Length of the means that are kept, s.
+MEAN = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualWrench:
+    """Means over stretches of MEAN seconds.
+
+    time : (N,), s, their middles. before, after : (N, 2), length of the residual force, N, and of
+    the residual moment about the barycentre, N·m, with the nominal mounting and calibrated.
+    """
+
+    time: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+
+def residual_wrench(
+    rig: Rig,
+    slow: Slow,
+    blocks: tuple[Block, ...],
+    before: State,
+    after: State,
+    moving: Moving,
+) -> ResidualWrench:
+    """Residual wrench of two states over the blocks, both with the same motion's parameters."""
+    times, lengths = [], []
+    for block in blocks:
+        both = [_wrench(rig, slow, block, state, moving) for state in (before, after)]
+        count = max(1, round(len(both[0]) * slow.step / MEAN))
+        parts = np.array_split(np.arange(len(both[0])), count)
+        times += [float(slow.time[block.index][part].mean()) for part in parts]
+        means = [[e[part].mean(axis=0).reshape(2, 3) for e in both] for part in parts]
+        lengths.append(np.linalg.norm(np.array(means), axis=3))
+    length = np.concatenate(lengths)
+    return ResidualWrench(np.array(times), length[:, 0], length[:, 1])
+
+
+def _wrench(rig: Rig, slow: Slow, block: Block, state: State, moving: Moving) -> FloatArray:
+    """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8)."""
+    position = shifted(slow, block.index, moving.delay) - state.datum
+    R, _ = statics.register(state.hinge, position)
+    centre = state.barycentre
+    place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
+    F = statics.forces(state, slow.force[block.index])
+    arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
+    found = motion(Poses(R, place), block.step, _HALF)
+    assert found is not None  # blocks are longer than the window
+    own = symmetric(moving.inertia - state.mass * dynamics.spread_matrix(centre))
+    w, dw = found.turning, found.turning_rate
+    spin = dw @ own.T + np.cross(w, w @ own.T)
+    friction = state.n * moving.friction * stuck(w)
+    e = np.zeros((len(F), 6))
+    push = np.einsum("kab,kb->ka", R, found.acceleration)
+    e[:, :3] = F.sum(axis=1) + state.mass * (gravity(state, rig.gravity) - push)
+    e[:, 3:] = np.cross(arm, F).sum(axis=1) - np.einsum("kab,kb->ka", R, spin + friction)
+    return e

@@ -1,0 +1,218 @@
+"""Does a calibration still hold? The residual wrench of a terminal that never stops.
+
+The noise's spectrum comes from the same log, with all that may have changed left free: a change
+of the rig must not pass for noise. So χ² over all frequencies says nothing; what is tested is the
+part of the residual along what the model knows to change, rotations, zeros and load first, with
+the calibration's covariance and the spectrum's own uncertainty (theory, section 8).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.checks import log_against_rig
+from tdfscal.model import dynamics
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.parameters import nominal, prior_std, with_motions
+from tdfscal.model.zero_motion import ZeroMotion
+from tdfscal.motioncal.blocks import Block
+from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.covariance import posterior
+from tdfscal.motioncal.design import drifting
+from tdfscal.motioncal.estimator import (
+    MovingFit,
+    MovingPriors,
+    MovingState,
+    at_state,
+    estimate_noise,
+    slope_of,
+    stacked,
+    weights,
+)
+from tdfscal.motioncal.pipeline import usable_samples, without_contacts
+from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
+from tdfscal.motioncal.streams import Slow
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.least_squares import spectrum
+from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
+from tdfscal.validation import causes
+from tdfscal.validation.causes import Cause, Whitened, whiten
+from tdfscal.validation.residual_wrench import detectable_turns, suspects, within_level
+
+
+@dataclass(frozen=True, slots=True)
+class MovingValidation:
+    """Verdict on a calibration by a log in motion.
+
+    begin : s, in the log's time; seconds : length of what was tested. rejected : stretches left
+    out, contacts among them. residual : lengths of the residual wrench over time, without and
+    with the calibration. chi2, dof, p_value : of the residual along all that may change.
+    search_p, causes, detectable : as of a validation by postures.
+    """
+
+    rig: Rig
+    begin: float
+    seconds: float
+    rejected: tuple[Stretch, ...]
+    residual: ResidualWrench
+    chi2: float
+    dof: int
+    p_value: float
+    search_p: float
+    causes: tuple[Cause, ...]
+    detectable: FloatArray
+    warnings: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """The residual wrench is what the stated uncertainties explain."""
+        return within_level(self.p_value, self.search_p)
+
+    @property
+    def suspected(self) -> tuple[Cause, ...]:
+        """Where it does not hold: the causes that explain it and cannot be told apart."""
+        return () if self.holds else suspects(self.causes)
+
+
+def validate_moving(
+    given: Calibrated, slow: Slow, delay: UncertainValue, *, rig: Rig | None = None
+) -> MovingValidation:
+    """Test a calibration on a log in motion; contacts in it are found and left out.
+
+    rig : the rig of this log, for what it declares; default the calibration's.
+
+    Raises
+    ------
+    DataError
+        The log cannot serve, or its positions do not fit the hinges.
+    """
+    rig = rig or given.rig
+    usable = usable_samples(rig, slow)
+    log_against_rig.check_geometry(rig, slow.position[usable.keep][::_EVERY])
+    start = MovingState(
+        with_motions(given.state, _motions(rig, slow)),
+        dynamics.prior(rig, float(delay.value), float(delay.std))[0],
+    )
+    priors = MovingPriors(_loosened(rig, given), slow, delay)
+
+    def noise_of(cut: tuple[Block, ...]) -> MovingFit:
+        return _best(estimate_noise(at_state(rig, slow, cut, start, priors, None)))
+
+    fit, usable = without_contacts(noise_of(usable.blocks), usable, lambda cut, last: noise_of(cut))
+    white = _whitened(given, fit, delay)
+    found = causes.causes(white)
+    tried = 1 + 2 * rig.n
+    p_value = float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0
+    turned = log_against_rig.turned(rig, slow.position[usable.keep][::_EVERY])
+    left_out = [
+        f"{s.begin:.2f} to {s.end:.2f} s of the log were left out: {s.reason}"
+        for s in usable.rejected
+    ]
+    return MovingValidation(
+        rig=rig,
+        begin=float(slow.time[0]),
+        seconds=sum(block.taper.shape[1] for block in fit.blocks) * slow.step,
+        rejected=usable.rejected,
+        residual=residual_wrench(
+            rig, slow, fit.blocks, nominal(rig), start.still, fit.state.moving
+        ),
+        chi2=white.chi2,
+        dof=white.dof,
+        p_value=p_value,
+        search_p=min(1.0, tried * min(cause.p_value for cause in found)),
+        causes=found,
+        detectable=detectable_turns(causes.turn_information(white), tried),
+        warnings=(*left_out, *([turned] if turned else [])),
+    )
+
+
+#: How far mounting (rad), zeros, mass and barycentre (of the load) may have changed in the log.
+_OPEN = 0.1
+#: A direction in which a change as wide as its prior shows by less than this, in standard
+#: deviations, is no test: its column is noise, and may be the very noise of the residual.
+_SEEN = 0.1
+#: One of so many instants is enough to see whether the positions fit the hinges.
+_EVERY = 20
+
+
+def _motions(rig: Rig, slow: Slow) -> int:
+    motion = drifting(rig, slow)
+    return 0 if motion is None else len(motion.std)
+
+
+def _loosened(rig: Rig, given: Calibrated) -> Rig:
+    """The rig with mounting, zeros and load open about the calibration: no change is noise."""
+    state = given.state
+    mass, size = float(state.mass), float(np.linalg.norm(rig.hinge, axis=1).mean())
+    return replace(
+        rig,
+        nominal_rpy=so3.to_rpy(state.rotation),
+        rpy_std=np.full((rig.n, 3), _OPEN),
+        zero=UncertainValue(state.zero, np.full((rig.n, 3), _OPEN * mass * rig.gravity / rig.n)),
+        mass=UncertainValue(state.mass, np.array(_OPEN * mass)),
+        barycentre=UncertainValue(state.barycentre, np.full(3, _OPEN * size)),
+        earlier=None,
+    )
+
+
+def _best(fit: MovingFit) -> MovingFit:
+    """The fit with the residuals of its own linear minimum, which is where noise is seen."""
+    r, j = fit.whitened()
+    step = spectrum(j).solve(r)
+    moved = np.zeros(len(fit.active))
+    moved[fit.active] = step
+    return replace(
+        fit,
+        state=fit.state.moved(moved),
+        residual=fit.residual + fit.jacobian @ step,
+        prior_residual=fit.prior_residual + fit.prior_jacobian @ step,
+    )
+
+
+def _whitened(given: Calibrated, fit: MovingFit, delay: UncertainValue) -> Whitened:
+    """The residual at the calibration along all that the model knows, white as a whole."""
+    rig, slow = fit.rig, fit.slow
+    motions = fit.state.still.motions
+    priors = MovingPriors(rig, slow, delay)
+    state = MovingState(with_motions(given.state, motions), fit.state.moving)
+    at = at_state(rig, slow, fit.blocks, state, priors, fit.noise)
+    slope = at.rows.design @ slope_of(rig, state, at.origin)
+    weight = weights(at.rows.bins, fit.noise.variance(at.rows.bins))
+    r, J = stacked(np.concatenate([at.residual[:, None], slope], axis=1), weight)
+    drift = drifting(rig, slow)
+    width = np.concatenate([prior_std(rig, drift), priors.std])
+    U, seen, _ = np.linalg.svd(J * np.where(np.isfinite(width), width, 1.0), full_matrices=False)
+    U = U[:, seen > _SEEN]
+    r, J = U.T @ r, U.T @ J
+    own = np.linalg.cholesky(np.eye(len(r)) + _by_spectrum(fit, J))
+    r, J = np.linalg.solve(own, r), np.linalg.solve(own, J)
+    root, unknown = _known(given, rig, drift)
+    nothing = np.zeros((0, 6, 6))
+    return whiten(r, J, nothing, root, unknown, len(r), rig.n)
+
+
+def _by_spectrum(fit: MovingFit, J: FloatArray) -> FloatArray:
+    """What the spectrum's own uncertainty adds to the covariance of rows with the Jacobian J."""
+    _, jacobian = fit.whitened()
+    residual, _ = fit.whitened()
+    _, added = posterior(fit, spectrum(jacobian), residual)
+    columns = J[:, fit.active]
+    return np.asarray(columns @ added @ columns.T)
+
+
+def _known(given: Calibrated, rig: Rig, drift: ZeroMotion | None) -> tuple[FloatArray, BoolArray]:
+    """Root (P + 3nG + 8, r) of all parameters' covariance, and which of them are unknown.
+
+    The calibration knows the static ones; how zeros move belongs to each log, and so does the
+    motion: its inertia, friction and delay are no part of what is tested.
+    """
+    std = prior_std(rig, drift)[len(given.open) :]
+    rows, columns = given.root.shape
+    root = np.zeros((rows + len(std) + dynamics.PARAMETERS, columns + len(std)))
+    root[:rows, :columns] = given.root
+    root[rows : rows + len(std), columns:] = np.diag(np.where(np.isfinite(std), std, 0.0))
+    moving = np.ones(dynamics.PARAMETERS, dtype=np.bool_)
+    return root, np.concatenate([given.open, np.isinf(std), moving])
