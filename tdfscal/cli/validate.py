@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
+import typer
+
 from tdfscal.cli.app import CalibrationFile, Html, Json, Paths, Quiet, RigFile, app
 from tdfscal.cli.perform import perform
+
+Samples = Literal["static", "moving"]
 
 
 @app.command()
@@ -11,9 +17,15 @@ def validate(
     calibration: CalibrationFile,
     paths: Paths,
     rig: RigFile = None,
+    samples: Annotated[
+        Samples | None,
+        typer.Option(
+            case_sensitive=False, help="Default: static where there are three dwells, else moving."
+        ),
+    ] = None,
     html: Html = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:
-    """Check a calibration on static postures without contact: still valid, or what changed."""
+    """Check a calibration on postures or on a motion without contact: valid, or what changed."""
     return perform("validate", locals()).exit_status

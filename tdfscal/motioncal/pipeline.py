@@ -29,6 +29,7 @@ from tdfscal.motioncal.estimator import (
     force_power,
 )
 from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
+from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
@@ -57,8 +58,8 @@ class MotionCalibration:
     begin : s, in the log's time, and seconds : length of what was used. rejected : stretches left
     out, with their reasons. postures : moments of the motion, for figures. still : dwells that
     went in too. residual_power : frequencies (M,) in Hz and density (M,) of the residual force,
-    N²/Hz, with the nominal mounting and calibrated. reasons : why the gate rejects; empty where
-    it accepts.
+    N²/Hz, with the nominal mounting and calibrated. residual : the residual wrench over time.
+    reasons : why the gate rejects; empty where it accepts.
     """
 
     rig: Rig
@@ -75,6 +76,7 @@ class MotionCalibration:
     postures: Postures
     still: int
     residual_power: tuple[FloatArray, FloatArray, FloatArray]
+    residual: ResidualWrench
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -236,7 +238,7 @@ def _judged(
     uncertainty = evaluate(fit)
     stats = quality(fit)
     turns = uncertainty.turns
-    verdict = observability.verdict(rig, fit.state.still, used, turns.covariance)
+    verdict = observability.verdict(rig, fit.state.still, used, turns.covariance, moving=True)
     if not verdict.identified:
         raise NotIdentifiableError(_unseen(verdict), hint=verdict.weak[0].advice)
     if not fit.converged:
@@ -274,6 +276,9 @@ def _judged(
         postures=used,
         still=0 if still is None else len(still),
         residual_power=_residual_power(fit, start, delay),
+        residual=residual_wrench(
+            rig, slow, fit.blocks, start.still, fit.state.still, fit.state.moving
+        ),
         reasons=(),
         warnings=_warnings(rig, fit, rejected, used.position),
     )

@@ -17,13 +17,13 @@ from tdfscal.wrench.kinematics import Poses, motion
 
 #: Instants on either side that a local cubic takes in for accelerations; they are drawn only.
 _HALF = 6
-#: Length of the means that are kept, s.
-MEAN = 1.0
+#: Length of the means that are kept, s, and how many of them at most in a long log.
+_MEAN, _MOST = 1.0, 600
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualWrench:
-    """Means over stretches of MEAN seconds.
+    """Means over a second, or over more of it in a long log.
 
     time : (N,), s, their middles. before, after : (N, 2), length of the residual force, N, and of
     the residual moment about the barycentre, N·m, with the nominal mounting and calibrated.
@@ -44,9 +44,10 @@ def residual_wrench(
 ) -> ResidualWrench:
     """Residual wrench of two states over the blocks, both with the same motion's parameters."""
     times, lengths = [], []
+    mean = max(_MEAN, sum(b.taper.shape[1] for b in blocks) * slow.step / _MOST)
     for block in blocks:
         both = [_wrench(rig, slow, block, state, moving) for state in (before, after)]
-        count = max(1, round(len(both[0]) * slow.step / MEAN))
+        count = max(1, round(len(both[0]) * slow.step / mean))
         parts = np.array_split(np.arange(len(both[0])), count)
         times += [float(slow.time[block.index][part].mean()) for part in parts]
         means = [[e[part].mean(axis=0).reshape(2, 3) for e in both] for part in parts]

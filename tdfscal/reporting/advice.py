@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.significance import INCOMPATIBLE, MOST_REJECTED
 
 _ANGLES = ("roll", "pitch", "yaw")
@@ -24,6 +27,17 @@ _LESSEN = {
     "instrument angles": "A tracker nearer to the rig would lower the uncertainty: its angles "
     "dominate.",
 }
+#: The same of samples in motion.
+_LESSEN_IN_MOTION = {
+    "noise": "A longer motion, a larger tilt, or a harder squeeze would lower the uncertainty "
+    "further: noise dominates (`tdfscal plan RIG --motion` finds the best motion).",
+    "noise spectrum": "A longer motion would lower the uncertainty: how noisy its slow part is "
+    "dominates.",
+    "positioner": "A harder squeeze, or a faster motion, would lower the uncertainty: the NCPs' "
+    "position errors dominate.",
+    "motion": "A slower motion, or an inertia, a friction and a delay that are stated, would lower "
+    "the uncertainty: what the motion adds dominates.",
+}
 
 
 def advise(c: Calibration) -> tuple[str, ...]:
@@ -34,14 +48,14 @@ def advise(c: Calibration) -> tuple[str, ...]:
             *_mend(c),
             "Then record again and calibrate again.",
         )
-    advice = [
-        "Prove it on three to five new postures: tdfscal validate CALIBRATION LOG. Repeat monthly."
-    ]
+    new = "three to five new postures" if c.motion is None else "the next motion without contact"
+    advice = [f"Prove it on {new}: tdfscal validate CALIBRATION LOG. Repeat monthly."]
     shares = _shares(c)
+    lessen = _LESSEN if c.motion is None else _LESSEN | _LESSEN_IN_MOTION
     if shares:
         largest = max(shares, key=lambda source: shares[source])
-        if shares[largest] > _NOTABLE and largest in _LESSEN:
-            advice.append(_LESSEN[largest])
+        if shares[largest] > _NOTABLE and largest in lessen:
+            advice.append(lessen[largest])
     return tuple(advice)
 
 
@@ -51,14 +65,21 @@ def _mend(c: Calibration) -> tuple[str, ...]:
     std = c.rpy_std[c.determined]
     if np.any(std > limits.angle_std):
         i, j = np.unravel_index(int(std.argmax()), std.shape)
+        more = (
+            "record more postures with more tilt"
+            if c.motion is None
+            else "move for longer and tilt farther"
+        )
         found.append(
-            f"Squeeze the NCPs against each other, or record more postures with more tilt: "
+            f"Squeeze the NCPs against each other, or {more}: "
             f"{_ANGLES[j]} of {c.mounted[i].name} is the weakest angle."
             if c.method != "tracker"
             else "Measure more targets, farther apart, or from nearer: the angles are too weak."
         )
     named = any("the residuals say that" in reason for reason in c.quality.reasons)
-    if fit is not None and fit.birge > limits.birge_max and not named:
+    if c.motion is not None:
+        found += _mend_motion(c.motion, c.quality.reasons)
+    elif fit is not None and fit.birge > limits.birge_max and not named:
         found.append(
             "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
             "grows with time is drift (tare again); misfit everywhere is crosstalk or gain "
@@ -92,6 +113,24 @@ def _mend(c: Calibration) -> tuple[str, ...]:
             "understated uncertainties."
         )
     return tuple(found)
+
+
+def _mend_motion(motion: MotionResult, reasons: Sequence[str]) -> Iterator[str]:
+    """What may have caused the reasons that only a motion has."""
+    if any("had to be left out" in reason for reason in reasons):
+        touched = any("contact" in stretch.reason for stretch in motion.rejected)
+        yield (
+            "Find what touched the terminal in the stretches left out (cables, a hand, a stop), "
+            "and free it; where nothing did, move more slowly."
+            if touched
+            else "Squeeze less, or carry less: sensors reached their capacity or froze in the "
+            "stretches left out."
+        )
+    if any("halves of the log" in reason for reason in reasons):
+        yield (
+            "See what changed while it moved (a screw, a hinge, a warming sensor: declare "
+            "drift.time), and calibrate the two halves of the log apart."
+        )
 
 
 def _shares(c: Calibration) -> dict[str, float]:

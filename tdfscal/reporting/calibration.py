@@ -38,7 +38,10 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             "timeline": (Items("Rejected postures", rejected),) if rejected else (),
             "observability": (),
             "rig": _adjusted(c),
-            "spectrum": (Items("Stretches left out", _left_out(c)),) if _left_out(c) else (),
+            "residual-over-time": (Items("Stretches left out", _left_out(c)),)
+            if _left_out(c)
+            else (),
+            "spectrum": (),
         },
     )
     return Report(
@@ -263,7 +266,9 @@ def _absent(c: Calibration, drawn: set[str]) -> tuple[Section, ...]:
     if c.method == "tracker":
         notes.append("A tracker survey has no postures: no residual wrench and no timeline.")
     elif c.motion is not None:
-        notes.append("Samples in motion are no postures: residuals are shown as a spectrum.")
+        notes.append(
+            "Samples in motion are no postures: residuals are shown over time and as a spectrum."
+        )
     elif "residuals" not in drawn:
         notes.append(
             "This file holds no single postures, so neither their residuals nor the log's timeline "

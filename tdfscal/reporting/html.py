@@ -11,12 +11,13 @@ from markupsafe import Markup
 from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.figures import drawings, several_drawings, validation
+from tdfscal.reporting.figures import drawings, several_drawings, validation, wrench_in_motion
 from tdfscal.reporting.figures.style import Drawing, to_svg
 from tdfscal.reporting.layout import Facts, Items, Report, Table, legible
 from tdfscal.reporting.several import put_side_by_side, several_report
-from tdfscal.reporting.validation import Origin, validation_report
-from tdfscal.validation.residual_wrench import Validation
+from tdfscal.reporting.validation import Origin, Verdict, validation_report
+from tdfscal.reporting.validation_in_motion import moving_validation_report
+from tdfscal.validation.in_motion import MovingValidation
 
 
 def render(report: Report) -> str:
@@ -33,8 +34,11 @@ def render_page(calibration: Calibration) -> str:
     return render(calibration_report(calibration, drawings(calibration)))
 
 
-def render_validation(v: Validation, warnings: Sequence[str], origin: Origin) -> str:
+def render_validation(v: Verdict, warnings: Sequence[str], origin: Origin) -> str:
     """Return the page of a validation."""
+    if isinstance(v, MovingValidation):
+        figures = (wrench_in_motion.validation(v),)
+        return render(moving_validation_report(v, warnings, origin, figures))
     return render(validation_report(v, warnings, origin, (validation.draw(v),)))
 
 

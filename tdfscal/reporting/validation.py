@@ -17,6 +17,7 @@ from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, 
 from tdfscal.reporting.phrases import METHODS, inputs_table
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import Cause
+from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
@@ -27,11 +28,12 @@ if TYPE_CHECKING:
 _LISTED = 12
 
 _LISTED_ON_PAGE = 40
-_KEEP = (
+Verdict = Validation | MovingValidation
+KEEP = (
     "Keep this calibration in use.",
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
 )
-_RENEW = (
+RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
 )
@@ -56,14 +58,7 @@ def lengths(wrench: FloatArray) -> FloatArray:
 def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
     """Everything as JSON values, SI units."""
     return {
-        "verdict": "still valid" if v.holds else "recalibrate",
-        "holds": v.holds,
-        "why": " ".join(reasons(v)),
-        "chi2": v.chi2,
-        "dof": v.dof,
-        "p_value": v.p_value,
-        "search_p_value": v.search_p,
-        "false_alarm": VALIDATION_ALARM,
+        **verdict_document(v, reasons(v)),
         "postures": [
             {
                 "index": int(k),
@@ -77,6 +72,28 @@ def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
         ],
         "left_out": [{"index": k, "reason": reason} for k, reason in sorted(v.left_out.items())],
         **{name: _residual(v, column) for column, name in enumerate(("force", "moment"))},
+        **causes_document(v),
+        "warnings": list(warnings),
+    }
+
+
+def verdict_document(v: Verdict, why: Sequence[str]) -> dict[str, Any]:
+    """The verdict and its figures."""
+    return {
+        "verdict": "still valid" if v.holds else "recalibrate",
+        "holds": v.holds,
+        "why": " ".join(why),
+        "chi2": v.chi2,
+        "dof": v.dof,
+        "p_value": v.p_value,
+        "search_p_value": v.search_p,
+        "false_alarm": VALIDATION_ALARM,
+    }
+
+
+def causes_document(v: Verdict) -> dict[str, Any]:
+    """What is suspected, and what would have been seen."""
+    return {
         "suspected": [_cause(v, cause) for cause in v.suspected],
         "detectable_turn": {
             "power": DETECTION_POWER,
@@ -85,7 +102,6 @@ def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
                 for name, turn in zip(v.rig.supports, v.detectable, strict=True)
             ],
         },
-        "warnings": list(warnings),
     }
 
 
@@ -104,11 +120,11 @@ def _axes(turn: FloatArray) -> dict[str, float | None]:
     return dict(zip(("rx", "ry", "rz"), values, strict=True))
 
 
-def _cause(v: Validation, cause: Cause) -> dict[str, Any]:
+def _cause(v: Verdict, cause: Cause) -> dict[str, Any]:
     return {
         "kind": cause.kind,
         "support": None if cause.support is None else v.rig.supports[cause.support],
-        "postures": [int(v.used[k]) for k in cause.postures],
+        "postures": [int(v.used[k]) for k in cause.postures] if isinstance(v, Validation) else [],
         "value": cause.value.tolist(),
         "std": cause.std.tolist(),
         "chi2_explained": cause.gain,
@@ -118,7 +134,7 @@ def _cause(v: Validation, cause: Cause) -> dict[str, Any]:
     }
 
 
-def describe(v: Validation, cause: Cause) -> str:
+def describe(v: Verdict, cause: Cause) -> str:
     """One cause in words, with its size."""
     value, std = cause.value, cause.std
     if cause.kind == "sensor turned":
@@ -139,6 +155,7 @@ def describe(v: Validation, cause: Cause) -> str:
             f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
             f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
         )
+    assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
     named = ", ".join(f"{v.used[k] + 1} ({_start(v, int(v.used[k]))} s)" for k in cause.postures)
     largest = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
     return (
@@ -157,7 +174,7 @@ def reasons(v: Validation) -> list[str]:
         return [
             f"The residual wrenches of {len(v.used)} postures are what the stated uncertainties "
             f"explain (p = {v.p_value:.2g}).",
-            _sure(v),
+            sure(v),
         ]
     found = [
         f"The residual wrenches are not what the stated uncertainties explain: χ² = {v.chi2:.4g} "
@@ -177,14 +194,15 @@ def reasons(v: Validation) -> list[str]:
     return found
 
 
-def _sure(v: Validation) -> str:
+def sure(v: Verdict, where: str = "in these postures") -> str:
+    """What would have been detected."""
     lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
     text = (
         f"A single sensor turned by more than {1e3 * lean:.2g} mrad in roll or pitch would have "
         f"been detected with {DETECTION_POWER:.0%} probability"
     )
     if twist > np.pi / 4:
-        return f"{text}; a turn about the vertical would not show in these postures."
+        return f"{text}; a turn about the vertical would not show {where}."
     return f"{text}, about the vertical by more than {1e3 * twist:.2g} mrad."
 
 
@@ -213,10 +231,10 @@ def validation_report(
         sections=(
             *illustrated(drawings, {"validation": postures}),
             Section("Postures left out", (Items("Left out", left_out),) if left_out else ()),
-            _power(v),
+            power(v),
         ),
         warnings=tuple(warnings),
-        advice=_KEEP if v.holds else _RENEW,
+        advice=KEEP if v.holds else RENEW,
     )
     if origin is None:
         return report
@@ -226,7 +244,7 @@ def validation_report(
         subtitle=f"validation of {origin.name}, a {METHODS[c.method]} of {c.created[:10]}, on "
         f"{len(v.used)} postures",
         created=origin.created,
-        sections=(*report.sections, _provenance(v, origin)),
+        sections=(*report.sections, provenance(v, origin)),
     )
 
 
@@ -274,21 +292,25 @@ def _tiles(v: Validation) -> tuple[Row, ...]:
     )
 
 
-def _power(v: Validation) -> Section:
+def power(
+    v: Verdict, what: str = "these postures", more: str = "more postures, more tilt and a squeeze"
+) -> Section:
+    """The smallest turns that would have been seen."""
     rows = tuple(
         (name, *("none" if not np.isfinite(t) else f"{1e3 * t:.2f}" for t in turn))
         for name, turn in zip(v.rig.supports, v.detectable, strict=True)
     )
     return Section(
-        "What these postures would have shown",
+        f"What {what} would have shown",
         (Table("Turn about the BCS's axes, mrad", ("sensor", "x", "y", "z"), rows),),
         "The smallest turn of a single sensor that is detected with a probability of "
-        f"{DETECTION_POWER:.0%}; more postures, more tilt and a squeeze make it smaller.",
+        f"{DETECTION_POWER:.0%}; {more} make it smaller.",
         page_only=True,
     )
 
 
-def _provenance(v: Validation, origin: Origin) -> Section:
+def provenance(v: Verdict, origin: Origin) -> Section:
+    """The calibration, the test and the logs."""
     c = origin.calibration
     facts = (
         ("Calibration", f"{origin.name}, {METHODS[c.method]}, {c.created}, {c.status}"),

@@ -120,8 +120,12 @@ def load_directions(state: State, postures: Postures) -> tuple[FloatArray, Float
     return axis, np.arctan2(across, along), across
 
 
-def verdict(rig: Rig, state: State, postures: Postures, covariance: FloatArray) -> Observability:
+def verdict(
+    rig: Rig, state: State, postures: Postures, covariance: FloatArray, *, moving: bool = False
+) -> Observability:
     """Judge every turn about an axis of the BCS by its variance (covariance (3n, 3n), rad²).
+
+    moving : the postures are instants of a motion.
 
     A turn is identified when its standard uncertainty is below `acceptance.identifiable` and at
     most half of its prior's.
@@ -141,7 +145,7 @@ def verdict(rig: Rig, state: State, postures: Postures, covariance: FloatArray) 
         if angle.identified:
             continue
         i, j = divmod(k, 3)
-        weak.append(_explain(angle, np.eye(3)[j], axis[i], spread[i], across[i], limit))
+        weak.append(_explain(angle, np.eye(3)[j], axis[i], spread[i], across[i], limit, moving))
     lacks = {name for name, axes in zip(rig.supports, rig.axes, strict=True) if not axes.all()}
     return Observability(
         angles,
@@ -154,21 +158,29 @@ def verdict(rig: Rig, state: State, postures: Postures, covariance: FloatArray) 
 
 
 def _explain(
-    angle: Angle, turn: FloatArray, load: FloatArray, spread: float, across: float, limit: float
+    angle: Angle,
+    turn: FloatArray,
+    load: FloatArray,
+    spread: float,
+    across: float,
+    limit: float,
+    moving: bool,
 ) -> Weakness:
     """Say why an angle is weak and what would help."""
+    longer = "move for longer" if moving else "record more postures"
+    seen = "too short or too small a motion" if moving else "too few or too similar postures"
     if angle.std < limit:
         return Weakness(
             angle,
             f"its standard uncertainty, {_mrad(angle.std)}, is mostly that of its prior",
-            "record more postures or squeeze harder, or widen rpy_std to let the data speak",
+            f"{longer} or squeeze harder, or widen rpy_std to let the data speak",
         )
     off = np.arccos(min(1.0, abs(float(turn @ load)) / float(np.linalg.norm(turn))))
     if off > _ALONG_LOAD:
         return Weakness(
             angle,
-            f"standard uncertainty {_mrad(angle.std)} from too few or too similar postures",
-            "record more postures with more tilt, tare the sensors, and weigh the terminal",
+            f"standard uncertainty {_mrad(angle.std)} from {seen}",
+            f"{longer} with more tilt, tare the sensors, and weigh the terminal",
         )
     more = f" (they carry {across:.2g} N across it" if across >= 0.05 else " (they carry none"
     if across >= 0.05 and angle.std < 1:

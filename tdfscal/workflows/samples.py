@@ -40,9 +40,9 @@ def calibrate_samples(
     """
     if samples == "static":
         return _static(log, log.dwells(), static)
-    dwells, slow = _read(log, with_dwells=samples != "moving")
     if samples == "moving":
-        return _moving(log, slow)
+        return _moving(log, moving_samples(log))
+    dwells, slow = read_samples(log)
     if samples == "all":
         return _all(log, dwells, slow, static)
     if len(dwells) >= _ENOUGH or slow is None:
@@ -52,16 +52,17 @@ def calibrate_samples(
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, NotIdentifiableError):
             return _static(log, dwells, static)
-        few = f"{len(dwells)} static dwells are too few" if len(dwells) else "there is no dwell"
-        raise type(error)(
-            f"{few}, and in motion: {error.what}",
-            where=error.where,
-            hint=error.hint,
-        ) from error
+        raise neither(dwells, error) from error
 
 
-def _read(log: LogPass, *, with_dwells: bool) -> tuple[Dwells, Slow | None]:
-    """Read the logs once, for the dwells and for the slow streams."""
+def neither(dwells: Dwells, error: TdfscalError) -> TdfscalError:
+    """The error of a log that serves neither at rest nor in motion."""
+    few = f"{len(dwells)} static dwells are too few" if len(dwells) else "there is no dwell"
+    return type(error)(f"{few}, and in motion: {error.what}", where=error.where, hint=error.hint)
+
+
+def read_samples(log: LogPass) -> tuple[Dwells, Slow | None]:
+    """Read the logs once, for the dwells and for the slow streams, None where there are none."""
     log.progress.stage("reading the log")
     decimator = Decimator(log.campaign.rig.rig.capacity)
     averaged = False
@@ -74,20 +75,27 @@ def _read(log: LogPass, *, with_dwells: bool) -> tuple[Dwells, Slow | None]:
                 decimator.add(piece)
             yield piece
 
-    if with_dwells:
-        dwells = find_dwells(pieces())
-        log.messages |= dict.fromkeys(dwells.warnings)
-    else:
-        for _ in pieces():
-            pass
-        dwells = find_dwells(iter(()))
+    dwells = find_dwells(pieces())
+    log.messages |= dict.fromkeys(dwells.warnings)
     try:
-        slow = None if averaged else decimator.finish()
+        return dwells, None if averaged else decimator.finish()
     except DataError:
-        if not with_dwells:
-            raise
-        slow = None
-    return dwells, slow
+        return dwells, None
+
+
+def moving_samples(log: LogPass) -> Slow:
+    """Read the logs once, for the slow streams alone. Raises DataError where there are none."""
+    log.progress.stage("reading the log")
+    decimator = Decimator(log.campaign.rig.rig.capacity)
+    for piece in log.pieces():
+        if piece.rows == "postures":
+            raise DataError(
+                "the log holds averaged postures and no motion",
+                where="log",
+                hint="use --samples static, or give the recording itself",
+            )
+        decimator.add(piece)
+    return decimator.finish()
 
 
 def _static(
@@ -99,29 +107,27 @@ def _static(
 
 def _moving(
     log: LogPass,
-    slow: Slow | None,
+    slow: Slow,
     still: Postures | None = None,
     apart: tuple[Stretch, ...] = (),
 ) -> MotionCalibration:
-    if slow is None:
-        raise DataError(
-            "the log holds averaged postures and no motion",
-            where="log",
-            hint="use --samples static, or give the recording itself",
-        )
-    loaded = log.campaign.rig
-    stated = loaded.log.delay if loaded.log is not None else None
-    delay = stated or UncertainValue(np.array(0.0), np.array(np.inf))
     log.progress.stage("calibrating from the motion")
     return calibrate_moving(
-        loaded.rig,
+        log.campaign.rig.rig,
         slow,
-        delay,
+        stated_delay(log),
         still=still,
         apart=apart,
         inputs=tuple(log.inputs),
         progress=log.progress.stage,
     )
+
+
+def stated_delay(log: LogPass) -> UncertainValue:
+    """Delay of the force stamps, s, as the rig file states it; unknown where it does not."""
+    mapping = log.campaign.rig.log
+    stated = mapping.delay if mapping is not None else None
+    return stated or UncertainValue(np.array(0.0), np.array(np.inf))
 
 
 def _all(
@@ -141,8 +147,10 @@ def _all(
         except NotIdentifiableError:
             if slow is None:
                 raise
-    if own is None or slow is None:
-        return own if own is not None else _moving(log, slow)
+    if slow is None:
+        return own if own is not None else _static(log, dwells, static)
+    if own is None:
+        return _moving(log, slow)
     apart = tuple(
         Stretch(float(begin), float(end), "a dwell")
         for begin, end in zip(dwells.start, dwells.end, strict=True)

@@ -5,24 +5,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from tdfscal.errors import TdfscalError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
-from tdfscal.records import FloatArray, InputFile
-from tdfscal.reporting.validation import Origin, document, validation_report
+from tdfscal.motioncal.streams import Slow
+from tdfscal.records import Dwells, FloatArray, InputFile
+from tdfscal.reporting import validation_in_motion
+from tdfscal.reporting.validation import Origin, Verdict, document, validation_report
 from tdfscal.validation import residual_wrench
+from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.workflows.arguments import PathLikes, listed, one
+from tdfscal.workflows.arguments import PathLikes, listed, one, one_of
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
+from tdfscal.workflows.samples import moving_samples, neither, read_samples, stated_delay
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:
@@ -32,15 +37,20 @@ if TYPE_CHECKING:
     from tdfscal.reporting.layout import Report
 
 
+Samples = Literal["static", "moving"]
+#: Dwells from which on a log is tested by its postures.
+_ENOUGH = 3
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class ValidateResult(Result):
     """Verdict of `validate`.
 
-    validation : the test, with the residual contact wrench of every posture. warnings : of the
-    calibration, the log and the test. inputs : the logs.
+    validation : the test, with the residual contact wrench of every posture, or over the motion.
+    warnings : of the calibration, the log and the test. inputs : the logs.
     """
 
-    validation: Validation
+    validation: Verdict
     calibration: Calibration
     warnings: tuple[str, ...]
     inputs: tuple[InputFile, ...]
@@ -57,7 +67,10 @@ class ValidateResult(Result):
 
     def to_report(self) -> Report:
         """Return verdict, causes, residual wrenches."""
-        return validation_report(self.validation, self.warnings)
+        v = self.validation
+        if isinstance(v, MovingValidation):
+            return validation_in_motion.moving_validation_report(v, self.warnings)
+        return validation_report(v, self.warnings)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -67,13 +80,30 @@ class ValidateResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""
-        return document(self.validation, self.warnings)
+        v = self.validation
+        if isinstance(v, MovingValidation):
+            return validation_in_motion.document(v, self.warnings)
+        return document(v, self.warnings)
 
     def to_frame(self) -> pd.DataFrame:
-        """One row per posture and component: residual before and after, its std; N, N·m, LCS."""
+        """One row per posture and component: residual before and after, its std; N, N·m, LCS.
+
+        In motion one row per second: lengths of the residual force and moment, before and after.
+        """
         import pandas as pd
 
         v = self.validation
+        if isinstance(v, MovingValidation):
+            r = v.residual
+            return pd.DataFrame(
+                {
+                    "time": r.time,
+                    "force_uncalibrated": r.before[:, 0],
+                    "force_calibrated": r.after[:, 0],
+                    "moment_uncalibrated": r.before[:, 1],
+                    "moment_calibrated": r.after[:, 1],
+                }
+            )
         count, parts = v.calibrated.shape
 
         def each(values: FloatArray) -> FloatArray:
@@ -93,9 +123,11 @@ class ValidateResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the residual wrench, before and after."""
-        from tdfscal.reporting.figures import validation
+        from tdfscal.reporting.figures import validation, wrench_in_motion
 
-        return (validation.draw(self.validation),)
+        v = self.validation
+        moving = isinstance(v, MovingValidation)
+        return (wrench_in_motion.validation(v) if moving else validation.draw(v),)
 
 
 @together()
@@ -104,17 +136,20 @@ def validate(
     paths: PathLikes,
     *,
     rig: str | PathLike[str] | None = None,
+    samples: Samples | None = None,
     html: str | PathLike[str] | None = None,
     command: str = "tdfscal.validate",
     progress: Progress = SILENT,
 ) -> ValidateResult:
-    """Check a calibration on static postures without contact: still valid, or what changed.
+    """Check a calibration on postures or on a motion without contact: valid, or what changed.
 
     Parameters
     ----------
     calibration : file, or a calibration in memory.
     paths : campaign folder, or log files.
     rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
+    samples : static dwells, or moving samples; by default static where the log holds three
+        dwells, else moving.
     html : report page to write.
     command : kept on the page, as what was asked for.
     progress : called as the work goes on.
@@ -125,19 +160,14 @@ def validate(
         By cause: UsageError, RigError, DataError.
     """
     files, page = listed(paths), one(html)
+    if samples is not None:
+        one_of("--samples", samples, get_args(Samples))
     reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
     check_outputs({"--html": page}, reads, {"--html": PAGE_SUFFIXES})
     use = take(calibration, files, one(rig))
     log = LogPass(use.campaign, progress)
     with log.explaining():
-        dwells = log.dwells()
-        progress.stage(f"testing the calibration on {len(dwells)} dwells")
-        result = residual_wrench.validate(
-            use.given,
-            dwells,
-            rig=use.campaign.rig.rig,
-            noise=_fit_noise(use),
-        )
+        result = _tested(use, log, samples)
     # The log's own warnings come with its dwells.
     warnings = (*use.warnings, *_used_before(use, log), *result.warnings)
     if page is not None:
@@ -148,6 +178,34 @@ def validate(
         origin = Origin(use.calibration, use.name, command, created, tuple(log.inputs))
         write_text(page, render_validation(result, warnings, origin))
     return ValidateResult(result, use.calibration, warnings, tuple(log.inputs))
+
+
+def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Verdict:
+    """Test by the dwells where there are enough, else by the motion."""
+    if samples == "moving":
+        return _by_motion(use, log, moving_samples(log))
+    if samples == "static":
+        return _by_postures(use, log, log.dwells())
+    dwells, slow = read_samples(log)
+    if slow is None or len(dwells) >= _ENOUGH:
+        return _by_postures(use, log, dwells)
+    try:
+        return _by_motion(use, log, slow)
+    except TdfscalError as error:
+        if len(dwells):
+            return _by_postures(use, log, dwells)
+        raise neither(dwells, error) from error
+
+
+def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
+    log.progress.stage("testing the calibration on the motion")
+    return validate_moving(use.given, slow, stated_delay(log), rig=use.campaign.rig.rig)
+
+
+def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
+    log.progress.stage(f"testing the calibration on {len(dwells)} dwells")
+    rig = use.campaign.rig.rig
+    return residual_wrench.validate(use.given, dwells, rig=rig, noise=_fit_noise(use))
 
 
 def _used_before(use: InUse, log: LogPass) -> list[str]:

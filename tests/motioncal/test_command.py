@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import tdfscal
-from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.errors import DataError, NotIdentifiableError, UsageError
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.workflows.calibration import load_calibration
 from tests.cli.running import run
@@ -40,6 +40,20 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     assert result.motion.seconds == pytest.approx(60.0, abs=0.5)
     after, before = result.motion.spectrum.after, result.motion.spectrum.before
     assert np.median(after) < 0.5 * np.median(before)
+    assert result.motion.residual is not None
+    assert len(result.motion.residual.time) == pytest.approx(60, abs=1)
+    page = tmp_path / "validation.html"
+    seen = run(capsys, "validate", target, minute, "--html", page, "-q")
+    assert seen.status == 0, seen.err
+    assert "STILL VALID" in seen.out
+    assert "went into this calibration" in seen.err
+    assert page.read_text(encoding="utf-8").count("<svg") == 1
+    check = tdfscal.validate(target, minute, samples="moving")
+    assert set(check.to_dict()["motion"]) >= {"begin", "seconds", "rejected"}
+    assert len(check.to_frame()) == len(result.motion.residual.time)
+    assert np.array_equal(tdfscal.calibrate(minute, samples="moving").rpy, result.rpy)
+    with pytest.raises(DataError, match="no static dwell"):
+        tdfscal.validate(target, minute, samples="static")
 
 
 def test_what_does_not_go_together_is_refused(minute: Path) -> None:

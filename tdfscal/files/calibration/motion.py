@@ -66,6 +66,23 @@ class MotionSpectrum(Strict):
     position_noise: Density
 
 
+Course = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Field(min_length=1)]
+
+
+class MotionResidual(Strict):
+    """Lengths of the residual wrench over time, in means of a second or more.
+
+    time : s, in the log's time, of their middles. force in N, moment about the barycentre in N·m;
+    before with the nominal mounting and the stated zeros, after with the calibration.
+    """
+
+    time: Course
+    force_before: Course
+    force_after: Course
+    moment_before: Course
+    moment_after: Course
+
+
 class MotionResult(Strict):
     """Samples in motion: from when, how long, what was left out, and what they tell besides.
 
@@ -83,6 +100,7 @@ class MotionResult(Strict):
     friction: MotionValue
     halves_p_value: Probability
     spectrum: MotionSpectrum
+    residual: MotionResidual | None = None
 
 
 def motion_document(result: MotionCalibration) -> dict[str, Any]:
@@ -98,6 +116,13 @@ def motion_document(result: MotionCalibration) -> dict[str, Any]:
         "friction": {"value": moving.friction, "std": std[FRICTION]},
         "halves_p_value": result.halves.p_value,
         "spectrum": _spectrum(result),
+        "residual": {
+            "time": result.residual.time,
+            "force_before": result.residual.before[:, 0],
+            "force_after": result.residual.after[:, 0],
+            "moment_before": result.residual.before[:, 1],
+            "moment_after": result.residual.after[:, 1],
+        },
     }
 
 

@@ -19,6 +19,7 @@ from tdfscal.reporting.figures import (
     survey,
     timeline,
     trials,
+    wrench_in_motion,
 )
 from tdfscal.reporting.figures.style import Drawing, save
 
@@ -31,6 +32,7 @@ _ALL = (
     observability.draw,
     rig.draw,
     spectrum.draw,
+    wrench_in_motion.draw,
     trials.draw,
     survey.draw,
 )

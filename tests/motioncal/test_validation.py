@@ -1,0 +1,98 @@
+"""Does a calibration still hold, asked of a terminal that never stops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
+from tdfscal.motioncal.streams import slow_streams
+from tdfscal.numerics import so3
+from tdfscal.simulation import reference_rig
+from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
+from tdfscal.simulation.moving_options import MovingOptions, Touch
+from tdfscal.simulation.truth import Truth
+from tdfscal.validation.in_motion import MovingValidation, validate_moving
+from tests.motioncal.campaigns import DELAY, played
+
+MINUTE = MovingOptions(rate=100.0, noise=1.1, slow_noise=0.3)
+
+
+@cache
+def before() -> tuple[MovingCampaign, MotionCalibration]:
+    campaign, slow, _ = played(MINUTE, 11)
+    return campaign, calibrate_moving(campaign.rig, slow, DELAY)
+
+
+def validated(
+    change: Callable[[Truth], Truth] = lambda truth: truth,
+    options: MovingOptions = MINUTE,
+    seed: int = 12,
+) -> MovingValidation:
+    """A later motion of the same machine, with one change of it."""
+    campaign, result = before()
+    rig = reference_rig()
+    later = simulate_moving(
+        rig,
+        replace(options, inertia=campaign.inertia),
+        np.random.default_rng(seed),
+        change(campaign.truth),
+    )
+    return validate_moving(result.calibrated, slow_streams([later.log], rig.capacity), DELAY)
+
+
+def test_an_unchanged_rig_is_still_valid() -> None:
+    v = validated()
+    assert v.holds
+    assert v.suspected == ()
+    assert v.rejected == ()
+    assert v.seconds == pytest.approx(60.0, abs=0.5)
+    assert np.all(v.residual.after[:, 0] < 0.1 * v.residual.before[:, 0].max())
+
+
+def test_a_contact_is_left_out_with_its_times_and_spoils_nothing() -> None:
+    v = validated(options=replace(MINUTE, touches=(Touch(20.0, 23.0, (9.0, -6.0, 10.0)),)))
+    (stretch,) = v.rejected
+    assert stretch.begin == pytest.approx(20.0, abs=1.5)
+    assert stretch.end == pytest.approx(23.0, abs=1.5)
+    assert v.holds
+
+
+def turned(truth: Truth) -> Truth:
+    rotation = truth.rotation.copy()
+    rotation[1] = so3.exp(np.array([1.5e-3, -1.2e-3, 0.6e-3])) @ rotation[1]
+    return replace(truth, rotation=rotation)
+
+
+def jumped(truth: Truth) -> Truth:
+    zero = truth.zero.copy()
+    zero[2, 0] += 3.0
+    return replace(truth, zero=zero)
+
+
+def loaded(truth: Truth) -> Truth:
+    shift = np.array([1e-3, 0.0, 0.0])
+    return replace(truth, mass=truth.mass + 1.0, barycentre=truth.barycentre + shift)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "support", "amount"),
+    [
+        (turned, "sensor turned", 1, [1.5e-3, -1.2e-3, 0.6e-3]),
+        (jumped, "zero drifted", 2, [3.0, 0.0, 0.0]),
+        (loaded, "load changed", None, [1.0, 1e-3, 0.0, 0.0]),
+    ],
+    ids=["turned", "zero", "load"],
+)
+def test_one_change_is_found_and_named_with_its_size(
+    change: Callable[[Truth], Truth], kind: str, support: int | None, amount: list[float]
+) -> None:
+    v = validated(change)
+    assert not v.holds
+    (cause,) = v.suspected
+    assert (cause.kind, cause.support) == (kind, support)
+    assert np.all(np.abs(cause.value - amount) < 4 * cause.std)
