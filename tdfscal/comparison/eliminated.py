@@ -15,10 +15,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.parameters import EVEN_TURN, State, constants, deviation, with_motions
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.earlier import free_constants
+from tdfscal.model.parameters import (
+    EVEN_TURN,
+    State,
+    constants,
+    deviation,
+    prior_std,
+    with_motions,
+)
 from tdfscal.numerics import so3
-from tdfscal.numerics.information import Information, nothing
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.numerics.information import Contrast, Information, inverse, nothing, without
+from tdfscal.records import BoolArray, FloatArray, Rotations
 from tdfscal.selfcal.estimator import Fit, Priors
 
 #: A share of a direction that no row sees below this is rounding.
@@ -31,14 +40,15 @@ class Eliminated:
 
     chi2 : with the constants at the reference and the own parameters at their best. rows : number
     of residuals, own priors included, less the own parameters that they determine.
-    own : (o,), step of the own parameters at the reference; give : (o, C), their change per change
-    of the constants. spread : (o, o), their covariance where the constants are known. open : (o,),
-    of which the campaign says nothing.
+    places : (P,), which parameters are the campaign's own. own : (o,), their step at the reference;
+    give : (o, C), their change per change of the constants. spread : (o, o), their covariance where
+    the constants are known. open : (o,), of which the campaign says nothing.
     """
 
     information: Information
     chi2: float
     rows: int
+    places: BoolArray
     own: FloatArray
     give: FloatArray
     spread: FloatArray
@@ -77,6 +87,7 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
         information=Information(free_A.T @ free_A, -(free_A.T @ free_r)),
         chi2=float(free_r @ free_r),
         rows=fit.rows + int(own_rows.sum()) - rank,
+        places=fit.active & ~constants(fit.rig.n, fit.state.motions),
         own=back @ r,
         give=back @ A,
         spread=back @ back.T,
@@ -84,17 +95,49 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
     )
 
 
-def of_rotations(
-    rotation: FloatArray, covariance: FloatArray, reference: State, size: int
-) -> Information:
-    """Information (C, C) of an estimate of the rotations alone, as a tracker's survey gives it."""
-    n = len(rotation)
-    away = so3.log(rotation @ np.swapaxes(reference.rotation, 1, 2)).ravel()
+def of_survey(survey: Rotations, reference: State, size: int) -> Eliminated:
+    """What an estimate of the rotations alone says, as a tracker's survey gives it."""
+    n = len(survey.rotation)
+    away = so3.log(survey.rotation @ np.swapaxes(reference.rotation, 1, 2)).ravel()
     out = nothing(size)
-    matrix = np.linalg.inv(covariance)
+    matrix = np.linalg.inv(survey.covariance)
     out.matrix[: 3 * n, : 3 * n] = (matrix + matrix.T) / 2
     out.score[: 3 * n] = out.matrix[: 3 * n, : 3 * n] @ away
-    return out
+    return _alone(out, np.zeros(0, dtype=np.bool_), np.zeros((0, size)), np.zeros((0, 0)), away)
+
+
+def of_estimate(known: Calibrated, prior: Information, reference: State) -> Eliminated:
+    """What a campaign says that was calibrated by itself, as one in motion is.
+
+    Its posterior less its prior (C, C) of the constants, both counted from the reference: the noise
+    of its rows was estimated with them, so that no χ² of its own remains.
+    """
+    free, n = free_constants(known.rig), known.rig.n
+    places = ~constants(n) & (prior_std(known.rig) > 0)
+    C = known.covariance
+    posterior = inverse(C[np.ix_(free, free)])
+    away = deviation(known.state, reference)[free]
+    found = without(Information(posterior, posterior @ away), prior)
+    give = C[np.ix_(places, free)] @ posterior
+    spread = C[np.ix_(places, places)] - give @ C[np.ix_(free, places)]
+    return _alone(found, places, give, spread, away)
+
+
+def _alone(
+    found: Information, places: BoolArray, give: FloatArray, spread: FloatArray, away: FloatArray
+) -> Eliminated:
+    """An estimate without residuals: χ² is its distance from the reference."""
+    chi2, rank = Contrast(found.matrix, found.score).chi2()
+    return Eliminated(
+        information=found,
+        chi2=chi2,
+        rows=rank,
+        places=places,
+        own=-give @ away if len(give) else np.zeros(0),
+        give=give,
+        spread=spread,
+        open=np.zeros(len(give), dtype=np.bool_),
+    )
 
 
 def stated(priors: Priors, reference: State) -> Information:

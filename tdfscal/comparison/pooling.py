@@ -12,23 +12,30 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from tdfscal.comparison.eliminated import Eliminated, eliminate, of_rotations, stated, unstated
+from tdfscal.comparison.eliminated import (
+    Eliminated,
+    eliminate,
+    of_estimate,
+    of_survey,
+    stated,
+    unstated,
+)
+from tdfscal.comparison.misfit import Misfit, birge_of, not_fitting, within
 from tdfscal.comparison.walk import forward, misfits, others
-from tdfscal.model.earlier import free_constants, information_of, joint_prior, loosened, turned
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned
 from tdfscal.model.parameters import (
     CONSTANTS,
     State,
-    constants,
     nominal,
     prior_std,
     retract,
 )
 from tdfscal.model.statics import Postures
-from tdfscal.numerics.information import Contrast, Information, contrast, p_value
+from tdfscal.numerics.information import Contrast, Information
 from tdfscal.records import FloatArray, JointPrior, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit, Priors, at_state
 from tdfscal.selfcal.outliers import Rejection, fit_robust
-from tdfscal.significance import CAMPAIGN_MISFIT
 
 #: Largest step of the common constants, in standard uncertainties, that needs no further round.
 _SETTLED = 1e-4
@@ -37,8 +44,9 @@ _ROUNDS = 8
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A campaign to be pooled: its rig file and its static postures, or a tracker's survey.
+    """A campaign to be pooled: its rig file and its static postures, or what it came to by itself.
 
+    estimate : of a log in motion, by what its rig file states. survey : of a tracker.
     month : when it was measured, in months of 30.4375 days from any common instant.
     """
 
@@ -46,6 +54,7 @@ class Recorded:
     month: float
     rig: Rig
     postures: Postures | None = None
+    estimate: Calibrated | None = None
     survey: Rotations | None = None
 
 
@@ -54,7 +63,8 @@ class Member:
     """A campaign within the pool.
 
     own : what it says by itself. misfit : against all others. fit : at the common constants; None
-    for a survey. chi2, dof : of its residuals and of its departure from those before it.
+    where it has no postures. state : its own parameters at the common constants; None for a survey.
+    chi2, dof : of its residuals and of its departure from those before it.
     within : χ² and degrees of freedom of its residuals alone. reduced : what `eliminate` gave.
     """
 
@@ -63,24 +73,12 @@ class Member:
     own: Information
     misfit: Contrast
     fit: Fit | None
+    state: State | None
     rejected: tuple[Rejection, ...]
     chi2: float
     dof: int
     within: tuple[float, int]
     reduced: Eliminated
-
-
-@dataclass(frozen=True, slots=True)
-class Misfit:
-    """A campaign that does not fit the others, and the sensor that explains it best, if one does.
-
-    turn : (3,), rad, BCS, of that sensor; p_value : that chance alone departs as much.
-    """
-
-    campaign: str
-    sensor: str | None
-    turn: FloatArray
-    p_value: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,16 +112,15 @@ class Pool:
     def own_state(self, rig: Rig, index: int) -> tuple[State, State]:
         """What one campaign's own parameters are, and their standard uncertainties, ∞ unknown."""
         member = self.members[index]
-        if member.fit is None:
+        if member.state is None:
             state = nominal(rig)
             std = prior_std(rig)
         else:
-            state, part = member.fit.state, member.reduced
+            state, part = member.state, member.reduced
             C = self.posterior(rig, index).covariance
             variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
-            std = np.zeros(len(member.fit.active))
-            own_places = member.fit.active & ~constants(rig.n, state.motions)
-            std[own_places] = np.where(part.open, np.inf, np.sqrt(variance))
+            std = np.zeros(len(part.places))
+            std[part.places] = np.where(part.open, np.inf, np.sqrt(variance))
         std[: 3 * rig.n] = 0.0
         nothing = replace(
             state, **{f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)}
@@ -143,7 +140,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
 
     Parameters
     ----------
-    campaigns : two or more, one of them at least with postures.
+    campaigns : two or more, one of them at least with postures or in motion.
 
     Returns
     -------
@@ -162,7 +159,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
     prior = stated(Priors(rig), reference)
     steps = walk_steps(rig, ordered, walk)
     for _ in range(_ROUNDS):
-        reduced = [_reduced(item, f, reference) for item, f in zip(ordered, fits, strict=True)]
+        reduced = _reduced(ordered, fits, reference)
         own = [part.information for part in reduced]
         posterior = others(own, prior, steps)[-1] + own[-1]
         move = posterior.mean
@@ -174,7 +171,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         prior = stated(Priors(rig), reference)
         if np.abs(move / np.sqrt(np.diagonal(posterior.covariance))).max() < _SETTLED:
             break
-    reduced = [_reduced(item, f, reference) for item, f in zip(ordered, fits, strict=True)]
+    reduced = _reduced(ordered, fits, reference)
     own = [part.information for part in reduced]
     contrasts = misfits(own, prior, steps)
     known = forward(own, prior, steps)
@@ -190,17 +187,18 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
                 own[k],
                 contrasts[k],
                 fits[k],
+                _own_state(item, fits[k], reduced[k], reference),
                 rejected[k],
                 chi2,
                 dof,
-                _within(reduced[k]),
+                within(reduced[k]),
                 reduced[k],
             )
         )
-    birge = _birge([member.within for member in members])
+    birge = birge_of([member.within for member in members])
     scaled = [item.scaled(birge) for item in own]
     names = [item.name for item in ordered]
-    found = _not_fitting(rig, names, scaled, prior.scaled(birge), steps)
+    found = not_fitting(rig, names, scaled, prior.scaled(birge), steps)
     return Pool(reference, prior, walk, tuple(members), found)
 
 
@@ -209,71 +207,6 @@ def _fresh(known: Information, part: Eliminated) -> tuple[float, int]:
     both = known + part.information
     with_prior = float(known.mean @ known.score + part.chi2 - both.mean @ both.score)
     return max(0.0, with_prior), part.rows
-
-
-def _within(part: Eliminated) -> tuple[float, int]:
-    """χ² and degrees of freedom of a campaign with the constants at its own best."""
-    explained, rank = Contrast(part.information.matrix, part.information.score).chi2()
-    return max(0.0, part.chi2 - explained), max(0, part.rows - rank)
-
-
-def _not_fitting(
-    rig: Rig,
-    names: Sequence[str],
-    own: Sequence[Information],
-    prior: Information,
-    steps: Sequence[FloatArray],
-) -> tuple[Misfit, ...]:
-    """Campaigns that do not fit the others: the worst first, then what is left without it."""
-    level, own, found = CAMPAIGN_MISFIT / len(own), list(own), []
-    silent = Information(np.zeros_like(prior.matrix), np.zeros_like(prior.score))
-    for _ in range(len(own) - 1):
-        ranked = []
-        for k, departure in enumerate(misfits(own, prior, steps)):
-            if not own[k].matrix.any():
-                continue
-            ranked.append((_probability(rig, departure), k, departure))
-        worst = min(ranked, key=lambda entry: entry[0])
-        if worst[0] > level:
-            break
-        found.append(_named(rig, names[worst[1]], worst[2], worst[0]))
-        own[worst[1]] = silent
-    return tuple(found)
-
-
-def _birge(fits: Sequence[tuple[float, int]]) -> float:
-    """Birge ratio of fits together, never below 1: understated noise is no turned sensor."""
-    dof = sum(count for _, count in fits)
-    return max(1.0, float(np.sqrt(sum(chi2 for chi2, _ in fits) / dof))) if dof else 1.0
-
-
-def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
-    """Hold a campaign against what is known before it (`rig.earlier`), about the latter's estimate.
-
-    p_value : that chance alone departs as much, in any of the tests made.
-    """
-    assert rig.earlier is not None
-    birge = _birge([(rig.earlier.chi2, rig.earlier.dof), _within(part)])
-    known = information_of(rig, rig.earlier).scaled(birge)
-    departure = contrast(known, part.information.scaled(birge))
-    return _named(rig, name, departure, _probability(rig, departure))
-
-
-def _probability(rig: Rig, departure: Contrast) -> float:
-    """Of as large a departure by chance: any single sensor's turn, or all together (Bonferroni)."""
-    tested = [departure.chi2(), *(departure.chi2(turn_of(i)) for i in range(rig.n))]
-    return min(1.0, len(tested) * min(map(p_value, tested)))
-
-
-def _named(rig: Rig, name: str, departure: Contrast, p: float) -> Misfit:
-    best = max(range(rig.n), key=lambda i: departure.chi2(turn_of(i))[0])
-    turn, _ = departure.change(turn_of(best))
-    return Misfit(name, rig.supports[best], turn, p)
-
-
-def turn_of(sensor: int) -> slice:
-    """Place of a sensor's rotation among the constants."""
-    return slice(3 * sensor, 3 * sensor + 3)
 
 
 def _first_round(
@@ -285,6 +218,12 @@ def _first_round(
     sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
     known: Information | None = None
     reference: State | None = None
+    for item in ordered:
+        if item.estimate is not None:
+            reference = reference or item.estimate.state
+            prior = stated(Priors(item.rig), reference)
+            known = prior if known is None else known
+            known = known + of_estimate(item.estimate, prior, reference).information
     for k in np.argsort(sizes)[::-1]:
         item = ordered[k]
         if item.postures is None:
@@ -303,27 +242,40 @@ def _first_round(
 
 
 def _known_state(rig: Rig, ordered: Sequence[Recorded], fits: Sequence[Fit | None]) -> State:
-    """Constants by the campaign with the most postures, as a first reference."""
+    """Constants by the campaign with the most postures, or one in motion, as a first reference."""
     sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
     largest = fits[int(np.argmax(sizes))]
-    return nominal(rig) if largest is None else largest.state
+    moving = [item.estimate.state for item in ordered if item.estimate is not None]
+    return largest.state if largest is not None else [*moving, nominal(rig)][0]
 
 
-def _reduced(item: Recorded, at: Fit | None, reference: State) -> Eliminated:
+def _reduced(
+    ordered: Sequence[Recorded], fits: Sequence[Fit | None], reference: State
+) -> list[Eliminated]:
+    """What each campaign says of the constants, counted from the reference."""
+    parts = []
+    for item, at in zip(ordered, fits, strict=True):
+        if at is not None:
+            parts.append(eliminate(at, reference))
+        elif item.estimate is not None:
+            prior = stated(Priors(item.rig), reference)
+            parts.append(of_estimate(item.estimate, prior, reference))
+        else:
+            assert item.survey is not None
+            size = int(free_constants(item.rig).sum())
+            parts.append(of_survey(item.survey, reference, size))
+    return parts
+
+
+def _own_state(item: Recorded, at: Fit | None, part: Eliminated, reference: State) -> State | None:
+    """A campaign's own parameters at the reference, whose constants it has."""
     if at is not None:
-        return eliminate(at, reference)
-    assert item.survey is not None
-    size = int(free_constants(item.rig).sum())
-    found = of_rotations(item.survey.rotation, item.survey.covariance, reference, size)
-    return Eliminated(
-        found,
-        float(found.score @ np.linalg.pinv(found.matrix) @ found.score),
-        3 * len(item.survey.rotation),
-        np.zeros(0),
-        np.zeros((0, size)),
-        np.zeros((0, 0)),
-        np.zeros(0, dtype=np.bool_),
-    )
+        return at.state
+    if item.estimate is None:
+        return None
+    step = np.zeros(len(part.places))
+    step[part.places] = part.own
+    return retract(_with_constants(item.estimate.state, reference), step)
 
 
 def _moved(

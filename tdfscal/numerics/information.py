@@ -29,9 +29,7 @@ class Information:
     @property
     def covariance(self) -> FloatArray:
         """(C, C); the information must determine every constant."""
-        scale = 1 / np.sqrt(np.diagonal(self.matrix))
-        inverse = np.linalg.inv(scale[:, None] * self.matrix * scale)
-        return np.asarray(scale[:, None] * (inverse + inverse.T) / 2 * scale)
+        return inverse(self.matrix)
 
     @property
     def mean(self) -> FloatArray:
@@ -49,6 +47,22 @@ class Information:
     def scaled(self, birge: float) -> Information:
         """Return the same with all standard deviations multiplied by birge."""
         return Information(self.matrix / birge**2, self.score / birge**2)
+
+
+def inverse(matrix: FloatArray) -> FloatArray:
+    """Inverse of a positive definite matrix (C, C), its constants scaled to one another."""
+    scale = 1 / np.sqrt(np.diagonal(matrix))
+    inner = np.linalg.inv(scale[:, None] * matrix * scale)
+    return np.asarray(scale[:, None] * (inner + inner.T) / 2 * scale)
+
+
+def without(whole: Information, part: Information) -> Information:
+    """Take away what was known before; rounding leaves no negative information."""
+    rest = whole - part
+    scale = 1 / np.sqrt(np.diagonal(whole.matrix))
+    values, vectors = np.linalg.eigh(scale[:, None] * rest.matrix * scale)
+    kept = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return Information(kept / scale[:, None] / scale, rest.score)
 
 
 def nothing(size: int) -> Information:

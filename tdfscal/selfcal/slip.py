@@ -229,11 +229,13 @@ def _suspicion(
     n = fit.rig.n
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
     std = np.sqrt(np.diagonal(uncertainty.covariance))
-    before = step.move[angles]
-    after = before.copy()
-    if step.group == "rotation":
-        after[3 * step.sensor : 3 * step.sensor + 3] += step.amount
-    shift = np.maximum(np.abs(before), np.abs(after)) / std
+    shift = np.zeros(len(angles))
+    for each in (step, rival) if rival is not None else (step,):
+        before = each.move[angles]
+        after = before.copy()
+        if each.group == "rotation":
+            after[3 * each.sensor : 3 * each.sensor + 3] += each.amount
+        shift = np.maximum(shift, np.maximum(np.abs(before), np.abs(after)) / std)
     worst = int(np.argmax(shift))
     what = _words(fit, step) + (f", or {_words(fit, rival)}" if rival else "")
     return Suspicion(

@@ -141,11 +141,11 @@ def calibrate(
 
 def _check_several(method: Method | None, samples: Samples | None, estimator: Estimator) -> None:
     """Raise UsageError for what several campaigns together cannot be asked for."""
-    if samples not in (None, "static"):
+    if samples is not None:
         raise UsageError(
-            "several campaigns are pooled from their dwells",
+            "of several campaigns each gives its dwells, or its motion where these are few",
             where="--samples",
-            hint="calibrate logs in motion one by one, and compare them",
+            hint="leave it out, or calibrate the campaigns one by one",
         )
     if estimator != "ml":
         raise UsageError(

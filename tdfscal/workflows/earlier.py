@@ -91,7 +91,9 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     size = len(free)
     own = covariance[:size, :size][np.ix_(free, free)]
     matrix = Information(own, np.zeros(len(own))).covariance  # the inverse, scaled
-    fits = file.campaigns or ((file.fit,) if file.fit is not None else ())
+    # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
+    alone = () if file.fit is None or file.motion is not None else (file.fit,)
+    fits = file.campaigns or alone
     return Earlier(
         name=name,
         file=file,

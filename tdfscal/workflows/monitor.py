@@ -23,7 +23,7 @@ from tdfscal.files.saving import write_text
 from tdfscal.logs import is_log
 from tdfscal.model.earlier import free_constants, turned
 from tdfscal.model.parameters import State, deviation
-from tdfscal.numerics.information import Information
+from tdfscal.numerics.information import Information, without
 from tdfscal.records import ANGLES, InputFile, Rig
 from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
@@ -37,6 +37,7 @@ from tdfscal.workflows.several_campaigns import (
     Read,
     campaign_folders,
     read_campaign,
+    recorded,
     refuse_repeated,
     require_one_rig,
 )
@@ -222,7 +223,7 @@ def _life(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: float
     checks: list[Check] = []
     chi2, dof = 0.0, 0
     if reads:
-        pooled = pool([read.recorded for read in reads])
+        pooled = pool([recorded(read) for read in reads])
         reference = pooled.reference
         checks += [Check(m.name, m.month, m.own) for m in pooled.members]
         chi2 += sum(m.within[0] for m in pooled.members)
@@ -233,8 +234,8 @@ def _life(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: float
     hashes = {e.sha256: e for e in known}
     for e in known:
         checks.append(Check(e.name, e.measured.month, _own(rig, e, hashes, reference, prior)))
-        if e.file.fit is not None and not e.file.campaigns:
-            chi2, dof = chi2 + e.file.fit.chi2, dof + e.file.fit.dof
+        if not e.file.campaigns:
+            chi2, dof = chi2 + e.chi2, dof + e.dof
     checks.sort(key=lambda check: check.month)
     return live(rig, reference, prior, checks, rate=rate, fit=(chi2, dof))
 
@@ -245,7 +246,7 @@ def _own(
     """What a calibration's own data say, without what was known before them."""
     here = _about(rig, e, reference)
     if not e.file.history:
-        return _without(here, prior)
+        return without(here, prior)
     base = known.get(e.file.history[-1].sha256)
     if base is None:
         if min(o.measured.month for o in known.values()) < e.measured.month:
@@ -254,10 +255,10 @@ def _own(
                 where=e.name,
                 hint="name every calibration since the first, or campaigns instead",
             )
-        return _without(here, prior)
+        return without(here, prior)
     gap = max(e.measured.month - base.measured.month, 0.0)
     before = _about(rig, base, reference)
-    return _without(here, before.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap)))))
+    return without(here, before.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap)))))
 
 
 def _about(rig: Rig, e: Earlier, reference: State) -> Information:
@@ -265,15 +266,6 @@ def _about(rig: Rig, e: Earlier, reference: State) -> Information:
     free = free_constants(rig)
     away = deviation(e.state, reference)[: len(free)][free]
     return Information(e.information.matrix, e.information.matrix @ away)
-
-
-def _without(whole: Information, part: Information) -> Information:
-    """Take away what was known before; rounding leaves no negative information."""
-    rest = whole - part
-    scale = 1 / np.sqrt(np.diagonal(whole.matrix))
-    values, vectors = np.linalg.eigh(scale[:, None] * rest.matrix * scale)
-    kept = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    return Information(kept / scale[:, None] / scale, rest.score)
 
 
 def _papers(rig: Rig) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from tdfscal.model.zero_motion import zero_motion
 from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import Decimator, Slow
-from tdfscal.records import Dwells, Log, UncertainValue
+from tdfscal.records import Dwells, InputFile, Log, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.workflows.log_pass import LogPass
 
@@ -52,6 +52,26 @@ def calibrate_samples(
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, NotIdentifiableError):
             return _static(log, dwells, static)
+        raise neither(dwells, error) from error
+
+
+def calibrate_motion(
+    log: LogPass, dwells: Dwells, rig: Rig, inputs: tuple[InputFile, ...] = ()
+) -> MotionCalibration | None:
+    """Calibrate from a log's motion, by what a rig states; None where its dwells are to be taken.
+
+    dwells : of the log, which is read once more where they are too few to calibrate from.
+    inputs : files of other campaigns behind the rig's knowledge.
+    Raises DataError, NotIdentifiableError, NotConvergedError where it has no dwell either.
+    """
+    if len(dwells) >= _ENOUGH:
+        return None
+    again = LogPass(log.campaign, log.progress, log.salvage)
+    try:
+        return _moving(again, moving_samples(again), rig=rig, inputs=inputs)
+    except TdfscalError as error:
+        if len(dwells):
+            return None
         raise neither(dwells, error) from error
 
 
@@ -110,15 +130,17 @@ def _moving(
     slow: Slow,
     still: Postures | None = None,
     apart: tuple[Stretch, ...] = (),
+    rig: Rig | None = None,
+    inputs: tuple[InputFile, ...] = (),
 ) -> MotionCalibration:
     log.progress.stage("calibrating from the motion")
     return calibrate_moving(
-        log.campaign.rig.rig,
+        rig or log.campaign.rig.rig,
         slow,
         stated_delay(log),
         still=still,
         apart=apart,
-        inputs=tuple(log.inputs),
+        inputs=(*inputs, *log.inputs),
         progress=log.progress.stage,
     )
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,18 @@ from typing import Any
 import numpy as np
 
 from tdfscal.checks.same_rig import different_constants
-from tdfscal.comparison.pooling import Misfit, Pool, Recorded, pool
+from tdfscal.comparison.misfit import Misfit
+from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.calibration.from_results import Provenance, from_self
+from tdfscal.files.calibration.from_results import Provenance, from_motion, from_self
 from tdfscal.files.calibration.life import campaign_document
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.logs import is_log
+from tdfscal.model.parameters import layout
+from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import chi2_sf, p_text
-from tdfscal.records import Dwells, InputFile, Measured, Rig
+from tdfscal.records import Dwells, InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import MOST_REJECTED
@@ -27,19 +31,20 @@ from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import Progress
+from tdfscal.workflows.samples import Own, calibrate_motion
 from tdfscal.workflows.survey import surveyed
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """A campaign that was read: what it recorded, when, and what `pool` takes of it."""
+    """A campaign that was read: its dwells, or its tracker's survey, and when it was measured."""
 
     name: str
     campaign: Campaign
     log: LogPass
     dwells: Dwells | None
+    survey: Rotations | None
     measured: Measured
-    recorded: Recorded
     inputs: tuple[InputFile, ...]
 
 
@@ -77,19 +82,35 @@ def read_campaign(
     name = str(paths[0])
     if not campaign.logs:
         survey, files, _ = surveyed(campaign, 0, np.random.default_rng(0))
-        when = measured(log)
-        recorded = Recorded(name, when.month, campaign.rig.rig, survey=survey.rotations)
-        return Read(name, campaign, log, None, when, recorded, tuple(files))
+        return Read(name, campaign, log, None, survey.rotations, measured(log), tuple(files))
+    with _naming(name), log.explaining():
+        dwells = log.dwells()
+    return Read(name, campaign, log, dwells, None, measured(log), tuple(log.inputs))
+
+
+@contextmanager
+def _naming(campaign: str) -> Iterator[None]:
+    """Let an error name the campaign."""
     try:
-        with log.explaining():
-            dwells = log.dwells()
-            usable = usable_postures(campaign.rig.rig, dwells)
+        yield
     except TdfscalError as error:
-        where = f"{name}: {error.where}" if error.where else name
+        where = f"{campaign}: {error.where}" if error.where else campaign
         raise type(error)(error.what, where=where, hint=error.hint) from error
-    when = measured(log)
-    recorded = Recorded(name, when.month, campaign.rig.rig, usable.postures)
-    return Read(name, campaign, log, dwells, when, recorded, tuple(log.inputs))
+
+
+def recorded(read: Read) -> Recorded:
+    """What `pool` takes of a campaign: its dwells, or what its motion says where they are few.
+
+    Raises TdfscalError by cause; it names the campaign.
+    """
+    rig, month = read.campaign.rig.rig, read.measured.month
+    if read.dwells is None:
+        return Recorded(read.name, month, rig, survey=read.survey)
+    with _naming(read.name), read.log.explaining():
+        moving = calibrate_motion(read.log, read.dwells, rig)
+        if moving is not None:
+            return Recorded(read.name, month, rig, estimate=moving.calibrated)
+        return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
 
 
 def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
@@ -146,7 +167,7 @@ def calibrate_several(
     last = max(k for k, read in enumerate(ordered) if read.dwells is not None)
     _require_dates(ordered)
     progress.stage(f"pooling {len(ordered)} campaigns")
-    pooled = pool([read.recorded for read in ordered])
+    pooled = pool([recorded(read) for read in ordered])
     return _result(ordered, last, pooled, trials, seed, command, progress)
 
 
@@ -175,19 +196,14 @@ def _result(
     read = ordered[last]
     assert read.dwells is not None
     rig = read.campaign.rig.rig
+    informed = replace(rig, earlier=pooled.others(rig, last))
+    inputs = tuple(entry for item in ordered for entry in item.inputs)
     with read.log.explaining():
-        own = self_calibrate(
-            replace(rig, earlier=pooled.others(rig, last)),
-            read.dwells,
-            rng=np.random.default_rng(seed).spawn(2)[0],
-            max_trials=trials,
-            inputs=tuple(entry for item in ordered for entry in item.inputs),
-            progress=progress.stage,
-        )
+        own = calibrate_informed(read, informed, trials, seed, inputs, progress)
     reasons = [*own.reasons, *map(misfit_text, pooled.misfits), *_lost(ordered, pooled, last)]
     origin = Provenance(
         read.campaign.rig,
-        tuple(entry for item in ordered for entry in item.inputs),
+        inputs,
         command,
         seed,
         measured=Measured(
@@ -197,10 +213,50 @@ def _result(
         ),
         campaigns=_campaigns(ordered, pooled),
     )
-    file = from_self(
-        replace(own, reasons=tuple(dict.fromkeys(reasons))), origin, _notes(ordered, last)
+    return as_calibration(own, tuple(dict.fromkeys(reasons)), origin, _notes(ordered, last))
+
+
+def calibrate_informed(
+    read: Read,
+    informed: Rig,
+    trials: int | None,
+    seed: int,
+    inputs: tuple[InputFile, ...],
+    progress: Progress,
+) -> Own:
+    """Calibrate from a campaign's dwells or motion, by a rig with earlier knowledge.
+
+    Of a log with few dwells that which determines the zeros better.
+    """
+    assert read.dwells is not None
+    moving = calibrate_motion(read.log, read.dwells, informed, inputs)
+    if moving is not None and not len(read.dwells):
+        return moving
+    still = self_calibrate(
+        informed,
+        read.dwells,
+        rng=np.random.default_rng(seed).spawn(2)[0],
+        max_trials=trials,
+        inputs=inputs,
+        progress=progress.stage,
     )
-    return Calibration.of(with_totals(file), Records(own))
+    if moving is None:
+        return still
+    zero = layout(informed.n)["zero"]
+    spread = still.uncertainty.parameter_std[zero]
+    surer = np.sum(moving.uncertainty.turns.parameter_std[zero] ** 2) < np.sum(spread**2)
+    return moving if surer else still
+
+
+def as_calibration(
+    own: Own, reasons: tuple[str, ...], origin: Provenance, notes: Sequence[str]
+) -> Calibration:
+    """Return the result whose file lists several campaigns."""
+    if isinstance(own, MotionCalibration):
+        own = replace(own, reasons=reasons)
+        return Calibration.of(with_totals(from_motion(own, origin, notes)), Records(motion=own))
+    own = replace(own, reasons=reasons)
+    return Calibration.of(with_totals(from_self(own, origin, notes)), Records(own))
 
 
 def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any], ...]:

@@ -9,33 +9,37 @@ from os import PathLike
 
 import numpy as np
 
-from tdfscal.comparison.eliminated import eliminate
-from tdfscal.comparison.pooling import Misfit, misfit_of
+from tdfscal.comparison.eliminated import eliminate, of_estimate
+from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
-from tdfscal.files.calibration.from_results import Provenance, from_self
+from tdfscal.files.calibration.from_results import Provenance
 from tdfscal.files.calibration.life import campaign_document
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
+from tdfscal.model.earlier import information_of
 from tdfscal.model.parameters import State, retract, starting_state
+from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import p_text
+from tdfscal.numerics.information import contrast
 from tdfscal.records import FloatArray, InputFile, Measured, Rig
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import PathLikes, at_least, listed, one
-from tdfscal.workflows.calibration import Calibration, CalibrationSource, Records, paths_of
+from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
     Read,
+    as_calibration,
+    calibrate_informed,
     campaign_folders,
     read_campaign,
     refuse_repeated,
     require_one_rig,
-    with_totals,
 )
 
 
@@ -141,28 +145,21 @@ def _updated(
     assert read.dwells is not None
     informed = replace(rig, earlier=earlier.prior(rig, read.measured.month))
     with read.log.explaining():
-        own = self_calibrate(
-            informed,
-            read.dwells,
-            rng=np.random.default_rng(seed).spawn(2)[0],
-            max_trials=trials,
-            inputs=read.inputs,
-            progress=progress.stage,
-        )
-    slipped = _slipped(informed, own, read.name)
-    if slipped is not None:
-        own = replace(own, reasons=(*own.reasons, _text(slipped, earlier)))
-    place = own.fit.state
-    std = own.uncertainty.parameter_std
+        own = calibrate_informed(read, informed, trials, seed, read.inputs, progress)
+    found, chi2, dof = _departure(informed, own, read.name)
+    reasons = own.reasons
+    if found.p_value <= CAMPAIGN_MISFIT:
+        reasons += (_text(found, earlier),)
+    state, std = _place(own)
     this = campaign_document(
         read.name,
         read.measured,
         read.inputs,
-        place,
-        _as_state(own, std),
-        postures=int(np.sum(own.fit.weight > 0)),
-        chi2=own.quality.chi2,
-        dof=max(own.quality.dof, 0),
+        state,
+        _as_state(state, std),
+        postures=own.still if isinstance(own, MotionCalibration) else int(sum(own.fit.weight > 0)),
+        chi2=chi2,
+        dof=dof,
     )
     origin = Provenance(
         read.campaign.rig,
@@ -174,14 +171,26 @@ def _updated(
         history=earlier.history(),
     )
     notes = () if earlier.file.accepted else (f"{earlier.name} is a rejected calibration",)
-    return Calibration.of(with_totals(from_self(own, origin, notes)), Records(own))
+    return as_calibration(own, reasons, origin, notes)
 
 
-def _slipped(rig: Rig, own: SelfCalibration, name: str) -> Misfit | None:
-    """The new campaign against all that was known before it."""
+def _departure(rig: Rig, own: Own, name: str) -> tuple[Misfit, float, int]:
+    """The new campaign against all that was known before it; χ² and dof that it adds."""
+    assert rig.earlier is not None
     reference = starting_state(rig)
-    found = misfit_of(rig, name, eliminate(own.fit, reference))
-    return found if found.p_value <= CAMPAIGN_MISFIT else None
+    if isinstance(own, MotionCalibration):
+        part = of_estimate(own.calibrated, information_of(rig, rig.earlier), reference)
+        departure = contrast(information_of(rig, rig.earlier), part.information)
+        return misfit_of(rig, name, part), *departure.chi2()
+    part = eliminate(own.fit, reference)
+    return misfit_of(rig, name, part), own.quality.chi2, max(own.quality.dof, 0)
+
+
+def _place(own: Own) -> tuple[State, FloatArray]:
+    """Estimate and standard uncertainties (P,)."""
+    if isinstance(own, MotionCalibration):
+        return own.fit.state.still, own.uncertainty.turns.parameter_std
+    return own.fit.state, own.uncertainty.parameter_std
 
 
 def _text(found: Misfit, earlier: Earlier) -> str:
@@ -193,9 +202,8 @@ def _text(found: Misfit, earlier: Earlier) -> str:
     )
 
 
-def _as_state(own: SelfCalibration, std: FloatArray) -> State:
+def _as_state(state: State, std: FloatArray) -> State:
     """Standard uncertainties (P,) in the places of the parameters they are of."""
-    state = own.fit.state
     empty = {f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)}
     step = std.copy()
     step[: 3 * state.n] = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import numpy as np
 import pytest
 import yaml
 
-from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.simulation import Recorder
+from tdfscal.files.writers.campaign import simulate_to_folder, write_run
+from tdfscal.simulation import Recorder, reference_rig
+from tdfscal.simulation.scenarios import MOVING, run_moving
 from tests.cli.running import run
 
 
@@ -191,3 +193,43 @@ def test_one_posture_finds_new_zeros(
         assert np.all(away < 4 * np.array(ours["zero_std"]))
     stds = [np.array([s["rpy_std"] for s in f["supports"]]) for f in (before, after)]
     assert np.all(stds[1] <= stds[0] * 1.1)
+
+
+def test_a_moving_log_updates_and_is_pooled(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same numbers from an update with 20 s of motion as from both together; they hold."""
+    rig = reference_rig()
+    rig = replace(rig, declared=replace(rig.declared, hinge=0.0))
+    still, moving = tmp_path / "still", tmp_path / "moving"
+    first = simulate_to_folder(still, rig, postures=8, seed=7, rows="postures")
+    assert first.truth is not None
+    rpy = tuple(tuple(row) for row in first.truth.rpy.tolist())
+    options = replace(MOVING["motion"], rpy=rpy, duration=20.0)
+    write_run(
+        run_moving(rig, "motion", options, np.random.default_rng(8), None), moving, format="parquet"
+    )
+    base, new, pooled = (tmp_path / f"{name}.yaml" for name in ("base", "new", "pooled"))
+    plain = ("--trials", 0, "-q", "-o")
+    assert run(capsys, "calibrate", still, *plain, base).status == 0
+    for words in (
+        ["update", base, moving, *plain, new],
+        ["calibrate", still, moving, *plain, pooled],
+    ):
+        done = run(capsys, *words)
+        assert done.status == 0, done.err
+    assert np.abs(angles(new) - angles(pooled)).max() < 1e-6
+    content, before = (yaml.safe_load(path.read_text()) for path in (new, base))
+    assert content["motion"]["seconds"] > 10.0
+    assert len(content["campaigns"]) == 2
+    for ours, alone, theirs in zip(content["supports"], before["supports"], rpy, strict=True):
+        std = np.array(ours["rpy_std"])
+        assert np.all(std < alone["rpy_std"])
+        assert np.all(np.abs(np.array(ours["rpy"]) - theirs) < 4 * std)
+    own = simulated_zero(moving)
+    for ours, theirs in zip(content["supports"], own, strict=True):
+        assert np.all(np.abs(np.array(ours["zero"]) - theirs) < 4 * np.array(ours["zero_std"]))
+
+
+def simulated_zero(folder: Path) -> list[list[float]]:
+    return [s["zero"] for s in yaml.safe_load((folder / "truth.yaml").read_text())["supports"]]
