@@ -13,7 +13,8 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import State, gravity
-from tdfscal.model.statics import Postures, forces, register
+from tdfscal.model.pose import register
+from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 

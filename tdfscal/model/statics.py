@@ -36,21 +36,20 @@ from tdfscal.model.parameters import (
     sensing,
     unmixing,
 )
-from tdfscal.model.postures import Postures, approach, forces, postures, register, zeros
+from tdfscal.model.pose import register
+from tdfscal.model.postures import Postures, forces, postures, zeros
 from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
 __all__ = [
     "Balance",
     "Postures",
-    "approach",
     "balance",
     "features",
     "features_jacobian",
     "forces",
     "free",
     "postures",
-    "register",
     "wrench",
     "zeros",
 ]

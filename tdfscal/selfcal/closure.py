@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.statics import forces, register, wrench
+from tdfscal.model.pose import register
+from tdfscal.model.statics import forces, wrench
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray

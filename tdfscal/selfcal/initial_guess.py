@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.model.parameters import State, gravity, nominal
-from tdfscal.model.statics import Postures, register
+from tdfscal.model.pose import register
+from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.records import FloatArray, Log, Rig, Series
-from tdfscal.simulation import rotations
+from tdfscal.simulation import hinge_friction, rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle
 from tdfscal.simulation.error_field import draw_field
 from tdfscal.simulation.moving_options import MovingOptions
@@ -22,8 +22,6 @@ from tdfscal.simulation.truth import Truth, draw_truths
 
 #: Rate at which the equilibrium is computed, Hz; between its instants splines run.
 _SOLVED = 40.0
-#: Friction is Coulomb's above this angular speed, rad/s, and viscous well below it.
-_STICK = 1.0e-4
 #: Time in which a touch comes and goes, s.
 _TOUCH = 0.05
 
@@ -144,10 +142,8 @@ def _inertial_load(
     gyro = np.einsum("kab,kb->ka", J, turning_rate) + np.cross(turning, spin)
     push = -truth.mass * centre
     moment = -gyro + np.cross(bary, push)
-    speed = np.sqrt(np.sum(turning**2, axis=1) + _STICK**2)[:, None]
-    drag = -friction * truth.hinge.shape[0] * turning / speed
     in_lcs = np.stack([push, moment], axis=1) @ R  # rows vᵀR are the components in the LCS
-    return Load(np.asarray(in_lcs), np.asarray(drag))
+    return Load(np.asarray(in_lcs), hinge_friction.in_motion(friction, truth, turning))
 
 
 def _touched(

@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
-from tdfscal.simulation import faults, rotations
+from tdfscal.simulation import faults, hinge_friction, rotations
 from tdfscal.simulation.equilibrium import Equilibrium, Load, Pose, settle
 from tdfscal.simulation.options import Options, carriage_stiffness
 from tdfscal.simulation.truth import Truth, draw_truths
@@ -138,8 +138,7 @@ def set_stage(
     declared = rig.declared
     repeat = declared.positioner * error_rng.standard_normal((*shape, rig.n, 3))
     force_offset = declared.force_noise * error_rng.standard_normal((*shape, rig.n, 3))
-    friction = declared.hinge_moment * error_rng.standard_normal((*shape, 3))
-    friction -= rig.n * options.faults.hysteresis * _approach(postures.pose.rotation)
+    friction = hinge_friction.at_rest(rig, options, postures.pose.rotation, error_rng)
     contact = np.array(
         np.broadcast_to(faults.contact(options.faults, options.count), (*shape, 2, 3)),
         dtype=np.float64,
@@ -148,13 +147,6 @@ def set_stage(
     load = Load(contact, friction)
     rest = settle(truth, where, load, postures.pose)
     return Stage(truth, postures, servo, repeat, load, force_offset, rest)
-
-
-def _approach(rotation: FloatArray) -> FloatArray:
-    """Unit vectors (B, K, 3), BCS, of the turns from posture to posture; the first is 0."""
-    turn = rotations.log(rotation[:, 1:] @ np.swapaxes(rotation[:, :-1], -1, -2))
-    size = np.maximum(np.linalg.norm(turn, axis=-1, keepdims=True), 1e-12)
-    return np.concatenate([np.zeros((len(rotation), 1, 3)), turn / size], axis=1)
 
 
 def reading(truth: Truth, force: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from tdfscal.model.statics import register
+from tdfscal.model.pose import register
 from tdfscal.numerics import so3
 from tdfscal.numerics.in_place import dot
 from tdfscal.records import FloatArray

@@ -11,7 +11,8 @@ from scipy import stats
 
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, retract
-from tdfscal.model.statics import balance, postures, register
+from tdfscal.model.pose import register
+from tdfscal.model.statics import balance, postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, UncertainValue
 from tdfscal.simulation import Contact, Faults

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.files.calibration.evidence_model import HISTOGRAM_DEFINITION, POSTURES_DEFINITION
-from tdfscal.model.statics import register
+from tdfscal.model.pose import register
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.observability import load_directions

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 import pyarrow as pa
@@ -21,19 +20,18 @@ from tdfscal.logs.text.header import (
     SEPARATORS,
     fits_header,
     header_cells,
-    is_number,
     numbered_columns,
     row_cells,
     split_cells,
     split_label,
 )
+from tdfscal.logs.text.numbers import Decimal, decimal_of, is_number
 from tdfscal.logs.text.reader import HEAD, Source, blocks, decode, open_text
 from tdfscal.logs.text.rows import ragged, single_spaces
 from tdfscal.records import FloatArray
 
 _SEARCHED: Final = 64
 _GLANCE: Final = 1 << 16
-_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
 def text_contents(path: Path) -> Contents:
@@ -53,8 +51,7 @@ def text_contents(path: Path) -> Contents:
             lines = decode(head, where).splitlines()[: 2 * _SEARCHED]
             separator, number, cells = _header(lines, where)
             body = [c for line in lines[number + 1 :] for c in split_cells(line, separator)]
-            comma = separator != "," and any(_COMMA.fullmatch(c) for c in body)
-            decimal: Literal[".", ","] = "," if comma else "."
+            decimal = decimal_of(body, separator)
             skipped, stated = number + 1, [split_label(cell)[1] for cell in cells]
             if skipped < len(lines):
                 row = [c.strip("[]() ") for c in split_cells(lines[skipped], separator)]
@@ -163,7 +160,7 @@ class _Table:
 
     width: int
     separator: str
-    decimal: Literal[".", ","]
+    decimal: Decimal
     odd: list[int] = field(default_factory=list)
     dated: set[int] = field(default_factory=set)
 

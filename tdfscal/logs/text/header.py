@@ -11,11 +11,11 @@ from tdfscal.errors import DataError
 from tdfscal.logs.common import units
 from tdfscal.logs.common.request import Request, Signal, check_fields_differ, missing_fields
 from tdfscal.logs.text.date_times import is_date_time
+from tdfscal.logs.text.numbers import is_number, is_number_of_either
 
 SEPARATORS = (",", ";", "\t", " ")
 """What may stand between cells; a space stands for any run of spaces."""
 _SEARCHED_LINES = 64
-_NUMBER = re.compile(r"\s*[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?\s*")
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
 _REMARK = "#%/"
 """With what a line of remarks begins, and the header's in what numpy and MATLAB write."""
@@ -87,7 +87,7 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
         raise DataError("the file is empty", where=where, hint="record the log again")
     if all(name.isdecimal() for name in names):
         best = numbered_columns(lines, request.decimal) or best
-    elif best.named == 0 and all(_NUMBER.fullmatch(c) for c in best.cells):
+    elif best.named == 0 and all(is_number_of_either(c) for c in best.cells):
         raise DataError(
             "there is no header line; the first line holds numbers",
             where=f"{where}, line {best.line + 1}",
@@ -186,12 +186,6 @@ def numbered_columns(lines: Sequence[str], decimal: str) -> _Candidate | None:
                 names = tuple(str(k + 1) for k in range(len(cells)))
                 return _Candidate(number - 1, separator, names, 0)
     return None
-
-
-def is_number(cell: str, decimal: str) -> bool:
-    """Tell whether a cell is a number."""
-    plain = cell.replace(",", ".") if decimal == "," else cell
-    return "," not in plain and bool(_NUMBER.fullmatch(plain) or plain.lower() in ("nan", "inf"))
 
 
 def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> _Candidate | None:

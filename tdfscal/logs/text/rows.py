@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,13 +14,12 @@ from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.logs.text.date_times import seconds_of, seconds_of_all
 from tdfscal.logs.text.header import Header, cut, split_cells
+from tdfscal.logs.text.numbers import advice, number_in
 from tdfscal.records import FloatArray
 
 _PARSER_BLOCK = 1 << 20  # stays in the cache
-_SWAPPED = str.maketrans(",.", ".,")
 _RUN = re.compile(rb"[ \t]{2,}|\t|(?m:^ | (?=\r?$))")
 _OUTER = re.compile(rb"(?m)^ | (?=\r?$)")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,17 +153,11 @@ class RowParser:
         numbers: dict[int, float] = {}
         for c in sorted(self._header.wanted):
             dated = self._header.dated and c == self._header.time
-            value = seconds_of(cells[c]) if dated else self._number(cells[c])
+            value = seconds_of(cells[c]) if dated else number_in(cells[c], self._decimal)
             if value is None:
                 raise self._fault(cells[c], f"{here}, column {self._header.names[c]}", dated)
             numbers[c] = value
         return [numbers[c] for c in self._header.wanted]
-
-    def _number(self, cell: str) -> float | None:
-        plain = cell.translate(_SWAPPED) if self._decimal == "," else cell
-        if _NUMBER.fullmatch(plain) and math.isfinite(value := float(plain)):
-            return value
-        return None
 
     def _fault(self, cell: str, where: str, dated: bool) -> DataError:
         shown = repr(cut(cell))
@@ -177,14 +169,9 @@ class RowParser:
             )
         if not cell:
             return DataError("the cell is empty", where=where, hint="a log has no holes")
-        swapped = cell.replace(",", ".") if self._decimal == "." else cell
-        if swapped != cell and _NUMBER.fullmatch(swapped):
-            hint = 'state `decimal: ","` in the log block of rig.yaml if the comma is the decimal'
-        elif self._decimal == "," and _NUMBER.fullmatch(cell):
-            hint = 'the mapping says `decimal: ","`; take it out if the point is the decimal'
-        else:
-            hint = "each cell must be a finite number"
-        return DataError(f"{shown} is not a finite number", where=where, hint=hint)
+        return DataError(
+            f"{shown} is not a finite number", where=where, hint=advice(cell, self._decimal)
+        )
 
 
 def single_spaces(block: memoryview | bytes) -> bytes:
