@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, Json, Paths, Quiet, RigFile, app
+from tdfscal.cli.app import CalibrationFile, From, Json, Paths, Quiet, RigFile, To, app
 from tdfscal.cli.perform import perform
 
 Filter = Literal["none", "kalman", "smooth"]
@@ -22,6 +22,8 @@ def apply(
         typer.Option("--output", "-o", metavar="FILE", help="Result: .csv or .parquet."),
     ],
     rig: RigFile = None,
+    from_: From = None,
+    to: To = None,
     quasi_static: Annotated[
         bool,
         typer.Option("--quasi-static", help="Leave inertia out although the rig file states it."),

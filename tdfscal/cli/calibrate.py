@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
-from tdfscal.cli.app import Html, Json, Paths, Quiet, RigFile, Seed, app
+from tdfscal.cli.app import From, Html, Json, Paths, Quiet, RigFile, Seed, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.streams import say
 
@@ -42,6 +42,8 @@ def calibrate(
             case_sensitive=False, help="Maximum likelihood, or the paper's linear method."
         ),
     ] = "ml",
+    from_: From = None,
+    to: To = None,
     trials: Annotated[
         int | None, typer.Option(min=0, help="Monte Carlo trials at most; 0 for none.")
     ] = None,

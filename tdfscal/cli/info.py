@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from tdfscal.cli.app import Json, Paths, Quiet, RigFile, app
+from tdfscal.cli.app import From, Json, Paths, Quiet, RigFile, To, app
 from tdfscal.cli.perform import perform
 
 
 @app.command()
-def info(paths: Paths, rig: RigFile = None, json: Json = False, quiet: Quiet = False) -> int:
+def info(
+    paths: Paths,
+    rig: RigFile = None,
+    from_: From = None,
+    to: To = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
     """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste."""
     return perform("info", locals()).exit_status

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Html, Json, Quiet, app
+from tdfscal.cli.app import From, Html, Json, Quiet, To, app
 from tdfscal.cli.perform import perform
 
 
@@ -20,6 +20,8 @@ def monitor(
     rate: Annotated[
         float, typer.Option(help="False alarms per year where nothing changes.")
     ] = 0.01,
+    from_: From = None,
+    to: To = None,
     since: Annotated[
         str | None, typer.Option(metavar="DATE", help="Alarms raised before count no more.")
     ] = None,

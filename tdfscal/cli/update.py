@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, Html, Json, Paths, Quiet, RigFile, Seed, app
+from tdfscal.cli.app import CalibrationFile, From, Html, Json, Paths, Quiet, RigFile, Seed, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.streams import say
 
@@ -23,6 +23,8 @@ def update(
         Path, typer.Option("--output", "-o", metavar="FILE", help="File to write; - for stdout.")
     ],
     rig: RigFile = None,
+    from_: From = None,
+    to: To = None,
     trials: Annotated[
         int | None, typer.Option(min=0, help="Monte Carlo trials at most; 0 for none.")
     ] = None,

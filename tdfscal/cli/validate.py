@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, Html, Json, Paths, Quiet, RigFile, app
+from tdfscal.cli.app import CalibrationFile, From, Html, Json, Paths, Quiet, RigFile, To, app
 from tdfscal.cli.perform import perform
 
 Samples = Literal["static", "moving"]
@@ -23,6 +23,8 @@ def validate(
             case_sensitive=False, help="Default: static where there are three dwells, else moving."
         ),
     ] = None,
+    from_: From = None,
+    to: To = None,
     html: Html = None,
     json: Json = False,
     quiet: Quiet = False,

@@ -1,6 +1,16 @@
 """Reading recorded logs, of every format through one door."""
 
+from tdfscal.logs.common.window import Moment, TimeWindow
 from tdfscal.logs.formats import expand, is_log, looks_recorded
 from tdfscal.logs.reader import concatenate, iter_log, read_log
 
-__all__ = ["concatenate", "expand", "is_log", "iter_log", "looks_recorded", "read_log"]
+__all__ = [
+    "Moment",
+    "TimeWindow",
+    "concatenate",
+    "expand",
+    "is_log",
+    "iter_log",
+    "looks_recorded",
+    "read_log",
+]

@@ -14,6 +14,7 @@ from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.reading import LoadedRig, default_mapping
 from tdfscal.logs.common.clock import GAP
+from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.description.info import LogInfo, Signal, Source
 from tdfscal.logs.description.mapping_guess import guess_mapping
 from tdfscal.logs.description.plausible_units import declared_time
@@ -26,6 +27,7 @@ def describe_logs(
     paths: Sequence[Path],
     rig: LoadedRig | None = None,
     *,
+    window: TimeWindow | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> LogInfo:
     """Look through logs: contents, a guessed mapping, clocks, dwells.
@@ -34,6 +36,7 @@ def describe_logs(
     ----------
     paths : CSV, Parquet, MCAP files or rosbag2 folders; several are one campaign.
     rig : names the supports; its log block is used where it has one.
+    window : the part of the logs whose clocks and dwells are looked at.
     progress : told the share that is read, from 0 to 1.
 
     Raises
@@ -62,7 +65,7 @@ def describe_logs(
     known: Source = "rig" if source == "rig" else "guessed"
     watch = _Watch(mapping, tuple(supports))
     try:
-        pieces = watch.passing(iter_log(paths, mapping, supports, progress=progress))
+        pieces = watch.passing(iter_log(paths, mapping, supports, window=window, progress=progress))
         if mapping.rows == "postures":
             dwells, offset = find_dwells(pieces), None
         else:

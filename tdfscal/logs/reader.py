@@ -15,6 +15,7 @@ from tdfscal.logs.bag.rosbag2 import Bag
 from tdfscal.logs.common.clock import Clock, apart, shown
 from tdfscal.logs.common.read_ahead import ahead
 from tdfscal.logs.common.request import Block, Outcome, Piece, Request, make_request
+from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.formats import files_of, reader_of
 from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
 
@@ -30,6 +31,7 @@ def read_log(
     supports: Sequence[str],
     *,
     salvage: bool = False,
+    window: TimeWindow | None = None,
 ) -> Log:
     """Read recorded logs into memory: `iter_log` put together.
 
@@ -39,6 +41,7 @@ def read_log(
     mapping : how the recorder names things; None for the default names, m and N.
     supports : the supports wanted, in the order of the result.
     salvage : read what is sound of a damaged file and say in the warnings what is lost.
+    window : the part of the log that is wanted.
 
     Returns
     -------
@@ -49,7 +52,7 @@ def read_log(
     UsageError : a file is not there. RigError : the mapping is wrong.
     DataError : a file is damaged, or is not what the mapping says.
     """
-    return concatenate(iter_log(paths, mapping, supports, salvage=salvage))
+    return concatenate(iter_log(paths, mapping, supports, salvage=salvage, window=window))
 
 
 def iter_log(
@@ -58,6 +61,7 @@ def iter_log(
     supports: Sequence[str],
     *,
     salvage: bool = False,
+    window: TimeWindow | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Log]:
     """Read recorded logs as a stream of pieces, in bounded memory.
@@ -65,12 +69,14 @@ def iter_log(
     Each piece holds the new samples of every stream, about 64 k samples or less. A file's entry
     in `inputs` and its warnings come with its last piece. Parameters and errors as `read_log`.
 
+    window : the part of the log that is wanted; files are read, and checked, to their end.
     progress : told the share of all bytes that is read, from 0 to 1, not descending.
     """
     request = make_request(mapping, supports)
     files = files_of(paths)
     meter = _Meter(sum(path.stat().st_size for path, _ in files), progress)
-    yield from _campaign(files, request, mapping, meter, salvage=salvage)
+    pieces = _campaign(files, request, mapping, meter, salvage=salvage)
+    yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 
 def concatenate(pieces: Iterable[Log]) -> Log:

@@ -30,6 +30,7 @@ from tdfscal.workflows.calibration import CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.wrench.contact_wrench import COMPONENTS
@@ -136,6 +137,8 @@ def apply(
     *,
     output: str | PathLike[str] | None = None,
     rig: str | PathLike[str] | None = None,
+    from_: Instant | None = None,
+    to: Instant | None = None,
     quasi_static: bool = False,
     filter: Kind = "none",
     walk: float | None = None,
@@ -151,6 +154,8 @@ def apply(
     output : file to write as the log passes, .csv or .parquet; without it the samples stay in
         memory.
     rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
+    from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
+        begin; or a date with a time.
     quasi_static : leave inertia out although the rig file states it.
     filter : none; kalman, causal as a controller's; or smooth, without delay.
     walk : N, what a force may walk by in 1 s, for the filter; 15 N.
@@ -168,10 +173,11 @@ def apply(
     check_outputs({"--output": target}, reads, {"--output": SUFFIXES})
     walk = checked_walk(filter, walk)
     point = np.array(triple("--at", at))
+    part = window(from_, to)
     use = take(calibration, files, one(rig))
     given = about_point(use.given, point)
     moving = use.given.rig.inertia is not None and not quasi_static
-    log = LogPass(use.campaign, progress)
+    log = LogPass(use.campaign, progress, window=part)
     progress.stage("reading the log and working out the contact wrench")
     tally, totals, models, noises = Tally(), _Totals(), list[Walk](), list[SampleNoise]()
     inspection, thermometer = Inspection(use.given), Thermometer()

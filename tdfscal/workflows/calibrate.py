@@ -35,6 +35,7 @@ from tdfscal.workflows.calibration import Calibration, Records
 from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.samples import Own, Samples, calibrate_samples, check_samples
@@ -54,6 +55,8 @@ def calibrate(
     method: Method | None = None,
     samples: Samples | None = None,
     estimator: Estimator = "ml",
+    from_: Instant | None = None,
+    to: Instant | None = None,
     trials: int | None = None,
     seed: int = 0,
     output: str | PathLike[str] | None = None,
@@ -75,6 +78,8 @@ def calibrate(
     samples : static dwells, moving samples, or all; by default static where the log holds dwells
         enough, else moving.
     estimator : of the self-calibration; ml, or the paper's linear method.
+    from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
+        begin; or a date with a time.
     trials : Monte Carlo trials at most; None for the default, 0 for none.
     seed : of all random numbers.
     output : file to write, .yaml or .json. html : report page, written whatever the verdict.
@@ -103,6 +108,7 @@ def calibrate(
         inputs_read(files, rigs=[rig_file]),
         {"--output": CALIBRATION_SUFFIXES, "--html": PAGE_SUFFIXES},
     )
+    part = window(from_, to)
     groups = campaign_folders(files, rig_file)
     if len(groups) > 1:
         _check_several(method, samples, estimator)
@@ -111,6 +117,7 @@ def calibrate(
             trials=trials,
             seed=seed,
             salvage=salvage,
+            part=part,
             command=command,
             progress=progress,
         )
@@ -123,7 +130,7 @@ def calibrate(
             estimator,
             trials,
             seed,
-            LogPass(campaign, progress, salvage),
+            LogPass(campaign, progress, salvage, part),
             command,
         )
     drawn = ""

@@ -17,6 +17,7 @@ from tdfscal.logs.description.info import LogInfo
 from tdfscal.reporting.log_description import as_text
 from tdfscal.workflows.arguments import PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
+from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 
@@ -71,6 +72,8 @@ def info(
     paths: PathLikes,
     *,
     rig: str | PathLike[str] | None = None,
+    from_: Instant | None = None,
+    to: Instant | None = None,
     progress: Progress = SILENT,
 ) -> InfoResult:
     """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.
@@ -79,6 +82,8 @@ def info(
     ----------
     paths : campaign folder, or log files.
     rig : rig.yaml, where no folder holds one; none is needed.
+    from_, to : the part of the log that is looked at: s of its clock, "1.5min", "2h"; "+90" is
+        after its begin; or a date with a time.
     progress : called as the work goes on.
 
     Raises
@@ -87,11 +92,12 @@ def info(
         By cause: UsageError, RigError, DataError where a file cannot be read at all.
     """
     files = listed(paths)
+    part = window(from_, to)
     loaded, fault = _rig(files, one(rig))
     apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
     logs = find_logs(files, apart=apart)
     with progress.reading(expand(logs)) as share:
-        found = describe_logs(logs, loaded, progress=share)
+        found = describe_logs(logs, loaded, window=part, progress=share)
     return InfoResult(replace(found, problems=(*fault, *found.problems)))
 
 

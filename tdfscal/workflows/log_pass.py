@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
-from tdfscal.logs import iter_log
+from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, InputFile, Log
 from tdfscal.workflows.campaign import Campaign
 from tdfscal.workflows.progress import Progress
@@ -23,13 +23,15 @@ _CLOCK = re.compile(r"clock|header time|step back|repeat the time")
 class LogPass:
     """What one reading of a campaign's logs leaves behind.
 
-    inputs : files that were read. messages : warnings of the logs, in order, each once.
+    window : the part of the logs that is used. inputs : files that were read. messages :
+    warnings of the logs, in order, each once.
     begin, end : s, the first and the last time in the logs, by their clock.
     """
 
     campaign: Campaign
     progress: Progress
     salvage: bool = False
+    window: TimeWindow | None = None
     inputs: list[InputFile] = field(default_factory=list)
     messages: dict[str, None] = field(default_factory=dict)
     begin: float = float("inf")
@@ -40,7 +42,12 @@ class LogPass:
         logs, rig = self.campaign.logs, self.campaign.rig
         with self.progress.reading(logs) as share:
             for piece in iter_log(
-                logs, rig.log, rig.rig.supports, salvage=self.salvage, progress=share
+                logs,
+                rig.log,
+                rig.rig.supports,
+                salvage=self.salvage,
+                window=self.window,
+                progress=share,
             ):
                 self.inputs += piece.inputs
                 self.messages |= dict.fromkeys(piece.warnings)

@@ -31,6 +31,7 @@ from tdfscal.workflows.arguments import one
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.several_campaigns import (
@@ -123,6 +124,8 @@ class MonitorResult(Result):
 def monitor(
     *files: CalibrationSource | Iterable[CalibrationSource],
     rate: float = ALARMS_PER_YEAR,
+    from_: Instant | None = None,
+    to: Instant | None = None,
     since: str | None = None,
     html: str | PathLike[str] | None = None,
     progress: Progress = SILENT,
@@ -133,6 +136,8 @@ def monitor(
     ----------
     files : calibrations, and campaign folders with a rig.yaml each, of one rig; two or more.
     rate : false alarms per year that an unchanged rig may raise.
+    from_, to : the part of the folders' logs that is used: s of its clock, "1.5min", "2h"; "+90" is
+        after its begin; or a date with a time.
     since : a date; alarms raised before it are shown, and count no more.
     html : page to write.
     progress : called as the work goes on.
@@ -152,7 +157,7 @@ def monitor(
     check_outputs({"--html": page}, inputs_read(paths_of(sources)), {"--html": PAGE_SUFFIXES})
     calibrations, folders = _sorted_out(sources)
     known = [read_earlier(source) for source in calibrations]
-    reads = [read_campaign([folder], progress) for folder in folders]
+    reads = [read_campaign([folder], progress, part=window(from_, to)) for folder in folders]
     rig = _one_rig(known, reads)
     refuse_repeated(
         [(e.name, [InputFile(**i.model_dump()) for i in e.file.inputs]) for e in known]

@@ -18,7 +18,7 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import Provenance, from_motion, from_self
 from tdfscal.files.calibration.life import campaign_document
 from tdfscal.files.rig import RIG_NAME
-from tdfscal.logs import is_log
+from tdfscal.logs import TimeWindow, is_log
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import chi2_sf, p_text
@@ -71,14 +71,19 @@ def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[lis
 
 
 def read_campaign(
-    paths: Sequence[Path], progress: Progress, *, salvage: bool = False, rig: Path | None = None
+    paths: Sequence[Path],
+    progress: Progress,
+    *,
+    salvage: bool = False,
+    part: TimeWindow | None = None,
+    rig: Path | None = None,
 ) -> Read:
     """Read one campaign's log, or its tracker's survey where there is none.
 
     Raises TdfscalError by cause; it names the campaign.
     """
     campaign = resolve(paths, rig)
-    log = LogPass(campaign, progress, salvage)
+    log = LogPass(campaign, progress, salvage, part)
     name = str(paths[0])
     if not campaign.logs:
         survey, files, _ = surveyed(campaign, 0, np.random.default_rng(0))
@@ -145,6 +150,7 @@ def calibrate_several(
     trials: int | None,
     seed: int,
     salvage: bool,
+    part: TimeWindow | None,
     command: str,
     progress: Progress,
 ) -> Calibration:
@@ -155,7 +161,7 @@ def calibrate_several(
     rigs = [(str(group[0]), resolve(group).rig.rig) for group in groups]
     for name, rig in rigs[1:]:
         require_one_rig(rigs[0][1], rig, name, rigs[0][0])
-    campaigns = [read_campaign(group, progress, salvage=salvage) for group in groups]
+    campaigns = [read_campaign(group, progress, salvage=salvage, part=part) for group in groups]
     refuse_repeated([(read.name, read.inputs) for read in campaigns])
     ordered = sorted(campaigns, key=lambda read: read.measured.month)
     if all(read.dwells is None for read in ordered):

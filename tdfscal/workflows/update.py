@@ -30,6 +30,7 @@ from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
@@ -49,6 +50,8 @@ def update(
     paths: PathLikes,
     *,
     rig: str | PathLike[str] | None = None,
+    from_: Instant | None = None,
+    to: Instant | None = None,
     trials: int | None = None,
     seed: int = 0,
     output: str | PathLike[str] | None = None,
@@ -69,6 +72,8 @@ def update(
     paths : campaign folder or logs; several folders with a rig.yaml each are taken in the order
         of their dates.
     rig : rig.yaml, where no folder holds one.
+    from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
+        begin; or a date with a time.
     trials : Monte Carlo trials at most; None for the default, 0 for none.
     seed : of all random numbers.
     output : file to write, .yaml or .json. html : report page to write.
@@ -91,12 +96,15 @@ def update(
         inputs_read(files, rigs=[rig_file], files=paths_of([calibration])),
         {"--output": CALIBRATION_SUFFIXES, "--html": PAGE_SUFFIXES},
     )
+    part = window(from_, to)
     earlier = read_earlier(calibration)
     groups = campaign_folders(files, rig_file)
     for group in groups:
         new = resolve(group, rig_file).rig.rig
         require_one_rig(earlier.rig, new, str(group[0]), earlier.name)
-    campaigns = [read_campaign(group, progress, salvage=salvage, rig=rig_file) for group in groups]
+    campaigns = [
+        read_campaign(group, progress, salvage=salvage, part=part, rig=rig_file) for group in groups
+    ]
     campaigns.sort(key=lambda read: read.measured.month)
     _check(earlier, campaigns)
     for k, read in enumerate(campaigns):

@@ -25,6 +25,7 @@ from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.samples import moving_samples, neither, read_samples, stated_delay
@@ -137,6 +138,8 @@ def validate(
     *,
     rig: str | PathLike[str] | None = None,
     samples: Samples | None = None,
+    from_: Instant | None = None,
+    to: Instant | None = None,
     html: str | PathLike[str] | None = None,
     command: str = "tdfscal.validate",
     progress: Progress = SILENT,
@@ -150,6 +153,8 @@ def validate(
     rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
     samples : static dwells, or moving samples; by default static where the log holds three
         dwells, else moving.
+    from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
+        begin; or a date with a time.
     html : report page to write.
     command : kept on the page, as what was asked for.
     progress : called as the work goes on.
@@ -164,8 +169,9 @@ def validate(
         one_of("--samples", samples, get_args(Samples))
     reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
     check_outputs({"--html": page}, reads, {"--html": PAGE_SUFFIXES})
+    part = window(from_, to)
     use = take(calibration, files, one(rig))
-    log = LogPass(use.campaign, progress)
+    log = LogPass(use.campaign, progress, window=part)
     with log.explaining():
         result = _tested(use, log, samples)
     # The log's own warnings come with its dwells.

@@ -1,0 +1,139 @@
+"""`--from` and `--to`: a part of a log is what a log cut by hand would be."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+import pytest
+
+import tdfscal
+from tdfscal.errors import UsageError
+from tests.cli.running import SAMPLES, run
+
+EPOCH = datetime(2026, 11, 21, 9, 30, tzinfo=UTC).timestamp()
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(SAMPLES / "parquet", tmp_path / "campaign"))
+
+
+def cut(folder: Path, low: float, high: float) -> Path:
+    """The same campaign with a log that holds these times only."""
+    other = Path(shutil.copytree(folder, folder.with_name("cut")))
+    table = pq.read_table(other / "log.parquet")
+    time = table["time"]
+    part = table.filter(pc.and_(pc.greater_equal(time, low), pc.less_equal(time, high)))
+    pq.write_table(part, other / "log.parquet")
+    return other
+
+
+def forces(folder: Path, **options: object) -> list[list[list[float]]]:
+    """Mean forces of the dwells, which the calibration is of."""
+    dwells = tdfscal.info(folder, **options).description.dwells  # type: ignore[arg-type]
+    assert dwells is not None
+    return dwells.force.tolist()
+
+
+def span(folder: Path) -> tuple[float, float]:
+    time = pq.read_table(folder / "log.parquet")["time"].to_numpy()
+    return float(time[0]), float(time[-1])
+
+
+def shifted(folder: Path, by: float) -> None:
+    table = pq.read_table(folder / "log.parquet")
+    time = pa.array(table["time"].to_numpy() + by)
+    pq.write_table(table.set_column(table.column_names.index("time"), "time", time),
+                   folder / "log.parquet")  # fmt: skip
+
+
+def test_a_part_is_what_a_log_cut_by_hand_is(campaign: Path) -> None:
+    begin, end = span(campaign)
+    low, high = begin + 0.1 * (end - begin), begin + 0.8 * (end - begin)
+    by_hand = forces(cut(campaign, low, high))
+    assert by_hand != forces(campaign)
+    assert forces(campaign, from_=low, to=high) == by_hand
+    assert forces(campaign, from_=f"{1e3 * low!r}ms", to=f"{high / 60!r} min") == by_hand
+    shifted(campaign, EPOCH)
+    relative = forces(campaign, from_=f"+{low - begin!r}", to=f"+{high - begin!r}s")
+    dates = [datetime.fromtimestamp(EPOCH + t, UTC) for t in (low, high)]
+    assert relative == forces(campaign, from_=dates[0].isoformat(), to=dates[1].isoformat())
+    assert relative == forces(campaign, from_=dates[0], to=dates[1].replace(tzinfo=None))
+    np.testing.assert_allclose(relative, by_hand, rtol=0, atol=1e-3)  # N; of a coarser clock
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("whole") / "whole.yaml"
+    tdfscal.calibrate(SAMPLES / "parquet", trials=0, output=output)
+    return output
+
+
+@pytest.mark.parametrize("command", ["calibrate", "validate", "apply", "info", "update"])
+def test_every_command_takes_it(
+    command: str,
+    campaign: Path,
+    whole: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    begin, end = span(campaign)
+    part = cut(campaign, begin, begin + 0.8 * (end - begin))
+    seen = []
+    for folder, options in ((campaign, ["--to", f"+{0.8 * (end - begin)}"]), (part, [])):
+        before = [] if command in ("calibrate", "info") else [whole]
+        output = tmp_path / f"{folder.name}.{'csv' if command == 'apply' else 'json'}"
+        wants = command in ("apply", "update", "calibrate")
+        more = ["-o", output] if wants else []
+        more += ["--trials", 0, "--allow-rejected"] if command in ("calibrate", "update") else []
+        if command == "update":  # the calibration's own recording may not come twice
+            table = pq.read_table(folder / "log.parquet").replace_schema_metadata({"copy": "1"})
+            pq.write_table(table, folder / "log.parquet")
+        done = run(capsys, command, *before, folder, *more, *options, "--json", "-q")
+        assert done.status in (0, 1), done.err
+        if command == "apply":
+            seen.append(output.read_bytes())
+        elif command == "info":
+            seen.append(json.loads(done.out)["dwells"])
+        elif command == "validate":
+            seen.append(json.loads(done.out)["chi2"])
+        else:
+            seen.append([s["rpy"] for s in json.loads(output.read_text())["supports"]])
+    assert seen[0] == seen[1]
+
+
+def test_the_result_says_so(campaign: Path) -> None:
+    warnings = tdfscal.calibrate(campaign, trials=0, from_="+5").warnings
+    assert "the log is used from +5 s only" in warnings
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--from", "soon"], "is no time"),
+        (["--from", "5d"], "is no time"),
+        (["--to", "nan"], "is no time"),
+        (["--from", "20", "--to", "10"], "not before"),
+        (["--from", "+1e9"], "no sample lies"),
+    ],
+)
+def test_what_is_no_part_of_the_log(
+    options: list[str], said: str, campaign: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = run(capsys, "calibrate", campaign, *options, "-o", campaign / "out.yaml", "-q")
+    assert done.status == (3 if "sample" in said else 2)
+    assert said in done.err
+    assert len(done.err.splitlines()) == 1
+    assert not (campaign / "out.yaml").exists()
+
+
+def test_python_takes_numbers_and_dates() -> None:
+    with pytest.raises(UsageError):
+        tdfscal.info(SAMPLES / "parquet", from_=5.0, to=4.0)
