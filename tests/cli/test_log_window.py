@@ -39,7 +39,7 @@ def forces(folder: Path, **options: object) -> list[list[list[float]]]:
     """Mean forces of the dwells, which the calibration is of."""
     dwells = tdfscal.info(folder, **options).description.dwells  # type: ignore[arg-type]
     assert dwells is not None
-    return dwells.force.tolist()
+    return np.asarray(dwells.force).tolist()  # type: ignore[no-any-return]
 
 
 def span(folder: Path) -> tuple[float, float]:
@@ -86,7 +86,7 @@ def test_every_command_takes_it(
 ) -> None:
     begin, end = span(campaign)
     part = cut(campaign, begin, begin + 0.8 * (end - begin))
-    seen = []
+    seen: list[object] = []
     for folder, options in ((campaign, ["--to", f"+{0.8 * (end - begin)}"]), (part, [])):
         before = [] if command in ("calibrate", "info") else [whole]
         output = tmp_path / f"{folder.name}.{'csv' if command == 'apply' else 'json'}"
