@@ -24,7 +24,7 @@ _FEWEST_FOR_WALK = 4
 class Due:
     """When the largest standard uncertainty of a turn meets the limit.
 
-    month : None where no walk is declared or seen. earliest : with the largest walk that the
+    month : None where nothing walks or creeps. earliest : with the largest walk that the
     history allows; None where it allows none. sensor : whose turn it is. now : rad, today's.
     """
 
@@ -154,7 +154,14 @@ def live(
         declared=rig.drift.angle,
         walk=walk,
         birge=birge,
-        due=_due(rig, checks[-1].month, path_std=path_std[-1], used=used, walk=walk),
+        due=_due(
+            checks[-1].month,
+            rig.acceptance.angle_std,
+            path_std[-1],
+            _pace(watch.alarms, n),
+            used,
+            walk,
+        ),
     )
 
 
@@ -188,16 +195,42 @@ def _angles(
 
 
 def _due(
-    rig: Rig, last: float, *, path_std: FloatArray, used: float, walk: Intensity | None
+    last: float,
+    limit: float,
+    path_std: FloatArray,
+    pace: FloatArray,
+    used: float,
+    walk: Intensity | None,
 ) -> Due:
-    """The variance of a turn grows by q² per month from the last check on."""
-    limit = rig.acceptance.angle_std
+    """When the first sensor's u² + q² t + (v t)² reaches the limit's, t months from the last check.
+
+    path_std : (n, 3), rad, now. pace : (n,), v, rad per month, of sensors that creep. used : q.
+    """
     largest = path_std.max(axis=1)
-    sensor = int(np.argmax(largest))
-    room = max(limit**2 - float(largest[sensor]) ** 2, 0.0)
+    room = np.maximum(limit**2 - largest**2, 0.0)
+
+    def wait(q: float) -> FloatArray:
+        # The root of (v t)² + q² t = room, in the form that is right for v = 0 too.
+        slower = q**2 + np.sqrt(q**4 + 4 * pace**2 * room)
+        out = np.full(len(room), np.inf)
+        np.divide(2 * room, slower, out=out, where=slower > 0)
+        return out
 
     def at(q: float) -> float | None:
-        return last + room / q**2 if q > 0 else None
+        first = float(wait(q).min())
+        return last + first if np.isfinite(first) else None
 
     most = max(used, walk.high if walk else 0.0)
+    waits = wait(used)
+    sensor = int(np.argmin(waits)) if np.isfinite(waits).any() else int(np.argmax(largest))
     return Due(at(used), at(most), sensor, float(largest[sensor]), limit)
+
+
+def _pace(alarms: Sequence[Alarm], n: int) -> FloatArray:
+    """Speed (n,), rad per month, of the sensors whose last alarm is a creep."""
+    pace = np.zeros(n)
+    for alarm in alarms:
+        if alarm.sensor is not None:
+            creeps = alarm.kind == "creep"
+            pace[alarm.sensor] = float(np.linalg.norm(alarm.turn)) if creeps else 0.0
+    return pace

@@ -18,9 +18,10 @@ from tdfscal.model.calibrated import with_rotations
 from tdfscal.model.earlier import free_constants, joint_prior, turned
 from tdfscal.model.parameters import State
 from tdfscal.numerics.information import Information
-from tdfscal.records import InputFile, JointPrior, Measured, Rig
+from tdfscal.records import JointPrior, Measured, Rig
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
 from tdfscal.workflows.calibration_in_use import calibrated
+from tdfscal.workflows.recorded_once import Recording
 
 _MONTH = 30.4375 * 86400.0
 
@@ -54,6 +55,20 @@ class Earlier:
         if self.file.campaigns:
             return tuple(c.model_dump(mode="json") for c in self.file.campaigns)
         return (_alone(self),)
+
+    def recordings(self) -> list[Recording]:
+        """The recordings that it stands on."""
+        if not self.file.campaigns:
+            inputs = [entry.record() for entry in self.file.inputs]
+            return [Recording(self.name, inputs, self.measured)]
+        return [
+            Recording(
+                c.name,
+                [entry.record() for entry in c.inputs],
+                None if c.measured is None else c.measured.record(),
+            )
+            for c in self.file.campaigns
+        ]
 
     def history(self) -> tuple[dict[str, Any], ...]:
         """The calibrations that one which stands on this one stands on."""
@@ -133,7 +148,7 @@ def _alone(earlier: Earlier) -> dict[str, Any]:
     return campaign_document(
         earlier.name,
         earlier.measured,
-        [InputFile(f.path, f.sha256, f.bytes, f.integrity) for f in file.inputs],
+        [entry.record() for entry in file.inputs],
         earlier.state,
         replace(std, **stds),
         postures=0 if file.fit is None else file.fit.postures,

@@ -24,7 +24,7 @@ from tdfscal.logs import is_log
 from tdfscal.model.earlier import free_constants, turned
 from tdfscal.model.parameters import State, deviation
 from tdfscal.numerics.information import Information, without
-from tdfscal.records import ANGLES, InputFile, Rig
+from tdfscal.records import ANGLES, Rig
 from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import one
@@ -33,13 +33,14 @@ from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.recorded_once import Recording, refuse_repeated
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.several_campaigns import (
     Read,
     campaign_folders,
     read_campaign,
     recorded,
-    refuse_repeated,
+    recording,
     require_one_rig,
 )
 
@@ -160,8 +161,10 @@ def monitor(
     reads = [read_campaign([folder], progress, part=window(from_, to)) for folder in folders]
     rig = _one_rig(known, reads)
     refuse_repeated(
-        [(e.name, [InputFile(**i.model_dump()) for i in e.file.inputs]) for e in known]
-        + [(read.name, read.inputs) for read in reads]
+        [
+            *(Recording(e.name, [i.record() for i in e.file.inputs], None) for e in known),
+            *(recording(read) for read in reads),
+        ]
     )
     if len(known) + len(reads) < 2:
         raise UsageError(

@@ -66,7 +66,7 @@ def calibrate_motion(
     """
     if len(dwells) >= _ENOUGH:
         return None
-    again = LogPass(log.campaign, log.progress, log.salvage)
+    again = LogPass(log.campaign, log.progress, log.salvage, log.window)
     try:
         return _moving(again, moving_samples(again), rig=rig, inputs=inputs)
     except TdfscalError as error:

@@ -31,6 +31,7 @@ from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import Progress
+from tdfscal.workflows.recorded_once import Recording, refuse_repeated
 from tdfscal.workflows.samples import Own, calibrate_motion
 from tdfscal.workflows.survey import surveyed
 
@@ -118,6 +119,11 @@ def recorded(read: Read) -> Recorded:
         return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
 
 
+def recording(read: Read) -> Recording:
+    """What tells a campaign's recording from another."""
+    return Recording(read.name, read.inputs, read.measured, read.campaign.rig.rig, read.dwells)
+
+
 def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
     """Raise UsageError where two rigs state different constants."""
     found = different_constants(first, other)
@@ -128,20 +134,6 @@ def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
             hint="campaigns of one rig state the same supports, hinges and uncertainties; correct "
             "the rig file, or calibrate the rigs one by one",
         )
-
-
-def refuse_repeated(campaigns: Sequence[tuple[str, Sequence[InputFile]]]) -> None:
-    """Raise UsageError where two campaigns hold the same recording."""
-    seen: dict[str, tuple[int, str]] = {}
-    for k, (name, inputs) in enumerate(campaigns):
-        for entry in inputs:
-            first, other = seen.setdefault(entry.sha256, (k, name))
-            if first != k:
-                raise UsageError(
-                    f"holds the same recording as {other}: {entry.path}",
-                    where=name,
-                    hint="name each recording once; twice the same data are no more data",
-                )
 
 
 def calibrate_several(
@@ -162,7 +154,7 @@ def calibrate_several(
     for name, rig in rigs[1:]:
         require_one_rig(rigs[0][1], rig, name, rigs[0][0])
     campaigns = [read_campaign(group, progress, salvage=salvage, part=part) for group in groups]
-    refuse_repeated([(read.name, read.inputs) for read in campaigns])
+    refuse_repeated([recording(read) for read in campaigns])
     ordered = sorted(campaigns, key=lambda read: read.measured.month)
     if all(read.dwells is None for read in ordered):
         raise UsageError(

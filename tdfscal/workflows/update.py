@@ -23,7 +23,7 @@ from tdfscal.model.parameters import State, retract, starting_state
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.information import contrast
-from tdfscal.records import FloatArray, InputFile, Measured, Rig
+from tdfscal.records import FloatArray, Measured, Rig
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import PathLikes, at_least, listed, one
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
@@ -32,6 +32,7 @@ from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.recorded_once import refuse_repeated
 from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
     Read,
@@ -39,7 +40,7 @@ from tdfscal.workflows.several_campaigns import (
     calibrate_informed,
     campaign_folders,
     read_campaign,
-    refuse_repeated,
+    recording,
     require_one_rig,
 )
 
@@ -124,11 +125,7 @@ def update(
 
 def _check(earlier: Earlier, campaigns: Sequence[Read]) -> None:
     """Refuse what cannot follow the calibration."""
-    known = [
-        (campaign["name"], [InputFile(**entry) for entry in campaign["inputs"]])
-        for campaign in earlier.campaigns()
-    ]
-    refuse_repeated([*known, *((read.name, read.inputs) for read in campaigns)])
+    refuse_repeated([*earlier.recordings(), *(recording(read) for read in campaigns)])
     for read in campaigns:
         if read.dwells is None:
             raise UsageError(

@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 import yaml
 
+from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
+from tdfscal.records import Measured
 from tdfscal.simulation import Recorder, reference_rig
 from tdfscal.simulation.scenarios import MOVING, run_moving
+from tdfscal.workflows.recorded_once import Recording, refuse_repeated
 from tests.cli.running import run
 
 
@@ -233,3 +236,26 @@ def test_a_moving_log_updates_and_is_pooled(
 
 def simulated_zero(folder: Path) -> list[list[float]]:
     return [s["zero"] for s in yaml.safe_load((folder / "truth.yaml").read_text())["supports"]]
+
+
+def test_a_recording_exported_in_two_formats_is_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, format in (("one", "csv"), ("two", "mcap")):
+        simulate_to_folder(tmp_path / name, postures=5, seed=3, format=format)  # type: ignore[arg-type]
+    simulate_to_folder(tmp_path / "other", postures=5, seed=4, format="parquet")
+    one, two, other = (tmp_path / name for name in ("one", "two", "other"))
+    done = run(capsys, "calibrate", one, two, "--trials", 0, "-q")
+    assert (done.status, "same recording" in done.err) == (2, True)
+    done = run(capsys, "calibrate", one, other, "--trials", 0, "-q")
+    assert "same recording" not in done.err
+
+
+def test_two_logs_of_the_same_hours_are_one_recording() -> None:
+    def recorded(name: str, begin: float, end: float) -> Recording:
+        return Recording(name, (), Measured(begin, end, "log"))
+
+    day = 1.7e9
+    refuse_repeated([recorded("a", day, day + 600), recorded("b", day + 599, day + 1200)])
+    with pytest.raises(UsageError, match="same recording as a"):
+        refuse_repeated([recorded("a", day, day + 600), recorded("b", day + 1, day + 500)])

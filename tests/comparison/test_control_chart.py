@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 
 from tdfscal.comparison.control_chart import Check, Watch, Watching
+from tdfscal.comparison.history import live
+from tdfscal.model.earlier import free_constants
+from tdfscal.model.parameters import nominal
 from tdfscal.numerics.information import Information
 from tdfscal.records import FloatArray
+from tdfscal.simulation import reference_rig
 
 SENSORS, HINGES = 3, 4
 SIZE = 3 * SENSORS + HINGES
@@ -96,3 +100,21 @@ def test_no_alarm_where_the_declared_walk_explains_the_changes() -> None:
         checks.append(Check(str(k), k, Information(J.T @ J, J.T @ (J @ x))))
     step = np.concatenate([np.full(3 * SENSORS, walk**2), np.zeros(HINGES)])
     assert not Watching(checks, PRIOR, [step] * 18, SENSORS, 0.01).run().alarms
+
+
+def test_a_creep_sets_the_date_of_the_next_calibration() -> None:
+    """At 0.2 mrad a month the limit of 5 mrad is 25 months away."""
+    rig = reference_rig()
+    size, pace = int(free_constants(rig).sum()), 2e-4
+    own = np.zeros((size, size))
+    own[:9, :9] = np.eye(9) / SEEN**2
+    prior = Information(np.diag([1e-4] * 9 + [KNOWN**-2] * (size - 9)), np.zeros(size))
+    checks = []
+    for k in range(24):
+        turn = np.zeros(size)
+        turn[3] = pace * k
+        checks.append(Check(str(k), float(k), Information(own, own @ turn)))
+    life = live(rig, nominal(rig), prior, checks, rate=0.01)
+    assert (life.alarms[-1].kind, life.due.sensor) == ("creep", 1)
+    assert life.due.month is not None
+    assert life.due.month - 23 == pytest.approx(rig.acceptance.angle_std / pace, rel=0.1)

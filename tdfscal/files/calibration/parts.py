@@ -36,7 +36,7 @@ from tdfscal.files.field_types import (
     finite_json,
     from_numpy,
 )
-from tdfscal.records import Integrity
+from tdfscal.records import InputFile, Integrity
 
 CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
 
@@ -84,6 +84,10 @@ class Input(Strict):
     sha256: Sha256
     bytes: Count
     integrity: Integrity
+
+    def record(self) -> InputFile:
+        """Return it as a record."""
+        return InputFile(self.path, self.sha256, self.bytes, self.integrity)
 
 
 class Interval(Strict):
