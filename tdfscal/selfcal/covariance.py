@@ -34,6 +34,8 @@ PRIORS = {
 }
 #: A share of a null vector below this is rounding.
 _ROUNDING = 1e-6
+#: A share of noise in a variance below this leaves as good as infinite degrees of freedom.
+_NO_SHARE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,4 +234,5 @@ def _effective_dof(
     if fit.rig.earlier is not None:
         dof += fit.rig.earlier.dof
     noise = np.sum([contributions[name] for name in NOISE], axis=0)
-    return np.asarray(dof * (total / np.maximum(noise, np.finfo(float).tiny)) ** 2)
+    share = np.maximum(noise / np.maximum(total, np.finfo(float).tiny), _NO_SHARE)
+    return np.asarray(dof / share**2)

@@ -19,7 +19,7 @@ from tdfscal.model.statics import Balance, Postures, balance
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.numerics.rotation_descent import descend
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.estimator import (
     LOOK,
     ROWS,
@@ -50,6 +50,8 @@ _WORTH, _MARGIN, _OFFERED = 4.0, 300.0, 6
 _HEAVY_TAIL = 3.0
 #: Rivals whose cost is within this many times the limit are fitted in full before they are judged.
 _NEAR = 4.0
+#: Starts whose sensors without all axes lean by so much, rad, at most; costs that are one, relative.
+_LEANS, _LEAN, _ONE_COST = 12, 0.02, 1e-4
 #: The 24 rotations that carry axes on axes, (24, 3, 3).
 _CUBE = np.unique(
     np.round(so3.from_rpy(np.pi / 2 * np.array(list(product(range(4), repeat=3))))) + 0.0, axis=0
@@ -95,8 +97,33 @@ def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
         begin = replace(start, rotation=rotation)
         solution = solve_statistic(rig, at, compressed, begin, priors, iterations=LOOK)
         tried.append(at_state(rig, postures, solution.state, everyone))
+    if not rig.axes.all():
+        tried += _leaning(rig, postures, _likeliest(tried))
+    return _likeliest(tried)
+
+
+def _likeliest(tried: list[Fit]) -> Fit:
+    """The one with the lowest robust cost, all in units of the smallest variance of residuals."""
     scale = min(spread(each.distance, each.at.rows) for each in tried)
     return min(tried, key=lambda each: _robust_cost(each, scale))
+
+
+def _leaning(rig: Rig, postures: Postures, near: Fit) -> list[Fit]:
+    """Fits from starts about one whose sensors without all axes lean, until the best came twice.
+
+    Two load cells that press against each other change the balance by how much they lean, and by
+    the ratio of their leans: about an upright start there are as many minima as directions.
+    """
+    rng, lacks = np.random.default_rng(0), ~rig.axes.all(axis=1)
+    tried: list[Fit] = []
+    for _ in range(_LEANS):
+        lean = np.where(lacks[:, None], _LEAN * rng.standard_normal((rig.n, 3)), 0.0)
+        start = replace(near.state, rotation=so3.exp(lean) @ near.state.rotation)
+        tried.append(fit(rig, postures, start))
+        lowest = min(each.cost for each in tried)
+        if sum(each.cost < lowest * (1 + _ONE_COST) for each in tried) > 1:
+            break
+    return tried
 
 
 def _robust_cost(result: Fit, scale: float) -> float:
@@ -118,7 +145,7 @@ def rivals(result: Fit, others: Iterable[FloatArray] = ()) -> list[Rival]:
     here = result.state.rotation
     found: list[Rival] = []
     for rotation in minima(rig, result.at, compressed, result.state, priors, starts):
-        if apart(rotation, here) <= APART:
+        if apart(rotation, here, rig.axes) <= APART:
             continue
         begin = replace(result.state, rotation=rotation)
         solution = solve_statistic(rig, result.at, compressed, begin, priors)
@@ -126,14 +153,14 @@ def rivals(result: Fit, others: Iterable[FloatArray] = ()) -> list[Rival]:
         if rival.gap < _NEAR * float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2:
             again = fit(rig, result.postures, solution.state, result.weight)
             rival = Rival(again.state, (again.cost - result.cost) / scale)
-        if apart(rival.state.rotation, here) > APART:
+        if apart(rival.state.rotation, here, rig.axes) > APART:
             found.append(rival)
     return sorted(found, key=lambda rival: rival.gap)
 
 
 def describe(rig: Rig, state: State, rival: State) -> str:
     """Words for two mountings: roll, pitch, yaw in degrees of the sensors that differ."""
-    turn = np.linalg.norm(so3.log(state.rotation @ np.swapaxes(rival.rotation, 1, 2)), axis=1)
+    turn = _turned(state.rotation, rival.rotation, rig.axes)
     mine, other = (np.degrees(so3.to_rpy(each.rotation)) for each in (state, rival))
 
     def angles(rpy: FloatArray) -> str:
@@ -172,14 +199,27 @@ def minima(
     kept: list[FloatArray] = []
     while len(left) and len(kept) < _OFFERED:
         kept.append(left[0])
-        left = left[apart(left, left[0]) > APART]
+        left = left[apart(left, left[0], rig.axes) > APART]
     return kept
 
 
-def apart(a: FloatArray, b: FloatArray) -> FloatArray:
+def apart(a: FloatArray, b: FloatArray, axes: BoolArray | None = None) -> FloatArray:
     """Largest angle (...,), rad, by which a sensor of mountings a, b (..., n, 3, 3) is turned."""
+    return np.asarray(_turned(a, b, axes).max(axis=-1))
+
+
+def _turned(a: FloatArray, b: FloatArray, axes: BoolArray | None) -> FloatArray:
+    """Angle (..., n), rad, of each sensor between mountings a, b (..., n, 3, 3).
+
+    axes : (n, 3), what the sensors measure; a turn about the only axis measured is none.
+    """
     cosine = (np.sum(a * b, axis=(-2, -1)) - 1) / 2
-    return np.asarray(np.arccos(np.clip(cosine, -1, 1)).max(axis=-1))
+    if axes is not None:
+        along = np.sum(a * b, axis=-2)  # of each axis with itself
+        one = np.sum(np.where(axes, along, 0.0), axis=-1)
+        count = axes.sum(axis=1)
+        cosine = np.where(count > 1, cosine, np.where(count == 1, one, 1.0))
+    return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def wide_starts(rig: Rig, postures: Postures) -> FloatArray:

@@ -87,9 +87,10 @@ class _Normal:
         """The suspect with each of some shapes over time, (S, K), its zero or rotation by them."""
         at = layout(self.fit.rig.n)["zero" if group == "drift" else group].start + 3 * sensor
         block = self.design[..., at : at + 3]
-        cross = np.einsum("kra,krb->kab", block, self.active).reshape(len(block), -1)
-        own = np.einsum("kra,krb->kab", block, block).reshape(len(block), -1)
-        score = np.einsum("kra,kr->ka", block, self.residual)
+        across = np.swapaxes(block, 1, 2)
+        cross = (across @ self.active).reshape(len(block), -1)
+        own = (across @ block).reshape(len(block), -1)
+        score = (across @ self.residual[..., None])[..., 0]
         known = (shapes @ cross).reshape(len(shapes), 3, -1) @ self.root
         whole = ((shapes**2) @ own).reshape(-1, 3, 3)
         information = whole - known @ np.swapaxes(known, 1, 2)
@@ -182,7 +183,7 @@ def _most_likely(
     possible = np.flatnonzero(counts & (before >= _FEWEST) & (counts.sum() - before >= _FEWEST))
     if not len(possible):
         return None
-    coarse = possible[np.linspace(0, len(possible) - 1, min(_SPLITS, len(possible))).astype(int)]
+    coarse = _spread(possible)
     ramp = ((time - time.mean()) / max(float(np.ptp(time)), np.finfo(float).tiny))[None]
     late = np.arange(len(counts))
 
@@ -193,15 +194,15 @@ def _most_likely(
     def likeliest(steps: list[_Step]) -> _Step | None:
         return max(steps, key=lambda step: step.statistic, default=None)
 
-    kinds = [likeliest(best_of(group, coarse)) for group in ("rotation", "zero")]
-    if len(coarse) < len(possible):  # every split about the best of those tried
-        for k, step in enumerate(kinds):
-            if step is not None:
-                near = np.abs(np.searchsorted(possible, step.first) - np.arange(len(possible)))
-                kinds[k] = likeliest(
-                    best_of(step.group, possible[near <= len(possible) // _SPLITS])
-                )
-    steps = [step for step in kinds if step is not None]
+    def refined(group: str) -> _Step | None:
+        step, among = likeliest(best_of(group, coarse)), possible
+        while step is not None and len(among) > _SPLITS:  # about the best of those tried
+            middle, half = np.searchsorted(among, step.first), len(among) // _SPLITS + 1
+            among = among[max(middle - half, 0) : middle + half + 1]
+            step = likeliest([step, *best_of(group, _spread(among))])
+        return step
+
+    steps = [step for step in map(refined, ("rotation", "zero")) if step is not None]
     drifts = [step for i in range(normal.fit.rig.n) for step in normal.asked("drift", i, ramp)]
     step = likeliest(steps)
     if step is None or any(drift.statistic >= step.statistic for drift in drifts):
@@ -215,6 +216,11 @@ def _most_likely(
         None,
     )  # fmt: skip
     return step, rival, 2 * normal.fit.rig.n * len(coarse)
+
+
+def _spread(among: IntArray) -> IntArray:
+    """At most `_SPLITS` of them, evenly spread."""
+    return among[np.linspace(0, len(among) - 1, min(_SPLITS, len(among))).astype(int)]
 
 
 def _suspicion(

@@ -126,7 +126,7 @@ def _record_forces(
         + faults.zero_walk(options.faults, rig.n, place.progress, walk_rng)
         + sensor_noise(sd, recorder.noise_correlation, recorder.force_rate, len(time), noise_rng)
     )
-    return _series(time, faults.recorded(options.faults, signal, place, rig.capacity))
+    return _series(time, faults.recorded(options.faults, signal, place, rig))
 
 
 def _record_temperature(options: Options, timeline: Timeline) -> tuple[Series, ...]:

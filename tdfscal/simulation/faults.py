@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.records import FloatArray
+from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
 
 Vector = tuple[float, float, float]
@@ -281,9 +281,13 @@ def logged(faults: Faults, place: FloatArray, home: FloatArray) -> FloatArray:
     return out
 
 
-def recorded(faults: Faults, reading: FloatArray, place: Place, capacity: FloatArray) -> FloatArray:
-    """What the recorder makes of readings (..., N, n, 3): cut off, frozen, exchanged."""
-    out = np.clip(reading, -capacity, capacity) if faults.saturated else reading.copy()
+def recorded(faults: Faults, reading: FloatArray, place: Place, rig: Rig) -> FloatArray:
+    """What the recorder makes of readings (..., N, n, 3): cut off, frozen, exchanged.
+
+    What a sensor does not measure reads 0.
+    """
+    out = np.clip(reading, -rig.capacity, rig.capacity) if faults.saturated else reading.copy()
+    out[..., ~rig.axes] = 0.0
     for dead in faults.dead_axes:
         first = int(np.searchsorted(place.posture, dead.posture - 0.5))
         out[..., first:, dead.sensor, dead.axis] = out[..., first, dead.sensor, dead.axis, None]

@@ -136,7 +136,7 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
         truth=stage.truth,
         true_force=stage.rest.force,
         position=stage.servo + noise,
-        force=faults.recorded(options.faults, signal, place, rig.capacity),
+        force=faults.recorded(options.faults, signal, place, rig),
         start=end - dwell,
         end=end,
         sample_sd=sample_sd,

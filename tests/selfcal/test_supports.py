@@ -20,6 +20,7 @@ from tdfscal.records import Drift, Rig
 from tdfscal.selfcal.closure import frame_errors
 from tdfscal.selfcal.covariance import evaluate, information_root, quality
 from tdfscal.selfcal.estimator import fit
+from tdfscal.selfcal.mounting_search import apart, best_start
 from tdfscal.selfcal.observability import verdict
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
@@ -116,6 +117,26 @@ def test_the_rest_of_the_sensors_stand(
     assert chi2_quantile(1e-6, stats.dof) < stats.chi2 < chi2_quantile(1 - 1e-6, stats.dof)
 
 
+def test_two_load_cells_are_started_in_the_lowest_minimum() -> None:
+    """Campaign 50 has a minimum of 5000 about upright load cells; one of all 60 would show."""
+    rig = lacking((2, 0), (2, 1), (3, 0), (3, 1), n=4)
+    batch = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(1), 60)
+    for trial in (0, 50):
+        seen = postures(rig, batch.dwells(trial))
+        result = fit(rig, seen, best_start(rig, seen).state)
+        assert result.converged
+        assert result.cost < chi2_quantile(1 - 1e-6, result.dof)
+
+
+def test_a_load_cell_turned_about_its_axis_is_no_other_mounting() -> None:
+    turned = np.stack([so3.exp(np.array([0.0, 0.0, 2.0]))] * 2)
+    axes = np.array([[False, False, True], [False, False, False]])
+    assert apart(np.stack([np.eye(3)] * 2), turned, axes) < 1e-7
+    assert apart(np.stack([np.eye(3)] * 2), turned) == pytest.approx(2.0)
+    leaning = so3.exp(np.array([[0.3, 0.0, 0.0], [0.5, 0.0, 0.0]]))
+    assert apart(leaning, turned, axes) == pytest.approx(0.3)
+
+
 def test_zeros_follow_the_temperature_where_declared() -> None:
     slopes = ((0.4, -0.3, 0.2), (-0.2, 0.3, 0.1), (0.1, -0.1, -0.3))
     warming = replace(OPTIONS, faults=Faults(warming=Warming(10.0, slopes)))
@@ -148,7 +169,7 @@ def test_a_turned_frame_is_named() -> None:
 def test_declarations_that_contradict_the_log() -> None:
     """A channel declared dead that moves, and a dead one with the line to write."""
     rig = lacking((1, 0))
-    dwells = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(6), 1).dwells(0)
+    dwells = simulation.simulate_dwells(lacking(), OPTIONS, np.random.default_rng(6), 1).dwells(0)
     with pytest.raises(DataError, match="declared as not measured"):
         faulty_sensors.screen(rig, dwells)
     force = dwells.force.copy()
