@@ -50,8 +50,10 @@ _WORTH, _MARGIN, _OFFERED = 4.0, 300.0, 6
 _HEAVY_TAIL = 3.0
 #: Rivals whose cost is within this many times the limit are fitted in full before they are judged.
 _NEAR = 4.0
-#: Starts whose sensors without all axes lean by so much, rad, at most; costs that are one, relative.
-_LEANS, _LEAN, _ONE_COST = 12, 0.02, 1e-4
+#: Starts at most whose sensors without all axes lean, and by how much, rad.
+_LEANS, _LEAN = 12, 0.02
+#: Costs that differ by less, relative, are one.
+_ONE_COST = 1e-4
 #: The 24 rotations that carry axes on axes, (24, 3, 3).
 _CUBE = np.unique(
     np.round(so3.from_rpy(np.pi / 2 * np.array(list(product(range(4), repeat=3))))) + 0.0, axis=0
