@@ -43,13 +43,20 @@ def costs(root: FloatArray, rotation: FloatArray) -> FloatArray:
 
 def gradients(root: FloatArray, rotation: FloatArray) -> FloatArray:
     """Half the gradient (T, 3n) of the costs by left turns, of rotations (T, n, 3, 3)."""
-    T, n = rotation.shape[:2]
+    return _turning(_pulled(root, rotation))
+
+
+def _pulled(root: FloatArray, rotation: FloatArray) -> FloatArray:
+    """X Gᵀ (T, n, 3, 3), G = ½ ∂cost/∂X."""
     residual = root @ stacked(rotation)[..., None]
-    pull = (np.swapaxes(root, -1, -2) @ residual)[..., :-1, 0].reshape(T, n, 3, 3)
-    # <G, [e_j]× X> = (Σ_b x_b × g_b)_j over the columns of X and G.
-    turn = rotation @ np.swapaxes(pull, -1, -2)
-    parts = [turn[..., a, b] - turn[..., b, a] for a, b in ((1, 2), (2, 0), (0, 1))]
-    return np.stack(parts, axis=-1).reshape(T, 3 * n)
+    pull = (np.swapaxes(root, -1, -2) @ residual)[..., :-1, 0].reshape(rotation.shape)
+    return np.asarray(rotation @ np.swapaxes(pull, -1, -2))
+
+
+def _turning(pulled: FloatArray) -> FloatArray:
+    """Half the gradient (T, 3n): <G, [e_j]× X> = (Σ_b x_b × g_b)_j over the columns of X and G."""
+    parts = [pulled[..., a, b] - pulled[..., b, a] for a, b in ((1, 2), (2, 0), (0, 1))]
+    return np.stack(parts, axis=-1).reshape(len(pulled), -1)
 
 
 def descend(
@@ -78,9 +85,10 @@ def descend(
     cost = costs(root, rotation)
     damping = np.full(T, 0.0)
     open_ = np.arange(T)
+    gram = root[:, :-1].T @ root[:, :-1] if root.ndim == 2 else None
     for _ in range(iterations):
         own = root if root.ndim == 2 else root[open_]
-        hessian, gradient, normal = _expansion(own, rotation[open_], curved=curved)
+        hessian, gradient, normal = _expansion(own, gram, rotation[open_], curved=curved)
         scale = np.einsum("tii->ti", normal)
         lifted = hessian.copy()
         np.einsum("tii->ti", lifted)[:] += damping[open_, None] * scale + np.finfo(float).tiny
@@ -104,25 +112,31 @@ def descend(
 
 
 def _expansion(
-    root: FloatArray, rotation: FloatArray, *, curved: bool
+    root: FloatArray, gram: FloatArray | None, rotation: FloatArray, *, curved: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Half the Hessian (T, 3n, 3n) and gradient (T, 3n) by left turns, and JᵀJ."""
+    """Half the Hessian (T, 3n, 3n) and gradient (T, 3n) by left turns, and JᵀJ.
+
+    gram : AᵀA (9n, 9n) of the rotations' columns, of a root that all starts share.
+    """
     T, n = rotation.shape[:2]
-    residual = (root @ stacked(rotation)[..., None])[..., 0]
     turned = _HATS @ rotation[:, :, None]  # (T, n, 3, 3, 3): [e_j]× X_i
     columns = np.swapaxes(turned.reshape(T, n, 3, 9), 2, 3)  # (T, n, 9, 3)
-    blocks = [root[..., 9 * i : 9 * i + 9] @ columns[:, i] for i in range(n)]
-    J = np.concatenate(blocks, axis=-1)
-    Jt = np.swapaxes(J, 1, 2)
-    normal = Jt @ J
-    gradient = (Jt @ residual[..., None])[..., 0]
+    if gram is None:
+        blocks = [root[..., 9 * i : 9 * i + 9] @ columns[:, i] for i in range(n)]
+        J = np.concatenate(blocks, axis=-1)
+        normal = np.swapaxes(J, 1, 2) @ J
+    else:
+        normal, across = np.empty((T, 3 * n, 3 * n)), np.swapaxes(columns, 2, 3)
+        for i in range(n):
+            seen = (gram[:, 9 * i : 9 * i + 9] @ columns[:, i]).reshape(T, n, 9, 3)
+            normal[:, :, 3 * i : 3 * i + 3] = (across @ seen).reshape(T, 3 * n, 3)
+    pulled = _pulled(root, rotation)
+    gradient = _turning(pulled)
     if not curved:
         return normal, gradient, normal
-    # Second order of exp: X → ½ [δ]×² X = ½ (δδᵀ − |δ|²) X, against G = ½ ∂cost/∂X.
-    pull = (np.swapaxes(root, -1, -2) @ residual[..., None])[..., :-1, 0].reshape(T, n, 3, 3)
-    XG = rotation @ np.swapaxes(pull, -1, -2)
-    bend = (XG + np.swapaxes(XG, -1, -2)) / 2
-    bend = bend - np.trace(XG, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
+    # Second order of exp: X → ½ [δ]×² X = ½ (δδᵀ − |δ|²) X.
+    bend = (pulled + np.swapaxes(pulled, -1, -2)) / 2
+    bend = bend - np.trace(pulled, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
     hessian = normal.copy()
     for i in range(n):
         hessian[:, 3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += bend[:, i]

@@ -18,7 +18,7 @@ from tdfscal.model.parameters import State, nominal, starting_state, with_motion
 from tdfscal.model.statics import Balance, Postures, balance
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.numerics.rotation_descent import descend
+from tdfscal.numerics.rotation_descent import descend, stacked
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.estimator import (
     LOOK,
@@ -35,6 +35,8 @@ from tdfscal.selfcal.initial_guess import linear_start
 from tdfscal.selfcal.profile import profile
 from tdfscal.significance import AMBIGUOUS_MOUNTING
 
+#: Sensors above which combinations of turned ones are too many to try.
+_MANY = 8
 #: Joint starts at most whose yaws are quarter turns apart; of more combinations so many are drawn.
 _YAWS = 256
 #: Starts drawn evenly over all rotations.
@@ -193,6 +195,10 @@ def minima(
     s = rig.declared.force_sensitivity
     landscape = profile(rig, at, compressed, state, priors, mixing=s).root
     found = descend(landscape, starts, iterations=_LOOK, tolerance=1e-3)
+    if rig.n > _MANY:
+        singles = _one_by_one(landscape, found.rotation[np.argmin(found.cost)])
+        starts = np.concatenate([found.rotation, singles])
+        found = descend(landscape, starts, iterations=_LOOK, tolerance=1e-3)
     best = np.argsort(found.cost, kind="stable")[:_BEST]
     found = descend(landscape, found.rotation[best], iterations=_FINISH, tolerance=1e-3)
     order = np.argsort(found.cost, kind="stable")
@@ -203,6 +209,26 @@ def minima(
         kept.append(left[0])
         left = left[apart(left, left[0], rig.axes) > APART]
     return kept
+
+
+def _one_by_one(landscape: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Starts (≤ n, n, 3, 3) with one sensor each in its best other place, the others held.
+
+    Starts in which each sensor is turned by itself cost n times as many unknowns; here only the
+    best of each is followed with all of them free.
+    """
+    starts, y = [], stacked(rotation)
+    for i, own in enumerate(rotation):
+        turns = slice(9 * i, 9 * i + 9)
+        held = landscape @ y - landscape[:, turns] @ own.ravel()
+        root = np.linalg.qr(np.column_stack([landscape[:, turns], held]), mode="r")
+        found = descend(root, (_CUBE @ own)[:, None], iterations=_BEST, tolerance=1e-3)
+        other = apart(found.rotation, own[None]) > APART
+        if other.any():
+            place = np.flatnonzero(other)[np.argmin(found.cost[other])]
+            starts.append(rotation.copy())
+            starts[-1][i] = found.rotation[place, 0]
+    return np.array(starts).reshape(-1, *rotation.shape)
 
 
 def apart(a: FloatArray, b: FloatArray, axes: BoolArray | None = None) -> FloatArray:
@@ -229,9 +255,14 @@ def wide_starts(rig: Rig, postures: Postures) -> FloatArray:
 
     The nominal mounting; the linear solution; each sensor turned by quarter turns; each turned so
     that its mean load points upwards, with all yaws in quarter turns; and rotations drawn evenly.
+    Of many sensors all are turned alike, and one by one only about the best that is found.
     """
     n, rng = rig.n, np.random.default_rng(0)
     base, linear = nominal(rig).rotation, linear_start(rig, postures).rotation
+    if n > _MANY:
+        alike = _yaw(np.pi / 2 * np.arange(4))[:, None] @ _upright(rig, postures)
+        drawn = so3.project(rng.standard_normal((_DRAWN // 4, n, 3, 3)))
+        return np.concatenate([base[None], linear[None], _CUBE[:, None] @ base, alike, drawn])
     singles = np.repeat(base[None], 24 * n, axis=0)
     for i in range(n):
         singles[24 * i : 24 * i + 24, i] = _CUBE @ base[i]
@@ -241,19 +272,18 @@ def wide_starts(rig: Rig, postures: Postures) -> FloatArray:
         quarters = rng.integers(0, 4, (_YAWS, n))
     turned = _yaw(np.pi / 2 * quarters) @ upright
     drawn = so3.project(rng.standard_normal((_DRAWN, n, 3, 3)))
-    everywhere = np.concatenate([base[None], linear[None], singles, turned, drawn])
-    return np.asarray(everywhere)
+    return np.concatenate([base[None], linear[None], singles, turned, drawn])
 
 
 def near_starts(rotation: FloatArray, others: Iterable[FloatArray] = ()) -> FloatArray:
     """Starts (T, n, 3, 3) that a minimum (n, 3, 3) has for rivals.
 
-    Half turns about the vertical of any one sensor, any two, all, and all but one; quarter turns
-    of one; and others, as given.
+    Half turns about the vertical of any one sensor, any two (of up to `_MANY`), all, and all but
+    one; quarter turns of one; and others, as given.
     """
     n = len(rotation)
     flips = [np.zeros(n), np.ones(n), *np.eye(n), *(1 - np.eye(n)), *(np.eye(n) / 2)]
-    flips += [*(-np.eye(n) / 2), *(row for row in _pairs(n))]
+    flips += [*(-np.eye(n) / 2), *(_pairs(n) if n <= _MANY else ())]
     turned = _yaw(np.pi * np.array(flips)) @ rotation
     return np.concatenate([turned, *(other[None] for other in others)])
 

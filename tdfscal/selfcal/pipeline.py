@@ -41,8 +41,14 @@ Estimator = Literal["ml", "linear"]
 #: Trials after which a Monte Carlo stops although its averages still move: the ends of an interval
 #: are then known to 0.013 σ, a quarter of the finest tolerance that clause 8 can ask for.
 MAX_TRIALS = 20_000
+#: Sensors up to which trials are made unasked: their work grows with the cube of that number.
+MOST_SIMULATED = 12
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
+_NO_TRIALS = (
+    "the linear intervals of {} sensors stand without a Monte Carlo, which takes minutes: ask for "
+    "it by --trials"
+)
 #: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
 _FAR_TURNED = np.pi / 8
 
@@ -86,7 +92,8 @@ def self_calibrate(
 ) -> SelfCalibration:
     """Calibrate from static dwells by maximum likelihood, or by the paper's linear method.
 
-    max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without.
+    max_trials : of the Monte Carlo, 0 for none, which the linear method cannot do without; None
+    for `MAX_TRIALS` with up to `MOST_SIMULATED` sensors, none with more.
     progress : told the name of each long stage.
 
     Raises
@@ -142,7 +149,8 @@ def self_calibrate(
             doubts = (slip,)
     conformity = assess_stated(from_fit(result, uncertainty.covariance))
     trials = None
-    if estimator == "ml" and max_trials != 0:
+    unasked = max_trials is None and rig.n > MOST_SIMULATED
+    if estimator == "ml" and max_trials != 0 and not unasked:
         progress("confirming the uncertainties by Monte Carlo")
         trials = simulate(
             result,
@@ -190,7 +198,8 @@ def self_calibrate(
             seen,
             channels,
             measured_noise=measured_noise,
-        ),
+        )
+        + ((_NO_TRIALS.format(rig.n),) if unasked and estimator == "ml" else ()),
     )
 
 

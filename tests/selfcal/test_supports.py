@@ -128,6 +128,17 @@ def test_two_load_cells_are_started_in_the_lowest_minimum() -> None:
         assert result.cost < chi2_quantile(1 - 1e-6, result.dof)
 
 
+def test_one_of_many_sensors_is_found_turned() -> None:
+    """Of 10 sensors one stands a quarter turn from its nominal place, which nobody stated."""
+    rig = simulation.make_rig(10)
+    rpy = np.zeros((10, 3))
+    rpy[7] = (np.pi / 2, 0.0, np.pi / 2)
+    options = replace(OPTIONS, rpy=rpy)
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(0), 1)
+    result = best_start(rig, postures(rig, batch.dwells(0)))
+    assert apart(result.state.rotation, batch.truth.rotation[0]) < 0.01
+
+
 def test_a_load_cell_turned_about_its_axis_is_no_other_mounting() -> None:
     turned = np.stack([so3.exp(np.array([0.0, 0.0, 2.0]))] * 2)
     axes = np.array([[False, False, True], [False, False, False]])
