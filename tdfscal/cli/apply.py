@@ -19,7 +19,7 @@ def apply(
     paths: Paths,
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="FILE", help="Result: .csv or .parquet."),
+        typer.Option("--output", "-o", metavar="FILE", help="Result: .csv, .parquet or .mcap."),
     ],
     rig: RigFile = None,
     from_: From = None,

@@ -10,7 +10,7 @@ import typer
 from tdfscal.cli.app import CalibrationFile, Json, app
 from tdfscal.cli.perform import perform
 
-Target = Literal["urdf", "ros", "csv", "c", "dcc"]
+Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc"]
 
 
 @app.command()

@@ -7,17 +7,28 @@ from collections.abc import Callable
 from tdfscal.exports.certificate import certificate
 from tdfscal.exports.cheader import c_header
 from tdfscal.exports.csvtable import csv_table
-from tdfscal.exports.ros import ros_transforms
+from tdfscal.exports.ros import ros_launch, ros_parameters, ros_transforms
 from tdfscal.exports.urdf import urdf
 from tdfscal.files.calibration.document import Calibration
 
 FORMATS: dict[str, Callable[[Calibration, str], str]] = {
     "urdf": urdf,
     "ros": ros_transforms,
+    "ros-parameters": ros_parameters,
+    "ros-launch": ros_launch,
     "csv": lambda calibration, parent: csv_table(calibration),
     "c": lambda calibration, parent: c_header(calibration),
     "dcc": lambda calibration, parent: certificate(calibration),
 }
 """Format → writer of (calibration, parent frame)."""
 
-__all__ = ["FORMATS", "c_header", "certificate", "csv_table", "ros_transforms", "urdf"]
+__all__ = [
+    "FORMATS",
+    "c_header",
+    "certificate",
+    "csv_table",
+    "ros_launch",
+    "ros_parameters",
+    "ros_transforms",
+    "urdf",
+]

@@ -1,11 +1,16 @@
-"""ROS 2: static transforms as YAML, and the commands that publish them."""
+"""ROS 2: static transforms as YAML, parameters of a node, and a launch file that publishes."""
 
 from __future__ import annotations
 
+import re
+
 from tdfscal.exports.words import child, frame, number, origin
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parts import Mounting
 from tdfscal.files.escaping import yaml_comment
 from tdfscal.files.saving import to_yaml
+
+_NAMESPACE = "tdfs_calibration"
 
 _PUBLISHER = "ros2 run tf2_ros static_transform_publisher"
 
@@ -16,19 +21,91 @@ def ros_transforms(c: Calibration, parent: str = "bcs") -> str:
     A transform's rotation takes coordinates in child_frame_id to frame_id: sensor to BCS.
     """
     base = frame(parent)
+    lines = _comments(c, base)
+    for support in c.mounted:
+        lines.append(f"# {_PUBLISHER} {' '.join(_arguments(support, base))}")
+    return "\n".join(lines) + "\n" + to_yaml(_document(c, base))
+
+
+def ros_parameters(c: Calibration, parent: str = "bcs") -> str:
+    """Return a parameter file for any node: rotation by rows, quaternion, rpy and zero per sensor.
+
+    Parameters are flat lists of doubles; a sensor without determined rotation is left out.
+    """
+    base = frame(parent)
+    whole = {support.name: support for support in c.supports}
+    mountings: dict[str, dict[str, object]] = {}
+    for sensor in c.mounted:
+        of = whole[sensor.name]
+        mountings[sensor.name] = {
+            "frame_id": child(sensor.name),
+            "rotation": [v for row in sensor.rotation for v in row],
+            "quaternion_xyzw": list(sensor.quaternion),
+            "rpy": list(sensor.rpy),
+            "zero": list(of.zero),
+        }
+        if of.sensitivity:
+            mountings[of.name]["sensitivity"] = [v for row in of.sensitivity for v in row]
+    values = {
+        "convention": c.convention,
+        "frame_id": base,
+        "sensors": list(mountings),
+        "mounting": mountings,
+    }
+    text = to_yaml({"/**": {"ros__parameters": {_NAMESPACE: values}}})
+    return "\n".join(_comments(c, base)) + "\n" + text
+
+
+def ros_launch(c: Calibration, parent: str = "bcs") -> str:
+    """Return a Python launch file with one static transform publisher per sensor."""
+    base = frame(parent)
+    nodes = [
+        f"""        Node(
+            package="tf2_ros",
+            executable="static_transform_publisher",
+            name={_node(support.name)!r},
+            arguments={_arguments(support, base)!r},
+        ),"""
+        for support in c.mounted
+    ]
+    return "\n".join(
+        [
+            *_comments(c, base),
+            "# A node that turns readings takes the zeros from `--to ros-parameters`:",
+            '#     Node(…, parameters=["tdfs_calibration.yaml"])',
+            "from launch import LaunchDescription",
+            "from launch_ros.actions import Node",
+            "",
+            "",
+            "def generate_launch_description():",
+            "    return LaunchDescription([",
+            *nodes,
+            "    ])",
+            "",
+        ]
+    )
+
+
+def _comments(c: Calibration, base: str) -> list[str]:
     notes = [
         *origin(c),
         f"Frame {base} has the BCS's axes; the translation is not calibrated and is left at zero.",
         "Subtract a sensor's zero (N) before turning its reading.",
     ]
-    lines = [f"# {yaml_comment(note)}" for note in notes]
-    for support in c.mounted:
-        x, y, z, w = map(number, support.quaternion)
-        lines.append(
-            f"# {_PUBLISHER} --x 0 --y 0 --z 0 --qx {x} --qy {y} --qz {z} --qw {w} "
-            f"--frame-id {base} --child-frame-id {child(support.name)}"
-        )
-    return "\n".join(lines) + "\n" + to_yaml(_document(c, base))
+    return [f"# {yaml_comment(note)}" for note in notes]
+
+
+def _arguments(support: Mounting, base: str) -> list[str]:
+    """What static_transform_publisher takes."""
+    x, y, z, w = map(number, support.quaternion)
+    place = ["--x", "0", "--y", "0", "--z", "0"]
+    turn = ["--qx", x, "--qy", y, "--qz", z, "--qw", w]
+    return [*place, *turn, "--frame-id", base, "--child-frame-id", child(support.name)]
+
+
+def _node(support: str) -> str:
+    """A node's name: letters, digits and _."""
+    return re.sub(r"[^A-Za-z0-9_]", "_", f"mounting_of_{child(support)}")
 
 
 def _document(c: Calibration, base: str) -> dict[str, object]:

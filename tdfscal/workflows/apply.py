@@ -15,6 +15,7 @@ from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
+from tdfscal.files.writers.wrench_recording import read_recording
 from tdfscal.files.writers.wrenches import (
     COLUMNS,
     SUFFIXES,
@@ -97,6 +98,8 @@ class ApplyResult(Result):
 
             frame: pd.DataFrame = csv.read_csv(self.output).to_pandas()
             return frame
+        if self.output.suffix.lower() == ".mcap":
+            return pd.DataFrame(read_recording(self.output))
         return pd.read_parquet(self.output)
 
     def drawings(self) -> tuple[Drawing, ...]:
@@ -151,8 +154,8 @@ def apply(
     ----------
     calibration : file, or a calibration in memory.
     paths : campaign folder, or log files.
-    output : file to write as the log passes, .csv or .parquet; without it the samples stay in
-        memory.
+    output : file to write as the log passes, .csv, .parquet or .mcap; without it the
+        samples stay in memory.
     rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
     from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
         begin; or a date with a time.
@@ -203,7 +206,9 @@ def apply(
         if target is not None:
             columns = None
             about = _about(use, filter, walk, point, moving=moving)
-            rows = write_wrenches(target, judged, about, totals.add)
+            # A wrench is about the origin of its frame.
+            frame = "lcs_at" if point.any() else "lcs"
+            rows = write_wrenches(target, judged, about, totals.add, frame)
         else:
             columns = _kept(judged, totals.add)
             rows = len(columns["time"])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tdfscal.files.writers.wrench_recording import LIBRARY
+
 #: How the first line of each table begins: plan, contact wrenches, exported rotations, studies.
 _FIRST_LINES = (
     b"# tdfscal ",
@@ -19,12 +21,16 @@ _FIRST_LINES = (
 #: What the metadata of a Parquet file of contact wrenches say, at the end of the file.
 _QUANTITY = b"contact wrench on the terminal: force, and moment"
 _TAIL = 1 << 16
+#: Who wrote a recording of contact wrenches, in its first record.
+_RECORDING = LIBRARY.encode()
 
 
 def is_own_result(path: Path) -> bool:
     """Tell whether a file is a result of tdfscal and no recording."""
     try:
         with path.open("rb") as file:
+            if path.suffix.lower() == ".mcap":
+                return _RECORDING in file.read(256)
             if path.suffix.lower() != ".parquet":
                 return file.read(256).replace(b'"', b"").startswith(_FIRST_LINES)
             size = file.seek(0, 2)

@@ -8,8 +8,10 @@ import io
 import shlex
 import shutil
 import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,15 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import UsageError
-from tdfscal.exports import FORMATS, c_header, csv_table, ros_transforms, urdf
+from tdfscal.exports import (
+    FORMATS,
+    c_header,
+    csv_table,
+    ros_launch,
+    ros_parameters,
+    ros_transforms,
+    urdf,
+)
 from tdfscal.files.calibration.document import CONVENTION_WITH_SENSITIVITY, Calibration
 from tests.reporting.samples import NASTY, changed, run, sample, saved
 
@@ -100,6 +110,42 @@ def test_ros(c: Calibration) -> None:
 
 
 @BOTH
+def test_ros_parameters(c: Calibration) -> None:
+    """ROS takes flat lists of one type; every double is that of the file."""
+    document = yaml.safe_load(ros_parameters(c, "base"))
+    (parameters,) = document["/**"]["ros__parameters"].values()
+    assert parameters["frame_id"] == "base"
+    assert parameters["sensors"] == list(c.support_names)
+    for support in c.supports:
+        mounting = parameters["mounting"][support.name]
+        for key, values in mounting.items():
+            assert key == "frame_id" or {type(v) for v in values} == {float}
+        assert mounting["rotation"] == np.array(support.rotation).ravel().tolist()
+        assert mounting["zero"] == list(support.zero)
+        R = Rotation.from_quat(mounting["quaternion_xyzw"]).as_matrix()
+        np.testing.assert_allclose(R, np.array(support.rotation), rtol=0, atol=1e-14)
+        assert ("sensitivity" in mounting) == (c is SCALED)
+
+
+@BOTH
+def test_ros_launch(c: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file runs, and its publishers are those of the transforms."""
+    for name, member in (("launch", "LaunchDescription"), ("launch_ros.actions", "Node")):
+        module = ModuleType(name)
+        setattr(module, member, list if member == "LaunchDescription" else dict)
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setitem(sys.modules, "launch_ros", ModuleType("launch_ros"))
+    space: dict[str, Any] = {}
+    exec(compile(ros_launch(c, "base"), "launch.py", "exec"), space)
+    nodes = space["generate_launch_description"]()
+    commands = [line for line in ros_transforms(c, "base").splitlines() if "# ros2 run" in line]
+    assert len(nodes) == len(commands) == len(c.supports)
+    for node, command in zip(nodes, commands, strict=True):
+        words = shlex.split(command.removeprefix("# "))
+        assert [node["package"], node["executable"], *node["arguments"]] == words[2:]
+
+
+@BOTH
 def test_csv(c: Calibration) -> None:
     rows = list(csv.DictReader(io.StringIO(csv_table(c))))
     assert [row["sensor"] for row in rows] == list(c.support_names)
@@ -172,7 +218,7 @@ def test_a_rejected_calibration_stays_at_home(
 
 @pytest.mark.parametrize("name", ["", "1st", "a b", "base\n- x", "ä", '"/><x'])
 def test_names_of_frames_are_checked(name: str) -> None:
-    for write in (urdf, ros_transforms):
+    for write in (urdf, ros_transforms, ros_parameters, ros_launch):
         with pytest.raises(UsageError, match="no name of a frame"):
             write(PLAIN, name)
 

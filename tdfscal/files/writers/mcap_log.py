@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.files.writers.ros2_messages import POINT, WRENCH, definition, stamped
 from tdfscal.records import Log, Series
 
 EPOCH = 1_750_000_000
 """Header stamp of time 0, s: a recording carries dates, but bytes must follow from the seed."""
 LATENCY_NS = 400_000
 """From a message's stamp to its arrival at the recorder."""
-WRENCH, POINT = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PointStamped"
 
 
 def mcap_block(log: Log) -> dict[str, Any]:
@@ -38,16 +38,12 @@ def mcap_block(log: Log) -> dict[str, Any]:
 def write_mcap(path: Path, log: Log) -> None:
     """Topics `/ncpN/position` (m) and `/tdfsN/wrench` (N), N from 1; messages in order of time."""
     from mcap.writer import CompressionType, Writer
-    from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS2_HUMBLE)
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library="tdfscal")
         schema = {
-            name: writer.register_schema(
-                name, "ros2msg", store.generate_msgdef(name, ros_version=2)[0].encode()
-            )
+            name: writer.register_schema(name, "ros2msg", definition(name))
             for name in (WRENCH, POINT)
         }
         channels: list[int] = []
@@ -79,28 +75,8 @@ def write_mcap(path: Path, log: Log) -> None:
 def _serialise(
     series: Series, frame: str, doubles: int
 ) -> tuple[np.ndarray[Any, Any], list[bytes]]:
-    """Stamps in ns and CDR messages: header, then x, y, z, then zeros up to `doubles` doubles."""
-    text = frame.encode() + b"\0"
-    fill = -(12 + len(text)) % 8  # doubles lie at multiples of 8 behind the encapsulation
-    layout = np.dtype(
-        [
-            ("encapsulation", "S4"),
-            ("sec", "<i4"),
-            ("nanosec", "<u4"),
-            ("length", "<u4"),
-            ("frame", f"S{len(text) + fill}"),
-            ("value", "<f8", (doubles,)),
-        ]
-    )
-    nanoseconds = np.rint(series.time * 1e9).astype(np.int64)
-    records = np.zeros(len(nanoseconds), layout)
-    records["encapsulation"] = b"\x00\x01\x00\x00"  # CDR, little endian
-    records["sec"] = EPOCH + nanoseconds // 1_000_000_000
-    records["nanosec"] = nanoseconds % 1_000_000_000
-    records["length"] = len(text)
-    records["frame"] = text
-    records["value"][:, :3] = series.value
-    whole = records.tobytes()
-    step = layout.itemsize
-    messages = [whole[i : i + step] for i in range(0, len(whole), step)]
-    return EPOCH * 1_000_000_000 + nanoseconds, messages
+    """Stamps in ns and CDR messages: x, y, z, then zeros up to `doubles` doubles."""
+    stamp = EPOCH * 1_000_000_000 + np.rint(series.time * 1e9).astype(np.int64)
+    value = np.zeros((len(stamp), doubles))
+    value[:, :3] = series.value
+    return stamp, stamped(stamp, frame, value)

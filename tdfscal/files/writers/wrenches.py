@@ -1,21 +1,22 @@
-"""Contact wrenches as a growing table, CSV or Parquet, whole or not at all."""
+"""Contact wrenches as a growing table or recording: CSV, Parquet, MCAP; whole or not at all."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.output_places import check_suffix
 from tdfscal.files.saving import replacing
+from tdfscal.files.writers.wrench_recording import WrenchRecording
 from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.stream import WrenchPiece
 
-SUFFIXES = (".csv", ".parquet")
+SUFFIXES = (".csv", ".parquet", ".mcap")
 COLUMNS = (
     "time",
     *COMPONENTS,
@@ -32,25 +33,24 @@ def write_wrenches(
     pieces: Iterable[WrenchPiece],
     about: Mapping[str, str],
     watch: Callable[[WrenchPiece], None] = lambda piece: None,
+    frame: str = "lcs",
 ) -> int:
     """Write the pieces as they come and return the number of rows.
 
-    about : what the values are, kept in a Parquet file's metadata. watch : sees each piece after
-    it was written. A standard uncertainty that is not known is null (CSV: empty).
+    about : what the values are, kept in the metadata of Parquet and MCAP. watch : sees each piece
+    after it was written. frame : of the messages in MCAP. A standard
+    uncertainty that is not known is null (CSV: empty, MCAP: NaN).
 
     Raises UsageError where the file cannot be written and DataError where a wrench is no number;
     what the pieces raise passes through. Then no file appears.
     """
-    import pyarrow as pa
-
     check_suffix(path, SUFFIXES)
-    schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
     rows = 0
     with replacing(path) as beside:
         try:
-            with _writer(path, beside, schema) as sink:
+            with _sink(path, beside, about, frame) as sink:
                 for piece in numbers_only(pieces):
-                    sink.write_table(_table(piece, schema))
+                    sink.write(piece)
                     rows += piece.time.size
                     watch(piece)
         except OSError as fault:
@@ -84,30 +84,52 @@ def columns_of(piece: WrenchPiece) -> dict[str, FloatArray]:
     return dict(zip(COLUMNS, values, strict=True))
 
 
-def _writer(path: Path, beside: Path, schema: Any) -> Any:
-    if path.suffix.lower() == ".csv":
-        from pyarrow import csv
+class _TableFile:
+    """A CSV or Parquet file that grows piece by piece."""
 
-        return csv.CSVWriter(beside, schema, write_options=csv.WriteOptions(quoting_style="none"))
-    from pyarrow import parquet
+    def __init__(self, beside: Path, about: Mapping[str, str], *, text: bool) -> None:
+        import pyarrow as pa
+        from pyarrow import csv, parquet
 
-    return parquet.ParquetWriter(
-        beside,
-        schema,
-        compression="zstd",
-        use_dictionary=False,
-        write_statistics=False,
-        write_page_checksum=True,
-    )
+        self._schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
+        self._writer: Any
+        if text:
+            plain = csv.WriteOptions(quoting_style="none")
+            self._writer = csv.CSVWriter(beside, self._schema, write_options=plain)
+        else:
+            self._writer = parquet.ParquetWriter(
+                beside,
+                self._schema,
+                compression="zstd",
+                use_dictionary=False,
+                write_statistics=False,
+                write_page_checksum=True,
+            )
+
+    def __enter__(self) -> Self:
+        self._writer.__enter__()
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self._writer.__exit__(*failure)
+
+    def write(self, piece: WrenchPiece) -> None:
+        """Append a piece."""
+        import pyarrow as pa
+
+        from tdfscal.files.arrow import as_arrow
+
+        columns = columns_of(piece).values()
+        arrays = [as_arrow(v, _unknown(v)) for v in columns]
+        self._writer.write_table(pa.table(arrays, schema=self._schema))
 
 
-def _table(piece: WrenchPiece, schema: Any) -> Any:
-    import pyarrow as pa
-
-    from tdfscal.files.arrow import as_arrow
-
-    columns = columns_of(piece).values()
-    return pa.table([as_arrow(v, _unknown(v)) for v in columns], schema=schema)
+def _sink(
+    path: Path, beside: Path, about: Mapping[str, str], frame: str
+) -> _TableFile | WrenchRecording:
+    if path.suffix.lower() == ".mcap":
+        return WrenchRecording(beside, about, frame)
+    return _TableFile(beside, about, text=path.suffix.lower() == ".csv")
 
 
 def _unknown(values: FloatArray) -> Any:

@@ -1,0 +1,134 @@
+"""`apply -o FILE.mcap`, read back by readers that share no code with the writer."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+import tdfscal
+from tests.cli.running import SAMPLES, run
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+TOPICS = {
+    "/contact_wrench": "",
+    "/contact_wrench/std": "u_",
+    "/contact_wrench/calibration_std": "u_cal_",
+    "/contact_wrench/uncalibrated": "raw_",
+}
+
+
+@pytest.fixture(scope="module")
+def applied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the same wrenches as table and as recording, of 10 s of a log."""
+    home = tmp_path_factory.mktemp("applied")
+    shutil.copytree(SAMPLES / "parquet", home / "campaign")
+    tdfscal.calibrate(home / "campaign", trials=0, output=home / "c.yaml")
+    for name in ("w.parquet", "w.mcap"):
+        tdfscal.apply(home / "c.yaml", home / "campaign", output=home / name, to="+10")
+    return home
+
+
+def table(folder: Path) -> dict[str, np.ndarray]:
+    return {k: np.array(v) for k, v in pq.read_table(folder / "w.parquet").to_pydict().items()}
+
+
+def six(wrench: Any) -> list[float]:
+    return [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
+
+
+def test_a_ros_decoder_reads_the_table_back(applied: Path) -> None:
+    expected = table(applied)
+    seen: dict[str, tuple[list[int], list[list[float]], list[int]]]
+    seen = {topic: ([], [], []) for topic in TOPICS}
+    with (applied / "w.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            assert schema is not None
+            assert (schema.name, schema.encoding) == ("geometry_msgs/msg/WrenchStamped", "ros2msg")
+            assert channel.message_encoding == "cdr"
+            assert decoded.header.frame_id == "lcs"
+            stamp = decoded.header.stamp.sec * 10**9 + decoded.header.stamp.nanosec
+            assert stamp == message.log_time == message.publish_time
+            times, values, order = seen[channel.topic]
+            times.append(stamp)
+            values.append(six(decoded.wrench))
+            order.append(message.sequence)
+    for topic, prefix in TOPICS.items():
+        times, values, order = seen[topic]
+        assert order == list(range(len(expected["time"])))
+        np.testing.assert_allclose(np.array(times) * 1e-9, expected["time"], rtol=0, atol=1e-9)
+        columns = np.stack([expected[f"{prefix}{c}"] for c in COMPONENTS], axis=1)
+        assert np.array_equal(np.array(values), columns)
+
+
+def test_a_bag_reader_opens_it(applied: Path, tmp_path: Path) -> None:
+    """`rosbags` reads it in a folder with the metadata that `ros2 bag reindex` writes."""
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    shutil.copy(applied / "w.mcap", bag / "w.mcap")
+    count, nothing = len(table(applied)["time"]), {"nanoseconds": 0}
+    topic = {"type": "geometry_msgs/msg/WrenchStamped", "serialization_format": "cdr"}
+    topics = [
+        {"topic_metadata": {"name": name, **topic, "offered_qos_profiles": ""},
+         "message_count": count}
+        for name in TOPICS
+    ]  # fmt: skip
+    information = {
+        "version": 5,
+        "storage_identifier": "mcap",
+        "relative_file_paths": ["w.mcap"],
+        "duration": nothing,
+        "starting_time": {"nanoseconds_since_epoch": 0},
+        "message_count": count * len(TOPICS),
+        "topics_with_message_count": topics,
+        "compression_format": "",
+        "compression_mode": "",
+    }
+    (bag / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": information}))
+    with AnyReader([bag]) as reader:
+        messages = [
+            six(cast("Any", reader.deserialize(raw, connection.msgtype)).wrench)
+            for connection, _, raw in reader.messages()
+            if connection.topic == "/contact_wrench"
+        ]
+    columns = np.stack([table(applied)[c] for c in COMPONENTS], axis=1)
+    assert np.array_equal(np.array(messages), columns)
+
+
+def test_it_is_a_result_and_no_log(applied: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In the campaign's folder it is left alone; Python has its frame."""
+    folder = applied / "campaign"
+    result = tdfscal.apply(applied / "c.yaml", folder, output=folder / "w.mcap", to="+10")
+    frame, expected = result.to_frame(), table(applied)
+    assert list(frame.columns) == list(expected)
+    for name, values in expected.items():
+        np.testing.assert_allclose(frame[name], values, rtol=0, atol=1e-9 if name == "time" else 0)
+    done = run(capsys, "info", folder, "--json", "-q")
+    assert done.status == 0
+    assert [Path(f["path"]).name for f in json.loads(done.out)["files"]] == ["log.parquet"]
+
+
+def test_times_before_1970_are_refused(
+    applied: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Path(shutil.copytree(SAMPLES / "parquet", tmp_path / "early"))
+    log = pq.read_table(folder / "log.parquet")
+    early = log.set_column(log.column_names.index("time"), "time", pc.subtract(log["time"], 1e4))
+    pq.write_table(early, folder / "log.parquet")
+    out = tmp_path / "w.mcap"
+    done = run(capsys, "apply", applied / "c.yaml", folder, "-o", out, "-q")
+    assert done.status == 3
+    assert ".parquet instead" in done.err
+    assert not out.exists()
