@@ -6,21 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.records import FloatArray
+from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import Options, Pose, Truth, draw_truths
 from tdfscal.simulation.control.contact import Bore, GearPair
 from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.reference import advance
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
 from tdfscal.simulation.control.sensors import Assumed, Sensing, perfect
-from tdfscal.simulation.control.servo import Servo, draw_errors
+from tdfscal.simulation.control.servo import PositionErrors, Servo, draw_errors
 from tests.simulation.rigs import exact_rig, loose_rig
 
 HOME = np.array([0.05, -0.03, 1.2])
 SHORT = GearPair(length=0.0025, chamfer=1.0e-3)
 GAP = 5.0e-4
 IDEAL = Controller(
-    servo=Servo(resolution=0.0), sensing=Sensing(noise=0.0), tare=0.1, trace_rate=250.0
+    servo=Servo(resolution=0.0),
+    sensing=Sensing(noise=0.0),
+    tare=0.1,
+    trace_rate=250.0,
+    readings=True,
 )
 
 
@@ -37,6 +41,24 @@ def poses(lanes: int, shift: FloatArray | None = None, turn: FloatArray | None =
     )
 
 
+def fleet(
+    truth: Truth,
+    assumed: Assumed | None = None,
+    *,
+    rig: Rig | None = None,
+    errors: PositionErrors | None = None,
+    tared: bool = True,
+    noise: int = 0,
+) -> Machines:
+    """One machine per lane, each with noise of its own; controllers that know the truth."""
+    lanes, n = truth.zero.shape[:2]
+    exact = draw_errors(Servo(), 0.0, lanes, n, np.random.default_rng(0))
+    return Machines(
+        rig or loose_rig(), truth, errors or exact, assumed or perfect(truth),
+        np.full(lanes, tared), tuple(np.random.SeedSequence(noise).spawn(lanes)),
+    )  # fmt: skip
+
+
 def dock(
     truth: Truth,
     controller: Controller,
@@ -50,7 +72,9 @@ def dock(
 ) -> Result:
     """Dock all lanes, the plan `shift` (m) beside the bore."""
     lanes = len(truth.mass)
-    way = GAP + gears.length + beyond
+    # The impedance lags by B v / K behind its reference.
+    lag = 1.5e-3 * controller.impedance.damping[2] / controller.impedance.stiffness[2]
+    way = GAP + gears.length + beyond + lag
     start = poses(lanes, np.array([*shift, 0.0]))
     reference = advance(
         start,
@@ -64,8 +88,6 @@ def dock(
     bore = Bore(np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0))
     rig = loose_rig()
     errors = draw_errors(controller.servo, repeat, lanes, rig.n, np.random.default_rng(7))
-    machines = Machines(
-        rig, truth, errors, assumed or perfect(truth), lanes, np.random.SeedSequence(noise)
-    )
+    machines = fleet(truth, assumed, errors=errors, noise=noise)
     docking = Docking(gears, bore, GAP + gears.length - 5.0e-4)
     return simulate(machines, controller, reference, docking)

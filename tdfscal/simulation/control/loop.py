@@ -1,58 +1,60 @@
-"""The closed loop: sensors, wrench, impedance, servos, elastic rig, contact; all lanes at once."""
+"""The closed loop: sensors, wrench, impedance, servos, terminal, contact; all lanes at once."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.simulation import rotations
-from tdfscal.simulation.control.impedance import require_stable, transition
+from tdfscal.simulation.control.impedance import transition
 from tdfscal.simulation.control.recording import Book
 from tdfscal.simulation.control.reference import Reference, follow
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
 from tdfscal.simulation.control.sensors import Sensors, WrenchObserver
-from tdfscal.simulation.control.terminal import Terminal, moment
+from tdfscal.simulation.control.stability import require_stable
+from tdfscal.simulation.control.terminal import Terminal, inertia_of, moment
 
 _CHUNK = 512
 
 
 def simulate(
-    machines: Machines, controller: Controller, reference: Reference, docking: Docking | None = None
+    machines: Machines,
+    controller: Controller,
+    reference: Reference,
+    docking: Docking | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Result:
     """Run all lanes until the reference ends, or every lane has stopped at a threshold.
 
+    progress : called with the share of the reference that is done.
+
     Raises
     ------
-    UsageError : the step does not fit, or the loop is unstable in contact.
+    UsageError : the step does not fit, or the loop is unstable.
     NotConvergedError : a terminal does not stand on its carriages.
     """
-    loop = _Loop(machines, controller, reference, docking)
-    return loop.run()
+    require_stable(machines.rig, controller, None if docking is None else docking.gears)
+    return Loop(machines, controller, reference, docking).run(progress)
 
 
-class _Loop:
+class Loop:
+    """L lanes under way; `simulate` runs them."""
+
     def __init__(
         self,
         machines: Machines,
         controller: Controller,
         reference: Reference,
-        docking: Docking | None,
+        docking: Docking | None = None,
     ) -> None:
         self.c, self.docking, self.reference = controller, docking, reference
         self.held = controller.held
         impedance = controller.impedance
         if docking is not None:
-            surroundings = docking.gears.stiffness_at_mouth_and_tip(impedance.centre)
-            require_stable(
-                impedance,
-                surroundings,
-                controller.servo.lag,
-                controller.step,
-                self.held,
-                controller.sensing.gain,
-            )
             self.tip = np.asarray(docking.gears.tip)
-        self.errors, self.runs = machines.errors, machines.runs
+        self.errors, self.tared = machines.errors, machines.tared[:, None]
         self.centre = np.asarray(impedance.centre)
         self.shift = np.eye(6)
         self.shift[:3, 3:] = -rotations.hat(self.centre)
@@ -65,7 +67,7 @@ class _Loop:
         self.mass, self.damping = np.array(impedance.mass), np.array(impedance.damping)
         self.sensors = Sensors(machines.truth)
         self.observer = WrenchObserver(machines.assumed, self.centre)
-        self.noise = np.random.default_rng(machines.noise)
+        self.noise = [np.random.default_rng(seed) for seed in machines.noise]
         self.chunk, self.chunk_at = np.empty((0,)), _CHUNK
         self.deviation = np.zeros((L, 6, 2))
         self.share = controller.servo.share(controller.step)
@@ -73,11 +75,14 @@ class _Loop:
         self.rates = self._rates()
         self.command(np.zeros(L))
         self.servo = self.target.copy()
-        self.terminal = Terminal(machines.truth, self._stand(), reference.start)
+        inertia = np.broadcast_to(inertia_of(machines.rig), (L, 3, 3))
+        self.terminal = Terminal(
+            machines.truth, inertia, controller.structure, self._stand(), reference.start,
+            controller.step,
+        )  # fmt: skip
         self.contact = np.zeros((L, 6))  # BCS, about the LCS origin
         self.touching = False
         self.q = np.full((L, 6), np.nan)
-        self.last_q: FloatArray | None = None
         self.filtered: FloatArray | None = None
         self.offset = np.zeros((L, 6))
         self.seen = np.zeros((L, 6))
@@ -107,9 +112,9 @@ class _Loop:
     def sample(self) -> FloatArray:
         """One reading of all sensors, filtered as the controller does."""
         if self.chunk_at >= _CHUNK:
-            shape = (_CHUNK, self.runs, *self.servo.shape[1:])
-            self.chunk = self.c.sensing.noise * self.noise.standard_normal(shape)
-            self.chunk_at = 0
+            shape = (_CHUNK, *self.servo.shape[1:])
+            draws = np.stack([rng.standard_normal(shape) for rng in self.noise], axis=1)
+            self.chunk, self.chunk_at = self.c.sensing.noise * draws, 0
         noise = self.chunk[self.chunk_at]
         self.chunk_at += 1
         clean = self.sensors.read(self.terminal.force)
@@ -126,36 +131,41 @@ class _Loop:
         self.smooth = self.smooth + self.watch * (self.seen - self.smooth)
 
     def settle(self) -> None:
-        """Stand still, and tare."""
+        """Stand still, and tare where that is done."""
         count = round(self.c.tare * self.c.sensing.rate)
-        if count:
+        if count and self.tared.any():
             total = np.zeros_like(self.offset)
             for _ in range(count):
                 total += self.observer.wrench(self.sample(), self.R)
-            self.offset = total / count
+            self.offset = np.where(self.tared, total / count, 0.0)
 
     def physics(self) -> None:
-        """Servos go on, the terminal comes to rest, contact changes."""
+        """Servos go on, and the terminal with them, under the contact of the middle of the step."""
         self.servo = self.servo + self.share * (self.target - self.servo)
+        if self.docking is not None:
+            self._touch(self.docking)
         self.terminal.move(self._stand(), self.contact)
-        if self.docking is None:
-            return
-        bore, R = self.docking.bore, self.terminal.rotation
-        lever = R @ self.tip
-        self.q = bore.coordinates(lever + self.terminal.translation, R)
-        rate = None if self.last_q is None else (self.q - self.last_q) / self.c.step
-        self.last_q = self.q
-        local = self.docking.gears.wrench(self.q, rate)
-        was, self.touching = self.touching, bool(local.any())
-        if not (self.touching or was):
-            return
-        both = local.reshape(-1, 2, 3) @ np.swapaxes(bore.rotation, -1, -2)
-        contact = both.reshape(-1, 6)
-        contact[:, 3:] += moment(lever[:, None, :], both[:, :1])
-        self.terminal.yield_to(contact - self.contact)
-        self.contact = contact
 
-    def run(self) -> Result:
+    def _touch(self, docking: Docking) -> None:
+        """Contact at the place half a step ahead: so held over the step, it does no net work."""
+        bore, terminal = docking.bore, self.terminal
+        R, back = terminal.rotation, np.swapaxes(bore.rotation, -1, -2)
+        lever = R @ self.tip
+        self.q = bore.coordinates(lever + terminal.translation, R)
+        turning = rotations.hat(terminal.rate[:, 3:])
+        motion = np.empty((len(R), 3, 2))
+        motion[..., 0] = terminal.rate[:, :3] + (turning @ lever[..., None])[..., 0]
+        motion[..., 1] = terminal.rate[:, 3:]
+        rate = np.swapaxes(back @ motion, -1, -2).reshape(-1, 6)
+        local = docking.gears.wrench(self.q + 0.5 * self.c.step * rate, rate)
+        was, self.touching = self.touching, bool(local.any())
+        if self.touching or was:
+            both = local.reshape(-1, 2, 3) @ back
+            self.contact = both.reshape(-1, 6)
+            self.contact[:, 3:] += moment(lever[:, None, :], both[:, :1])
+
+    def run(self, progress: Callable[[float], None] = lambda share: None) -> Result:
+        """Go the whole way."""
         c, L = self.c, self.lanes
         self.settle()
         book = Book(L, c.step)
@@ -181,6 +191,8 @@ class _Loop:
                 active = self._going_on(k, book, active)
             if done % every == 0 or not active.any():
                 self._record(k, book)
+            if done % _CHUNK == 0:
+                progress(done / len(self.reference.share))
             if not active.any():
                 break
         return book.result(c.servo.command(self.servo), self.q, done)
@@ -224,6 +236,8 @@ class _Loop:
             self._about_origin(self.smooth),
             self.deviation[..., 0],
             depth,
-            self.c.servo.command(self.servo),
-            self.reading,
+            *(
+                v if self.c.readings else v[:0]
+                for v in (self.c.servo.command(self.servo), self.reading)
+            ),
         )

@@ -12,6 +12,7 @@ from tdfscal.simulation.control.contact import Bore, GearPair
 from tdfscal.simulation.control.impedance import Impedance
 from tdfscal.simulation.control.sensors import Assumed, Sensing
 from tdfscal.simulation.control.servo import PositionErrors, Servo
+from tdfscal.simulation.control.terminal import Structure
 from tdfscal.simulation.truth import Truth
 
 PHASES = ("approach", "first contact", "insertion", "seated")
@@ -21,18 +22,20 @@ PHASES = ("approach", "first contact", "insertion", "seated")
 class Controller:
     """Controller and machine.
 
-    tare : s at rest before the start whose mean wrench is F_d; 0: not tared, F_d = 0.
+    tare : s at rest before the start whose mean wrench is F_d of the lanes that are tared.
     thresholds : N, |F| along x, y, z of the LCS at which the controller stops. step : s.
-    trace_rate : Hz, at most, of records.
+    trace_rate : Hz, at most, of records; readings : servos and sensors are recorded too.
     """
 
     impedance: Impedance = field(default_factory=Impedance)
     servo: Servo = field(default_factory=Servo)
     sensing: Sensing = field(default_factory=Sensing)
-    tare: float = 0.0
+    structure: Structure = field(default_factory=Structure)
+    tare: float = 2.0
     thresholds: tuple[float, float, float] = (20.0, 20.0, 40.0)
     step: float = 4.0e-3
-    trace_rate: float = 25.0
+    trace_rate: float = 10.0
+    readings: bool = False
 
     @property
     def held(self) -> int:
@@ -49,16 +52,17 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class Machines:
-    """L machines. truth : (L,). errors : of the carriages. noise : seed of the sensors' noise,
-    which goes by run: lane = calibration · runs + run, so that calibrations meet the same draws.
+    """L machines. truth : (L,). errors : of the carriages. tared : (L,), which of them tare.
+    noise : one seed of the sensors' noise per run; lane = calibration · runs + run, so that
+    calibrations meet the same draws.
     """
 
     rig: Rig
     truth: Truth
     errors: PositionErrors
     assumed: Assumed
-    runs: int
-    noise: np.random.SeedSequence
+    tared: BoolArray
+    noise: tuple[np.random.SeedSequence, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,8 @@ class Traces:
     time : (T,), s, from the start of the motion. contact : (T, L, 6), true contact wrench on the
     terminal, measured : the controller's, smoothed and tared; N, N·m about the LCS origin, LCS.
     deviation : (T, L, 6), x − x_d, m and rad. depth : (T, L), m, true, NaN without gears.
-    servo, reading : (T, L, n, 3), m, BCS, and N, sensor frames, as a recorder would see them.
+    servo, reading : (T, L, n, 3), m, BCS, and N, sensor frames, as a recorder would see them; of
+    no lanes where they were not asked for.
     """
 
     time: FloatArray

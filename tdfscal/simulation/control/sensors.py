@@ -16,14 +16,15 @@ from tdfscal.simulation.truth import Truth
 class Sensing:
     """Sampling of the force sensors.
 
-    rate : Hz. noise : N, standard deviation of one sample per axis. gain : of a Kalman filter for
-    a random walk in its steady state, per sample; 1 for no filter. watch : s, time constant with
-    which the wrench is smoothed for thresholds and records, outside the loop.
+    rate : Hz. noise : N, standard deviation of one sample per axis. gain : per sample, of a
+    low-pass of first order (a Kalman filter for a random walk in its steady state); 1 for none.
+    watch : s, time constant with which the wrench is smoothed for thresholds and records, outside
+    the loop.
     """
 
     rate: float = 250.0
     noise: float = 1.75
-    gain: float = 1.0
+    gain: float = 0.2
     watch: float = 0.1
 
     def __post_init__(self) -> None:

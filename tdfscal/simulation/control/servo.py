@@ -22,7 +22,7 @@ class Servo:
     """
 
     bandwidth: float = 15.0
-    resolution: float = 1.0e-6
+    resolution: float = 1.0e-7
     waves: tuple[float, float] = (0.01, 0.1)
 
     def __post_init__(self) -> None:

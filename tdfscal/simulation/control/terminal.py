@@ -1,22 +1,53 @@
-"""The terminal on its elastic NCPs, followed quasi-statically.
+"""The terminal as a body between its NCPs and the load: inertia, springs, structural damping.
 
-The lowest natural frequency of the rig (three carriages of 20 N/µm under 500 kg: above 50 Hz) is
-far above the impedance's (below 2 Hz in free space, 5 Hz in contact): at every step the terminal
-rests where springs, weight and contact balance. One Newton step from the last rest suffices, since
-contact is soft against the carriages.
+The sensors stand between NCP and terminal, so they feel m·a: F = weight, contact and inertia. A
+step is an exponential one (Rosenbrock–Euler): exact for the linearised body whatever the step, and
+at rest exactly where springs, weight and contact balance. Forces that go with the square of the
+rate of turn (0.02 N in the studies' moves) are left out.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from tdfscal.records import FloatArray
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle
 from tdfscal.simulation.truth import Truth
 
-#: Steps after which the springs' slope is worked out anew; until then the terminal hardly turns.
-_REFRESH = 25
+#: Turn since the last linearisation, rad, from which it is made anew.
+_REFRESH = 1.0e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """What gives between servo and terminal, beside the NCPs' stiffness in `Truth`.
+
+    damping : ratio, of the mode in which the whole terminal goes up and down; in proportion to the
+    stiffness, so that modes of higher frequency have more.
+    """
+
+    damping: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.damping < 1.0:
+            raise UsageError(
+                f"a structural damping ratio of {self.damping:g}", hint="give 0 to 1, as 0.05"
+            )
+
+
+def inertia_of(rig: Rig) -> FloatArray:
+    """Inertia (3, 3), kg m², about the LCS origin: the rig file's, or that of a body whose radius
+    of gyration is half that of the hinges, as in the simulated campaigns in motion.
+    """
+    if rig.inertia is not None and np.all(np.isfinite(rig.inertia.std)):
+        return np.asarray(rig.inertia.value)
+    m, r = float(rig.mass.value), rig.barycentre.value
+    own = 0.25 * m * np.mean(np.sum(rig.hinge**2, axis=1)) * np.diag([1.0, 1.1, 1.3])
+    return np.asarray(own + m * (r @ r * np.eye(3) - np.outer(r, r)))
 
 
 def moment(arm: FloatArray, force: FloatArray) -> FloatArray:
@@ -24,13 +55,88 @@ def moment(arm: FloatArray, force: FloatArray) -> FloatArray:
     return rotations.vee(np.swapaxes(force, -1, -2) @ arm)
 
 
-class Terminal:
-    """Poses and hinge forces of L terminals at once.
+def exponential(A: FloatArray) -> FloatArray:
+    """Matrix exponential (..., n, n) by scaling and squaring."""
+    halvings = max(0, int(np.ceil(np.log2(max(float(np.abs(A).sum(axis=-1).max()), 1e-300)))) + 2)
+    A = A / 2.0**halvings
+    out = term = np.broadcast_to(np.eye(A.shape[-1]), A.shape)
+    for k in range(1, 16):
+        term = term @ A / k
+        out = out + term
+    for _ in range(halvings):
+        out = out @ out
+    return np.asarray(out)
 
-    rotation : (L, 3, 3), LCS → BCS. translation : (L, 3), m.
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """The linearised body about the LCS origin, BCS: M q̈ = Σ F(q, q̇) + applied.
+
+    mass, stiffness : (..., 6, 6). decay : s, damping over stiffness.
     """
 
-    def __init__(self, truth: Truth, stand: FloatArray, start: Pose) -> None:
+    mass: FloatArray
+    stiffness: FloatArray
+    decay: FloatArray
+
+    @property
+    def modes(self) -> FloatArray:
+        """Natural frequencies (..., 6), Hz, the lowest first."""
+        square = np.linalg.eigvals(np.linalg.solve(self.mass, self.stiffness)).real
+        return np.asarray(np.sort(np.sqrt(square)) / (2.0 * np.pi))
+
+    def step(self, step: float) -> FloatArray:
+        """(..., 12, 18): what (rate, net force, its slope in time), held over `step` (s), add to
+        displacement and rate.
+        """
+        S = np.linalg.solve(self.mass, self.stiffness)
+        A = np.zeros((*S.shape[:-2], 12, 12))
+        A[..., :6, 6:] = np.eye(6)
+        A[..., 6:, :6], A[..., 6:, 6:] = -S, -self.decay[..., None, None] * S
+        first = np.linalg.solve(A, exponential(A * step) - np.eye(12))  # h φ₁
+        second = np.linalg.solve(A, first - step * np.eye(12))  # h² φ₂
+        into = np.linalg.inv(self.mass)
+        return np.concatenate(
+            [first[..., :6], first[..., 6:] @ into, second[..., 6:] @ into], axis=-1
+        )
+
+
+def body(truth: Truth, inertia: FloatArray, structure: Structure, rotation: FloatArray) -> Body:
+    """Linearise at rotation (L, 3, 3); truth : (L,); inertia (L, 3, 3), LCS."""
+    back = np.swapaxes(rotation, -1, -2)
+    lever = rotations.hat(truth.hinge @ back)
+    off = truth.mass[:, None, None] * rotations.hat(
+        (rotation @ truth.barycentre[..., None])[..., 0]
+    )
+    mass = np.zeros((len(rotation), 6, 6))
+    mass[:, :3, :3] = truth.mass[:, None, None] * np.eye(3)
+    mass[:, :3, 3:], mass[:, 3:, :3] = -off, off
+    mass[:, 3:, 3:] = rotation @ inertia @ back
+    coupling = (truth.stiffness @ lever).sum(axis=1)
+    K = np.empty_like(mass)
+    K[:, :3, :3] = truth.stiffness.sum(axis=1)
+    K[:, :3, 3:], K[:, 3:, :3] = -coupling, -np.swapaxes(coupling, -1, -2)
+    K[:, 3:, 3:] = -(lever @ truth.stiffness @ lever).sum(axis=1)
+    rise = np.sqrt(K[:, 2, 2] / truth.mass)
+    return Body(mass, K, 2.0 * structure.damping / rise)
+
+
+class Terminal:
+    """Poses, rates and hinge forces of L terminals at once.
+
+    rotation : (L, 3, 3), LCS → BCS. translation : (L, 3), m. rate : (L, 6), m/s of the LCS origin
+    and rad/s, BCS. force : (L, n, 3), N, BCS, of the NCPs on the terminal, as the sensors feel it.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        inertia: FloatArray,
+        structure: Structure,
+        stand: FloatArray,
+        start: Pose,
+        step: float,
+    ) -> None:
         """Stand : (L, n, 3), m, BCS, carriages. Raises NotConvergedError where nothing stands."""
         lanes = len(stand)
         load = Load(np.zeros((lanes, 1, 2, 3)), np.zeros((lanes, 1, 3)))
@@ -38,58 +144,53 @@ class Terminal:
         rest = settle(truth, stand[:, None], load, first)
         self.rotation = rest.pose.rotation[:, 0]
         self.translation = rest.pose.translation[:, 0]
+        self.rate = np.zeros((lanes, 6))
+        self.force = rest.force[:, 0]
+        self._truth, self._inertia, self._structure = truth, inertia, structure
         self._levers = np.concatenate([truth.hinge, truth.barycentre[:, None, :]], axis=1)
         self._acting = np.empty_like(self._levers)
-        self._stiffness = truth.stiffness
         self._acting[:, -1] = truth.mass[:, None] * truth.gravity
-        self._age = _REFRESH
-        self._stand = stand
-
-    @property
-    def force(self) -> FloatArray:
-        """(L, n, 3), N, BCS, of the NCPs on the terminal."""
-        return self._pull(self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2))
+        self._slope = np.zeros_like(self.force)
+        self._stand, self._step = stand, step
+        self._linearise()
 
     def move(self, stand: FloatArray, contact: FloatArray) -> None:
-        """Let the carriages stand at `stand` under a contact wrench (L, 6), N, and N·m about the
-        LCS origin, BCS.
+        """One step, in which the carriages go evenly to `stand`, under a held contact wrench
+        (L, 6), N, and N·m about the LCS origin, BCS.
         """
-        # The mean of the carriages' move is exact for a translation; Newton does the rest.
-        self.translation = self.translation + (stand - self._stand).mean(axis=1)
-        self._stand = stand
+        h = self._step
+        if np.abs(self.rotation - self._linearised).max() > _REFRESH:
+            self._linearise()
+        speed = (stand - self._stand) / h
+        slope = (self._truth.stiffness @ speed[..., None])[..., 0]
         levers = self._levers @ np.swapaxes(self.rotation, -1, -2)
-        arm = levers[:, :-1]
-        if self._age >= _REFRESH:
-            self._yield, self._age = self._flexibility(arm), 0
-        self._age += 1
-        self._acting[:, :-1] = self._pull(arm)
-        net = contact.copy()
-        net[:, :3] += self._acting.sum(axis=1)
-        net[:, 3:] += moment(levers, self._acting)
-        step = (self._yield @ net[..., None])[..., 0]
-        self.translation = self.translation + step[:, :3]
-        turn = rotations.hat(step[:, 3:])
+        # The dampers feel the carriages' new speed at once.
+        self._acting[:, :-1] = self.force + self._decay * (slope - self._slope)
+        state = np.empty((len(stand), 18))
+        state[:, :6] = self.rate
+        state[:, 6:12] = contact
+        state[:, 6:9] += self._acting.sum(axis=1)
+        state[:, 9:12] += moment(levers, self._acting)
+        state[:, 12:15] = slope.sum(axis=1)
+        state[:, 15:] = moment(levers[:, :-1], slope)
+        change = (self._gain @ state[..., None])[..., 0]
+        self._stand, self._slope = stand, slope
+        self.translation = self.translation + change[:, :3]
+        turn = rotations.hat(change[:, 3:6])
         # To the third order in a turn of microradians.
         self.rotation = self.rotation + turn @ (self.rotation + 0.5 * (turn @ self.rotation))
+        self.rate = self.rate + change[:, 6:]
+        self.force = self._pull(speed)
 
-    def yield_to(self, wrench: FloatArray) -> None:
-        """Give way to a small change of the contact wrench (L, 6), so that no step is lost."""
-        step = (self._yield @ wrench[..., None])[..., 0]
-        self.translation = self.translation + step[:, :3]
-        turn = rotations.hat(step[:, 3:])
-        self.rotation = self.rotation + turn @ self.rotation
+    def _linearise(self) -> None:
+        own = body(self._truth, self._inertia, self._structure, self.rotation)
+        self._decay, self._gain = own.decay[:, None, None], own.step(self._step)
+        self._linearised = self.rotation
 
-    def _pull(self, arm: FloatArray) -> FloatArray:
+    def _pull(self, speed: FloatArray) -> FloatArray:
+        """−K (stretch + decay · its rate), (L, n, 3), N; speed : (L, n, 3), m/s, of carriages."""
+        arm = self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2)
         stretch = arm + (self.translation[:, None, :] - self._stand)
-        return np.asarray(-(self._stiffness @ stretch[..., None])[..., 0])
-
-    def _flexibility(self, arm: FloatArray) -> FloatArray:
-        """(L, 6, 6): small translation and rotation by a small net force and moment."""
-        lever = rotations.hat(arm)
-        coupling = (self._stiffness @ lever).sum(axis=1)
-        slope = np.empty((len(arm), 6, 6))
-        slope[:, :3, :3] = self._stiffness.sum(axis=1)
-        slope[:, :3, 3:] = -coupling
-        slope[:, 3:, :3] = -np.swapaxes(coupling, -1, -2)
-        slope[:, 3:, 3:] = -(lever @ self._stiffness @ lever).sum(axis=1)
-        return np.asarray(np.linalg.inv(slope), dtype=np.float64)
+        rate = self.rate[:, None, :3] - arm @ rotations.hat(self.rate[:, 3:]) - speed
+        stretch += self._decay * rate
+        return np.asarray(-(self._truth.stiffness @ stretch[..., None])[..., 0])
