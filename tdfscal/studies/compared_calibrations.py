@@ -13,8 +13,10 @@ from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.model import parameters
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State
+from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import BoolArray, FloatArray, Rig, TrackerSession
+from tdfscal.selfcal.linear_method import fit_linear
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, Truth, draw_truths, simulate_dwells
 from tdfscal.simulation.control.sensors import Assumed, perfect, uncalibrated
@@ -24,23 +26,35 @@ from tdfscal.trackercal import calibrate_tracker
 
 #: Internal forces of the campaigns that the self-calibration gets, N, as `tdfscal simulate`.
 SQUEEZE = 200.0
-#: Standard deviations of the mounting's roll, pitch and yaw, rad, where the rig file has none. Flat
-#: flanges and 0.5 % of crosstalk leave a few mrad of tilt; about Z nothing but bolt holes locates
-#: a sensor (Sect. 5 of the paper: "much greater").
-MOUNTING = (0.003, 0.003, 0.03)
+#: What each controller knows; the first four differ in their angles alone, as the paper's do.
+KNOWS = {
+    "none": "nominal angles",
+    "tracker": "the tracker's angles",
+    "linear": "the angles of the paper's linear self-calibration",
+    "self": "the self-calibration's angles",
+    "self-all": "the self-calibration's angles, zeros, mass and barycentre",
+    "tracker-tared": "the tracker's angles, tared before each run",
+    "perfect-angles": "true angles",
+    "perfect": "the truth",
+}
+#: Which of them is like each of the paper's: angles alone, and self-calibration by Eq. 24.
+LIKE = {"none": "none", "tracker": "tracker", "linear": "self"}
 
 _T = TypeVar("_T", Truth, Assumed, PositionErrors)
 
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """One calibration at work: its name, what the controller takes for true in each run, and the
-    rms error of the angles over the runs, rad.
+    """One calibration at work: its name, what the controller takes for true in each run, whether
+    it tares before each run, the rms error of the angles over the runs, rad, and the number of runs
+    in which the calibration gave no result and the nominal angles were used.
     """
 
     name: str
     assumed: Assumed
     angle_error: float
+    tared: bool = False
+    failed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +70,17 @@ class Arms:
         """Number of machines."""
         return len(self.truth.mass)
 
-    def lanes(self, copies: int = 1) -> tuple[Truth, Assumed]:
-        """Truth and assumptions of all lanes, (arm, copy, run) with the run fastest."""
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the calibrations."""
+        return tuple(arm.name for arm in self.arms)
+
+    def lanes(self, copies: int = 1) -> tuple[Truth, Assumed, BoolArray]:
+        """Truth, assumptions and who tares, of all lanes: (arm, copy, run) with the run fastest."""
         truth = tiled(self.truth, len(self.arms) * copies)
         parts = [tiled(arm.assumed, copies) for arm in self.arms]
-        return truth, _joined(parts)
+        tared = np.repeat([arm.tared for arm in self.arms], copies * self.runs)
+        return truth, _joined(parts), tared
 
 
 def simulated(
@@ -68,49 +88,87 @@ def simulated(
     runs: int,
     rng: np.random.Generator,
     *,
-    best: bool = False,
+    best: bool = True,
     options: Options | None = None,
     survey: SurveyOptions | None = None,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Arms:
-    """The three of the paper: none, tracker, self; with best also perfect, which knows the truth.
-    Every run has a rig of its own, drawn within what the rig file states; campaign and survey of it
-    are simulated and calibrated as by `tdfscal calibrate`.
-
-    Raises NotIdentifiableError and others of the calibrations where a run gives none.
+    """The arms of `KNOWS`; without best, those that know some of the truth are left out. Every run
+    has a rig of its own, drawn within what the rig file states; campaign and survey of it are
+    simulated and calibrated as by `tdfscal calibrate`. A calibration without result leaves the
+    nominal angles, and is counted.
     """
     survey = survey or SurveyOptions()
-    options = options or Options(squeeze=SQUEEZE, installation_std=MOUNTING)
+    options = options or Options(squeeze=SQUEEZE)
     batch = simulate_dwells(rig, options, rng, runs)
     truth = batch.truth
-    own, tracked = [], []
+    states: dict[str, list[State]] = {"tracker": [], "linear": [], "self": []}
+    failed = dict.fromkeys(states, 0)
     for run in range(runs):
         session = simulate_survey(rig, truth.trial(run), survey, rng).session
-        try:
-            found = calibrate_tracker(rig, session, misalignment=survey.body_misalignment, trials=0)
-            fit = self_calibrate(rig, batch.dwells(run), rng=rng, max_trials=0).fit
-        except TdfscalError as fault:
-            raise type(fault)(
-                f"a simulated calibration of this rig fails: {fault.what}",
-                where=f"run {run + 1} of {runs}",
-                hint=fault.hint,
-            ) from fault
-        tracked.append(found.rotations.rotation)
-        own.append(fit.state)
+        dwells = batch.dwells(run)
+        for name, calibrate in (
+            ("tracker", lambda s=session: _by_tracker(rig, s, survey)),
+            ("linear", lambda d=dwells: fit_linear(rig, postures(rig, d)).state),
+            ("self", lambda d=dwells: self_calibrate(rig, d, rng=rng, max_trials=0).fit.state),
+        ):
+            try:
+                states[name].append(calibrate())
+            except TdfscalError:
+                states[name].append(parameters.nominal(rig))
+                failed[name] += 1
         progress(run + 1)
-    nominal = so3.from_rpy(rig.nominal_rpy)
+    nominal = uncalibrated(rig, so3.from_rpy(rig.nominal_rpy), runs)
+
+    def angles(name: str) -> Assumed:
+        return replace(nominal, rotation=np.stack([s.rotation for s in states[name]]))
+
+    known = {
+        "none": nominal,
+        "tracker": angles("tracker"),
+        "linear": angles("linear"),
+        "self": angles("self"),
+        "self-all": _joined([_assumed(rig, [s]) for s in states["self"]]),
+        "tracker-tared": angles("tracker"),
+    }
     arms = [
-        _arm("none", truth, uncalibrated(rig, nominal, runs)),
-        _arm("tracker", truth, uncalibrated(rig, np.stack(tracked), runs)),
-        _arm("self", truth, _joined([_assumed(rig, [state]) for state in own])),
+        replace(_arm(n, truth, a), tared=n == "tracker-tared", failed=failed.get(n.split("-")[0], 0))
+        for n, a in known.items()
     ]
     if best:
-        arms.append(_arm("perfect", truth, perfect(truth)))
+        arms += _best(rig, truth)
     return Arms(
         truth,
         tuple(arms),
         "campaigns and surveys simulated and calibrated, a rig of its own in every run",
     )
+
+
+def _by_tracker(rig: Rig, session: TrackerSession, survey: SurveyOptions) -> State:
+    found = calibrate_tracker(rig, session, misalignment=survey.body_misalignment, trials=0)
+    return replace(parameters.nominal(rig), rotation=found.rotations.rotation)
+
+
+def _best(rig: Rig, truth: Truth) -> list[Arm]:
+    """Controllers that know the true angles, and everything."""
+    nominal = uncalibrated(rig, truth.rotation, len(truth.mass))
+    return [_arm("perfect-angles", truth, nominal), _arm("perfect", truth, perfect(truth))]
+
+
+def misaligned(
+    rig: Rig, runs: int, deviations: Sequence[float], rng: np.random.Generator
+) -> Arms:
+    """Controllers that know all but the angles: off by normal turns of these standard deviations,
+    rad per axis, in the same directions in every arm.
+    """
+    truth = draw_truths(rig, Options(), rng, runs)
+    unit = rng.standard_normal((runs, rig.n, 3))
+    best = perfect(truth)
+    arms = [
+        _arm(f"{1e3 * d:g} mrad", truth, replace(best, rotation=so3.exp(d * unit) @ truth.rotation))
+        for d in deviations
+    ]
+    return Arms(truth, tuple(arms), "controllers that know all but the angles")
 
 
 def given(
@@ -119,23 +177,86 @@ def given(
     runs: int,
     rng: np.random.Generator,
     *,
-    best: bool = False,
+    truth: tuple[str, Calibrated] | None = None,
+    best: bool = True,
 ) -> Arms:
-    """Calibrations of this rig, and beside them none; with best also perfect. The truth is not
-    known: every run draws it from the most certain of them, all parameters by their joint
-    uncertainty.
+    """Calibrations of this rig, and beside them none; with best also the perfect ones. The truth is
+    not known: every run draws it from `truth`, or from the combination of all calibrations weighted
+    by their covariances, all parameters by their joint uncertainty. None of them judges itself.
 
-    Raises UsageError for a calibration of another rig.
+    Raises UsageError for a calibration of another rig, one that is its own judge, and ones that are
+    too few to tell the truth.
     """
     for name, calibration in calibrations:
         require_agreement(calibration.rig, rig, name)
-    turns = slice(0, 3 * rig.n)
-    name, surest = min(calibrations, key=lambda c: float(np.trace(c[1].covariance[turns, turns])))
-    root = surest.root
-    state = parameters.retract(surest.state, rng.standard_normal((runs, root.shape[1])) @ root.T)
+    if truth is not None:
+        require_agreement(truth[1].rig, rig, truth[0])
+        for name, calibration in calibrations:
+            if np.array_equal(calibration.state.rotation, truth[1].state.rotation):
+                raise UsageError(
+                    "a calibration cannot be its own judge",
+                    where=name,
+                    hint="name another file as --truth, or leave it out: two calibrations or more "
+                    "are then combined",
+                )
+        drawn = _drawn(rig, truth[1], runs, rng)
+        origin = f"truth drawn from {truth[0]} and its uncertainty"
+    elif len(calibrations) < 2:
+        raise UsageError(
+            "one calibration alone cannot be judged: the truth would be its own",
+            where=calibrations[0][0],
+            hint="add another calibration of the rig, or name one as --truth",
+        )
+    else:
+        drawn = _drawn(rig, combined([c for _, c in calibrations]), runs, rng)
+        origin = "truth drawn from the combination of all calibrations and its uncertainty"
+    nominal = so3.from_rpy(rig.nominal_rpy)
+    arms = [_arm("none", drawn, uncalibrated(rig, nominal, runs))]
+    arms += [_arm(n, drawn, _assumed(rig, [c.state] * runs)) for n, c in calibrations]
+    if best:
+        arms += _best(rig, drawn)
+    return Arms(drawn, tuple(arms), origin)
+
+
+def combined(calibrations: Sequence[Calibrated]) -> Calibrated:
+    """Calibrations of one rig weighted by the covariances of all their parameters, as independent.
+
+    Where they differ by more than they state, the covariance is inflated by their Birge ratio.
+    A parameter that none has a covariance for is as in the first.
+    """
+    first = calibrations[0]
+    size, turns = len(first.covariance), 3 * first.rig.n
+    information, pull, square = np.zeros((size, size)), np.zeros(size), 0.0
+    for c in calibrations:
+        inverse = np.linalg.pinv(c.root) if np.any(c.covariance) else np.zeros((0, size))
+        own = inverse.T @ inverse
+        information += own
+        pull += own @ parameters.deviation(c.state, first.state)
+    used = np.flatnonzero(np.diagonal(information))
+    scale = 1.0 / np.sqrt(np.diagonal(information)[used])
+    covariance = np.zeros((size, size))
+    unit = information[np.ix_(used, used)] * np.outer(scale, scale)
+    covariance[np.ix_(used, used)] = np.linalg.inv(unit) * np.outer(scale, scale)
+    mean = covariance @ pull
+    for c in calibrations:
+        off = parameters.deviation(c.state, first.state)[:turns] - mean[:turns]
+        square += float(off @ np.linalg.solve(c.covariance[:turns, :turns], off))
+    birge2 = max(1.0, square / (turns * (len(calibrations) - 1)))
+    return replace(
+        first,
+        state=parameters.retract(first.state, mean),
+        covariance=birge2 * covariance,
+        open=np.all([c.open for c in calibrations], axis=0),
+    )
+
+
+def _drawn(rig: Rig, source: Calibrated, runs: int, rng: np.random.Generator) -> Truth:
+    """Truths of a rig that is as a calibration says, within its uncertainty."""
+    root = source.root
+    state = parameters.retract(source.state, rng.standard_normal((runs, root.shape[1])) @ root.T)
     drawn = draw_truths(rig, Options(), rng, runs)
-    open_zero = surest.open[parameters.layout(rig.n)["zero"]].reshape(rig.n, 3)
-    truth = replace(
+    open_zero = source.open[parameters.layout(rig.n)["zero"]].reshape(rig.n, 3)
+    return replace(
         drawn,
         rotation=state.rotation,
         rpy=so3.to_rpy(state.rotation),
@@ -145,12 +266,6 @@ def given(
         barycentre=state.barycentre,
         hinge=state.hinge,
     )
-    nominal = so3.from_rpy(rig.nominal_rpy)
-    arms = [_arm("none", truth, uncalibrated(rig, nominal, runs))]
-    arms += [_arm(n, truth, _assumed(rig, [c.state] * runs)) for n, c in calibrations]
-    if best:
-        arms.append(_arm("perfect", truth, perfect(truth)))
-    return Arms(truth, tuple(arms), f"truth drawn from {name} and its uncertainty")
 
 
 def drifted(arms: Arms, drift: float, rng: np.random.Generator) -> Arms:

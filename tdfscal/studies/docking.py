@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeVar, cast
 
@@ -11,22 +12,24 @@ from tdfscal.errors import UsageError
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.simulation import SurveyOptions
 from tdfscal.simulation.control.contact import Bore, GearPair
-from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.misalignment import GearSurvey, survey_error
 from tdfscal.simulation.control.reference import advance, require_within
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
 from tdfscal.simulation.control.servo import draw_errors
 from tdfscal.simulation.equilibrium import Pose
-from tdfscal.studies.compared_calibrations import Arms, tiled
-from tdfscal.studies.ratios import Ratio, ratio
+from tdfscal.studies.compared_calibrations import LIKE, Arms, tiled
+from tdfscal.studies.lanes import simulate_lanes
+from tdfscal.studies.ratios import Ratio, Share, ratio, share
 
 _A = TypeVar("_A", FloatArray, BoolArray)
 #: Path beyond the planned seat, m: the seat is felt, not known.
 _ON = 0.01
 #: Depth that the controller may lack when it takes a threshold for the seat, m.
 _SHORT = 0.002
-#: The paper's averages of the maxima, N and N·m: none, tracker, self.
-PAPER = {"none": (8.41, 5.22), "tracker": (6.58, 3.89), "self": (4.19, 3.03)}
+#: The paper's averages of the maxima, N and N·m, over its calibrations.
+_PUBLISHED = {"none": (8.41, 5.22), "tracker": (6.58, 3.89), "self": (4.19, 3.03)}
+#: The same beside the arms that are like them.
+PAPER = {arm: _PUBLISHED[name] for arm, name in LIKE.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +72,17 @@ class DockingStudy:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the calibrations."""
-        return tuple(arm.name for arm in self.arms.arms)
+        return self.arms.names
+
+    @property
+    def succeeded(self) -> BoolArray:
+        """(C, N): seated, and no true force before beyond its limit along any axis."""
+        limits = np.asarray(self.setup.controller.thresholds)
+        return np.asarray(self.seated & np.all(self.peak[..., :3] <= limits, axis=-1))
+
+    def success(self, c: int) -> Share:
+        """Runs of a calibration that succeeded, with the interval of their probability."""
+        return share(self.succeeded[c])
 
     @property
     def average(self) -> FloatArray:
@@ -124,9 +137,18 @@ def _by_direction(peak: FloatArray) -> FloatArray:
     return np.asarray(peak.reshape(*peak.shape[:2], 2, 3).mean(axis=-1))
 
 
-def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int) -> DockingStudy:
+def docking(
+    setup: Setup,
+    arms: Arms,
+    seed: np.random.SeedSequence,
+    number: int,
+    *,
+    workers: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+) -> DockingStudy:
     """Dock once per calibration and run; a run's draws (rig, survey, positioning errors, noise) are
-    the same for all calibrations. number : the seed as the user gave it.
+    the same for all calibrations. number : the seed as the user gave it. workers : processes; they
+    change no number.
 
     Raises
     ------
@@ -141,7 +163,10 @@ def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int)
     turn, shift = survey_error(
         rig, setup.survey, setup.gear, mouth, home, runs, np.random.default_rng(survey_seed)
     )
-    way = setup.gap + gears.length + _ON
+    impedance = setup.controller.impedance
+    # The impedance lags by B v / K, and presses its threshold of force on the seat.
+    lag = setup.speed * impedance.damping[2] / impedance.stiffness[2]
+    way = setup.gap + gears.length + _ON + lag
     start_tip, goal_tip = (
         mouth + shift + turn @ np.array([0.0, 0.0, s]) for s in (-setup.gap, way - setup.gap)
     )
@@ -156,7 +181,7 @@ def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int)
         np.random.default_rng(error_seed),
     )
     copies = len(arms.arms)
-    truth, assumed = arms.lanes()
+    truth, assumed, tared = arms.lanes()
     lanes = copies * runs
     reference = advance(
         Pose(np.tile(start.rotation, (copies, 1, 1)), np.tile(start.translation, (copies, 1))),
@@ -167,12 +192,16 @@ def docking(setup: Setup, arms: Arms, seed: np.random.SeedSequence, number: int)
         step=setup.controller.step,
     )
     bore = Bore(np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0))
-    machines = Machines(rig, truth, tiled(errors, copies), assumed, runs, noise_seed)
-    result = simulate(
+    machines = Machines(
+        rig, truth, tiled(errors, copies), assumed, tared, tuple(noise_seed.spawn(runs))
+    )
+    result = simulate_lanes(
         machines,
         setup.controller,
         reference,
         Docking(gears, bore, setup.gap + gears.length - _SHORT),
+        workers=workers,
+        progress=progress,
     )
     before = slice(1, 3)
     return DockingStudy(

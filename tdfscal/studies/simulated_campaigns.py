@@ -75,7 +75,7 @@ def run_blocks(
             progress(done)
         return
     processes = min(workers, len(tasks))
-    with _one_thread_each(), ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+    with one_thread_each(), ProcessPoolExecutor(processes, get_context("spawn")) as pool:
         for task, result in zip(tasks, pool.map(run_block, tasks), strict=True):
             yield result
             done += task.size
@@ -83,7 +83,7 @@ def run_blocks(
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
+def one_thread_each() -> Iterator[None]:
     """Let processes that start now use one thread for linear algebra: together they use all cores.
 
     The libraries read these variables when they are loaded, so only new processes heed them.
