@@ -13,7 +13,7 @@ from tdfscal.cli.perform import perform
 study = typer.Typer(no_args_is_help=True, help="The paper's studies, on any rig.")
 app.add_typer(study, name="study")
 
-Filter = Literal["none", "kalman"]
+Filter = Literal["low-pass", "kalman", "none"]
 LogFormat = Literal["csv", "parquet", "mcap"]
 
 Folder = Annotated[
@@ -24,22 +24,48 @@ Calibrations = Annotated[
     typer.Option("--calibration", metavar="FILE", help="What it is worth; may be repeated."),
 ]
 Runs = Annotated[int, typer.Option(min=1, help="Runs per calibration.")]
-Perfect = Annotated[
-    bool, typer.Option("--perfect", help="Also the best that any calibration could do.")
+Truth = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Calibration that is the truth; default all combined."),
 ]
+Perfect = Annotated[
+    bool,
+    typer.Option("--perfect/--no-perfect", help="Also the best that any calibration could do."),
+]
+
+
+Stiffness = Annotated[
+    str | None,
+    typer.Option(metavar="K[,KR]", help="Impedance: stiffness, N/m (and N·m/rad); 10 kN/m."),
+]
+Damping = Annotated[
+    str | None,
+    typer.Option(metavar="B[,BR]", help="Impedance: damping, N·s/m; default the least stable."),
+]
+VirtualMass = Annotated[
+    str | None,
+    typer.Option(metavar="M[,MR]", help="Impedance: virtual mass, kg; default the real one."),
+]
+ServoBandwidth = Annotated[
+    float | None, typer.Option("--servo", metavar="HZ", help="Bandwidth of the servos, 15 Hz.")
+]
+Contact = Annotated[
+    float | None, typer.Option(metavar="N/M", min=0, help="Contact stiffness of a tooth.")
+]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default one per core.")]
 Mounting = Annotated[
     str | None,
     typer.Option(
         metavar="R,P,Y",
-        help="Simulated mounting: std of roll, pitch, yaw, rad; default 0.003,0.003,0.03.",
+        help="Simulated mounting: std of roll, pitch, yaw, rad; default 0.02,0.02,0.05.",
     ),
 ]
 Drift = Annotated[
     float, typer.Option(metavar="N", min=0, help="Std of the zeros' drift since the calibration.")
 ]
-Tare = Annotated[bool, typer.Option(help="Tare the wrench at the start.")]
+Tare = Annotated[bool, typer.Option(help="All tare the wrench at the start.")]
 Filtered = Annotated[
-    Filter, typer.Option("--filter", case_sensitive=False, help="Kalman filter of the sensors.")
+    Filter, typer.Option("--filter", case_sensitive=False, help="Filter of the sensors.")
 ]
 Walking = Annotated[
     float | None,
@@ -90,9 +116,7 @@ def accuracy(
     stiffness: Annotated[float, typer.Option(metavar="N/M", help="Of an NCP.")] = 20.0e6,
     distance: Annotated[float, typer.Option(metavar="M", help="Tracker to rig, m.")] = 5.0,
     seed: Seed = 0,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; default one per core.")
-    ] = None,
+    workers: Workers = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:
@@ -105,18 +129,24 @@ def free_space(
     rig: Rig,
     output: Folder,
     calibration: Calibrations = None,
-    runs: Runs = 10,
+    truth: Truth = None,
+    runs: Runs = 20,
     moves: Annotated[
         Path | None, typer.Option(metavar="FILE", help="CSV of moves instead of the six stated.")
     ] = None,
-    perfect: Perfect = False,
+    perfect: Perfect = True,
     mounting: Mounting = None,
     drift: Drift = 0.0,
     tare: Tare = False,
-    filter: Filtered = "none",
+    filter: Filtered = "low-pass",
     walk: Walking = None,
     logs: Logs = None,
+    stiffness: Stiffness = None,
+    damping: Damping = None,
+    virtual_mass: VirtualMass = None,
+    servo: ServoBandwidth = None,
     seed: Seed = 0,
+    workers: Workers = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:
@@ -129,18 +159,31 @@ def docking(
     rig: Rig,
     output: Folder,
     calibration: Calibrations = None,
-    runs: Runs = 10,
+    truth: Truth = None,
+    runs: Runs = 20,
     engagement: Annotated[
         float | None, typer.Option(metavar="MM", help="Length of the engagement, default 333 mm.")
     ] = None,
-    perfect: Perfect = False,
+    perfect: Perfect = True,
     mounting: Mounting = None,
     drift: Drift = 0.0,
     tare: Tare = False,
-    filter: Filtered = "none",
+    filter: Filtered = "low-pass",
     walk: Walking = None,
     logs: Logs = None,
+    stiffness: Stiffness = None,
+    damping: Damping = None,
+    virtual_mass: VirtualMass = None,
+    servo: ServoBandwidth = None,
+    contact_stiffness: Contact = None,
+    friction: Annotated[
+        float | None, typer.Option(metavar="MU", min=0, help="Of the teeth; default 0.15.")
+    ] = None,
+    clearance: Annotated[
+        float | None, typer.Option(metavar="MM", help="Radial clearance, default 0.05 mm.")
+    ] = None,
     seed: Seed = 0,
+    workers: Workers = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.reporting.layout import Block, Report, Section, Table
+from tdfscal.reporting.layout import Block, Facts, Items, Report, Section, Table
+from tdfscal.reporting.paper import Item, docking_items, free_space_items, sentence
+from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking, free_space
+from tdfscal.studies.compared_calibrations import KNOWS, LIKE, Arms
 from tdfscal.studies.docking import DockingStudy
 from tdfscal.studies.free_space import FreeSpaceStudy
-from tdfscal.studies.ratios import Ratio
+from tdfscal.studies.ratios import Ratio, Share
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 Row = tuple[str | float | int, ...]
@@ -23,11 +26,11 @@ _DEVIATION = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def pairs(names: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Every calibration against the one before it, and the last against the first."""
-    found = [(b, a) for a, b in pairwise(names)]
-    if len(names) > 2:
-        found.append((names[-1], names[0]))
-    return found
+    """Every calibration against the tracker's angles; of given ones each against the one before."""
+    if "tracker" not in names:
+        return [(b, a) for a, b in pairwise(names)]
+    found = [("tracker", "none")]
+    return found + [(name, "tracker") for name in names if name not in ("none", "tracker")]
 
 
 def _said(ratio: Ratio) -> str:
@@ -37,8 +40,18 @@ def _said(ratio: Ratio) -> str:
     return f"{ratio.value:.3g}{std}"
 
 
-def _spread(values: FloatArray) -> str:
-    return f"{np.std(values, ddof=1):.3g}" if values.size > 1 else ""
+def mean_se(values: FloatArray, runs: int) -> str:
+    """Mean ± standard error of runs, and of how many where some did not come so far."""
+    if values.size == 0:
+        return f"– (0 of {runs})"
+    std = f" ± {np.std(values, ddof=1) / np.sqrt(values.size):.2g}" if values.size > 1 else ""
+    lost = f" ({values.size} of {runs})" if values.size < runs else ""
+    return f"{values.mean():.3g}{std}{lost}"
+
+
+def share_said(share: Share) -> str:
+    """Share of runs with its interval, in per cent."""
+    return f"{100 * share.value:.0f} ({100 * share.low:.0f}–{100 * share.high:.0f})"
 
 
 def _paper_ratio(paper: dict[str, tuple[float, float]], of: str, to: str, quantity: int) -> str:
@@ -48,22 +61,23 @@ def _paper_ratio(paper: dict[str, tuple[float, float]], of: str, to: str, quanti
 
 
 def free_space_report(study: FreeSpaceStudy) -> Report:
-    """Lay out the deviations, their ratios, and what lies behind them."""
+    """Lay out the deviations, their ratios, what of the paper they reproduce, and why."""
     rows = []
     for c, arm in enumerate(study.arms.arms):
         paper = free_space.PAPER.get(arm.name)
         row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
         for quantity in (0, 1):
-            values = 1e3 * study.length[c, ..., quantity]
-            row += [f"{values.mean():.3f}", _spread(values)]
-            row.append(f"{paper[quantity]:.3f}" if paper else "")
+            values = 1e3 * study.length[c, ..., quantity].mean(axis=0)
+            row += [mean_se(values, study.arms.runs), f"{paper[quantity]:.3f}" if paper else ""]
         rows.append(tuple(row))
-    header = ("", "angles off, mrad", "mm", "std", "paper", "mrad", "std", "paper")
-    caption = "Deviation of the final pose, mean and standard deviation; the paper's means"
+    header = ("", "rms angle error, mrad", "position, mm", "paper", "posture, mrad", "paper")
+    caption = "Deviation of the final pose, mean over moves and runs ± standard error"
     blocks = (
         Table(caption, header, tuple(rows)),
         _ratio_table("Ratios of the means ± standard error", ("position", "posture"), study,
                      free_space.PAPER),
+        *_against_paper(study.arms, free_space_items(study)),
+        _knows(study.arms),
         FREE_SPACE_NOTE,
     )  # fmt: skip
     return Report(
@@ -72,6 +86,24 @@ def free_space_report(study: FreeSpaceStudy) -> Report:
         f"{_machine(study)}; {study.arms.origin}",
         sections=(Section("Free space", blocks),),
     )
+
+
+def _against_paper(arms: Arms, items: list[Item]) -> tuple[Block, ...]:
+    """What of the paper is reproduced; nothing where given calibrations are at work."""
+    if not set(LIKE) <= set(arms.names):
+        return ()
+    return (Items("Beside the paper", tuple(sentence(item) for item in items if item.like)),)
+
+
+def _knows(arms: Arms) -> Block:
+    """What each controller knows, and which calibrations gave no result."""
+    rows = []
+    for arm in arms.arms:
+        text = KNOWS.get(arm.name, "a given calibration: all that it states")
+        if arm.failed:
+            text += f"; no result in {arm.failed} of {arms.runs} runs, which keep the nominal ones"
+        rows.append((arm.name, text))
+    return Facts(tuple(rows))
 
 
 def _ratio_table(
@@ -92,70 +124,93 @@ def _ratio_table(
 
 
 def _machine(study: Study) -> str:
-    """How the controller treats its sensors."""
-    controller = study.setup.controller
-    seconds, sensing = controller.tare, controller.sensing
-    said = f"tared over {seconds:g} s at the start" if seconds > 0.0 else "not tared"
-    if sensing.gain < 1.0:
-        said += f", a Kalman filter that is {1e3 * sensing.delay:.2g} ms late"
+    """The controller in a few words."""
+    c = study.setup.controller
+    said = (
+        f"virtual mass {c.impedance.mass[0]:g} kg, damping {c.impedance.damping[0]:.3g} N·s/m, "
+        f"stiffness {c.impedance.stiffness[0]:g} N/m, servos {c.servo.bandwidth:g} Hz"
+    )
+    if c.sensing.gain < 1.0:
+        said += f", a filter that is {1e3 * c.sensing.delay:.2g} ms late"
     return said
 
 
 FREE_SPACE_NOTE = (
-    "Everything that the controller has wrong shows: angles, zeros, mass, barycentre. The laser "
-    "tracker gives angles alone, self-calibration all of them. The paper does not give its "
-    "impedance, so its millimetres compare by ratio at best. docs/control.md takes the causes "
-    "apart."
+    "The paper's arms differ in their angles alone, and so do the first four here: their zeros, "
+    "mass and barycentre are the rig file's, within what it states of them. The paper's self is "
+    "the linear method (Eq. 24); its numbers stand beside that one only. docs/control.md has the "
+    "model and its parameters."
 )
 DOCKING_NOTE = (
     "True maxima are those that the gears exert from first contact to the seat, over runs that "
-    "made contact; seen are those of the controller's own wrench, false forces and noise included, "
-    "from the start, over all runs (one that stopped at a false force saw a threshold). No "
-    "calibration gets below a perfect one (--perfect): there the sensors' noise drives the "
-    "terminal against the bore. docs/control.md takes the causes apart."
+    "made contact, whose number is given where it is not all of them. Seen are those of the "
+    "controller's own wrench from the start: that is what the paper's control software records, so "
+    "its numbers stand there, and beside its own method (Eq. 24) only. A run succeeds where it "
+    "seats and no true force before was beyond its limit. The newtons go with contact stiffness "
+    "and speed: `study success` sweeps the former. docs/control.md has the model and its "
+    "parameters."
 )
 
 
 def docking_report(study: DockingStudy) -> Report:
-    """Lay out the maxima, outcomes, ratios, and what lies behind them."""
+    """Lay out the maxima, outcomes, ratios, what of the paper they reproduce, and why."""
     setup = study.setup
-    outcomes = tuple(
-        (arm.name, *map(str, _outcomes(study, c))) for c, arm in enumerate(study.arms.arms)
-    )
+    limits = ", ".join(f"{v:g}" for v in setup.controller.thresholds)
     blocks: tuple[Block, ...] = (
-        _maxima("true", study, study.average, study.touched),
-        _maxima("seen", study, study.average_seen, np.ones_like(study.touched)),
-        Table("Outcome, runs", ("", "seated", "jammed", "false contact", "not finished"), outcomes),
-        *(
-            _ratio_table(f"Ratios of the means ± standard error, {name}", ("force", "torque"),
-                         study, docking.PAPER, **which)
-            for name, which in (("true", {}), ("seen", {"seen": True}))
+        _maxima("true", study, study.average, study.touched, {}),
+        _maxima("seen", study, study.average_seen, study.touched, docking.PAPER),
+        Table(
+            f"Outcome: runs, and success without a force above its limit ({limits} N) in % with "
+            "its 95 % interval",
+            ("", "seated", "jammed", "false contact", "not finished", "success, %"),
+            tuple(
+                (arm.name, *map(str, _outcomes(study, c)), share_said(study.success(c)))
+                for c, arm in enumerate(study.arms.arms)
+            ),
         ),
+        *(
+            _ratio_table(f"Ratios of the means ± standard error, {name}, runs in which both made "
+                         "contact", ("force", "torque"), study, paper, **which)
+            for name, paper, which in (
+                ("true", {}, {}), ("seen", docking.PAPER, {"seen": True})
+            )
+        ),
+        *_against_paper(study.arms, docking_items(study)),
+        _knows(study.arms),
         DOCKING_NOTE,
     )  # fmt: skip
     return Report(
         title=f"Docking: {setup.rig.name}",
         subtitle=f"{1e3 * setup.speed:g} mm/s over {1e3 * setup.gap:g} mm of free space and "
-        f"{1e3 * setup.gears.length:.3g} mm of engagement, {study.arms.runs} runs; "
+        f"{1e3 * setup.gears.length:.3g} mm of engagement, contact "
+        f"{1e-6 * setup.gears.stiffness:.2g} N/µm, {study.arms.runs} runs; "
         f"{_machine(study)}; {study.arms.origin}",
         sections=(Section("Docking", blocks),),
     )
 
 
-def _maxima(name: str, study: DockingStudy, average: FloatArray, counted: BoolArray) -> Table:
-    """Mean and scatter of the maxima (C, R, 2) of the runs that count (C, R)."""
+def _maxima(
+    name: str,
+    study: DockingStudy,
+    average: FloatArray,
+    counted: BoolArray,
+    published: dict[str, tuple[float, float]],
+) -> Table:
+    """Mean and standard error of the maxima (C, R, 2) of the runs that count (C, R)."""
     rows = []
     for c, arm in enumerate(study.arms.arms):
-        paper = docking.PAPER.get(arm.name)
+        paper = published.get(arm.name)
         row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
         for quantity in (0, 1):
-            values = average[c, counted[c], quantity]
-            row += [f"{values.mean():.2f}" if values.size else "none", _spread(values)]
-            row.append(f"{paper[quantity]:.2f}" if paper else "")
+            row.append(mean_se(average[c, counted[c], quantity], study.arms.runs))
+            if published:
+                row.append(f"{paper[quantity]:.2f}" if paper else "")
         rows.append(tuple(row))
-    caption = f"Maxima, {name}, mean of x, y and z: mean and standard deviation; the paper's means"
-    header = ("", "angles off, mrad", "force, N", "std", "paper", "torque, N·m", "std", "paper")
-    return Table(caption, header, tuple(rows))
+    caption = f"Maxima, {name}, mean of x, y and z: mean over runs ± standard error"
+    header = ["", "rms angle error, mrad", "force, N", "torque, N·m"]
+    if published:
+        header = [*header[:3], "paper", header[3], "paper"]
+    return Table(caption, tuple(header), tuple(rows))
 
 
 def _outcomes(study: DockingStudy, c: int) -> tuple[int, int, int, int]:
@@ -274,9 +329,28 @@ def _number(value: float) -> float | None:
 
 
 def _moments(values: FloatArray) -> dict[str, float | None]:
+    std = float(np.std(values, ddof=1)) if values.size > 1 else None
     return {
         "mean": float(values.mean()) if values.size else None,
-        "std": float(np.std(values, ddof=1)) if values.size > 1 else None,
+        "std": std,
+        "standard_error": None if std is None else std / values.size**0.5,
+        "runs": int(values.size),
+    }
+
+
+def cell_document(controller: Controller) -> dict[str, Any]:
+    """Controller and machine as plain JSON values, SI units."""
+    c = controller
+    return {
+        "virtual_mass": list(c.impedance.mass),
+        "damping": list(c.impedance.damping),
+        "stiffness": list(c.impedance.stiffness),
+        "servo_bandwidth": c.servo.bandwidth,
+        "encoder_resolution": c.servo.resolution,
+        "structural_damping": c.structure.damping,
+        "sample_rate": c.sensing.rate,
+        "thresholds": list(c.thresholds),
+        "step": c.step,
     }
 
 
@@ -289,15 +363,19 @@ def free_space_document(study: FreeSpaceStudy, files: list[str]) -> dict[str, An
         "seed": study.seed,
         "runs": study.arms.runs,
         "moves": len(study.setup.moves),
-        "tare": study.setup.controller.tare,
+        "tare": study.setup.controller.tare if any(a.tared for a in study.arms.arms) else 0.0,
         "filter_delay": study.setup.controller.sensing.delay,
+        "cell": cell_document(study.setup.controller),
         "origin": study.arms.origin,
         "calibrations": [
             {
                 "name": arm.name,
+                "knows": KNOWS.get(arm.name),
+                "tared": arm.tared,
                 "angle_error": arm.angle_error,
-                "position": _moments(length[c, ..., 0]),
-                "posture": _moments(length[c, ..., 1]),
+                "failed": arm.failed,
+                "position": _moments(length[c, ..., 0].mean(axis=0)),
+                "posture": _moments(length[c, ..., 1].mean(axis=0)),
                 "paper": _paper(free_space.PAPER.get(arm.name), 1e-3),
             }
             for c, arm in enumerate(study.arms.arms)
@@ -319,7 +397,10 @@ def docking_document(study: DockingStudy, files: list[str]) -> dict[str, Any]:
         seated, jammed, false_contact, _ = _outcomes(study, c)
         entry: dict[str, Any] = {
             "name": arm.name,
+            "knows": KNOWS.get(arm.name),
+            "tared": arm.tared,
             "angle_error": arm.angle_error,
+            "failed": arm.failed,
             "seated": seated,
             "jammed": jammed,
             "false_contact": false_contact,
@@ -327,7 +408,9 @@ def docking_document(study: DockingStudy, files: list[str]) -> dict[str, Any]:
         }
         for quantity, name in enumerate(("force", "torque")):
             entry[name] = _moments(study.average[c, study.touched[c], quantity])
-            entry[f"seen_{name}"] = _moments(study.average_seen[c, :, quantity])
+            entry[f"seen_{name}"] = _moments(study.average_seen[c, study.touched[c], quantity])
+        success = study.success(c)
+        entry["success"] = {"runs": success.count, "low": success.low, "high": success.high}
         calibrations.append(entry)
     of = ("force", "torque")
     return {
@@ -335,11 +418,12 @@ def docking_document(study: DockingStudy, files: list[str]) -> dict[str, Any]:
         "rig": study.setup.rig.name,
         "seed": study.seed,
         "runs": study.arms.runs,
-        "tare": study.setup.controller.tare,
+        "tare": study.setup.controller.tare if any(a.tared for a in study.arms.arms) else 0.0,
         "filter_delay": study.setup.controller.sensing.delay,
+        "cell": cell_document(study.setup.controller),
         "origin": study.arms.origin,
         "calibrations": calibrations,
-        "ratios": _ratios(study, docking.PAPER, of),
+        "ratios": _ratios(study, {}, of),
         "ratios_seen": _ratios(study, docking.PAPER, of, seen=True),
         "note": DOCKING_NOTE,
         "files": files,

@@ -40,6 +40,9 @@ KNOWS = {
 #: Which of them is like each of the paper's: angles alone, and self-calibration by Eq. 24.
 LIKE = {"none": "none", "tracker": "tracker", "linear": "self"}
 
+#: Those that know some of the truth.
+BEST = ("perfect-angles", "perfect")
+
 _T = TypeVar("_T", Truth, Assumed, PositionErrors)
 
 
@@ -107,16 +110,18 @@ def simulated(
     for run in range(runs):
         session = simulate_survey(rig, truth.trial(run), survey, rng).session
         dwells = batch.dwells(run)
-        for name, calibrate in (
-            ("tracker", lambda s=session: _by_tracker(rig, s, survey)),
-            ("linear", lambda d=dwells: fit_linear(rig, postures(rig, d)).state),
-            ("self", lambda d=dwells: self_calibrate(rig, d, rng=rng, max_trials=0).fit.state),
-        ):
+        for name in states:
             try:
-                states[name].append(calibrate())
+                if name == "tracker":
+                    state = _by_tracker(rig, session, survey)
+                elif name == "linear":
+                    state = fit_linear(rig, postures(rig, dwells)).state
+                else:
+                    state = self_calibrate(rig, dwells, rng=rng, max_trials=0).fit.state
             except TdfscalError:
-                states[name].append(parameters.nominal(rig))
+                state = parameters.nominal(rig)
                 failed[name] += 1
+            states[name].append(state)
         progress(run + 1)
     nominal = uncalibrated(rig, so3.from_rpy(rig.nominal_rpy), runs)
 
@@ -132,7 +137,9 @@ def simulated(
         "tracker-tared": angles("tracker"),
     }
     arms = [
-        replace(_arm(n, truth, a), tared=n == "tracker-tared", failed=failed.get(n.split("-")[0], 0))
+        replace(
+            _arm(n, truth, a), tared=n == "tracker-tared", failed=failed.get(n.split("-")[0], 0)
+        )
         for n, a in known.items()
     ]
     if best:
@@ -155,9 +162,7 @@ def _best(rig: Rig, truth: Truth) -> list[Arm]:
     return [_arm("perfect-angles", truth, nominal), _arm("perfect", truth, perfect(truth))]
 
 
-def misaligned(
-    rig: Rig, runs: int, deviations: Sequence[float], rng: np.random.Generator
-) -> Arms:
+def misaligned(rig: Rig, runs: int, deviations: Sequence[float], rng: np.random.Generator) -> Arms:
     """Controllers that know all but the angles: off by normal turns of these standard deviations,
     rad per axis, in the same directions in every arm.
     """
@@ -184,8 +189,7 @@ def given(
     not known: every run draws it from `truth`, or from the combination of all calibrations weighted
     by their covariances, all parameters by their joint uncertainty. None of them judges itself.
 
-    Raises UsageError for a calibration of another rig, one that is its own judge, and ones that are
-    too few to tell the truth.
+    Raises UsageError for a calibration of another rig, and for one that would be its own judge.
     """
     for name, calibration in calibrations:
         require_agreement(calibration.rig, rig, name)
@@ -196,20 +200,19 @@ def given(
                 raise UsageError(
                     "a calibration cannot be its own judge",
                     where=name,
-                    hint="name another file as --truth, or leave it out: two calibrations or more "
-                    "are then combined",
+                    hint="name another file as --truth, or leave --truth out: all calibrations are "
+                    "then combined",
                 )
         drawn = _drawn(rig, truth[1], runs, rng)
         origin = f"truth drawn from {truth[0]} and its uncertainty"
-    elif len(calibrations) < 2:
-        raise UsageError(
-            "one calibration alone cannot be judged: the truth would be its own",
-            where=calibrations[0][0],
-            hint="add another calibration of the rig, or name one as --truth",
-        )
     else:
         drawn = _drawn(rig, combined([c for _, c in calibrations]), runs, rng)
         origin = "truth drawn from the combination of all calibrations and its uncertainty"
+        if len(calibrations) < 2:
+            origin = (
+                f"truth drawn about {calibrations[0][0]} itself: this shows what its stated "
+                "uncertainty costs, and does not judge it"
+            )
     nominal = so3.from_rpy(rig.nominal_rpy)
     arms = [_arm("none", drawn, uncalibrated(rig, nominal, runs))]
     arms += [_arm(n, drawn, _assumed(rig, [c.state] * runs)) for n, c in calibrations]
@@ -241,7 +244,7 @@ def combined(calibrations: Sequence[Calibrated]) -> Calibrated:
     for c in calibrations:
         off = parameters.deviation(c.state, first.state)[:turns] - mean[:turns]
         square += float(off @ np.linalg.solve(c.covariance[:turns, :turns], off))
-    birge2 = max(1.0, square / (turns * (len(calibrations) - 1)))
+    birge2 = max(1.0, square / (turns * max(1, len(calibrations) - 1)))
     return replace(
         first,
         state=parameters.retract(first.state, mean),

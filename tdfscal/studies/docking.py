@@ -96,13 +96,12 @@ class DockingStudy:
 
     def ratio(self, quantity: int, of: str, to: str, *, seen: bool = False) -> Ratio:
         """Ratio of average maxima, 0 force, 1 torque, with its standard error over the runs
-        in which both made contact; seen : as the controller saw them, over all runs.
+        in which both made contact; seen : as the controller saw them.
         """
         i, j = self.names.index(of), self.names.index(to)
-        if seen:
-            return ratio(*self.average_seen[[i, j], :, quantity])
         both = self.touched[i] & self.touched[j]
-        return ratio(*self.average[[i, j]][:, both, quantity])
+        values = self.average_seen if seen else self.average
+        return ratio(*values[[i, j]][:, both, quantity])
 
     @property
     def touched(self) -> BoolArray:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from multiprocessing import get_context
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -16,12 +16,11 @@ from tdfscal.simulation.control.reference import Reference
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result, Traces
 from tdfscal.studies.simulated_campaigns import one_thread_each
 
-#: Lane steps below which a second process costs more than it saves.
-_WORTH = 1_000_000
+#: Lane steps below which a second process costs more than it saves, and lanes per block at least.
+#: The blocks go by the work alone, so that the number of processes changes no number.
+_WORTH, _BLOCK = 1_000_000, 200
 #: Axis of the lanes in what is recorded.
 _SECOND = {"peak", "peak_length", "peak_measured", "phase_start"}
-
-_T = TypeVar("_T")
 
 
 def simulate_lanes(
@@ -35,7 +34,8 @@ def simulate_lanes(
 ) -> Result:
     """As `loop.simulate`, on several cores. Raises what it raises."""
     lanes, runs = len(machines.tared), len(machines.noise)
-    blocks = min(workers, runs) if lanes * len(reference.share) >= _WORTH else 1
+    worth = lanes * len(reference.share) >= _WORTH
+    blocks = min(runs, max(2, lanes // _BLOCK)) if worth else 1
     if blocks == 1:
         return simulate(machines, controller, reference, docking, progress)
     grid = np.arange(lanes).reshape(-1, runs)
@@ -52,14 +52,18 @@ def simulate_lanes(
         )
         for part in parts
     ]
-    with one_thread_each(), ProcessPoolExecutor(blocks - 1, get_context("spawn")) as pool:
-        others = [pool.submit(simulate, *task) for task in tasks[1:]]
-        results = [simulate(*tasks[0], progress), *(other.result() for other in others)]
+    if workers == 1:
+        results = [simulate(*tasks[0], progress), *(simulate(*task) for task in tasks[1:])]
+    else:
+        processes = min(workers, blocks) - 1
+        with one_thread_each(), ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+            others = [pool.submit(simulate, *task) for task in tasks[1:]]
+            results = [simulate(*tasks[0], progress), *(other.result() for other in others)]
     order = np.argsort(np.concatenate([grid[:, part].ravel() for part in parts]))
     return _joined(results, order)
 
 
-def _some(record: _T, index: IntArray, lanes: int) -> _T:
+def _some(record: Any, index: IntArray, lanes: int) -> Any:
     """Some lanes of a record: of every array in it whose first axis are the lanes."""
     if isinstance(record, np.ndarray):
         return record[index] if record.shape[:1] == (lanes,) else record

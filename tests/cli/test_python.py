@@ -135,9 +135,9 @@ def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -
     """Work in the folder; draw no figures into files, which takes seconds too."""
 
     def once(name: str, study: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*arguments: Any) -> Any:
+        def call(*arguments: Any, **options: Any) -> Any:
             if name not in studied:
-                studied[name] = study(*arguments)
+                studied[name] = study(*arguments, **options)
             return studied[name]
 
         return call

@@ -16,7 +16,9 @@ from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.reporting import controlfigures
 from tdfscal.simulation import Recorder, make_rig
 from tdfscal.studies import docking, free_space
+from tdfscal.studies.compared_calibrations import KNOWS
 from tdfscal.workflows.calibrate import calibrate
+from tdfscal.wrench.filtering import Walk
 from tests.cli.running import rows, run
 
 MOVE = "roll,pitch,yaw,x,y,z,roll,pitch,yaw,x,y,z\n0,0,0,0,0,0,0.01,0,0,0,0,0.002\n"
@@ -62,25 +64,31 @@ def test_docking(
 ) -> None:
     shortened(monkeypatch, docking.Setup, gap=5e-4, ramp=0.2)
     out = tmp_path / "out"
-    line = ("study", "docking", bench.rig, "-o", out, "--runs", 1, "--engagement", 4, "--seed", 2)
-    options = ("--perfect", "--filter", "kalman", "--walk", 30, "--mounting", "1e-3,1e-3,0.01")
+    line = ("study", "docking", bench.rig, "-o", out, "--runs", 1, "--engagement", 8, "--seed", 2)
+    options = ("--perfect", "--filter", "kalman", "--walk", 5, "--mounting", "1e-3,1e-3,0.01")
     seen = run(capsys, *line, *options, "-q", "--json")
     assert seen.status == 0, seen.err
     document = json.loads(seen.out)
-    assert [c["name"] for c in document["calibrations"]] == ["none", "tracker", "self", "perfect"]
-    assert document["tare"] == 0.0
-    assert document["filter_delay"] == pytest.approx(2.2e-3, rel=0.05)
+    assert [c["name"] for c in document["calibrations"]] == list(KNOWS)
+    assert document["filter_delay"] == pytest.approx(Walk.of(5.0, 1.75, 4e-3).delay)
+    assert document["cell"]["virtual_mass"][0] == 500.0
     assert document["calibrations"][0]["angle_error"] < 0.02
-    assert len(document["ratios"]) == len(document["ratios_seen"]) == 8
+    assert len(document["ratios"]) == len(document["ratios_seen"]) == 14
+    paper = {r["of"] for r in document["ratios_seen"] if r["paper"] is not None}
+    assert paper == {"tracker", "linear"}  # beside the like ones only
+    assert all(r["paper"] is None for r in document["ratios"])
     table = rows(out / "maxima.csv")
-    assert len(table) == 4
+    assert len(table) == 8
     for c in document["calibrations"]:
         own = [row for row in table if row["calibration"] == c["name"]]
         assert [row["outcome"] for row in own].count("seated") == c["seated"]
-        force = np.mean([[float(row[f"seen_f{a}_N"]) for a in "xyz"] for row in own])
-        assert c["seen_force"]["mean"] == pytest.approx(force)
+        met = [row for row in own if row["first_contact_s"]]
+        force = [np.mean([float(row[f"seen_f{a}_N"]) for a in "xyz"]) for row in met]
+        assert c["seen_force"]["runs"] == len(met)
+        assert c["seen_force"]["mean"] == (pytest.approx(np.mean(force)) if met else None)
     for name in ("docking", "maxima"):
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert "Beside the paper" in (out / "study.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
@@ -99,7 +107,9 @@ def test_the_logs_of_a_run_are_those_of_any_recorder(
     line = ("study", "free-space", bench.rig, "-o", out, "--calibration", bench.calibration)
     seen = run(capsys, *line, "--moves", bench.moves, "--runs", 1, "--logs", form, "--json", "-q")
     assert seen.status == 0, seen.err
-    assert [c["name"] for c in json.loads(seen.out)["calibrations"]] == ["none", "rig"]
+    assert [c["name"] for c in json.loads(seen.out)["calibrations"]] == [
+        "none", "rig", "perfect-angles", "perfect",
+    ]  # fmt: skip
     if form == "csv":
         assert (out / "free-space.png").read_bytes().startswith(b"\x89PNG")
     log = out / "logs" / f"rig-01.{form}"
@@ -142,6 +152,15 @@ def test_bad_input_is_refused_with_the_reason(
         ("docking", ("--mounting", "1,2"), "--mounting"),
         ("docking", ("--mounting", "0,0,0", "--calibration", bench.calibration), "--mounting"),
         ("docking", ("--logs", "xml"), "--logs"),
+        ("docking", ("--virtual-mass", 80, "--filter", "none", "--damping", 3e4), "mass of 80 kg"),
+        ("docking", ("--damping", "1e3"), "the impedance is unstable in contact"),
+        ("docking", ("--stiffness", "1,2,3"), "--stiffness"),
+        ("free-space", ("--truth", bench.calibration), "--truth"),
+        (
+            "free-space",
+            ("--truth", bench.calibration, "--calibration", bench.calibration),
+            "cannot be its own judge",
+        ),
     ):
         seen = run(capsys, "study", study, bench.rig, "-o", out, "--runs", 1, "-q", *options)
         assert seen.status == 2, (options, seen.err)

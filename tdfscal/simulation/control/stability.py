@@ -91,21 +91,27 @@ def require_stable(rig: Rig, controller: Controller, gears: GearPair | None = No
             )
 
 
-def designed(rig: Rig, controller: Controller, gears: GearPair) -> Controller:
-    """Virtual mass and inertia of the real terminal about the centre of compliance, and the least
-    damping, critical or more, that is stable, free and in a contact up to `GAIN_MARGIN` times as
-    stiff as the gears', at the step and at half of it.
+def real_mass(rig: Rig, controller: Controller) -> tuple[float, ...]:
+    """Mass (3), kg, and mean moment of inertia (3), kg m², of the terminal about the centre of
+    compliance.
+    """
+    m, r = float(rig.mass.value), rig.barycentre.value
+    off = np.asarray(controller.impedance.centre) - r
+    trace = float(np.trace(inertia_of(rig))) + 2.0 * m * float(off @ off - r @ r)
+    return (m,) * 3 + (trace / 3.0,) * 3
+
+
+def designed(
+    rig: Rig, controller: Controller, gears: GearPair, mass: tuple[float, ...] | None = None
+) -> Controller:
+    """Virtual mass as asked, or that of the real terminal, and the least damping, critical or more,
+    that is stable, free and in a contact up to `GAIN_MARGIN` times as stiff as the gears', at the
+    step and at half of it.
 
     Raises UsageError where no damping is.
     """
-    centre, m = np.asarray(controller.impedance.centre), float(rig.mass.value)
-    r = rig.barycentre.value
-    own = inertia_of(rig) - m * (r @ r * np.eye(3) - np.outer(r, r))
-    off = centre - r
-    about = own + m * (off @ off * np.eye(3) - np.outer(off, off))
-    turn = float(np.trace(about)) / 3.0
-    mass = (m,) * 3 + (turn,) * 3
-    base = replace(controller, impedance=replace(controller.impedance, mass=mass))
+    own = mass or real_mass(rig, controller)
+    base = replace(controller, impedance=replace(controller.impedance, mass=own))
     at = nominal_body(rig, base)
     around = gears.stiffness_at_mouth_and_tip((0.0, 0.0, 0.0))
 
@@ -116,11 +122,12 @@ def designed(rig: Rig, controller: Controller, gears: GearPair) -> Controller:
         cases = ((c, k) for c in (one, halved) for k in (0.0, 0.5, 1.0, GAIN_MARGIN))
         return one if all(growth(at, c, k * around) < 1.0 for c, k in cases) else None
 
-    critical = 2.0 * np.sqrt(m * controller.impedance.stiffness[0])
+    critical = 2.0 * np.sqrt(own[0] * controller.impedance.stiffness[0])
     for b in critical * np.geomspace(1.0, 300.0, 41):
         if (found := stable(float(f"{b:.1e}"))) is not None:
             return found
     raise UsageError(
-        "no damping makes this loop stable",
+        f"no damping makes a loop with a virtual mass of {own[0]:g} kg on "
+        f"{float(rig.mass.value):g} kg stable",
         hint="filter more, raise the virtual mass, or make servos faster",
     )

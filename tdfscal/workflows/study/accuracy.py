@@ -138,4 +138,6 @@ def accuracy(
         "histograms.csv": studies.histogram_rows(study),
         "errors.csv": studies.error_rows(study),
     }
-    return replace(result, files=tuple(write_study(folder, tables, result.drawings())))
+    return replace(
+        result, files=tuple(write_study(folder, tables, result.drawings(), result.to_report()))
+    )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, Protocol, get_args
 
 import numpy as np
 
@@ -16,10 +17,12 @@ from tdfscal.files.writers.control_logs import write_control_logs
 from tdfscal.records import Log, Rig, Series
 from tdfscal.reporting import controlstudies as words
 from tdfscal.simulation import Options
+from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.runs import Controller
-from tdfscal.studies.compared_calibrations import MOUNTING, SQUEEZE, Arms, drifted, given, simulated
-from tdfscal.workflows.arguments import Numbers, at_least, one_of, triple
-from tdfscal.workflows.calibration import CalibrationSource
+from tdfscal.simulation.control.stability import designed, real_mass, require_stable
+from tdfscal.studies.compared_calibrations import BEST, SQUEEZE, Arms, drifted, given, simulated
+from tdfscal.workflows.arguments import Numbers, at_least, numbers, one_of, triple
+from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.progress import Progress
 from tdfscal.workflows.rigs import calibrations_named, survey_of
@@ -28,13 +31,86 @@ from tdfscal.wrench.filtering import Walk, checked_walk
 
 if TYPE_CHECKING:
     from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
 
-#: Tare, s, where the user asks for one.
-TARE = 2.0
 #: Rows of a lane in traces.csv at most, about.
 _TRACE_ROWS = 600
 #: Filters that a controller can run.
-FILTERS = ("none", "kalman")
+FILTERS = ("low-pass", "kalman", "none")
+#: Rotational over translational stiffness, damping or mass where one number is given, m².
+_TURNS = 0.3
+#: Hz, of records that are written as logs.
+_LOG_RATE = 25.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """The user's own cell: impedance, servos and gears; None: the study's choice.
+
+    stiffness, damping, virtual_mass : of translations, or of translations and turns.
+    servo : Hz. contact : N/m of a tooth. clearance : mm. engagement : mm.
+    """
+
+    stiffness: Numbers | float | None = None
+    damping: Numbers | float | None = None
+    virtual_mass: Numbers | float | None = None
+    servo: float | None = None
+    contact: float | None = None
+    friction: float | None = None
+    clearance: float | None = None
+    engagement: float | None = None
+
+    def gears(self) -> GearPair:
+        """Return the gears. Raises UsageError."""
+        changes: dict[str, Any] = {}
+        if self.contact is not None:
+            changes |= {"stiffness": self.contact, "seat_stiffness": 2.0 * self.contact}
+        if self.friction is not None:
+            changes["friction"] = self.friction
+        if self.clearance is not None:
+            changes["clearance"] = 1e-3 * self.clearance
+        if self.engagement is not None:
+            changes["length"] = 1e-3 * self.engagement
+        return replace(GearPair(), **changes)
+
+    def controller(self, rig: Rig, base: Controller, gears: GearPair) -> Controller:
+        """Return the controller: as asked for, and the rest so that it is stable.
+
+        Raises UsageError.
+        """
+        if self.servo is not None:
+            base = replace(base, servo=replace(base.servo, bandwidth=self.servo))
+        asked: dict[str, Any] = {
+            name: _six(f"--{option}", value)
+            for name, option, value in (
+                ("stiffness", "stiffness", self.stiffness),
+                ("damping", "damping", self.damping),
+                ("mass", "virtual-mass", self.virtual_mass),
+            )
+            if value is not None
+        }
+        stiff = {k: v for k, v in asked.items() if k == "stiffness"}
+        base = replace(base, impedance=replace(base.impedance, **stiff))
+        if "damping" not in asked:
+            base = designed(rig, base, gears, mass=asked.get("mass"))
+        else:
+            mass = asked.get("mass") or real_mass(rig, base)
+            impedance = replace(base.impedance, mass=mass, damping=asked["damping"])
+            base = replace(base, impedance=impedance)
+        require_stable(rig, base, gears)
+        return base
+
+
+def _six(option: str, value: Numbers | float) -> tuple[float, ...]:
+    """Translations and turns of one number or two. Raises UsageError."""
+    found = numbers(option, (value,) if isinstance(value, int | float) else value)
+    if len(found) > 2 or min(found) <= 0.0:
+        raise UsageError(
+            f"{value!r} is not one or two numbers above zero",
+            where=option,
+            hint="give it for translations, or for translations and turns, as 1e4,3e3",
+        )
+    return (found[0],) * 3 + ((found[1],) * 3 if len(found) > 1 else (_TURNS * found[0],) * 3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +118,7 @@ class Choices:
     """The options that the studies of the controlled rig share, under their own names."""
 
     calibration: Sequence[CalibrationSource]
+    truth: CalibrationSource | None
     runs: int
     perfect: bool
     mounting: Numbers | None
@@ -51,39 +128,59 @@ class Choices:
     walk: float | None
     logs: LogFormat | None
     seed: int
+    workers: int | None
+    cell: Cell
 
     def __post_init__(self) -> None:
         at_least("--runs", self.runs, 1)
         at_least("--drift", self.drift, 0)
         at_least("--seed", self.seed, 0)
+        at_least("--workers", 1 if self.workers is None else self.workers, 1)
         one_of("--filter", self.filter, FILTERS)
         if self.logs is not None:
             one_of("--logs", self.logs, get_args(LogFormat))
 
-    def controller(self) -> Controller:
+    @property
+    def processes(self) -> int:
+        """How many share the lanes."""
+        return self.workers or os.cpu_count() or 1
+
+    def controller(self, rig: Rig, gears: GearPair) -> Controller:
         """Return the controller that they ask for. Raises UsageError."""
-        base = Controller(tare=TARE if self.tare else 0.0)
-        walk = checked_walk(self.filter, self.walk)
-        if walk is None:
-            return base
-        sensing = base.sensing
-        model = Walk.of(walk, sensing.noise, 1.0 / sensing.rate)
-        return replace(base, sensing=replace(sensing, gain=model.gain))
+        walk = checked_walk("kalman" if self.filter == "kalman" else "none", self.walk)
+        base = Controller()
+        if self.logs is not None:
+            base = replace(base, trace_rate=_LOG_RATE, readings=True)
+        if self.filter != "low-pass":
+            sensing = base.sensing
+            gain = 1.0
+            if walk is not None:
+                gain = Walk.of(walk, sensing.noise, 1.0 / sensing.rate).gain
+            base = replace(base, sensing=replace(sensing, gain=gain))
+        return self.cell.controller(rig, base, gears)
 
     def arms(self, loaded: LoadedRig, progress: Progress) -> tuple[Arms, np.random.SeedSequence]:
         """Calibrations and machines, and the seed of the study itself. Raises TdfscalError."""
         arm_seed, study_seed = np.random.SeedSequence(self.seed).spawn(2)
         rng = np.random.default_rng(arm_seed)
         arms = self._given(loaded, rng) or self._simulated(loaded, rng, progress)
+        if self.tare:
+            each = tuple(replace(arm, tared=True) for arm in arms.arms)
+            arms = replace(arms, arms=each, origin=f"{arms.origin}; all tare before each run")
         return (drifted(arms, self.drift, rng) if self.drift else arms), study_seed
 
     def _simulated(self, loaded: LoadedRig, rng: np.random.Generator, progress: Progress) -> Arms:
-        mounting = MOUNTING
+        if self.truth is not None:
+            raise UsageError(
+                "simulated calibrations have a truth of their own",
+                where="--truth",
+                hint="leave it out, or name calibrations with --calibration",
+            )
+        options = Options(squeeze=SQUEEZE)
         if self.mounting is not None:
             roll, pitch, yaw = triple("--mounting", self.mounting)
-            mounting = (abs(roll), abs(pitch), abs(yaw))
+            options = replace(options, installation_std=(abs(roll), abs(pitch), abs(yaw)))
         progress.count(f"{self.runs} campaigns and surveys, simulated and calibrated")
-        options = Options(squeeze=SQUEEZE, installation_std=mounting)
         survey = survey_of(loaded)
         return simulated(
             loaded.rig, self.runs, rng, best=self.perfect, options=options, survey=survey
@@ -98,21 +195,60 @@ class Choices:
                 where="--mounting",
                 hint="leave it out, or leave --calibration out",
             )
-        named = calibrations_named(self.calibration, loaded, ("none", "perfect"))
+        named = calibrations_named(self.calibration, loaded, ("none", *BEST))
         each = [(name, calibrated(calibration, name)) for name, calibration in named.items()]
-        return given(loaded.rig, each, self.runs, rng, best=self.perfect)
+        truth = None
+        if self.truth is not None:
+            ((name, found),) = calibrations_named([self.truth], loaded).items()
+            truth = name, calibrated(found, name)
+        return given(loaded.rig, each, self.runs, rng, truth=truth, best=self.perfect)
+
+
+def steps_of(progress: Progress, what: str) -> Callable[[float], None]:
+    """Return what says each tenth of a simulation as it is done."""
+    said = 0
+
+    def tell(share: float) -> None:
+        nonlocal said
+        if int(10 * share) > said:
+            said = int(10 * share)
+            progress.count(f"{what}: {10 * said} %")
+
+    return tell
+
+
+def files_of(
+    calibration: CalibrationSource | Sequence[CalibrationSource], truth: CalibrationSource | None
+) -> list[Path]:
+    """Return the files among the calibrations and the truth."""
+    return paths_of([*sources_of(calibration), *([] if truth is None else [truth])])
+
+
+class Controlled(Protocol):
+    """A result of a study of the controlled rig."""
+
+    @property
+    def study(self) -> words.Study:
+        """Return what was simulated."""
+
+    def to_report(self) -> Report:
+        """Return it in words."""
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return its figures."""
 
 
 def write_controlled(
     folder: Path,
     tables: Mapping[str, Iterable[words.Row]],
-    drawings: Iterable[Drawing],
-    study: words.Study,
+    result: Controlled,
     logs: LogFormat | None,
 ) -> tuple[str, ...]:
-    """Write tables, traces, figures and, where asked, each run's log; return their names."""
+    """Write tables, traces, figures, page and, where asked, each run's log; return their names."""
+    study = result.study
     each = -(-len(study.result.traces.time) // _TRACE_ROWS)
-    files = write_study(folder, {**tables, "traces.csv": words.trace_rows(study, each)}, drawings)
+    traces = {"traces.csv": words.trace_rows(study, each)}
+    files = write_study(folder, {**tables, **traces}, result.drawings(), result.to_report())
     return (*files, *_logs(folder, study.setup.rig, study, logs))
 
 

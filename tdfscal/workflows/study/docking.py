@@ -14,12 +14,12 @@ from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.reporting import controlstudies as words
 from tdfscal.studies import docking as study_of
 from tdfscal.workflows.arguments import Numbers, one
-from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.calibration import CalibrationSource, sources_of
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
-from tdfscal.workflows.study.controlled import Choices, write_controlled
+from tdfscal.workflows.study.controlled import Cell, Choices, files_of, steps_of, write_controlled
 from tdfscal.workflows.study.result import frame_of
 
 if TYPE_CHECKING:
@@ -61,16 +61,25 @@ def docking(
     *,
     output: str | PathLike[str] | None = None,
     calibration: CalibrationSource | Sequence[CalibrationSource] = (),
-    runs: int = 10,
+    truth: CalibrationSource | None = None,
+    runs: int = 20,
     engagement: float | None = None,
-    perfect: bool = False,
+    perfect: bool = True,
     mounting: Numbers | None = None,
     drift: float = 0.0,
     tare: bool = False,
-    filter: str = "none",
+    filter: str = "low-pass",
     walk: float | None = None,
     logs: LogFormat | None = None,
+    stiffness: Numbers | float | None = None,
+    damping: Numbers | float | None = None,
+    virtual_mass: Numbers | float | None = None,
+    servo: float | None = None,
+    contact_stiffness: float | None = None,
+    friction: float | None = None,
+    clearance: float | None = None,
     seed: int = 0,
+    workers: int | None = None,
     progress: Progress = SILENT,
 ) -> DockingResult:
     """Contact force and torque while the gears are docked (Figs. 17 and 18).
@@ -79,15 +88,23 @@ def docking(
     ----------
     rig : rig.yaml, or its folder.
     output : folder for tables and figures.
-    calibration : one or several; default none, tracker and self, simulated.
+    calibration : two or more, or one and a truth; default all methods, simulated.
+    truth : calibration from which the truth is drawn; default the combination of all given.
     runs : per calibration.
     engagement : mm, length of the engagement; default 333.
     perfect : also the best that any calibration could do.
-    mounting : rad, simulated mounting: std of roll, pitch, yaw; default 0.003, 0.003, 0.03.
+    mounting : rad, simulated mounting: std of roll, pitch, yaw; default 0.02, 0.02, 0.05.
     drift : N, std of the zeros' drift since the calibration.
-    tare : tare the wrench at the start.
-    filter : of the sensors, none or kalman. walk : N, what a force may walk by in 1 s, for it.
+    tare : all tare the wrench at the start.
+    filter : of the sensors, low-pass, kalman or none.
+    walk : N, what a force may walk by in 1 s, for kalman.
     logs : write each run's log, in this format.
+    stiffness, damping, virtual_mass : of the impedance, for translations (N/m, N·s/m, kg) or also
+        turns (N·m/rad, N·m·s/rad, kg m²); default 10 kN/m, the least stable damping, the real mass.
+    servo : Hz, bandwidth of the NCPs' servos; default 15.
+    contact_stiffness : N/m of a tooth on what carries it. friction : coefficient.
+    clearance : mm, radial.
+    workers : processes; default one per core.
     seed : of all random numbers.
     progress : called as the work goes on.
 
@@ -97,22 +114,31 @@ def docking(
         By cause: UsageError, RigError, DataError.
     """
     folder = one(output)
-    protect(inputs_read(rigs=[Path(rig)], files=paths_of(sources_of(calibration))))
+    protect(inputs_read(rigs=[Path(rig)], files=files_of(calibration, truth)))
+    cell = Cell(
+        stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
+        contact=contact_stiffness, friction=friction, clearance=clearance, engagement=engagement,
+    )  # fmt: skip
     choices = Choices(
-        calibration=sources_of(calibration), runs=runs, perfect=perfect, mounting=mounting,
-        drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
+        calibration=sources_of(calibration), truth=truth, runs=runs, perfect=perfect,
+        mounting=mounting, drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
+        workers=workers, cell=cell,
     )  # fmt: skip
     loaded = rig_named(rig)
-    setup = study_of.Setup(loaded.rig, controller=choices.controller())
-    if engagement is not None:
-        setup = replace(setup, gears=replace(setup.gears, length=1e-3 * engagement))
+    gears = cell.gears()
+    setup = study_of.Setup(
+        loaded.rig, controller=choices.controller(loaded.rig, gears), gears=gears
+    )
     if folder is not None:
         check_folder(folder)
     arms, study_seed = choices.arms(loaded, progress)
-    progress.count(f"docking, {runs} runs × {len(arms.arms)} calibrations")
-    result = DockingResult(study_of.docking(setup, arms, study_seed, seed))
+    told = steps_of(progress, f"docking, {runs} runs × {len(arms.arms)} calibrations")
+    study = study_of.docking(
+        setup, arms, study_seed, seed, workers=choices.processes, progress=told
+    )
+    result = DockingResult(study)
     if folder is None:
         return result
     tables = {"maxima.csv": words.docking_rows(result.study)}
-    files = write_controlled(folder, tables, result.drawings(), result.study, logs)
+    files = write_controlled(folder, tables, result, logs)
     return replace(result, files=files)

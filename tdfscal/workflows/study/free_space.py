@@ -19,12 +19,12 @@ from tdfscal.records import FloatArray
 from tdfscal.reporting import controlstudies as words
 from tdfscal.studies import free_space as study_of
 from tdfscal.workflows.arguments import Numbers, one
-from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.calibration import CalibrationSource, sources_of
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
-from tdfscal.workflows.study.controlled import Choices, write_controlled
+from tdfscal.workflows.study.controlled import Cell, Choices, files_of, steps_of, write_controlled
 from tdfscal.workflows.study.result import frame_of
 
 if TYPE_CHECKING:
@@ -70,16 +70,22 @@ def free_space(
     *,
     output: str | PathLike[str] | None = None,
     calibration: CalibrationSource | Sequence[CalibrationSource] = (),
-    runs: int = 10,
+    truth: CalibrationSource | None = None,
+    runs: int = 20,
     moves: str | PathLike[str] | None = None,
-    perfect: bool = False,
+    perfect: bool = True,
     mounting: Numbers | None = None,
     drift: float = 0.0,
     tare: bool = False,
-    filter: str = "none",
+    filter: str = "low-pass",
     walk: float | None = None,
     logs: LogFormat | None = None,
+    stiffness: Numbers | float | None = None,
+    damping: Numbers | float | None = None,
+    virtual_mass: Numbers | float | None = None,
+    servo: float | None = None,
     seed: int = 0,
+    workers: int | None = None,
     progress: Progress = SILENT,
 ) -> FreeSpaceResult:
     """Deviation of the terminal in free space under impedance control (Table 4, Fig. 16).
@@ -88,15 +94,21 @@ def free_space(
     ----------
     rig : rig.yaml, or its folder.
     output : folder for tables and figures.
-    calibration : one or several; default none, tracker and self, simulated.
+    calibration : two or more, or one and a truth; default all methods, simulated.
+    truth : calibration from which the truth is drawn; default the combination of all given.
     runs : per calibration.
     moves : CSV of moves instead of the six stated.
     perfect : also the best that any calibration could do.
-    mounting : rad, simulated mounting: std of roll, pitch, yaw; default 0.003, 0.003, 0.03.
+    mounting : rad, simulated mounting: std of roll, pitch, yaw; default 0.02, 0.02, 0.05.
     drift : N, std of the zeros' drift since the calibration.
-    tare : tare the wrench at the start.
-    filter : of the sensors, none or kalman. walk : N, what a force may walk by in 1 s, for it.
+    tare : all tare the wrench at the start.
+    filter : of the sensors, low-pass, kalman or none.
+    walk : N, what a force may walk by in 1 s, for kalman.
     logs : write each run's log, in this format.
+    stiffness, damping, virtual_mass : of the impedance, for translations (N/m, N·s/m, kg) or also
+        turns (N·m/rad, N·m·s/rad, kg m²); default 10 kN/m, the least stable damping, the real mass.
+    servo : Hz, bandwidth of the NCPs' servos; default 15.
+    workers : processes; default one per core.
     seed : of all random numbers.
     progress : called as the work goes on.
 
@@ -106,24 +118,32 @@ def free_space(
         By cause: UsageError, RigError, DataError.
     """
     folder = one(output)
-    files = [*paths_of(sources_of(calibration)), *([Path(moves)] if moves is not None else [])]
+    files = [*files_of(calibration, truth), *([Path(moves)] if moves is not None else [])]
     protect(inputs_read(rigs=[Path(rig)], files=files))
+    cell = Cell(
+        stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
+    )  # fmt: skip
     choices = Choices(
-        calibration=sources_of(calibration), runs=runs, perfect=perfect, mounting=mounting,
-        drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
+        calibration=sources_of(calibration), truth=truth, runs=runs, perfect=perfect,
+        mounting=mounting, drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
+        workers=workers, cell=cell,
     )  # fmt: skip
     loaded = rig_named(rig)
     table = study_of.MOVES.copy() if moves is None else read_moves(Path(moves))
-    setup = study_of.Setup(loaded.rig, controller=choices.controller(), moves=table)
+    controller = choices.controller(loaded.rig, cell.gears())
+    setup = study_of.Setup(loaded.rig, controller=controller, moves=table)
     if folder is not None:
         check_folder(folder)
     arms, study_seed = choices.arms(loaded, progress)
-    progress.count(f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")
-    result = FreeSpaceResult(study_of.free_space(setup, arms, study_seed, seed))
+    told = steps_of(progress, f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")
+    study = study_of.free_space(
+        setup, arms, study_seed, seed, workers=choices.processes, progress=told
+    )
+    result = FreeSpaceResult(study)
     if folder is None:
         return result
     tables = {"deviations.csv": words.free_space_rows(result.study)}
-    written = write_controlled(folder, tables, result.drawings(), result.study, logs)
+    written = write_controlled(folder, tables, result, logs)
     return replace(result, files=written)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tdfscal.files.saving import make_folder
+from tdfscal.files.saving import make_folder, write_text
 from tdfscal.files.writers.rows import save_rows
+from tdfscal.reporting.layout import Report, Section
 from tdfscal.reporting.studies import Row
 
 if TYPE_CHECKING:
@@ -24,14 +26,21 @@ def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
     return pd.DataFrame(body, columns=[str(name) for name in header])
 
 
+PAGE = "study.html"
+
+
 def write_study(
-    folder: Path, tables: Mapping[str, Iterable[Row]], drawings: Iterable[Drawing]
+    folder: Path,
+    tables: Mapping[str, Iterable[Row]],
+    drawings: Sequence[Drawing],
+    report: Report,
 ) -> list[str]:
-    """Write tables (CSV) and figures (PNG, SVG) into a folder; return their names.
+    """Write tables (CSV), figures (PNG, SVG) and a page into a folder; return their names.
 
     Raises UsageError where they cannot be written.
     """
     from tdfscal.reporting.figures import style
+    from tdfscal.reporting.html import render
 
     make_folder(folder)
     for name, rows in tables.items():
@@ -39,4 +48,6 @@ def write_study(
     files = list(tables)
     for drawing in drawings:
         files += [path.name for path in style.save(drawing, folder)]
-    return files
+    shown = tuple(Section(d.title, (), d.reading, d) for d in drawings)
+    write_text(folder / PAGE, render(replace(report, sections=report.sections + shown)))
+    return [*files, PAGE]

@@ -129,7 +129,7 @@ def sensitivity(
     tables = {"sensitivity.csv": studies.sensitivity_rows(record.supports, sweeps)}
     if worth:
         tables["calibrations.csv"] = stakes.stake_rows(record.supports, worth)
-    files = write_study(folder, tables, result.drawings())
+    files = write_study(folder, tables, result.drawings(), result.to_report())
     return replace(result, files=tuple(files))
 
 

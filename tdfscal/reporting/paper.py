@@ -1,0 +1,242 @@
+"""The paper's figures and tables beside this rig's: number, standard error, like or unlike, why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.records import FloatArray
+from tdfscal.studies import docking, free_space
+from tdfscal.studies.accuracy import Accuracy
+from tdfscal.studies.compared_calibrations import LIKE
+from tdfscal.studies.docking import DockingStudy
+from tdfscal.studies.free_space import FreeSpaceStudy
+from tdfscal.studies.ratios import ratio
+from tdfscal.studies.sensitivity import Sweep
+
+#: A number is reproduced within this share of the paper's, or two standard errors of ours.
+_CLOSE = 0.25
+
+Row = tuple[str | float | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One number of the paper beside ours.
+
+    figure, quantity : where it stands, and what it is. paper : as printed; NaN where the text at
+    hand has no number. here, std : ours and its standard error, NaN where there is none. unit.
+    like : the same quantity of the same method under the same knowledge. bound : the paper's is a
+    limit from below (">") or above ("<"). why : what the comparison rests on, or fails for.
+    """
+
+    figure: str
+    quantity: str
+    paper: float
+    here: float
+    std: float
+    unit: str
+    like: bool
+    why: str
+    bound: str = ""
+
+    @property
+    def reproduced(self) -> bool | None:
+        """Whether ours is the paper's; None where they cannot be compared."""
+        if not self.like or np.isnan(self.paper) or np.isnan(self.here):
+            return None
+        if self.bound:
+            return bool(self.here >= self.paper if self.bound == ">" else self.here <= self.paper)
+        tolerance = max(_CLOSE * abs(self.paper), 0.0 if np.isnan(self.std) else 2.0 * self.std)
+        return abs(self.here - self.paper) <= tolerance
+
+
+def verdict(item: Item) -> str:
+    """In a word or two."""
+    if item.reproduced is None:
+        return "not comparable" if item.like else "unlike"
+    return "reproduced" if item.reproduced else "not reproduced"
+
+
+def value_said(item: Item) -> str:
+    """Our number with its standard error."""
+    if np.isnan(item.here):
+        return "–"
+    std = "" if np.isnan(item.std) else f" ± {item.std:.2g}"
+    return f"{item.here:.3g}{std}"
+
+
+def paper_said(item: Item) -> str:
+    """The paper's number."""
+    return "–" if np.isnan(item.paper) else f"{item.bound}{' ' * bool(item.bound)}{item.paper:.4g}"
+
+
+def sentence(item: Item) -> str:
+    """One sentence of an item."""
+    unit = f" {item.unit}" if item.unit else ""
+    return (
+        f"{item.figure}, {item.quantity}: {paper_said(item)}{unit} in the paper, "
+        f"{value_said(item)}{unit} here; {verdict(item)}: {item.why}"
+    )
+
+
+_CELL = "the paper gives neither impedance nor moves, so that its scale is that of its cell"
+_LINEAR = (
+    "Eq. 24 takes the forces as free of noise and solves for 27 numbers instead of 9 angles; the "
+    "same data by maximum likelihood are better than the tracker"
+)
+_ANGLES = "what zeros, mass and barycentre leave is common to all arms"
+
+
+def mean_of(values: FloatArray) -> tuple[float, float]:
+    """Mean and standard error over runs (N,)."""
+    if values.size == 0:
+        return np.nan, np.nan
+    std = float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else np.nan
+    return float(values.mean()), std
+
+
+def free_space_items(study: FreeSpaceStudy) -> list[Item]:
+    """Fig. 16."""
+    items = []
+    for quantity, (name, unit) in enumerate((("position", "mm"), ("posture", "mrad"))):
+        for arm, paper in free_space.PAPER.items():
+            if arm in study.names:
+                lengths = study.length[study.names.index(arm), ..., quantity].mean(axis=0)
+                mean, std = mean_of(1e3 * lengths)
+                items.append(
+                    Item("Fig. 16", f"{name}, {LIKE[arm]}", paper[quantity], mean, std, unit,
+                         like=True, why=_CELL)
+                )  # fmt: skip
+        items += _ratios(study, "Fig. 16", name, quantity, free_space.PAPER)
+    return items
+
+
+def docking_items(study: DockingStudy) -> list[Item]:
+    """Figs. 17 and 18: maxima as the controller sees them, which is what the paper records."""
+    items = []
+    if "linear" in study.names:
+        c = study.names.index("linear")
+        starts = study.grid(np.moveaxis(study.result.phase_start, 0, -1))[c, :, 1]
+        touched = study.touched[c]
+        setup = study.setup
+        for name, printed, values, unit, why in (
+            ("first contact", 45.0, starts[touched], "s",
+             f"{1e3 * setup.gap:g} mm at {1e3 * setup.speed:g} mm/s, and the impedance's lag B/K"),
+            ("largest force along z", 12.1, study.seen[c, touched, 2], "N",
+             "one run there; here it goes with contact stiffness and damping"),
+            ("largest torque about x", 3.48, study.seen[c, touched, 3], "N·m",
+             "one run there, and it depends on the point that moments are about"),
+            ("end", 262.0, study.grid(study.result.stopped)[c, study.seated[c]], "s",
+             "an engagement of 333 mm, which the stated clearance and tilt give, and the lag"),
+        ):  # fmt: skip
+            mean, std = mean_of(values)
+            items.append(Item("Fig. 17", f"{name}, self", printed, mean, std, unit, True, why))
+    for quantity, (name, unit) in enumerate((("force", "N"), ("torque", "N·m"))):
+        for arm, paper in docking.PAPER.items():
+            if arm not in study.names:
+                continue
+            c = study.names.index(arm)
+            values = study.average_seen[c, study.touched[c], quantity]
+            mean, std = mean_of(values)
+            why = "contact stiffness, damping and clearance of the paper's cell are unknown"
+            if values.size < study.arms.runs:
+                lost = study.arms.runs - values.size
+                why = f"{lost} of {study.arms.runs} runs stop at a false force before the gears"
+            items.append(Item("Fig. 18", f"{name}, {LIKE[arm]}", paper[quantity], mean, std, unit,
+                              True, why))  # fmt: skip
+        items += _ratios(study, "Fig. 18", name, quantity, docking.PAPER)
+    return items
+
+
+def _ratios(
+    study: FreeSpaceStudy | DockingStudy,
+    figure: str,
+    name: str,
+    quantity: int,
+    paper: dict[str, tuple[float, float]],
+) -> list[Item]:
+    """Self over tracker: by the paper's method, which is like, and by the estimator's default."""
+    if not {"linear", "self", "tracker"} <= set(study.names):
+        return []
+    published = paper["linear"][quantity] / paper["tracker"][quantity]
+    items = []
+    for arm, like, why in (
+        ("linear", True, _LINEAR),
+        ("self", False, f"maximum likelihood instead of Eq. 24; {_ANGLES}"),
+    ):
+        which = {"seen": True} if isinstance(study, DockingStudy) else {}
+        found = study.ratio(quantity, arm, "tracker", **which)
+        label = "self / tracker" if like else "self by maximum likelihood / tracker"
+        items.append(Item(figure, f"{name}, {label}", published, found.value, found.std, "",
+                          like, why))  # fmt: skip
+    return items
+
+
+def sensitivity_items(sweep: Sweep) -> list[Item]:
+    """Fig. 4."""
+    force = float(sweep.force.max())
+    why = "the same equations (16–19, corrected) on a rig of stated size; Table 1 is empty"
+    return [
+        Item("Fig. 4", f"force error at {sweep.deviation[-1]:g} rad", 80.0, force, np.nan, "N",
+             True, why, ">")
+    ]  # fmt: skip
+
+
+def accuracy_items(study: Accuracy) -> list[Item]:
+    """Figs. 7–9, 12–14, Tables 2 and 3."""
+    items = []
+    methods = {result.method: result for result in study.results}
+    for method, figure, like in (
+        ("linear", "Figs. 7–9", True), ("ml", "Figs. 7–9", False), ("tracker", "Figs. 12–14", True),
+    ):  # fmt: skip
+        if method in methods:
+            own = methods[method]
+            name = {"linear": "self", "ml": "self by maximum likelihood", "tracker": "tracker"}
+            share = np.abs(own.mean) / own.std
+            items.append(
+                Item(figure, f"largest |mean| / σ of nine angles, {name[method]}", 1.0,
+                     float(share.max()), 1.0 / np.sqrt(len(own.error)), "", like,
+                     'the paper has means "much smaller than" σ and no numbers; here '
+                     f"σ is {1e3 * own.std.mean():.3g} mrad", "<")
+            )  # fmt: skip
+    if "tracker" in methods:
+        reference = methods["tracker"]
+        for method, like, why in (
+            ("linear", True, _LINEAR),
+            ("ml", False, "maximum likelihood instead of Eq. 24"),
+        ):
+            if method in methods:
+                a, b = (np.mean(m.error**2, axis=(1, 2)) for m in (methods[method], reference))
+                size = min(len(a), len(b))
+                square = ratio(a[:size], b[:size])
+                value = float(np.sqrt(square.value))
+                items.append(
+                    Item("Table 2", "σ of self against tracker" + ("" if like else ", by maximum "
+                         "likelihood"), -30.1, 100.0 * (value - 1.0),
+                         100.0 * square.std / (2.0 * value), "%", like, why)
+                )  # fmt: skip
+                pair = (m.error[:size] for m in (methods[method], reference))
+                first, second = pair
+                apart = np.abs(first - second).max(axis=(1, 2))
+                mean, std = mean_of(1e3 * apart)
+                label = "" if like else ", by maximum likelihood"
+                items.append(
+                    Item("Table 3", f"largest difference of self and tracker{label}", 1.0, mean,
+                         std, "mrad", like, "one rig there, campaigns of many rigs here", "<")
+                )  # fmt: skip
+    return items
+
+
+def paper_rows(items: list[Item]) -> Iterator[Row]:
+    """Header and rows of paper.csv."""
+    yield "figure", "quantity", "unit", "bound", "paper", "here", "standard_error", "like", \
+        "verdict", "why"  # fmt: skip
+    for item in items:
+        yield (
+            item.figure, item.quantity, item.unit, item.bound,
+            *("" if np.isnan(v) else float(v) for v in (item.paper, item.here, item.std)),
+            "like" if item.like else "unlike", verdict(item), item.why,
+        )  # fmt: skip
