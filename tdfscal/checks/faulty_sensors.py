@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.records import BoolArray, Dwells, Rig
+from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 
 AXES = ("x", "y", "z")
 #: A reading this close to a limit, relative, stands at it.
 _AT = 1e-6
 #: An axis that varies by this share of what the others do, and by so many times its noise, lives.
 _FOLLOWS, _AUDIBLE = 0.1, 10.0
+#: Dwells with one reading, of the last, that freeze an axis: no noise repeats itself so often.
+_FROZEN = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,7 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
     still = (low == high) & (dwells.count >= 8)[..., None]
     lively = rig.axes & ~still.all(axis=(0, 1, 2)) & (np.mean(~still, axis=0) > 0.5)
-    for k, i, j in np.argwhere(still & lively):
+    for k, i, j in np.argwhere(still & (lively | _froze(still, low) & rig.axes)):
         reasons.setdefault(
             int(k),
             f"{_axis(rig, i, j)} is "
@@ -62,6 +64,17 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     keep = np.ones(len(dwells), dtype=bool)
     keep[list(reasons)] = False
     return Screened(keep, reasons)
+
+
+def _froze(still: BoolArray, value: FloatArray) -> BoolArray:
+    """Axes (n, 3) with scatter up to a dwell, and one and the same reading in all from there on.
+
+    A coarse resolution has its dwells without scatter here and there. still, value : (K, n, 3).
+    """
+    count = still.sum(axis=0)
+    late = np.arange(len(still))[:, None, None] >= len(still) - count
+    same = np.all(~still | (value == value[-1]), axis=0)
+    return np.asarray((count >= _FROZEN) & (count < len(still)) & same & np.all(still == late, 0))
 
 
 def _check_unmeasured(rig: Rig, dwells: Dwells) -> None:

@@ -66,7 +66,20 @@ def check_geometry(rig: Rig, position: FloatArray) -> None:
         where="log positions",
         hint="correct the position fields of the log block in rig.yaml"
         if found
-        else "check the position fields, the hinges, and that log and rig.yaml belong together",
+        else f"measure the hinges again ({_farthest(rig, position)}), or check the position fields "
+        "and that log and rig.yaml belong together",
+    )
+
+
+def _farthest(rig: Rig, position: FloatArray) -> str:
+    """The two hinges whose distance in the log, position (K, n, 3), differs most from rig.yaml."""
+    first, second = np.triu_indices(rig.n, 1)
+    logged = np.median(np.linalg.norm(position[:, first] - position[:, second], axis=2), axis=0)
+    stated = np.linalg.norm(rig.hinge[first] - rig.hinge[second], axis=1)
+    k = int(np.argmax(np.abs(logged - stated)))
+    return (
+        f"{rig.supports[first[k]]} to {rig.supports[second[k]]} is {logged[k]:.4f} m in the log "
+        f"and {stated[k]:.4f} m in rig.yaml"
     )
 
 

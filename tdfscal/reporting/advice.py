@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import ceil
 
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.motion import MotionResult
+from tdfscal.records import ANGLES
 from tdfscal.significance import INCOMPATIBLE, MOST_REJECTED
 
-_ANGLES = ("roll", "pitch", "yaw")
+#: Cures named at most; one fault makes others appear, so that the first few count.
+_TRIED = 3
+#: Postures named at most.
+_NAMED = 8
+#: What is asked for beyond the bare limit.
+_SPARE = 1.2
 #: A source worth naming contributes at least this share of the angles' variance.
 _NOTABLE = 0.25
 _LESSEN = {
@@ -41,15 +48,18 @@ _LESSEN_IN_MOTION = {
 
 
 def advise(c: Calibration) -> tuple[str, ...]:
-    """Return sentences in the order in which to act on them."""
+    """Return sentences in the order in which to act: the first is the cure that counts most."""
     if c.status == "rejected":
+        cures = _cures(c) or ("Record again: hold each posture for 3 s and touch nothing",)
+        others = (f"{cure[0].lower()}{cure[1:]}" for cure in cures[1:_TRIED])
         return (
-            "Do not load this result into a controller.",
-            *_mend(c),
-            "Then record again and calibrate again.",
+            f"{cures[0]}.",
+            *(f"If that does not mend it: {cure}." for cure in others),
+            "Calibrate again, and load nothing of this result into a controller.",
         )
+    advice = [f"Mend what the residuals say: {cure}." for cure in c.quality.advice[:1]]
     new = "three to five new postures" if c.motion is None else "the next motion without contact"
-    advice = [f"Prove it on {new}: tdfscal validate CALIBRATION LOG. Repeat monthly."]
+    advice.append(f"Prove it on {new}: tdfscal validate CALIBRATION LOG. Repeat monthly.")
     shares = _shares(c)
     lessen = _LESSEN if c.motion is None else _LESSEN | _LESSEN_IN_MOTION
     if shares:
@@ -59,78 +69,131 @@ def advise(c: Calibration) -> tuple[str, ...]:
     return tuple(advice)
 
 
-def _mend(c: Calibration) -> tuple[str, ...]:
-    """What may have caused each reason of the gate."""
-    limits, fit, found = c.rig.acceptance, c.fit, []
-    std = c.rpy_std[c.determined]
-    if np.any(std > limits.angle_std):
-        i, j = np.unravel_index(int(std.argmax()), std.shape)
-        more = (
-            "record more postures with more tilt"
-            if c.motion is None
-            else "move for longer and tilt farther"
-        )
-        found.append(
-            f"Squeeze the NCPs against each other, or {more}: "
-            f"{_ANGLES[j]} of {c.mounted[i].name} is the weakest angle."
-            if c.method != "tracker"
-            else "Measure more targets, farther apart, or from nearer: the angles are too weak."
-        )
-    named = any("the residuals say that" in reason for reason in c.quality.reasons)
-    if c.motion is not None:
-        found += _mend_motion(c.motion, c.quality.reasons)
-    elif fit is not None and fit.birge > limits.birge_max and not named:
-        found.append(
-            "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
-            "grows with time is drift (tare again); misfit everywhere is crosstalk or gain "
-            "(declare uncertainty.force_sensitivity), or a wrong mass, hinge or barycentre in "
-            "rig.yaml."
-        )
-    if fit is not None and len(fit.rejected) > MOST_REJECTED * (fit.postures + len(fit.rejected)):
-        sensors = [r for r in fit.rejected if "capacity" in r.reason or "frozen" in r.reason]
-        if sensors:
-            found.append(
-                "Squeeze less, or carry less: sensors reached their capacity or froze at the "
-                "postures rejected (or correct supports.capacity in rig.yaml)."
-            )
-        if len(sensors) < len(fit.rejected):
-            found.append(
-                "Find what touched the terminal at the postures rejected (cables, a hand, a stop) "
-                "and free it."
-            )
+def _cures(c: Calibration) -> tuple[str, ...]:
+    """What each reason of the gate asks for, sentences without a full stop.
+
+    Damage first, for it hides the rest; then sensors, which spoil postures; then what the
+    residuals say, which makes postures misfit; then what touched; precision last, for it is
+    judged with the noise that all of these add.
+    """
+    return (
+        *_of_the_files(c),
+        *_of_the_sensors(c),
+        *(f"{text[0].upper()}{text[1:]}" for text in c.quality.advice),
+        *_of_contact(c),
+        *_of_the_misfit(c),
+        *_of_the_tracker(c),
+        *_of_the_precision(c),
+    )
+
+
+def _of_the_files(c: Calibration) -> Iterator[str]:
     if any(entry.integrity == "salvaged" for entry in c.inputs):
-        found.append("Copy the log from the recorder again; the file is damaged.")
-    consistency = c.tracker.get("consistency_p_value") if c.tracker else None
-    if isinstance(consistency, float) and consistency < INCOMPATIBLE:
-        found.append(
-            "Calibrate by each method alone and compare: the tracker sees a sensor's body, "
-            "self-calibration its sensing axes (tracker.misalignment states what may lie between)."
-        )
-    birge = c.tracker.get("birge") if c.tracker else None
-    if c.method != "self" and isinstance(birge, float) and birge > limits.birge_max:
-        found.append(
-            "Look at the tracker's residuals: a moved instrument, a loose target, or "
-            "understated uncertainties."
-        )
-    return tuple(found)
+        yield "Copy the log from the recorder again; the file is damaged"
 
 
-def _mend_motion(motion: MotionResult, reasons: Sequence[str]) -> Iterator[str]:
+def _of_the_sensors(c: Calibration) -> Iterator[str]:
+    """Postures that the sensors themselves spoilt."""
+    if not _many_rejected(c) or c.fit is None:
+        return
+    said = [rejected.reason for rejected in c.fit.rejected]
+    full = [reason for reason in said if "capacity" in reason or "saturated" in reason]
+    if full:
+        yield (
+            "Squeeze less, carry less, or widen the range of sensor and amplifier (or correct "
+            f"`capacity` in rig.yaml): {full[0]}"
+        )
+    frozen = [reason for reason in said if "frozen" in reason]
+    if frozen:
+        yield f"Look at the sensor's cable and amplifier: {frozen[0]}; then record again"
+
+
+def _of_contact(c: Calibration) -> Iterator[str]:
+    if c.motion is not None:
+        yield from _of_motion(c.motion, c.quality.reasons)
+    elif _many_rejected(c) and c.fit is not None:
+        touched = [r.index + 1 for r in c.fit.rejected if "unexplained" in r.reason]
+        if touched:
+            names = ", ".join(map(str, touched[:_NAMED])) + (", …" if touched[_NAMED:] else "")
+            yield (
+                f"Find what touches the terminal at postures {names} (cables, a hand, a stop), "
+                "free it, and record again"
+            )
+
+
+def _of_motion(motion: MotionResult, reasons: Sequence[str]) -> Iterator[str]:
     """What may have caused the reasons that only a motion has."""
     if any("had to be left out" in reason for reason in reasons):
         touched = any("contact" in stretch.reason for stretch in motion.rejected)
         yield (
             "Find what touched the terminal in the stretches left out (cables, a hand, a stop), "
-            "and free it; where nothing did, move more slowly."
+            "and free it; where nothing did, move more slowly, or hold eight or more postures "
+            "for 3 s each"
             if touched
             else "Squeeze less, or carry less: sensors reached their capacity or froze in the "
-            "stretches left out."
+            "stretches left out"
         )
     if any("halves of the log" in reason for reason in reasons):
         yield (
             "See what changed while it moved (a screw, a hinge, a warming sensor: declare "
-            "drift.time), and calibrate the two halves of the log apart."
+            "drift.time), and calibrate the two halves of the log apart"
         )
+
+
+def _of_the_misfit(c: Calibration) -> Iterator[str]:
+    """Residuals too large, and no suspect that stands out."""
+    limit = c.rig.acceptance.birge_max
+    if c.motion is None and c.fit is not None and c.fit.birge > limit and not c.quality.advice:
+        yield (
+            "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
+            "grows with time is drift; misfit everywhere is noise beyond "
+            "`uncertainty.force_noise`, NCPs that do not repeat, or a wrong rig.yaml"
+        )
+
+
+def _of_the_tracker(c: Calibration) -> Iterator[str]:
+    told = c.tracker or {}
+    consistency, birge = told.get("consistency_p_value"), told.get("birge")
+    if isinstance(consistency, float) and consistency < INCOMPATIBLE:
+        yield (
+            "Calibrate by each method alone and compare: the tracker sees a sensor's body, "
+            "self-calibration its sensing axes (tracker.misalignment states what may lie between)"
+        )
+    if c.method != "self" and isinstance(birge, float) and birge > c.rig.acceptance.birge_max:
+        yield (
+            "Look at the tracker's residuals: a moved instrument, a loose target, or understated "
+            "uncertainties"
+        )
+
+
+def _of_the_precision(c: Calibration) -> Iterator[str]:
+    """Uncertainties above a limit of the rig file, of an angle or of the contact wrench."""
+    std, limit = c.rpy_std[c.determined], c.rig.acceptance.angle_std
+    worst = float(std.max())
+    if worst > limit:
+        i, j = np.unravel_index(int(std.argmax()), std.shape)
+        weakest = f"{ANGLES[j]} of {c.mounted[i].name} is the weakest angle"
+        if c.method == "tracker":
+            yield f"Measure more targets, farther apart, or from nearer: {weakest}"
+        elif c.fit is not None and c.fit.postures:
+            wanted = ceil(_SPARE * c.fit.postures * (worst / limit) ** 2)
+            yield (
+                f"Squeeze the NCPs {_SPARE * worst / limit:.1f} times as hard, or record {wanted} "
+                f"postures like the {c.fit.postures} of now (tdfscal plan chooses them): {weakest}"
+            )
+        else:
+            yield f"Squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
+    elif c.conformity is not None and any("contact" in reason for reason in c.quality.reasons):
+        shares = _shares(c)
+        largest = max(shares, key=lambda source: shares[source]) if shares else "noise"
+        yield _LESSEN.get(largest, _LESSEN["noise"]).rstrip(".")
+
+
+def _many_rejected(c: Calibration) -> bool:
+    fit = c.fit
+    return fit is not None and len(fit.rejected) > MOST_REJECTED * (
+        fit.postures + len(fit.rejected)
+    )
 
 
 def _shares(c: Calibration) -> dict[str, float]:

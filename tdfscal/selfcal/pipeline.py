@@ -184,7 +184,7 @@ def self_calibrate(
             used=len(dwells) - len(rejected),
             rejected=len(rejected),
             inputs=inputs,
-            suspicions=[doubt.text for doubt in doubts if doubt.harmful],
+            suspicions=[doubt.finding for doubt in doubts if doubt.harmful],
             conformity=conformity,
         ),
         warnings=_warnings(

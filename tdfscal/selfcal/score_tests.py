@@ -11,7 +11,7 @@ scatter, of the moments alone; it is asked for by the variance of the residuals 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,54 +31,75 @@ from tdfscal.significance import (
 
 _NOISE_ONLY = 1e-9
 
+#: What is wrong with {0}, and its cure; {1} is the size that the residuals ask for.
 _WORDS = {
-    "zero": ("the zero of {0} is not what is stated", "tare again, or widen its zero.std"),
+    "zero": (
+        "the zero of {0} is not what is stated",
+        "tare again, or write `zero.std: {1}` for {0} in rig.yaml",
+    ),
     "sensitivity": (
         "gain or crosstalk of {0} is not what is stated",
-        "have the sensor checked, or declare uncertainty.force_sensitivity",
+        "have the sensor of {0} checked, or write `uncertainty.force_sensitivity: {1}` in rig.yaml",
     ),
-    "mass": ("the mass is not what is stated", "weigh again, or widen terminal.mass.std"),
+    "mass": (
+        "the mass is not what is stated",
+        "weigh again, or write `terminal.mass.std: {1}` in rig.yaml",
+    ),
     "barycentre": (
         "the barycentre is not where it is stated",
-        "correct it, or widen terminal.barycenter.std",
+        "correct it, or write `terminal.barycenter.std: {1}` in rig.yaml",
     ),
-    "hinge": ("the hinge of {0} is not where it is stated", "widen uncertainty.hinge"),
-    "datum": ("the servo coordinates of {0} are offset", "declare uncertainty.datum"),
-    "tilt": ("gravity is not along -Z of the BCS", "level the BCS, or declare gravity.tilt_std"),
+    "hinge": (
+        "the hinge of {0} is not where it is stated",
+        "measure the hinges again, or write `uncertainty.hinge: {1}` in rig.yaml",
+    ),
+    "datum": (
+        "the servo coordinates of {0} are offset",
+        "measure the servo datums, or write `uncertainty.datum: {1}` in rig.yaml",
+    ),
+    "tilt": (
+        "gravity is not along -Z of the BCS",
+        "level the BCS, or write `gravity.tilt_std: {1}` in rig.yaml",
+    ),
     "compliance": (
         "the NCPs give between encoder and hinge",
-        "declare uncertainty.compliance in rig.yaml (`compliance: {{lateral: 1.0e-6, vertical: "
-        "1.0e-6}}`), or see what is loose",
+        "see what is loose, or write `uncertainty.compliance: {{lateral: {1}, vertical: {1}}}` in "
+        "rig.yaml",
     ),
     "friction": (
         "the hinges hold back against the turn by which a posture is reached",
-        "declare uncertainty.hinge_moment, or see whether the hinges move freely",
+        "see whether the hinges move freely, or write `uncertainty.hinge_moment: {1}` in rig.yaml",
     ),
     "scatter": (
-        "the moments scatter as friction of {0:.2g} N·m in the hinges would make them",
-        "declare uncertainty.hinge_moment, or see whether the NCPs repeat as stated",
+        "the moments scatter as friction of {1} N·m in the hinges would make them",
+        "see whether the hinges move freely and the NCPs repeat as stated, or write "
+        "`uncertainty.hinge_moment: {1}` in rig.yaml",
     ),
     "drift": (
         "the zero of {0} drifts over the campaign",
-        "declare drift.time in rig.yaml (`drift: {{time: .inf}}`), or warm up and tare again",
+        "warm up and tare again, or write `drift.time: .inf` in rig.yaml",
     ),
     "temperature": (
         "the zero of {0} follows the temperature",
-        "declare drift.temperature in rig.yaml (`drift: {{temperature: .inf}}`)",
+        "write `drift.temperature: .inf` in rig.yaml",
     ),
     "parabola": (
         "the zero of {0} drifts other than along a line",
-        "declare drift.walk in rig.yaml, or record faster",
+        "record faster, or write `drift.walk: {1}` in rig.yaml",
     ),
 }
+_HOUR = 3600.0
+#: Of the misfit, which a cause that is more than scatter explains.
+_LARGE_PART = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class Suspicion:
     """Something that the residuals ask for.
 
-    p_value : that chance alone asks as much, for this suspect alone. shift : largest move of an
-    angle in units of its standard uncertainty. angle : which one.
+    what, advice : what is wrong, and its cure. p_value : that chance alone asks as much, for this
+    suspect alone. shift : largest move of an angle in units of its standard uncertainty.
+    angle : which one. gain : fall of χ², where it was asked.
     """
 
     what: str
@@ -86,6 +107,7 @@ class Suspicion:
     p_value: float
     shift: float
     angle: str
+    gain: float = 0.0
 
     @property
     def harmful(self) -> bool:
@@ -93,12 +115,17 @@ class Suspicion:
         return self.shift > HARMFUL_SHIFT
 
     @property
-    def text(self) -> str:
-        """One sentence."""
+    def finding(self) -> str:
+        """What is wrong, how surely, and what it does."""
         return (
             f"the residuals say that {self.what} ({p_text(self.p_value)}), which would move "
-            f"{self.angle} by {self.shift:.1f} of its standard uncertainties: {self.advice}"
+            f"{self.angle} by {self.shift:.1f} of its standard uncertainties"
         )
+
+    @property
+    def text(self) -> str:
+        """The finding with its cure."""
+        return f"{self.finding}: {self.advice}"
 
 
 def suspicions(
@@ -109,7 +136,7 @@ def suspicions(
     stats: Quality,
     temperature: FloatArray | None = None,
 ) -> tuple[Suspicion, ...]:
-    """Ask for every suspect, and return them with the surest first.
+    """Ask for every suspect, and return them with the surest first, scatter after a cause.
 
     time : (K,), s, when each posture was held. temperature : (K, n), °C, where it is known.
     """
@@ -120,7 +147,7 @@ def suspicions(
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std = np.sqrt(np.diagonal(uncertainty.covariance))
     found = []
-    for group, index, columns in suspects:
+    for group, index, columns, unit in suspects:
         known = parts.left.T @ columns
         apart = columns - parts.left @ known
         score, information = apart.T @ residual, apart.T @ apart
@@ -139,21 +166,25 @@ def suspicions(
         amount = -vectors[:, seen] @ (along / values[seen])
         # The other parameters, angles among them, give way to the suspect's amount.
         move = -parts.root @ (known @ amount)
-        what, advice = _WORDS[group]
-        found.append(
-            _suspicion(
-                fit,
-                what.format(fit.rig.supports[index]),
-                advice.format(),
-                p_value,
-                move[angles] / std,
-            )
-        )
+        asked = _rounded_up(float(np.abs(amount * unit).max()))
+        what, advice = (words.format(fit.rig.supports[index], asked) for words in _WORDS[group])
+        doubt = _suspicion(fit, what, advice, p_value, move[angles] / std)
+        found.append(replace(doubt, gain=statistic))
+    found.sort(key=lambda doubt: (doubt.p_value, -doubt.gain))
     friction, p_value, effect = _friction(fit, parts, root, residual)
     if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE:
-        what, advice = _WORDS["scatter"]
-        found.append(_suspicion(fit, what.format(friction), advice, p_value, effect[angles] / std))
-    return tuple(sorted(found, key=lambda suspicion: suspicion.p_value))
+        what, advice = (words.format("", _rounded_up(friction)) for words in _WORDS["scatter"])
+        scatter = _suspicion(fit, what, advice, p_value, effect[angles] / std)
+        # Whatever is wrong scatters the moments: a cause of a large part of the misfit goes first.
+        first = max((doubt.gain for doubt in found), default=0.0)
+        found.insert(len(found) if first > _LARGE_PART * (stats.chi2 - stats.dof) else 0, scatter)
+    return tuple(found)
+
+
+def _rounded_up(size: float) -> str:
+    """One significant digit, upwards."""
+    step = 10.0 ** np.floor(np.log10(max(size, np.finfo(float).tiny)))
+    return f"{float(f'{np.ceil(size / step) * step:.1g}'):g}"
 
 
 def _suspicion(fit: Fit, what: str, advice: str, p_value: float, shift: FloatArray) -> Suspicion:
@@ -211,17 +242,16 @@ def _friction(
 
 def _suspects(
     fit: Fit, root: FloatArray, time: FloatArray, temperature: FloatArray | None
-) -> Iterator[tuple[str, int, FloatArray]]:
-    """Group, support and whitened columns (rows, g) of each suspect."""
+) -> Iterator[tuple[str, int, FloatArray, float | FloatArray]]:
+    """Group, support, whitened columns (rows, g) of each suspect, and what they are per unit."""
     rig, n = fit.rig, fit.rig.n
     motion = fit.postures.motion
     std, place = prior_std(rig, motion), layout(n, fit.state.motions)
     J = root @ (fit.at.design @ features_jacobian(fit.state, fit.at, rig.gravity))
-    data, held = J.reshape(-1, J.shape[-1]), np.flatnonzero(np.isfinite(std) & (std > 0))
+    data, exact, held = J.reshape(-1, J.shape[-1]), std == 0, np.isfinite(std) & (std > 0)
     below = np.zeros((len(fit.prior_residual), data.shape[1]))
-    for row, parameter in enumerate(held):  # a prior's value moved by one standard deviation
+    for row, parameter in enumerate(np.flatnonzero(held)):  # a value moved by one standard dev.
         below[row, parameter] = 1.0
-    exact = std == 0
     columns = np.concatenate([np.where(exact, data, 0.0), np.where(exact, 0.0, below)])
     for group, where in place.items():
         if group in ("rotation", "drift"):
@@ -232,12 +262,13 @@ def _suspects(
         for index, start in enumerate(range(where.start, where.stop, size)):
             part = slice(start, start + size)
             if np.isfinite(std[part]).any():
-                yield group, index, columns[:, part]
+                yield group, index, columns[:, part], np.where(held[part], std[part], 1.0)
     for group, shape in _shapes(fit, time, temperature):
         for i in range(n):
             start = place["zero"].start + 3 * i
             moving = (J[:, :, start : start + 3] * shape[:, i, None, None]).reshape(-1, 3)
-            yield group, i, np.concatenate([moving, np.zeros((len(below), 3))])
+            unit = 1.0 if group != "parabola" else np.sqrt(_HOUR / float(np.ptp(time)))
+            yield group, i, np.concatenate([moving, np.zeros((len(below), 3))]), unit
 
 
 def _shapes(

@@ -184,7 +184,8 @@ def _most_likely(
     if not len(possible):
         return None
     coarse = _spread(possible)
-    ramp = ((time - time.mean()) / max(float(np.ptp(time)), np.finfo(float).tiny))[None]
+    ramp = (time - time.mean()) / max(float(np.ptp(time)), np.finfo(float).tiny)
+    creep = np.stack([ramp, ramp**2 - np.mean(ramp**2)])
     late = np.arange(len(counts))
 
     def best_of(group: str, splits: IntArray) -> list[_Step]:
@@ -203,7 +204,7 @@ def _most_likely(
         return step
 
     steps = [step for step in map(refined, ("rotation", "zero")) if step is not None]
-    drifts = [step for i in range(normal.fit.rig.n) for step in normal.asked("drift", i, ramp)]
+    drifts = [step for i in range(normal.fit.rig.n) for step in normal.asked("drift", i, creep)]
     step = likeliest(steps)
     if step is None or any(drift.statistic >= step.statistic for drift in drifts):
         return None
@@ -246,7 +247,8 @@ def _suspicion(
     what = _words(fit, step) + (f", or {_words(fit, rival)}" if rival else "")
     return Suspicion(
         what=f"{what} before posture {number[step.first]}",
-        advice="fasten it, let it settle, and record the campaign again",
+        advice=f"fasten the sensor of {fit.rig.supports[step.sensor]}, look at its cable, let it "
+        "settle, and record the campaign again",
         p_value=p_value,
         shift=float(shift[worst]),
         angle=f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}",

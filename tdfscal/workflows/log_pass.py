@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ from tdfscal.workflows.progress import Progress
 
 #: Warnings of a log that an error repeats at most; those of its clocks come first.
 _REPEATED = 3
+#: Stops left out per dwell found, from which an error says so.
+_LOST = 2
 _CLOCK = re.compile(r"clock|header time|step back|repeat the time")
 
 
@@ -24,8 +27,8 @@ class LogPass:
     """What one reading of a campaign's logs leaves behind.
 
     window : the part of the logs that is used. inputs : files that were read. messages :
-    warnings of the logs, in order, each once.
-    begin, end : s, the first and the last time in the logs, by their clock.
+    warnings of the logs, in order, each once. stops : what became of most of them, where few are
+    dwells. begin, end : s, the first and the last time in the logs, by their clock.
     """
 
     campaign: Campaign
@@ -36,6 +39,7 @@ class LogPass:
     messages: dict[str, None] = field(default_factory=dict)
     begin: float = float("inf")
     end: float = float("-inf")
+    stops: str = ""
 
     def pieces(self) -> Iterator[Log]:
         """Read the logs once, piece by piece. Raises UsageError, DataError."""
@@ -59,8 +63,12 @@ class LogPass:
     def dwells(self) -> Dwells:
         """Read the logs and find the static dwells."""
         self.progress.stage("reading the log and finding the dwells")
-        dwells = find_dwells(self.pieces())
+        return self.noted(find_dwells(self.pieces()))
+
+    def noted(self, dwells: Dwells) -> Dwells:
+        """Keep what the dwells say of the log."""
         self.messages |= dict.fromkeys(dwells.warnings)
+        self.stops = _lost_stops(dwells)
         return dwells
 
     @contextmanager
@@ -69,7 +77,8 @@ class LogPass:
         try:
             yield
         except (DataError, NotIdentifiableError, NotConvergedError) as error:
-            messages = sorted(self.messages, key=lambda text: _CLOCK.search(text) is None)
+            messages = [self.stops] if self.stops else []
+            messages += sorted(self.messages, key=lambda text: _CLOCK.search(text) is None)
             if not messages:
                 raise
             rest = len(messages) - _REPEATED
@@ -77,3 +86,16 @@ class LogPass:
             look = f"look first at the log: {'; '.join(messages[:_REPEATED])}{more}"
             advice = f"{look}. {error.hint[0].upper()}{error.hint[1:]}" if error.hint else look
             raise type(error)(error.what, where=error.where, hint=advice) from error
+
+
+def _lost_stops(dwells: Dwells) -> str:
+    """Say so where far more stops are left out than found, and why."""
+    lost = len(dwells.left_out)
+    if lost <= _LOST * len(dwells):
+        return ""
+    reasons = Counter(re.split(r":| in ", piece.reason)[0] for piece in dwells.left_out)
+    reason, _ = reasons.most_common(1)[0]
+    return (
+        f"{lost} of {lost + len(dwells)} stops were left out (mostly: {reason}); hold postures for "
+        "longer, and see that forces and positions share one clock"
+    )

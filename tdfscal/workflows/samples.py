@@ -95,8 +95,7 @@ def read_samples(log: LogPass) -> tuple[Dwells, Slow | None]:
                 decimator.add(piece)
             yield piece
 
-    dwells = find_dwells(pieces())
-    log.messages |= dict.fromkeys(dwells.warnings)
+    dwells = log.noted(find_dwells(pieces()))
     try:
         return dwells, None if averaged else decimator.finish()
     except DataError:

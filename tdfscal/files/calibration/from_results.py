@@ -74,6 +74,7 @@ def from_self(
         method="self",
         estimator=result.estimator,
         reasons=result.reasons,
+        advice=_advice(result),
         warnings=(*notes, *result.warnings),
         angles=_self_angles(result),
         parameters=parameters_document(
@@ -184,6 +185,7 @@ def from_joint(
         method="joint",
         estimator=own.estimator,
         reasons=reasons,
+        advice=_advice(own),
         warnings=(*notes, *own.warnings, *tracker.warnings),
         angles=angles,
         parameters=parameters_document(given),
@@ -209,6 +211,7 @@ def _calibration(
     zero: FloatArray,
     zero_std: FloatArray,
     sensitivity: FloatArray | None = None,
+    advice: Sequence[str] = (),
     **parts: Any,
 ) -> Calibration:
     names = origin.rig.rig.supports
@@ -271,10 +274,19 @@ def _calibration(
             "matrix": (covariance + covariance.T) / 2,
         },
         "budget": _budget(names, budget, angles.determined),
-        "quality": {"reasons": tuple(reasons)},
+        "quality": {"reasons": tuple(reasons), "advice": tuple(advice)},
         "warnings": (*warnings, *locked_warnings(names, angles.rotation)),
     }
     return Calibration.model_validate(document | parts)
+
+
+def _advice(result: SelfCalibration) -> tuple[str, ...]:
+    """Cures of what the residuals say, each once, that of the surest finding first."""
+    cures: dict[str, str] = {}
+    for doubt in result.suspicions:  # one key of the rig file is one cure, whatever its size
+        act, _, rest = doubt.advice.partition(": ")
+        cures.setdefault(act + rest.rpartition("`")[2], doubt.advice)
+    return tuple(cures.values())
 
 
 def _directions(origin: Provenance, rotation: FloatArray, index: int) -> dict[str, FloatArray]:

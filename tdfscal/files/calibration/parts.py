@@ -365,9 +365,13 @@ class ConformityResult(Strict):
 
 
 class QualityResult(Strict):
-    """Why the gate rejects the result; no reason where it accepts."""
+    """Why the gate rejects the result; no reason where it accepts.
+
+    advice: cures of what the residuals say, harmful or not, that of the surest finding first.
+    """
 
     reasons: Texts = ()
+    advice: Texts = ()
 
 
 def _finite(given: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,47 @@
+"""The first advice is the cure: followed by its words alone, it ends in angles that are true."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.advice import World, cases, follow, led
+from tdfscal.numerics.distributions import chi2_sf
+
+SEED = 7
+#: That sound angles fail: d² over nine angles, one of a hundred thousand.
+CHANCE = 1e-5
+QUICK = (
+    "hinge friction 0.5 N·m",
+    "axis freezes at posture 9",
+    "positions in mm and dead axis",
+)
+
+
+def _check(name: str) -> None:
+    outcomes = led(cases()[name], SEED)
+    last = outcomes[-1]
+    assert outcomes[0].verdict != "accepted"
+    assert last.verdict == "accepted", [outcome.advice for outcome in outcomes]
+    assert chi2_sf(last.distance * last.angles, last.angles) > CHANCE
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_the_first_advice_leads_to_true_angles(name: str) -> None:
+    _check(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(cases().keys() - {*QUICK, "none"}))
+def test_so_it_does_for_every_other_fault(name: str) -> None:
+    if led(cases()[name], SEED)[0].verdict != "accepted":
+        _check(name)
+
+
+def test_what_is_not_advised_is_not_done() -> None:
+    """The follower acts on words: other words than the cure's change nothing, or something else."""
+    world = cases()["hinge friction 0.5 N·m"]
+    assert follow(world, "Look at it.") is None
+    touched = follow(world, "Find what touches the terminal at postures 1, 2 (a hand)")
+    assert touched == world
+    lined = follow(world, "write `zero.std: 20` for ncp2 in rig.yaml")
+    assert lined == World(real=world.real, lines={"ncp2/zero.std": 20})
