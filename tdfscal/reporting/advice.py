@@ -55,7 +55,7 @@ def advise(c: Calibration) -> tuple[str, ...]:
         return (
             f"{cures[0]}.",
             *(f"If that does not mend it: {cure}." for cure in others),
-            "Calibrate again, and load nothing of this result into a controller.",
+            "Do not load this result into a controller; calibrate again first.",
         )
     advice = [f"Mend what the residuals say: {cure}." for cure in c.quality.advice[:1]]
     new = "three to five new postures" if c.motion is None else "the next motion without contact"
@@ -147,7 +147,8 @@ def _of_the_misfit(c: Calibration) -> Iterator[str]:
         yield (
             "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
             "grows with time is drift; misfit everywhere is noise beyond "
-            "`uncertainty.force_noise`, NCPs that do not repeat, or a wrong rig.yaml"
+            "`uncertainty.force_noise`, gain or crosstalk (`uncertainty.force_sensitivity`), NCPs "
+            "that do not repeat, or a wrong mass, hinge or barycentre in rig.yaml"
         )
 
 
