@@ -288,7 +288,7 @@ Act = Callable[[World, re.Match[str]], World]
 ACTS: tuple[tuple[str, Act], ...] = (
     (r"see that forces and positions share one clock", _one_clock),
     (r"asten the sensor of (ncp\d)", _fasten),
-    (r"ind what touches the terminal at postures ([\d, …]+)", _free),
+    (r"ind what touched the terminal at postures ([\d, …]+)", _free),
     (r"ook at the sensor's cable and amplifier: the (.) axis of the sensor of (ncp\d)", _repair),
     (r"queeze the NCPs ([\d.]+) times as hard", _squeeze),
     (r"queeze the NCPs against each other so that", _squeeze_at_all),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from math import ceil
 
@@ -16,6 +17,8 @@ from tdfscal.significance import INCOMPATIBLE, MOST_REJECTED
 _TRIED = 3
 #: Postures named at most.
 _NAMED = 8
+#: Reasons of postures that a sensor spoilt.
+_SENSOR = re.compile("capacity|saturated|frozen")
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
 #: A source worth naming contributes at least this share of the angles' variance.
@@ -112,11 +115,11 @@ def _of_contact(c: Calibration) -> Iterator[str]:
     if c.motion is not None:
         yield from _of_motion(c.motion, c.quality.reasons)
     elif _many_rejected(c) and c.fit is not None:
-        touched = [r.index + 1 for r in c.fit.rejected if "unexplained" in r.reason]
+        touched = [r.index + 1 for r in c.fit.rejected if not _SENSOR.search(r.reason)]
         if touched:
             names = ", ".join(map(str, touched[:_NAMED])) + (", …" if touched[_NAMED:] else "")
             yield (
-                f"Find what touches the terminal at postures {names} (cables, a hand, a stop), "
+                f"Find what touched the terminal at postures {names} (cables, a hand, a stop), "
                 "free it, and record again"
             )
 

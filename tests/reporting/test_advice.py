@@ -41,7 +41,7 @@ def test_what_is_not_advised_is_not_done() -> None:
     """The follower acts on words: other words than the cure's change nothing, or something else."""
     world = cases()["hinge friction 0.5 N·m"]
     assert follow(world, "Look at it.") is None
-    touched = follow(world, "Find what touches the terminal at postures 1, 2 (a hand)")
+    touched = follow(world, "Find what touched the terminal at postures 1, 2 (a hand)")
     assert touched == world
     lined = follow(world, "write `zero.std: 20` for ncp2 in rig.yaml")
     assert lined == World(real=world.real, lines={"ncp2/zero.std": 20})

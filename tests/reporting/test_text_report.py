@@ -80,15 +80,15 @@ def test_advice_follows_the_cause() -> None:
     c = sample().calibration
     fit = c.model_dump()["fit"]
     assert "tdfscal validate" in advise(c)[0]
-    assert advise(with_(c))[0] == "Do not load this result into a controller."
-    assert "force_sensitivity" in " ".join(advise(with_(c, fit=fit | {"birge": 9.0})))
+    assert "Do not load this result into a controller" in advise(with_(c))[-1]
+    assert "force_sensitivity" in advise(with_(c, fit=fit | {"birge": 9.0}))[0]
     gone = [{"index": k, "reason": "contact"} for k in range(3)]
-    assert "touched the terminal" in " ".join(advise(with_(c, fit=fit | {"rejected": gone})))
+    assert "touched the terminal" in advise(with_(c, fit=fit | {"rejected": gone}))[0]
     rig = c.rig.model_dump(mode="json", exclude_none=True)
     rig["acceptance"]["angle_std"] = 1e-6
-    assert "weakest angle" in " ".join(advise(with_(c, rig=rig)))
+    assert "weakest angle" in advise(with_(c, rig=rig))[0]
     damaged = [{"path": "a.mcap", "sha256": "0" * 64, "bytes": 1, "integrity": "salvaged"}]
-    assert "Copy the log" in " ".join(advise(with_(c, inputs=damaged)))
+    assert "Copy the log" in advise(with_(c, inputs=damaged))[0]
     joint = surveyed()[1]
     assert joint.tracker is not None
     far = joint.tracker | {"consistency_p_value": 1e-4}
