@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,10 @@ import jsonschema
 import pytest
 import yaml
 
+from tdfscal.files.calibration import descriptions as of_calibration
 from tdfscal.files.calibration.document import Calibration, dump_calibration
+from tdfscal.files.points import model as of_points
+from tdfscal.files.rig import descriptions as of_rig
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.schema import schemas, write_schemas
 from tests.files.sample_documents import RIG, calibration
@@ -128,10 +131,34 @@ def test_bad_documents_fail(name: str, change: Change) -> None:
     assert not valid(name, content)
 
 
-def test_every_key_of_a_rig_file_is_described() -> None:
-    """What an editor shows while a drafted rig file is confirmed."""
-    schema = schemas()["rig.schema.json"]
-    models = [schema, *schema["$defs"].values()]
-    bare = [key for model in models for key, value in model.get("properties", {}).items()
-            if not value.get("description")]  # fmt: skip
-    assert bare == []
+def properties(node: Any, place: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every property anywhere in a schema, with its place."""
+    if isinstance(node, list):
+        for member in node:
+            yield from properties(member, place)
+    elif isinstance(node, dict):
+        for key, value in node.get("properties", {}).items():
+            yield f"{place}.{key}", value
+        for key, value in node.items():
+            yield from properties(value, place if key == "properties" else f"{place}/{key}")
+
+
+@pytest.mark.parametrize("name", sorted(schemas()))
+def test_every_key_is_described(name: str) -> None:
+    """What an editor shows while a drafted rig file is confirmed, and a result is read."""
+    found = list(properties(schemas()[name], ""))
+    assert len(found) >= 10
+    assert [place for place, value in found if not value.get("description", "").strip()] == []
+
+
+def test_no_description_is_of_a_key_that_is_gone() -> None:
+    roots = {"rig": "RigFile", "calibration": "Calibration", "points": "PointFile"}
+    keys = {
+        f"{model}.{key}"
+        for name, root in roots.items()
+        for schema in [schemas()[f"{name}.schema.json"]]
+        for model, node in {root: schema, **schema["$defs"]}.items()
+        for key in node.get("properties", {})
+    }
+    for descriptions in (of_rig, of_calibration, of_points):
+        assert set(descriptions.DESCRIPTIONS) <= keys

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Final, Literal, Self
 
 from pydantic import model_validator
 
 from tdfscal.files.field_types import NotNegative, Number, Strict, Text, fault
+
+DESCRIPTIONS: Final[dict[str, str]] = {
+    "Point.group": "name of the support",
+    "Point.point": "the point's label",
+    "Point.ux": "standard uncertainty of x (k = 1); all three or none",
+    "Point.uy": "standard uncertainty of y",
+    "Point.uz": "standard uncertainty of z",
+    "Point.x": "coordinate, in length_unit",
+    "Point.y": "coordinate, in length_unit",
+    "Point.z": "coordinate, in length_unit",
+    "PointFile.length_unit": "unit of all coordinates and uncertainties",
+    "PointFile.points": "list of points",
+}
+"""What each key says: the descriptions of the published schema."""
 
 
 class Point(Strict):

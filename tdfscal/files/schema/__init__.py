@@ -8,9 +8,11 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
+from tdfscal.files.calibration import descriptions as of_calibration
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.points import model as of_points
 from tdfscal.files.points.model import PointFile
-from tdfscal.files.rig.descriptions import DESCRIPTIONS
+from tdfscal.files.rig import descriptions as of_rig
 from tdfscal.files.rig.model import RigFile
 from tdfscal.files.saving import make_folder, to_json, write_text
 
@@ -23,6 +25,9 @@ _MODELS: dict[str, tuple[type[BaseModel], str]] = {
 }
 
 
+_DESCRIPTIONS = of_rig.DESCRIPTIONS | of_calibration.DESCRIPTIONS | of_points.DESCRIPTIONS
+
+
 class _WithoutTitles(GenerateJsonSchema):
     """A field's generated title only repeats its key."""
 
@@ -31,12 +36,13 @@ class _WithoutTitles(GenerateJsonSchema):
 
 
 def _described(schema: dict[str, Any], root: str) -> dict[str, Any]:
-    """Add what the keys of a rig file say, which editors show."""
+    """Add what the keys say, which editors show."""
     models = {root: schema, **schema.get("$defs", {})}
     for model, document in models.items():
-        own = "RigFile" if model == "EmbeddedRig" else model
         for key, described in document.get("properties", {}).items():
-            text = DESCRIPTIONS.get(f"{own}.{key}")
+            text = _DESCRIPTIONS.get(f"{model}.{key}")
+            if text is None and model == "EmbeddedRig":
+                text = _DESCRIPTIONS.get(f"RigFile.{key}")
             if text is not None:
                 described.setdefault("description", text)
     return schema
