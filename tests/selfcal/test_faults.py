@@ -33,7 +33,7 @@ def test_touched_postures_are_rejected_by_name_and_no_other(touched: tuple[int, 
 
 def test_more_than_a_tenth_rejected_is_a_failure() -> None:
     contacts = tuple(Contact(k, (30.0, -40.0, 60.0)) for k in (2, 8, 13, 19))
-    for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=3, trials=3).results:
+    for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=3, trials=2).results:
         assert len(result.rejected) == 4
         assert any("4 of 24 postures" in reason for reason in result.reasons)
 

@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from tdfscal.files.arrow import as_numpy
 from tdfscal.records import FloatArray
@@ -47,6 +46,8 @@ def seconds_of_all(cells: Any) -> FloatArray | None:
 
     ISO 8601 as most recorders write it is parsed all at once, anything else cell by cell.
     """
+    import pyarrow.compute as pc  # slow to import, and most logs have times in seconds
+
     for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
         try:
             ticks = pc.cast(cells, kind).cast(pa.int64())
