@@ -104,7 +104,7 @@ CASES = [
     Case("simulate campaign", 2, "campaign"),
     Case("study accuracy campaign -o out/a --runs 2 --postures 6 --workers 1", 0, "out/a"),
     Case("study accuracy nowhere -o out/none", 2, "nowhere"),
-    Case("study docking campaign -o out/d --runs 1 --engagement 20", 0, "out/d"),
+    Case("study docking campaign -o out/d --runs 1 --engagement 4", 0, "out/d"),
     Case("study docking campaign -o out/none --filter -1", 2, "--filter"),
     Case("study docking campaign -o out/none --calibration broken.yaml", 3, "broken.yaml"),
     Case("study free-space campaign -o out/f --runs 1 --moves move.csv", 0, "out/f"),
@@ -165,7 +165,7 @@ def studied() -> dict[str, Any]:
 
 @pytest.fixture(autouse=True)
 def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in the folder; leave out drawing figures into files, which takes seconds too."""
+    """Work in the folder; leave out drawing figures, which takes seconds too."""
 
     def once(name: str, study: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any, **options: Any) -> Any:
@@ -177,6 +177,7 @@ def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.chdir(home)
     monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
     monkeypatch.setattr(docking, "docking", once("docking", docking.docking))
     monkeypatch.setattr(free_space, "free_space", once("free space", free_space.free_space))
 

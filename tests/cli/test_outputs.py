@@ -16,6 +16,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tdfscal.files.saving import write_text
+from tdfscal.reporting.figures.style import Drawing, to_svg
 from tests.cli import world
 from tests.cli.running import SAMPLES, run
 
@@ -51,8 +53,19 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def home(made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of inputs; figures, which take seconds, are left out of pages and folders."""
     monkeypatch.chdir(made)
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
+    monkeypatch.setattr("tdfscal.reporting.figures.style.save", blank)
     return made
+
+
+def blank(drawing: Drawing, folder: Path) -> tuple[Path, Path]:
+    """An empty figure in the files of a drawn one."""
+    places = folder / f"{drawing.name}.png", folder / f"{drawing.name}.svg"
+    for place in places:
+        write_text(place, "")
+    return places
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -315,7 +328,6 @@ def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     """Also where the last of them cannot be put into its place."""
     from tdfscal.errors import UsageError
     from tdfscal.files.outputs import together
-    from tdfscal.files.saving import write_text
 
     (tmp_path / "a").write_text("before")
 
@@ -369,6 +381,7 @@ def test_odd_files_and_surroundings_are_said_in_one_line(
     os.mkfifo(pipe)
     monkeypatch.setattr("tdfscal.files.yaml.reading._PATIENCE", 0.2)
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "nonsense")
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", to_svg)  # matplotlib reads it
     for words in (
         ("calibrate", "C", "-o", loop),
         ("calibrate", "C/log.parquet", "--rig", loop),
