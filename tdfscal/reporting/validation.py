@@ -16,7 +16,7 @@ from tdfscal.reporting.calibration import RESIDUAL_HEADER
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, inputs_table
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
-from tdfscal.validation.causes import Cause
+from tdfscal.validation.causes import Cause, Kind
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.wrench.contact_wrench import COMPONENTS
@@ -37,6 +37,21 @@ RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
 )
+
+
+#: What to do first about the likeliest cause.
+_REMEDIES: dict[Kind, str] = {
+    "sensor turned": "Look at the mounting of this sensor, then calibrate again.",
+    "zero drifted": "Tare, and validate again; if it returns, calibrate again.",
+    "gain changed": "Have this sensor, its amplifier and its cable checked; calibrate again with "
+    "uncertainty.force_sensitivity declared until then.",
+    "load changed": "Correct the load, or the rig file and calibrate again.",
+    "base tilted": "Level the base, or calibrate again with gravity.tilt_std declared.",
+    "contact": "Free these postures and record them again before anything else.",
+    "hinges stick": "See whether the hinges move freely, or state uncertainty.hinge_moment.",
+    "noise grown": "Look for what shakes or hums, at cables and amplifiers, or state "
+    "uncertainty.force_noise, and validate again.",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +170,22 @@ def describe(v: Verdict, cause: Cause) -> str:
             f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
             f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
         )
+    if cause.kind == "gain changed":
+        assert cause.support is not None
+        return f"the gain of {v.rig.supports[cause.support]} has changed by {_gain(cause)}"
+    if cause.kind == "base tilted":
+        return (
+            f"the base is no longer level as it was: {_pairs(1e3 * value, 1e3 * std)} mrad about "
+            "x, y of the BCS"
+        )
+    if cause.kind == "noise grown":
+        whose = "all sensors" if cause.support is None else v.rig.supports[cause.support]
+        return (
+            f"the forces of {whose} scatter by {value[0]:.2g} N per axis and posture more than log "
+            "and rig file state"
+        )
+    if cause.kind == "hinges stick":
+        return f"the moments scatter as friction of {value[0]:.2g} N·m in the hinges makes them"
     assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
     named = ", ".join(f"{v.used[k] + 1} ({_start(v, int(v.used[k]))} s)" for k in cause.postures)
     largest = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
@@ -162,6 +193,19 @@ def describe(v: Verdict, cause: Cause) -> str:
         f"contact in posture{'s' if len(cause.postures) > 1 else ''} {named}: "
         f"{largest[0]:.2g} N, {largest[1]:.2g} N·m"
     )
+
+
+def _gain(cause: Cause) -> str:
+    """Change of a gain, %, by the shape that was fitted."""
+    value, std = 100 * cause.value, 100 * cause.std
+    moved = np.flatnonzero(std > 0)
+    if cause.unknowns == 1:
+        where = "on all axes" if len(moved) == 3 else f"along {'xyz'[moved[0]]} of the sensor"
+        return f"{value[moved[0]]:+.3f} ± {std[moved[0]]:.3f} % {where}"
+    words = "along x, y, z of the sensor" if cause.unknowns == 3 else (
+        "along x, y, z of the sensor, with crosstalk yz, xz, xy"
+    )  # fmt: skip
+    return ", ".join(f"{value[k]:+.3f} ± {std[k]:.3f}" for k in moved) + f" % {words}"
 
 
 def _pairs(value: FloatArray, std: FloatArray) -> str:
@@ -182,15 +226,16 @@ def reasons(v: Validation) -> list[str]:
     ]
     if not v.suspected:
         found.append(
-            "No single cause explains them: not one sensor turned, one zero drifted, another load, "
-            "or contact in a few postures."
+            "No single cause explains them: not one sensor turned, one zero drifted, one gain "
+            "changed, another load, a tilted base, contact in a few postures, or more noise."
         )
-    elif v.suspected[0].kind == "contact" and len(v.suspected) == 1:
-        found.append("Free these postures and record them again before anything else.")
-    elif v.suspected[0].kind == "load changed":
-        found.append("Correct the load, or the rig file and calibrate again.")
+        return found
+    found.append(_REMEDIES[v.suspected[0].kind])
     if len(v.suspected) > 1:
-        found.append("The postures do not tell these causes apart; record more of them.")
+        found.append(
+            "The postures do not tell the causes below apart, the likeliest first; more of them, "
+            "with more tilt and other squeezes, would."
+        )
     return found
 
 

@@ -71,6 +71,7 @@ class SelfCalibration:
     uncertainty: Uncertainty
     observability: Observability
     suspicions: tuple[Suspicion, ...]
+    channels: ChannelNoise | None
     stability: Stability
     conformity: Conformity | None
     validation: CrossValidation
@@ -145,7 +146,7 @@ def self_calibrate(
         doubts = (*doubts, *frame_errors(result, parts, uncertainty))
         slip = find_slip(result, uncertainty, held, index + 1, noise_from_residuals=measured_noise)
         # What spoils the whole campaign may look like a slip, and a slip like much that does.
-        if slip is not None and all(slip.p_value <= doubt.p_value for doubt in doubts):
+        if slip is not None and all(_likelier(slip, doubt) for doubt in doubts):
             doubts = (slip,)
     conformity = assess_stated(from_fit(result, uncertainty.covariance))
     trials = None
@@ -171,6 +172,7 @@ def self_calibrate(
         uncertainty=uncertainty,
         observability=seen,
         suspicions=doubts,
+        channels=channels,
         stability=steady,
         conformity=conformity,
         validation=cross_validate(result, parts),
@@ -201,6 +203,13 @@ def self_calibrate(
         )
         + ((_NO_TRIALS.format(rig.n),) if unasked and estimator == "ml" else ()),
     )
+
+
+def _likelier(slip: Suspicion, doubt: Suspicion) -> bool:
+    """Noise has no structure that a test could hold against its scatter: likelihoods decide."""
+    if doubt.kind.endswith("noise"):
+        return slip.weight > doubt.weight
+    return slip.p_value <= doubt.p_value
 
 
 def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:

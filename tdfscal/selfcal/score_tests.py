@@ -6,6 +6,10 @@ how much would the angles move? Nothing is fitted anew; the columns are those of
 model (for what is declared as exact), a shift of the prior's value (for what is declared with an
 uncertainty), or a zero that drifts over the campaign. Friction of the hinges is no shift but a
 scatter, of the moments alone; it is asked for by the variance of the residuals along them.
+
+One fault makes many suspects. Those that a test has spoken for are held against each other, and
+against all kinds of noise (`scatter`), by how far −2 ln L falls less q ln N for q unknowns and N
+residuals (Schwarz, Ann. Stat. 6, 1978); the likeliest is named, and those that are about as likely.
 """
 
 from __future__ import annotations
@@ -22,14 +26,22 @@ from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.selfcal.covariance import Quality, Uncertainty
 from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.scatter import scatters
 from tdfscal.significance import (
+    CAUSES_APART,
     HARMFUL_SHIFT,
+    MISFIT,
     UNDECLARED_ERROR,
     UNDECLARED_FRICTION_SHARE,
     UNDECLARED_GRAVITY_SHARE,
 )
 
 _NOISE_ONLY = 1e-9
+#: Groups without an entry per support.
+_OF_THE_RIG = (
+    "mass", "barycentre", "tilt", "compliance", "friction",
+    "all drift", "all temperature", "all parabola",
+)  # fmt: skip
 
 #: What is wrong with {0}, and its cure; {1} is the size that the residuals ask for.
 _WORDS = {
@@ -39,6 +51,10 @@ _WORDS = {
     ),
     "sensitivity": (
         "gain or crosstalk of {0} is not what is stated",
+        "have the sensor of {0} checked, or write `uncertainty.force_sensitivity: {1}` in rig.yaml",
+    ),
+    "gain": (
+        "the gain of {0} is not what is stated",
         "have the sensor of {0} checked, or write `uncertainty.force_sensitivity: {1}` in rig.yaml",
     ),
     "mass": (
@@ -70,10 +86,23 @@ _WORDS = {
         "the hinges hold back against the turn by which a posture is reached",
         "see whether the hinges move freely, or write `uncertainty.hinge_moment: {1}` in rig.yaml",
     ),
-    "scatter": (
+    "hinge friction": (
         "the moments scatter as friction of {1} N·m in the hinges would make them",
         "see whether the hinges move freely and the NCPs repeat as stated, or write "
         "`uncertainty.hinge_moment: {1}` in rig.yaml",
+    ),
+    "force noise": (
+        "the forces scatter by {1} N per axis and posture beyond what is stated",
+        "see what shakes or hums, or write `uncertainty.force_noise: {1}` in rig.yaml",
+    ),
+    "sensor noise": (
+        "the forces of {0} scatter by {1} N per axis and posture beyond what is stated",
+        "look at the sensor of {0}, its cable and amplifier, or write "
+        "`uncertainty.force_noise: {1}` in rig.yaml",
+    ),
+    "position noise": (
+        "the NCPs repeat {1} m per axis worse than stated",
+        "see what is loose, or write `uncertainty.positioner: {1}` in rig.yaml",
     ),
     "drift": (
         "the zero of {0} drifts over the campaign",
@@ -88,9 +117,11 @@ _WORDS = {
         "record faster, or write `drift.walk: {1}` in rig.yaml",
     ),
 }
+for _group in ("drift", "temperature", "parabola"):
+    _what, _advice = _WORDS[_group]
+    _what = _what.replace("zero of {0} drifts", "zeros of all sensors drift")
+    _WORDS[f"all {_group}"] = (_what.replace("zero of {0} follows", "zeros of all follow"), _advice)
 _HOUR = 3600.0
-#: Of the misfit, which a cause that is more than scatter explains.
-_LARGE_PART = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +130,9 @@ class Suspicion:
 
     what, advice : what is wrong, and its cure. p_value : that chance alone asks as much, for this
     suspect alone. shift : largest move of an angle in units of its standard uncertainty.
-    angle : which one. gain : fall of χ², where it was asked.
+    angle : which one. kind, support : what it is, and of which support. weight : twice the
+    logarithm of its likelihood, less what its unknowns are worth. tied : another one is likelier,
+    but not by much.
     """
 
     what: str
@@ -107,7 +140,10 @@ class Suspicion:
     p_value: float
     shift: float
     angle: str
-    gain: float = 0.0
+    kind: str = ""
+    support: int | None = None
+    weight: float = 0.0
+    tied: bool = False
 
     @property
     def harmful(self) -> bool:
@@ -117,8 +153,9 @@ class Suspicion:
     @property
     def finding(self) -> str:
         """What is wrong, how surely, and what it does."""
+        said = "say about as well that" if self.tied else "say that"
         return (
-            f"the residuals say that {self.what} ({p_text(self.p_value)}), which would move "
+            f"the residuals {said} {self.what} ({p_text(self.p_value)}), which would move "
             f"{self.angle} by {self.shift:.1f} of its standard uncertainties"
         )
 
@@ -136,7 +173,7 @@ def suspicions(
     stats: Quality,
     temperature: FloatArray | None = None,
 ) -> tuple[Suspicion, ...]:
-    """Ask for every suspect, and return them with the surest first, scatter after a cause.
+    """Ask for every suspect, and return the likeliest with those that are about as likely.
 
     time : (K,), s, when each posture was held. temperature : (K, n), °C, where it is known.
     """
@@ -146,7 +183,7 @@ def suspicions(
     others = (1 - UNDECLARED_GRAVITY_SHARE - UNDECLARED_FRICTION_SHARE) / max(1, len(suspects) - 1)
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std = np.sqrt(np.diagonal(uncertainty.covariance))
-    found = []
+    found, worth = list[Suspicion](), float(np.log(max(fit.rows, 2)))
     for group, index, columns, unit in suspects:
         known = parts.left.T @ columns
         apart = columns - parts.left @ known
@@ -169,16 +206,26 @@ def suspicions(
         asked = _rounded_up(float(np.abs(amount * unit).max()))
         what, advice = (words.format(fit.rig.supports[index], asked) for words in _WORDS[group])
         doubt = _suspicion(fit, what, advice, p_value, move[angles] / std)
-        found.append(replace(doubt, gain=statistic))
-    found.sort(key=lambda doubt: (doubt.p_value, -doubt.gain))
-    friction, p_value, effect = _friction(fit, parts, root, residual)
-    if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE:
-        what, advice = (words.format("", _rounded_up(friction)) for words in _WORDS["scatter"])
-        scatter = _suspicion(fit, what, advice, p_value, effect[angles] / std)
-        # Whatever is wrong scatters the moments: a cause of a large part of the misfit goes first.
-        first = max((doubt.gain for doubt in found), default=0.0)
-        found.insert(len(found) if first > _LARGE_PART * (stats.chi2 - stats.dof) else 0, scatter)
-    return tuple(found)
+        support = None if group in _OF_THE_RIG else index
+        weight = statistic - size * worth
+        found.append(replace(doubt, kind=group, support=support, weight=weight))
+    p_value = _friction(parts, root, residual)
+    if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE or stats.p_value < MISFIT:
+        for scatter in scatters(fit, parts, root, residual):
+            name, size = fit.rig.supports[scatter.support or 0], _rounded_up(scatter.size)
+            what, advice = (words.format(name, size) for words in _WORDS[scatter.kind])
+            p_value = float(chi2_sf(scatter.gain, 1)) / 2  # without it θ stands at its bound
+            doubt = _suspicion(fit, what, advice, p_value, scatter.effect[angles] / std)
+            weight = scatter.gain - worth
+            found.append(replace(doubt, kind=scatter.kind, support=scatter.support, weight=weight))
+    return _likeliest(found)
+
+
+def _likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
+    """The likeliest suspicion, and those that are about as likely."""
+    ranked = sorted(found, key=lambda doubt: -doubt.weight)
+    near = [doubt for doubt in ranked if ranked[0].weight - doubt.weight < CAUSES_APART]
+    return tuple(replace(doubt, tied=k > 0) for k, doubt in enumerate(near))
 
 
 def _rounded_up(size: float) -> str:
@@ -213,10 +260,8 @@ def largest_move(
     return _suspicion(fit, what, advice, p_value, move[angles] / std)
 
 
-def _friction(
-    fit: Fit, parts: Spectrum, root: FloatArray, residual: FloatArray
-) -> tuple[float, float, FloatArray]:
-    """Moment per axis and posture (N·m) by the residuals' variance, its p, and what it does (p,).
+def _friction(parts: Spectrum, root: FloatArray, residual: FloatArray) -> float:
+    """Probability that noise as stated makes the moments scatter as they do.
 
     The score r' H H' r of a variance component, whitened columns H, is a sum of χ²; it is held
     against the gamma distribution of its mean and variance (Satterthwaite, Biometrics 2, 1946).
@@ -231,13 +276,9 @@ def _friction(
     overlap = np.einsum("kab,kab->", own, np.einsum("pka,pkb->kab", seen, seen))
     square = float(np.sum(own**2) - 2 * overlap + np.sum(known**2))
     if square <= _NOISE_ONLY * np.sum(own**2):
-        return 0.0, 1.0, np.zeros(len(parts.root))
+        return 1.0
     score = float(np.sum(np.einsum("kab,ka->kb", half, residual[:rows].reshape(-1, 6)) ** 2))
-    p_value = float(chi2_sf(score * mean / square, mean**2 / square))
-    friction = float(np.sqrt(max(score - mean, 0.0) / square))
-    # Standard deviation that independent moments of this size give to each parameter.
-    moved = parts.root @ seen.reshape(len(seen), -1)
-    return friction, p_value, friction * np.linalg.norm(moved, axis=1)
+    return float(chi2_sf(score * mean / square, mean**2 / square))
 
 
 def _suspects(
@@ -262,13 +303,23 @@ def _suspects(
         for index, start in enumerate(range(where.start, where.stop, size)):
             part = slice(start, start + size)
             if np.isfinite(std[part]).any():
-                yield group, index, columns[:, part], np.where(held[part], std[part], 1.0)
+                unit = np.where(held[part], std[part], 1.0)
+                yield group, index, columns[:, part], unit
+                if group == "sensitivity":
+                    alike = columns[:, start : start + 3].sum(axis=1, keepdims=True)
+                    yield "gain", index, alike, unit[:1]
     for group, shape in _shapes(fit, time, temperature):
+        moved = J[:, :, place["zero"]].reshape(len(J), 6, n, 3) * shape[:, None, :, None]
+        unit = 1.0 if group != "parabola" else np.sqrt(_HOUR / float(np.ptp(time)))
         for i in range(n):
-            start = place["zero"].start + 3 * i
-            moving = (J[:, :, start : start + 3] * shape[:, i, None, None]).reshape(-1, 3)
-            unit = 1.0 if group != "parabola" else np.sqrt(_HOUR / float(np.ptp(time)))
-            yield group, i, np.concatenate([moving, np.zeros((len(below), 3))]), unit
+            yield group, i, _padded(moved[:, :, i], below), unit
+        yield f"all {group}", 0, _padded(moved, below), unit
+
+
+def _padded(columns: FloatArray, below: FloatArray) -> FloatArray:
+    """Columns (K, 6, ...) as (rows, g), with zeros in the prior's rows."""
+    flat = columns.reshape(columns.shape[0] * 6, -1)
+    return np.concatenate([flat, np.zeros((len(below), flat.shape[1]))])
 
 
 def _shapes(

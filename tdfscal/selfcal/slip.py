@@ -252,6 +252,9 @@ def _suspicion(
         p_value=p_value,
         shift=float(shift[worst]),
         angle=f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}",
+        kind="slip" if step.group == "rotation" else "jump",
+        support=step.sensor,
+        weight=step.statistic - step.size * float(np.log(max(fit.rows, 2))),
     )
 
 

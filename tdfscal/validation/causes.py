@@ -1,26 +1,50 @@
 """What explains residual wrenches that a calibration does not: one cause at a time.
 
 Each cause is a linear model e = H a + noise of the whitened residual wrenches of all postures; it
-is judged by how much χ² falls when its q unknowns a are fitted (generalised least squares).
+is judged by how far χ² falls when its q unknowns a are fitted (generalised least squares), less
+q ln N for N residuals (Schwarz, Ann. Stat. 6, 1978). Causes of few and many unknowns are so held
+against each other on one scale, twice the logarithm of their odds. Readings that scatter more than
+is stated are such a cause too, with one unknown.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import FloatArray
+from tdfscal.selfcal.scatter import likeliest
 from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART
+from tdfscal.validation.whitening import Whitened, basis
 
-Kind = Literal["sensor turned", "load changed", "zero drifted", "contact"]
+Kind = Literal[
+    "sensor turned",
+    "load changed",
+    "zero drifted",
+    "gain changed",
+    "base tilted",
+    "contact",
+    "noise grown",
+    "hinges stick",
+]
 
+#: Causes that are a scatter, not a change: the test of all residuals together sees them.
+NOISE: tuple[Kind, ...] = ("noise grown", "hinges stick")
 #: What may happen to one sensor, and the parameters that stand for it.
 _SENSOR_CAUSES: dict[Kind, str] = {"sensor turned": "rotation", "zero drifted": "zero"}
+#: Shapes of a gain's change in S (xx, yy, zz, yz, xz, xy): of all axes alike, one by one, each by
+#: itself with crosstalk.
+_GAINS = (
+    np.array([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]]).T,
+    *(np.eye(6)[:, [a]] for a in range(3)),
+    np.eye(6)[:, :3],
+    np.eye(6),
+)
 
 #: At most this share of the postures can be in contact before no cause is named.
 _TOUCHED = 0.4
@@ -29,96 +53,14 @@ _SUSPECTS = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Whitened:
-    """Residual wrenches of K postures with all that correlates them taken away.
-
-    residual : (m,), white; m is 6K, or as many as a motion determines. columns : (m, P), its
-    derivative by the calibrated parameters.
-    own : (K, 6, 6), whitens each posture's own noise; K = 0 in motion, where a contact is found
-    otherwise. common : (m, r), orthonormal; shrink : (r,):
-    along them the calibration's error is common to all postures. free : (m, f), orthonormal,
-    directions of parameters that nobody knows; the residual has no part in them. rows : directions
-    of all residuals that no unmeasured force reaches. sensors : n.
-    """
-
-    residual: FloatArray
-    columns: FloatArray
-    own: FloatArray
-    common: FloatArray
-    shrink: FloatArray
-    free: FloatArray
-    rows: int
-    sensors: int
-
-    @property
-    def chi2(self) -> float:
-        """χ² of all residual wrenches together."""
-        return float(self.residual @ self.residual)
-
-    @property
-    def dof(self) -> int:
-        """Its degrees of freedom."""
-        return int(self.rows - self.free.shape[1])
-
-    def white(self, columns: FloatArray) -> FloatArray:
-        """Columns (6K, c), whitened posture by posture already, made white altogether."""
-        common = self.shrink[:, None] * (self.common.T @ columns)
-        white = columns - self.common @ common
-        return np.asarray(white - self.free @ (self.free.T @ white))
-
-
-def whiten(
-    residual: FloatArray,
-    columns: FloatArray,
-    own: FloatArray,
-    root: FloatArray,
-    unknown: BoolArray,
-    rows: int,
-    sensors: int,
-) -> Whitened:
-    """Take away the error of the calibration from residuals that are white in their own noise.
-
-    residual : (m,). columns : (m, P), its derivative by the parameters. own : (K, 6, 6), what
-    whitened each posture's own noise, with 0 along forces that nobody measures; rows : how many
-    directions that leaves. root : (P, r), U with U Uᵀ the covariance of the
-    parameters. unknown : (P,), parameters of which nothing is known.
-
-    With B the columns times U the covariance is I + B Bᵀ; by the singular values s of B its
-    inverse root is I − V (1 − 1/√(1 + s²)) Vᵀ.
-    """
-    V, s, _ = np.linalg.svd(columns @ root, full_matrices=False)
-    start = Whitened(
-        residual=residual,
-        columns=columns,
-        own=own,
-        common=V,
-        shrink=1 - 1 / np.sqrt(1 + s**2),
-        free=np.zeros((len(columns), 0)),
-        rows=rows,
-        sensors=sensors,
-    )
-    known = replace(start, free=_basis(start.white(columns[:, unknown])))
-    return replace(
-        known,
-        residual=known.white(residual[:, None])[:, 0],
-        columns=known.white(columns),
-    )
-
-
-def _basis(columns: FloatArray) -> FloatArray:
-    """Orthonormal basis of what columns (m, c) span."""
-    size = np.linalg.norm(columns, axis=0)
-    U, s, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return np.asarray(U[:, s > 1e-9 * s.max(initial=0.0)])
-
-
-@dataclass(frozen=True, slots=True)
 class Cause:
     """A possible cause, fitted by generalised least squares.
 
     support : index, for a sensor's cause. postures : indices, for a contact.
     value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R); a load's
-    mass in kg and barycentre in m, as changes; a zero's change in N. A contact has none here.
+    mass in kg and barycentre in m, as changes; a zero's change in N; a gain's change as S (6,): xx,
+    yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
+    more noise, N, or of the hinges' friction, N·m, per axis and posture. A contact has none here.
     gain : by how much χ² falls, with q unknowns. p_value : that chance alone lets it fall so far.
     remaining_p : probability of the χ² that is left.
     """
@@ -140,23 +82,60 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True)
+class Causes:
+    """Single causes, the most likely first.
+
+    best : one per kind and support or posture, the likeliest of its shapes. rows : N, of the
+    residuals. tried : how many could have looked like the likeliest by chance.
+    """
+
+    best: tuple[Cause, ...]
+    rows: int
+    tried: int
+
+    def weight(self, cause: Cause) -> float:
+        """Twice the logarithm of a cause's likelihood, less what its unknowns are worth."""
+        return _weight(cause, self.rows)
+
+    @property
+    def suspected(self) -> tuple[Cause, ...]:
+        """The causes that explain the residuals and cannot be told apart, the likeliest first."""
+        explaining = [cause for cause in self.best if cause.explains]
+        if not explaining:
+            return ()
+        most = self.weight(explaining[0])
+        # What explains less well than another that leaves too much is not the cause.
+        if self.weight(self.best[0]) - most >= CAUSES_APART:
+            return ()
+        return tuple(c for c in explaining if most - self.weight(c) < CAUSES_APART)
+
+
+@dataclass(frozen=True, slots=True)
 class _Model:
+    """Columns (6K, q) of the unknowns, of parameters by `shape` (p, q), which gives them back."""
+
     kind: Kind
     support: int | None
     postures: tuple[int, ...]
     columns: FloatArray
+    shape: FloatArray | None = None
 
 
-def causes(given: Whitened) -> tuple[Cause, ...]:
-    """All single causes, the most likely first."""
-    fitted = [_fit(model, given) for model in _models(given)]
-    fitted += _contacts(given, max(fitted, key=_weight))
-    return tuple(sorted(fitted, key=_weight, reverse=True))
-
-
-def alike(first: Cause, other: Cause) -> bool:
-    """Whether the data do not tell two causes apart."""
-    return other.explains and _weight(first) - _weight(other) < CAUSES_APART
+def causes(given: Whitened) -> Causes:
+    """Hold all single causes against each other."""
+    models = _models(given)
+    fitted = [_fit(model, given) for model in models]
+    rows = max(given.rows, 2)
+    contacts = _contacts(given, max(fitted, key=lambda c: _weight(c, rows)))
+    best: dict[tuple[Kind, int | None, tuple[int, ...]], Cause] = {}
+    for cause in (*fitted, *contacts):
+        key = (cause.kind, cause.support, cause.postures)
+        if key not in best or _weight(cause, rows) > _weight(best[key], rows):
+            best[key] = cause
+    tried = len(models) + (len(given.own) if contacts else 0)
+    found = [*best.values(), *_scatters(given, models)]
+    found.sort(key=lambda c: _weight(c, rows), reverse=True)
+    return Causes(tuple(found), rows, tried)
 
 
 def turn_information(given: Whitened) -> FloatArray:
@@ -166,9 +145,9 @@ def turn_information(given: Whitened) -> FloatArray:
     return np.asarray(np.einsum("mna,mnb->nab", H, H))
 
 
-def _weight(cause: Cause) -> float:
-    """Gain less what as many unknowns are expected to gain (Akaike)."""
-    return cause.gain - 2 * cause.unknowns
+def _weight(cause: Cause, rows: int) -> float:
+    """Gain less what as many unknowns are worth (Schwarz); a contact may sit in any posture."""
+    return cause.gain - np.log(rows) * cause.unknowns
 
 
 def _models(given: Whitened) -> list[_Model]:
@@ -178,7 +157,68 @@ def _models(given: Whitened) -> list[_Model]:
     for kind, group in _SENSOR_CAUSES.items():
         for i, first in enumerate(range(place[group].start, place[group].stop, 3)):
             found.append(_Model(kind, i, (), given.columns[:, first : first + 3]))
+    if not len(given.own):  # in motion the residual is known along these alone
+        return found
+    found.append(_Model("base tilted", None, (), given.columns[:, place["tilt"]]))
+    for i, first in enumerate(range(place["sensitivity"].start, place["sensitivity"].stop, 6)):
+        columns = given.columns[:, first : first + 6]
+        found += [_Model("gain changed", i, (), columns @ shape, shape) for shape in _GAINS]
     return found
+
+
+def _scatters(given: Whitened, models: Sequence[_Model]) -> list[Cause]:
+    """More noise than is stated: of all forces, of one sensor, of moments (friction)."""
+    K = len(given.own)
+    if not K:
+        return []
+    zero = given.columns[:, layout(given.sensors)["zero"]].reshape(K, 6, given.sensors, 3)
+    friction = given.white(given.own[:, :, 3:].reshape(6 * K, 3)).reshape(K, 6, 3)
+    suspects: list[tuple[Kind, int | None, FloatArray]] = [
+        ("noise grown", None, zero.reshape(K, 6, -1)),
+        *(("noise grown", i, zero[:, :, i]) for i in range(given.sensors)),
+        ("hinges stick", None, friction),
+    ]
+    return [_scatter(given, models, *suspect) for suspect in suspects]
+
+
+def _scatter(
+    given: Whitened,
+    models: Sequence[_Model],
+    kind: Kind,
+    support: int | None,
+    columns: FloatArray,
+) -> Cause:
+    """A variance along columns (K, 6, m); it explains where, weighted by it, nothing stands out."""
+    K = len(columns)
+    white = given.residual.reshape(K, 6)
+    theta, gain = likeliest(columns, white, np.zeros((K, 6, 0)))
+    values, vectors = np.linalg.eigh(columns @ np.swapaxes(columns, 1, 2))
+    shrink = 1.0 / np.sqrt(1.0 + theta * np.maximum(values, 0.0))
+
+    def weighted(columns: FloatArray) -> FloatArray:
+        parts = np.swapaxes(vectors, 1, 2) @ columns.reshape(K, 6, -1)
+        return np.asarray((shrink[..., None] * parts).reshape(6 * K, -1))
+
+    rest = weighted(given.residual)[:, 0]
+    each = np.sum(rest.reshape(K, 6) ** 2, axis=1)
+    p = [float(chi2_sf(rest @ rest, given.dof)) if given.dof > 0 else 1.0]
+    p.append(K * float(chi2_sf(each.max(), 6)))
+    for model in models:
+        span = basis(weighted(model.columns))
+        along = span.T @ rest
+        p.append(len(models) * float(chi2_sf(along @ along, max(span.shape[1], 1))))
+    size = np.sqrt(theta)
+    return Cause(
+        kind=kind,
+        support=support,
+        postures=(),
+        value=np.array([size]),
+        std=np.array([size / np.sqrt(2.0 * max(given.dof, 1))]),
+        gain=gain,
+        unknowns=1,
+        p_value=float(chi2_sf(gain, 1)) / 2,
+        remaining_p=min(1.0, *p),
+    )
 
 
 def _contact(given: Whitened, postures: Sequence[int]) -> _Model:
@@ -196,14 +236,18 @@ def _contacts(given: Whitened, rival: Cause) -> list[Cause]:
         return []
     off = np.sum(given.residual.reshape(K, 6) ** 2, axis=1)
     suspects = np.argsort(off)[::-1][:_SUSPECTS].tolist()
+    rows = max(given.rows, 2)
     single = [_fit(_contact(given, [k]), given) for k in suspects]
-    best = max(single, key=_weight)
+    best = max(single, key=lambda c: _weight(c, rows))
     chosen = list(best.postures)
     while not best.explains and not rival.explains and len(chosen) + 1 <= _TOUCHED * K:
         rest = [k for k in suspects if k not in chosen]
         if not rest:
             break
-        best = max((_fit(_contact(given, [*chosen, k]), given) for k in rest), key=_weight)
+        best = max(
+            (_fit(_contact(given, [*chosen, k]), given) for k in rest),
+            key=lambda c: _weight(c, rows),
+        )
         chosen = list(best.postures)
         single.append(best)
     return single
@@ -220,6 +264,8 @@ def _fit(model: _Model, given: Whitened) -> Cause:
     left = given.dof - q
     rest = max(given.chi2 - gain, 0.0)
     contact = model.kind == "contact"
+    if model.shape is not None:
+        root = model.shape @ root
     return Cause(
         kind=model.kind,
         support=model.support,

@@ -39,8 +39,9 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 from tdfscal.validation import causes
-from tdfscal.validation.causes import Cause, Whitened, whiten
-from tdfscal.validation.residual_wrench import detectable_turns, suspects, within_level
+from tdfscal.validation.causes import Cause, Causes
+from tdfscal.validation.residual_wrench import detectable_turns, within_level
+from tdfscal.validation.whitening import Whitened, whiten
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ class MovingValidation:
     dof: int
     p_value: float
     search_p: float
-    causes: tuple[Cause, ...]
+    causes: Causes
     detectable: FloatArray
     warnings: tuple[str, ...]
 
@@ -74,7 +75,7 @@ class MovingValidation:
     @property
     def suspected(self) -> tuple[Cause, ...]:
         """Where it does not hold: the causes that explain it and cannot be told apart."""
-        return () if self.holds else suspects(self.causes)
+        return () if self.holds else self.causes.suspected
 
 
 def validate_moving(
@@ -104,7 +105,6 @@ def validate_moving(
     fit, usable = without_contacts(noise_of(usable.blocks), usable, lambda cut, last: noise_of(cut))
     white = _whitened(given, fit, delay)
     found = causes.causes(white)
-    tried = 1 + 2 * rig.n
     p_value = float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0
     turned = log_against_rig.turned(rig, slow.position[usable.keep][::_EVERY])
     left_out = [
@@ -122,9 +122,9 @@ def validate_moving(
         chi2=white.chi2,
         dof=white.dof,
         p_value=p_value,
-        search_p=min(1.0, tried * min(cause.p_value for cause in found)),
+        search_p=min(1.0, found.tried * min(cause.p_value for cause in found.best)),
         causes=found,
-        detectable=detectable_turns(causes.turn_information(white), tried),
+        detectable=detectable_turns(causes.turn_information(white), found.tried),
         warnings=(*left_out, *([turned] if turned else [])),
     )
 

@@ -6,7 +6,6 @@ to them, only the dwells' own noise is not (theory, section 7).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +21,8 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation import causes
-from tdfscal.validation.causes import Cause, Whitened, whiten
+from tdfscal.validation.causes import NOISE, Cause, Causes
+from tdfscal.validation.whitening import Whitened, whiten
 from tdfscal.wrench.contact_wrench import contact_wrench, to_lcs
 
 #: Share of an unmeasured force below which a component of the wrench does not depend on it.
@@ -38,8 +38,9 @@ class Validation:
     and N·m, without and with the calibration; std : (K, 6), its predicted standard uncertainty.
     chi2, dof, p_value : of all calibrated wrenches together, with their full covariance.
     search_p : the smallest probability that chance looks so much like one single cause, corrected
-    for the number of causes tried. causes : most likely first. detectable : (n, 3), rad, smallest
-    turn of one sensor about x, y, z of the BCS found with 95 % probability; ∞ where none is.
+    for the number of causes tried. causes : held against each other. detectable : (n, 3), rad,
+    smallest turn of one sensor about x, y, z of the BCS found with 95 % probability; ∞ where none
+    is.
     """
 
     rig: Rig
@@ -53,7 +54,7 @@ class Validation:
     dof: int
     p_value: float
     search_p: float
-    causes: tuple[Cause, ...]
+    causes: Causes
     detectable: FloatArray
     warnings: tuple[str, ...]
 
@@ -65,20 +66,12 @@ class Validation:
     @property
     def suspected(self) -> tuple[Cause, ...]:
         """Where it does not hold: the causes that explain it and cannot be told apart."""
-        return () if self.holds else suspects(self.causes)
+        return () if self.holds else self.causes.suspected
 
 
 def within_level(p_value: float, search_p: float) -> bool:
     """Neither all residuals together nor the likeliest single cause are beyond chance."""
     return p_value >= VALIDATION_ALARM / 2 and search_p >= VALIDATION_ALARM / 2
-
-
-def suspects(found: Sequence[Cause]) -> tuple[Cause, ...]:
-    """The likeliest cause and those that cannot be told from it, where it explains all."""
-    if not found or not found[0].explains:
-        return ()
-    first, *others = found
-    return (first, *(cause for cause in others if causes.alike(first, cause)))
 
 
 def validate(
@@ -113,8 +106,7 @@ def validate(
     seen = _see(given, observed)
     white = seen.white
     found = causes.causes(white)
-    single = [cause for cause in found if len(cause.postures) < 2]
-    tried = 1 + 2 * rig.n + (len(used) if len(used) > 1 else 0)
+    single = [c for c in found.best if len(c.postures) < 2 and c.kind not in NOISE]
     turned = log_against_rig.turned(rig, dwells.position)
     return Validation(
         rig=rig,
@@ -127,9 +119,9 @@ def validate(
         chi2=white.chi2,
         dof=white.dof,
         p_value=float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0,
-        search_p=min(1.0, tried * min(cause.p_value for cause in single)),
+        search_p=min(1.0, found.tried * min(cause.p_value for cause in single)),
         causes=found,
-        detectable=detectable_turns(causes.turn_information(white), tried),
+        detectable=detectable_turns(causes.turn_information(white), found.tried),
         warnings=(*dwells.warnings, *warnings, *([turned] if turned else [])),
     )
 

@@ -54,8 +54,8 @@ def with_sample_noise(
     """Add the noise of a sample, and zeros that move, to the standard uncertainties.
 
     posture_std : N per axis, by which the calibration's own postures scattered beyond the
-    calibration. zero_variance : N², (N, n) at times (N,) s, by which zeros have moved. tell : is
-    told the noise before the first piece comes.
+    calibration. zero_variance : N², (N, n or 1) at times (N,), s, by which zeros have moved.
+    tell : is told the noise before the first piece comes.
     """
     held = list[WrenchPiece]()
     for piece in pieces:
@@ -71,7 +71,8 @@ def with_sample_noise(
     for piece in chain(held, pieces):
         variance = piece.wrench.std**2 + noise.std**2
         if zero_variance is not None:
-            variance = variance + zero_variance(piece.time) @ each
+            moved = np.broadcast_to(zero_variance(piece.time), (len(variance), len(each)))
+            variance = variance + moved @ each
         yield replace(piece, wrench=replace(piece.wrench, std=np.sqrt(variance)))
 
 

@@ -47,7 +47,7 @@ def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[list[s
 @pytest.mark.parametrize(
     ("real", "faults", "words"),
     [
-        (RIG, Faults(gains=(Gain(1, (0.004, 0.004, 0.004)),)), "gain or crosstalk of ncp2"),
+        (RIG, Faults(gains=(Gain(1, (0.004, 0.004, 0.004)),)), "gain of ncp2"),
         (
             RIG,
             Faults(crosstalk=(Crosstalk(2, (0.004, 0.004, 0.004)),)),

@@ -1,0 +1,93 @@
+"""Residual wrenches with all that correlates them taken away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal.records import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Whitened:
+    """Residual wrenches of K postures with all that correlates them taken away.
+
+    residual : (m,), white; m is 6K, or as many as a motion determines. columns : (m, P), its
+    derivative by the calibrated parameters.
+    own : (K, 6, 6), whitens each posture's own noise; K = 0 in motion, where a contact is found
+    otherwise. common : (m, r), orthonormal; shrink : (r,):
+    along them the calibration's error is common to all postures. free : (m, f), orthonormal,
+    directions of parameters that nobody knows; the residual has no part in them. rows : directions
+    of all residuals that no unmeasured force reaches. sensors : n.
+    """
+
+    residual: FloatArray
+    columns: FloatArray
+    own: FloatArray
+    common: FloatArray
+    shrink: FloatArray
+    free: FloatArray
+    rows: int
+    sensors: int
+
+    @property
+    def chi2(self) -> float:
+        """χ² of all residual wrenches together."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def dof(self) -> int:
+        """Its degrees of freedom."""
+        return int(self.rows - self.free.shape[1])
+
+    def white(self, columns: FloatArray) -> FloatArray:
+        """Columns (6K, c), whitened posture by posture already, made white altogether."""
+        common = self.shrink[:, None] * (self.common.T @ columns)
+        white = columns - self.common @ common
+        return np.asarray(white - self.free @ (self.free.T @ white))
+
+
+def whiten(
+    residual: FloatArray,
+    columns: FloatArray,
+    own: FloatArray,
+    root: FloatArray,
+    unknown: BoolArray,
+    rows: int,
+    sensors: int,
+) -> Whitened:
+    """Take away the error of the calibration from residuals that are white in their own noise.
+
+    residual : (m,). columns : (m, P), its derivative by the parameters. own : (K, 6, 6), what
+    whitened each posture's own noise, with 0 along forces that nobody measures; rows : how many
+    directions that leaves. root : (P, r), U with U Uᵀ the covariance of the
+    parameters. unknown : (P,), parameters of which nothing is known.
+
+    With B the columns times U the covariance is I + B Bᵀ; by the singular values s of B its
+    inverse root is I − V (1 − 1/√(1 + s²)) Vᵀ.
+    """
+    V, s, _ = np.linalg.svd(columns @ root, full_matrices=False)
+    start = Whitened(
+        residual=residual,
+        columns=columns,
+        own=own,
+        common=V,
+        shrink=1 - 1 / np.sqrt(1 + s**2),
+        free=np.zeros((len(columns), 0)),
+        rows=rows,
+        sensors=sensors,
+    )
+    known = replace(start, free=basis(start.white(columns[:, unknown])))
+    return replace(
+        known,
+        residual=known.white(residual[:, None])[:, 0],
+        columns=known.white(columns),
+    )
+
+
+def basis(columns: FloatArray) -> FloatArray:
+    """Orthonormal basis of what columns (m, c) span."""
+    size = np.linalg.norm(columns, axis=0)
+    U, s, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(U[:, s > 1e-9 * s.max(initial=0.0)])
