@@ -17,7 +17,10 @@ Objective = Literal["angles", "wrench"]
 def plan(
     rig: Rig,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.csv", help="Postures to drive.")
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="FILE.csv", help="Postures, or the time table, to drive."
+        ),
     ],
     postures: Annotated[
         int | None, typer.Option(min=1, help="Postures to drive, returns included; default 24.")
@@ -53,7 +56,8 @@ def plan(
         float | None,
         typer.Option(
             metavar="N",
-            help="Noise of a posture's mean force per axis, N; default 1, or that of --given.",
+            help="Noise of a posture's mean force per axis, N; default 1, or that of --given; of a "
+            "motion, of a mean over a second, default 0.1.",
         ),
     ] = None,
     candidates: Annotated[int, typer.Option(min=1, help="Postures to choose from.")] = 1000,
@@ -69,11 +73,22 @@ def plan(
         list[Path] | None,
         typer.Option(metavar="PATH", help="Campaign or log recorded already; plan what is next."),
     ] = None,
+    motion: Annotated[
+        bool, typer.Option("--motion", help="Plan a motion without a stop, not postures.")
+    ] = False,
+    duration: Annotated[float, typer.Option(metavar="S", help="Of the motion, s.")] = 60.0,
+    speed: Annotated[
+        float, typer.Option(metavar="M/S", help="Largest speed of a hinge in motion, m/s.")
+    ] = 0.02,
+    waypoints: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Also write the motion's waypoints for a spline."),
+    ] = None,
     seed: Seed = 0,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:
-    """Choose the postures and squeezes to drive, and say what to expect of them."""
+    """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them."""
     options = locals()
     options |= {"travel": travel or (), "given": given or ()}
     return perform("plan", options, dash={"output": "content"}).exit_status

@@ -14,7 +14,7 @@ from tdfscal.planning.static_loads import carrying, internal_modes
 from tdfscal.records import FloatArray, IntArray, Rig
 
 #: Share of a sensor's capacity that a plan uses.
-_OF_CAPACITY = 0.9
+OF_CAPACITY = 0.9
 #: Unplanned internal forces are allowed for up to this many standard deviations.
 _MARGIN = 3.0
 #: Share of the candidates whose lean, and whose squeeze, is on the limit: good plans live there.
@@ -206,7 +206,7 @@ def _room_in_sensors(
     X = so3.from_rpy(rig.nominal_rpy)
     base = np.einsum("nba,knb->kna", X, carried) + rig.zero.value
     slope = np.einsum("nba,knb->kna", X, squeeze)
-    limit = np.maximum(_OF_CAPACITY * rig.capacity - margin, 0.0)
+    limit = np.maximum(OF_CAPACITY * rig.capacity - margin, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(slope != 0.0, (limit - np.sign(slope) * base) / np.abs(slope), np.inf)
     t = np.where(np.abs(base) > limit, -1.0, t)
@@ -230,7 +230,7 @@ def _check_weight(
             hint="raise the limit, or state the NCPs' stiffness and repeatability better",
         )
     raise UsageError(
-        f"no posture keeps every reading within {_OF_CAPACITY:.0%} of the sensors' capacity "
+        f"no posture keeps every reading within {OF_CAPACITY:.0%} of the sensors' capacity "
         f"with {margin:.3g} N of unplanned internal forces",
         where="capacity",
         hint="check mass and capacity in the rig file",

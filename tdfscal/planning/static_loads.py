@@ -31,3 +31,11 @@ def internal_modes(arm: FloatArray) -> FloatArray:
     G = grasp(arm - arm.mean(axis=-2, keepdims=True))
     _, _, Vt = np.linalg.svd(G, full_matrices=True)
     return np.asarray(Vt[..., 6:, :].reshape(*arm.shape[:-2], -1, *arm.shape[-2:]))
+
+
+def internal_part(arm: FloatArray, force: FloatArray) -> FloatArray:
+    """Forces (..., n, 3) less what they exert as a whole at the lever arms (..., n, 3)."""
+    G = grasp(arm)
+    Gt = np.swapaxes(G, -1, -2)
+    flat = force.reshape(*force.shape[:-2], -1, 1)
+    return np.asarray((flat - Gt @ np.linalg.solve(G @ Gt, G @ flat)).reshape(force.shape))

@@ -44,11 +44,16 @@ class MovingCampaign:
 
 
 def simulate_moving(
-    rig: Rig, options: MovingOptions, rng: np.random.Generator, truth: Truth | None = None
+    rig: Rig,
+    options: MovingOptions,
+    rng: np.random.Generator,
+    truth: Truth | None = None,
+    way: Trajectory | None = None,
 ) -> MovingCampaign:
     """Drive and record one campaign in motion.
 
-    truth : of the machine, where it was driven before; else it is drawn.
+    truth : of the machine, where it was driven before; else it is drawn. way : what is driven,
+    in place of a drawn trajectory.
     Truth, trajectory, error fields and recorder draw from streams of their own.
 
     Raises NotConvergedError where the carriages cannot hold the terminal.
@@ -59,7 +64,7 @@ def simulate_moving(
     machine = Options(stiffness=np.diag(options.stiffness), rpy=options.rpy)
     truth = truth or draw_truths(rig, machine, truth_rng, 1).trial(0)
     inertia = _true_inertia(rig, options, truth, inertia_rng)
-    way = draw_trajectory(options, rig.n, way_rng)
+    way = way or draw_trajectory(options, rig.n, way_rng)
     field = draw_field(rig.n, rig.declared.positioner, options.field_correlation, field_rng)
 
     count = int(np.floor(options.duration * options.rate * (1 + 1e-12))) + 1
@@ -90,6 +95,8 @@ def simulate_moving(
 
 def _servo(rig: Rig, truth: Truth, way: Trajectory, time: FloatArray) -> FloatArray:
     """Servo coordinates (N, n, 3), m, BCS, that make the pose and the squeeze."""
+    if way.servo is not None:
+        return way.servo(time)
     place = way.pose(time).place(rig.hinge)
     n = rig.n
     # An orthonormal basis of the internal forces at the middle of the travel, (3n, 3n − 6).

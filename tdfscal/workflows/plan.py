@@ -14,6 +14,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
+from tdfscal.files.writers.moving_plan import time_table_csv, waypoints_csv
 from tdfscal.files.writers.plan import plan_csv
 from tdfscal.planning import (
     Limits,
@@ -24,6 +25,7 @@ from tdfscal.planning import (
     plan_for_target,
     travel_limits,
 )
+from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import ANGLES
 from tdfscal.reporting.planning import plan_document, plan_report
@@ -44,6 +46,7 @@ from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
+from tdfscal.workflows.samples import delay_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,6 +57,8 @@ if TYPE_CHECKING:
 DEFAULT_POSTURES = 24
 DEFAULT_NOISE = 1.0
 """N per axis and posture, where nothing is recorded yet."""
+DEFAULT_DENSITY = 0.1
+"""N, of a force's mean over a second in motion."""
 #: Ways from home as `--travel` writes them, or by the NCP's name.
 Travel = Sequence[str] | Mapping[str | None, Sequence[float]]
 
@@ -108,6 +113,49 @@ class PlanResult(Result):
         return (draw(self.plan),)
 
 
+@dataclass(frozen=True, slots=True, repr=False)
+class MovingPlanResult(Result):
+    """A planned motion. output, waypoints : the files. seed, command : for it."""
+
+    plan: MovingPlan
+    output: Path | None
+    waypoints: Path | None
+    seed: int
+    command: str
+
+    def to_report(self) -> Report:
+        """Return what is driven, and what to expect of it."""
+        from tdfscal.reporting.moving_plan import moving_plan_report
+
+        return moving_plan_report(self.plan)
+
+    @property
+    def content(self) -> str:
+        """The time table, CSV."""
+        return time_table_csv(self.plan, self.command, self.seed)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the motion as plain JSON values, SI units."""
+        from tdfscal.reporting.moving_plan import moving_plan_document
+
+        files = (None if path is None else str(path) for path in (self.output, self.waypoints))
+        return moving_plan_document(self.plan, *files, self.seed)
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per instant of the time table: s, hinge centres in m, squeezes in N, BCS."""
+        import io
+
+        import pandas as pd
+
+        return pd.read_csv(io.StringIO(self.content), comment="#")
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figure of the uncertainties to expect."""
+        from tdfscal.reporting.figures.plan import draw
+
+        return (draw(self.plan),)
+
+
 @together()
 def plan(
     rig: str | PathLike[str],
@@ -126,11 +174,15 @@ def plan(
     objective: Objective = "angles",
     at: Numbers | None = None,
     given: PathLikes = (),
+    motion: bool = False,
+    duration: float = 60.0,
+    speed: float = 0.02,
+    waypoints: str | PathLike[str] | None = None,
     seed: int = 0,
     command: str = "tdfscal.plan",
     progress: Progress = SILENT,
-) -> PlanResult:
-    """Choose the postures and squeezes to drive, and say what to expect of them.
+) -> PlanResult | MovingPlanResult:
+    """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them.
 
     Parameters
     ----------
@@ -143,11 +195,14 @@ def plan(
     travel : m, way from home, either side: `0.1`, `0.1,0.1,0.2` or `ncp1=0.1`, one or several.
     home : m, LCS origin in the BCS at home; default 0, 0, 0.
     stiffness : N/m, of an NCP: squeeze by displacements; else by servoed forces.
-    noise : N, of a posture's mean force per axis; default 1, or that of `given`.
+    noise : N, of a posture's mean force per axis; default 1, or that of `given`. Of a motion: of a
+        force's mean over a second; default 0.1.
     candidates : postures to choose from.
     objective : the quantity whose uncertainty is minimised: angles, or wrench.
     at : rad, assembly posture for the contact wrench.
     given : campaign or log recorded already; plan what is next.
+    motion : plan a motion without a stop. duration : s. speed : m/s, of any hinge at most.
+    waypoints : CSV file of as few rows as a spline needs, besides the time table in `output`.
     seed : of all random numbers.
     command : kept in the file, as what was asked for.
     progress : called as the work goes on.
@@ -157,7 +212,16 @@ def plan(
     TdfscalError
         By cause: UsageError, RigError, DataError, NotIdentifiableError.
     """
-    file = one(output)
+    file, spline = one(output), one(waypoints)
+    postures_only = (postures, target, at) != (None, None, None) or bool(listed(given))
+    if motion and (postures_only or objective != "angles"):
+        raise UsageError(
+            "--postures, --target, --objective, --at and --given are of postures",
+            where="--motion",
+            hint="leave them out, or plan postures",
+        )
+    if not motion and spline is not None:
+        raise UsageError("only a motion has waypoints", where="--waypoints", hint="add --motion")
     if postures is not None and target is not None:
         raise UsageError(
             "--postures and --target ask for two different things", hint="give one of them"
@@ -167,8 +231,13 @@ def plan(
         at_least(option, 1 if value is None else value, 1)
     at_least("--seed", seed, 0)
     reads = inputs_read(listed(given), rigs=[Path(rig)])
-    check_outputs({"--output": file}, reads, {"--output": (".csv",)})
-    loaded = rig_named(rig).rig
+    check_outputs(
+        {"--output": file, "--waypoints": spline},
+        reads,
+        {"--output": (".csv",), "--waypoints": (".csv",)},
+    )
+    known = rig_named(rig)
+    loaded = known.rig
     limits = Limits(
         tilt=float(np.deg2rad(tilt)),
         squeeze=squeeze,
@@ -177,6 +246,18 @@ def plan(
         home=np.array(triple("--home", home) if home is not None else (0.0, 0.0, 0.0)),
         stiffness=stiffness,
     )
+    rng = np.random.default_rng(seed)
+    if motion:
+        progress.stage("looking for the best motion")
+        request_of = MovingRequest(
+            limits, duration, speed, DEFAULT_DENSITY if noise is None else noise, delay_of(known)
+        )
+        moving = MovingPlanResult(plan_motion(loaded, request_of, rng), file, spline, seed, command)
+        if file is not None:
+            write_text(file, moving.content)
+        if spline is not None:
+            write_text(spline, waypoints_csv(moving.plan, command, seed))
+        return moving
     before = _recorded(rig, listed(given), noise or DEFAULT_NOISE, progress)
     request = Request(
         limits=limits,
@@ -185,7 +266,6 @@ def plan(
         objective=objective,
         at=triple("--at", at) if at is not None else None,
     )
-    rng = np.random.default_rng(seed)
     if target is None:
         found = make_plan(loaded, request, postures or DEFAULT_POSTURES, rng, given=before)
     else:

@@ -10,6 +10,7 @@ import numpy as np
 
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError, UsageError
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.model.postures import Postures
 from tdfscal.model.zero_motion import zero_motion
 from tdfscal.motioncal.contact import Stretch
@@ -146,7 +147,12 @@ def _moving(
 
 def stated_delay(log: LogPass) -> UncertainValue:
     """Delay of the force stamps, s, as the rig file states it; unknown where it does not."""
-    mapping = log.campaign.rig.log
+    return delay_of(log.campaign.rig)
+
+
+def delay_of(rig: LoadedRig) -> UncertainValue:
+    """Delay of the force stamps, s, as a rig file states it; unknown where it does not."""
+    mapping = rig.log
     stated = mapping.delay if mapping is not None else None
     return stated or UncertainValue(np.array(0.0), np.array(np.inf))
 

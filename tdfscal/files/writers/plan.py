@@ -34,15 +34,16 @@ def plan_csv(plan: Plan, command: str, seed: int) -> str:
     returns = set(plan.returns.tolist())
     for k in range(len(plan)):
         row = [str(k + 1), f"{plan.approach[k]:+d}", "1" if k in returns else ""]
-        row += [_number(v, 9) for v in np.ravel(plan.position[k])]
-        row += [_number(v, 4) for v in np.ravel(plan.postures.squeeze[k])]
+        row += [number(v, 9) for v in np.ravel(plan.position[k])]
+        row += [number(v, 4) for v in np.ravel(plan.postures.squeeze[k])]
         if plan.displacement is not None:
-            row += [_number(v, 9) for v in np.ravel(plan.displacement[k])]
+            row += [number(v, 9) for v in np.ravel(plan.displacement[k])]
         lines.append(",".join(row))
     return "\n".join(lines) + "\n"
 
 
-def _number(value: float, digits: int) -> str:
+def number(value: float, digits: int) -> str:
+    """Return a number with so many digits after the point."""
     return f"{round(float(value), digits) + 0.0:.{digits}f}"  # never −0.000
 
 

@@ -6,21 +6,23 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdfscal.planning import Plan
+from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.style import BLUE, INK, PALE, Drawing, figure, legend_above
 
 
-def draw(plan: Plan) -> Drawing:
-    """Standard uncertainty to expect of each angle, of the plan and of random postures."""
+def draw(plan: Plan | MovingPlan) -> Drawing:
+    """Standard uncertainty to expect of each angle, of the plan and of random ones."""
+    what = "motions" if isinstance(plan, MovingPlan) else "postures"
     return Drawing(
         "plan",
         "Uncertainty to expect",
-        f"The plan is {plan.improvement:.2f} times better than random postures.",
+        f"The plan is {plan.improvement:.2f} times better than random {what}.",
         lambda: _paint(plan),
     )
 
 
-def _paint(plan: Plan) -> Figure:
+def _paint(plan: Plan | MovingPlan) -> Figure:
     expected = 1e3 * plan.expected.rpy_std.ravel()
     place = np.arange(len(expected), dtype=float)
     fig = figure(0.9 + 0.23 * len(expected))

@@ -1,0 +1,134 @@
+"""What a motion would tell, by the estimator's own balance, blocks and weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdfscal.model import dynamics
+from tdfscal.model.parameters import EVEN_TURN, nominal, sensing, with_motions
+from tdfscal.motioncal.blocks import blocks
+from tdfscal.motioncal.design import drifting
+from tdfscal.motioncal.estimator import MovingPriors, MovingState, at_state
+from tdfscal.motioncal.noise import NoiseModel
+from tdfscal.motioncal.streams import Slow
+from tdfscal.numerics import so3
+from tdfscal.planning.exchange import inverse
+from tdfscal.planning.predicted_information import Forecast
+from tdfscal.planning.static_loads import internal_part
+from tdfscal.planning.trajectory import Course, Trajectory
+from tdfscal.records import FloatArray, Rig, UncertainValue
+
+#: Instants per second that show a slow motion whole.
+_RATE = 4.0
+#: Correlation time, s, of force noise that does not average out within a posture (the rig file's
+#: uncertainty.force_noise): amplifiers and structure.
+_SLOW = 2.0
+#: Way, m, over which the error of a positioner changes: the lead of its screw.
+_LEAD = 0.02
+#: Draws of the positioners' errors, and waves of each.
+DRAWS, _WAVES = 6, 64
+#: Knots of the spectra, Hz.
+_KNOTS = np.geomspace(2e-3, 3.0, 24)
+
+
+@dataclass(frozen=True, slots=True)
+class MovingSight:
+    """How a motion is seen.
+
+    noise : N/√Hz, root density of a force component: the noise of its mean over a second.
+    delay : s, of the force stamps, as the rig file states it.
+    """
+
+    rig: Rig
+    noise: float
+    delay: UncertainValue
+
+    def covariance(self, course: Course, time: FloatArray) -> FloatArray:
+        """Covariance (3n, 3n) of the rotations to expect, rad², BCS."""
+        rig, n = self.rig, self.rig.n
+        slow = self._seen(course, time)
+        cut = blocks(slow, np.ones(len(time), dtype=np.bool_))
+        priors = MovingPriors(rig, slow, self.delay)
+        motion = drifting(rig, slow)
+        state = MovingState(
+            with_motions(nominal(rig), 0 if motion is None else len(motion.std)),
+            dynamics.prior(rig, float(self.delay.value), float(self.delay.std))[0],
+        )
+        fit = at_state(rig, slow, cut, state, priors, self._spectrum(course, time))
+        _, J = fit.whitened()
+        information = J.T @ J
+        information[: 3 * n, : 3 * n] += np.eye(3 * n) / EVEN_TURN**2
+        # What no row sees stays as open as its unit is wide.
+        information += np.diag(1e-12 * np.diagonal(information).max() * np.ones(len(information)))
+        return inverse(information)[: 3 * n, : 3 * n]
+
+    def _seen(self, course: Course, time: FloatArray) -> Slow:
+        state = nominal(self.rig)
+        back = np.linalg.inv(sensing(state))
+        force = np.einsum("nab,knb->kna", back, course.carried + course.squeeze) + state.zero
+        return Slow(
+            supports=self.rig.supports,
+            time=time,
+            position=course.place,
+            force=force,
+            step=float(time[1] - time[0]),
+            rate=1 / float(time[1] - time[0]),
+            clipped=np.zeros(len(time), dtype=np.bool_),
+        )
+
+    def _spectrum(self, course: Course, time: FloatArray) -> NoiseModel:
+        """Force noise, flat and slow, and position noise by the error fields at this speed."""
+        declared = self.rig.declared
+        f = 2 * np.pi * _KNOTS
+        force = self.noise**2 + 2 * _SLOW * declared.force_noise**2 / (1 + (f * _SLOW) ** 2)
+        step = np.linalg.norm(np.diff(course.place, axis=0), axis=2)
+        speed = float(np.sqrt(np.mean(step**2))) / float(time[1] - time[0])
+        lasts = _LEAD / max(speed, _LEAD / float(time[-1]))
+        # A Gaussian correlation over the way, at the mean speed of the hinges.
+        place = declared.positioner**2 * np.sqrt(2 * np.pi) * lasts
+        place = place * np.exp(-0.5 * (f * lasts) ** 2) + 1e-18
+        H = len(_KNOTS)
+        log_density = np.log(np.concatenate([force, place]))
+        nothing = np.zeros((2 * H, 2 * H))
+        return NoiseModel(np.log(_KNOTS), log_density, log_density, nothing, nothing)
+
+
+def instants(duration: float) -> FloatArray:
+    """Times (N,), s, at which a motion is looked at."""
+    return np.arange(int(duration * _RATE)) / _RATE
+
+
+def forecast(
+    sight: MovingSight, trajectory: Trajectory, rng: np.random.Generator, draws: int = DRAWS
+) -> Forecast:
+    """Uncertainty to expect of a motion.
+
+    rng : draws the internal forces that the positioners' own errors make where their stiffness is
+    known; the mean variance over the draws stands.
+    """
+    time = instants(trajectory.duration)
+    course = trajectory.at(time)
+    R = nominal(sight.rig).rotation
+    unplanned = trajectory.limits.repeatability_force(sight.rig)
+    if unplanned == 0.0:
+        return Forecast(np.sqrt(so3.rpy_variance(R, sight.covariance(course, time))))
+    variance = [
+        so3.rpy_variance(R, sight.covariance(_with_errors(course, unplanned, rng), time))
+        for _ in range(draws)
+    ]
+    return Forecast(np.sqrt(np.mean(variance, axis=0)))
+
+
+def _with_errors(course: Course, size: float, rng: np.random.Generator) -> Course:
+    """The course with the internal forces of one draw of the positioners' error fields."""
+    n = course.place.shape[1]
+    wave = rng.standard_normal((n, 3, _WAVES, 3)) / _LEAD
+    phase = rng.uniform(-np.pi, np.pi, (n, 3, _WAVES))
+    angle = np.einsum("knb,nawb->knaw", course.place, wave) + phase
+    error = size * np.sqrt(2.0 / _WAVES) * np.cos(angle).sum(axis=3)
+    arm = course.place - course.place.mean(axis=1, keepdims=True)
+    return Course(
+        course.rotation, course.place, course.carried, course.squeeze + internal_part(arm, error)
+    )

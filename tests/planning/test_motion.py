@@ -1,0 +1,150 @@
+"""A planned motion: within its limits, better than random ones, and as certain as it says."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import tdfscal
+from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.motioncal.pipeline import calibrate_moving
+from tdfscal.motioncal.streams import slow_streams
+from tdfscal.planning.limits import Limits
+from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
+from tdfscal.planning.trajectory import Lines, brought_to_limits
+from tdfscal.reporting.moving_plan import extremes
+from tdfscal.simulation import reference_rig
+from tdfscal.simulation.moving_campaign import simulate_moving
+from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.trajectories import time_table
+from tests.cli.running import run
+from tests.motioncal.campaigns import DELAY
+
+STIFFNESS = 2.0e7
+RIG = reference_rig()
+LIMITS = Limits(
+    tilt=np.deg2rad(4.0),
+    squeeze=200.0,
+    travel=np.full((3, 3), 0.06),
+    home=np.array([0.05, -0.03, 1.2]),
+    stiffness=STIFFNESS,
+)
+REQUEST = MovingRequest(LIMITS, 24.0, 0.03, 0.11, DELAY)
+
+
+@cache
+def plan() -> MovingPlan:
+    return plan_motion(RIG, REQUEST, np.random.default_rng(3))
+
+
+def test_every_limit_is_held_and_one_of_them_used() -> None:
+    rng = np.random.default_rng(0)
+    rig = replace(RIG, capacity=np.tile([150.0, 150.0, 2000.0], (3, 1)))
+    limits = replace(LIMITS, stiffness=None)
+    for duration in (20.0, 45.0):
+        lines = Lines(rng.integers(1, 5, 9), rng.uniform(-3, 3, 9), rng.uniform(0.2, 1, 9))
+        way = brought_to_limits(rig, limits, duration, 0.03, lines)
+        course = way.at(np.linspace(0, duration, 2000))
+        reading = np.abs(course.carried + course.squeeze)
+        sideways = reading[..., :2].max()
+        assert 0.9 * 148.0 < sideways <= 0.9 * 150.0 * 1.001
+        ends = way.at(np.array([0.0, duration]))
+        assert ends.rotation == pytest.approx(np.broadcast_to(np.eye(3), (2, 3, 3)), abs=1e-12)
+        assert ends.squeeze == pytest.approx(0.0, abs=1e-9)
+        total = (course.carried + course.squeeze).sum(axis=1)
+        weight = [0.0, 0.0, float(rig.mass.value) * rig.gravity]
+        assert total == pytest.approx(np.broadcast_to(weight, total.shape), abs=1e-6)
+    used = extremes(plan())
+    assert used["tilt"] <= LIMITS.tilt * 1.001
+    assert used["speed"] <= REQUEST.speed * 1.001
+    assert max(used["travel"]) <= 0.06 * 1.001
+    assert used["squeeze"] <= 200.0 * 1.001
+    assert used["speed"] > REQUEST.speed * 0.97
+    assert used["squeeze"] > 200.0 * 0.97
+
+
+def test_a_plan_beats_random_motions_and_the_waypoints_carry_it() -> None:
+    p = plan()
+    assert p.improvement > 1.1
+    course, knots = p.trajectory.at(p.time), p.waypoints
+    assert len(knots) < len(p.time) / 2
+    spline = CubicSpline(knots, p.position(p.trajectory.at(knots)), bc_type="clamped")
+    off = spline(p.time) - p.position(course)
+    assert np.abs(off).max() < 1e-4
+    # Springs that carry only the distances between hinges tell what it squeezes amiss.
+    where = p.position(course)
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        apart = where[:, i] - where[:, j]
+        stretch = np.sum(apart * (off[:, i] - off[:, j]), axis=1) / np.linalg.norm(apart, axis=1)
+        assert np.abs(stretch).max() * STIFFNESS < 0.05 * 200.0
+
+
+def test_a_machine_that_drives_it_is_as_certain_as_was_said() -> None:
+    """Stated σ of six campaigns against the prediction: the draws of the error fields differ."""
+    p = plan()
+    way = time_table(RIG.hinge, p.time, p.position(p.trajectory.at(p.time)))
+    options = MovingOptions(
+        rate=100.0,
+        noise=1.1,
+        slow_noise=RIG.declared.force_noise,
+        stiffness=(STIFFNESS,) * 3,
+        duration=REQUEST.duration,
+    )
+    variance = []
+    for seed in range(6):
+        campaign = simulate_moving(RIG, options, np.random.default_rng(seed), way=way)
+        result = calibrate_moving(RIG, slow_streams([campaign.log], RIG.capacity), DELAY)
+        variance.append(result.uncertainty.turns.rpy_std**2)
+    said, reached = (
+        float(np.sqrt(np.mean(v))) for v in (p.expected.rpy_std**2, np.array(variance))
+    )
+    assert reached == pytest.approx(said, rel=0.2)
+
+
+def test_the_files_and_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "rig"
+    simulate_to_folder(folder, scenario="motion", format="parquet")
+    table, spline = tmp_path / "table.csv", tmp_path / "waypoints.csv"
+    command = ["plan", folder, "--motion", "--duration", "20", "--stiffness", "2e7"]
+    seen = run(capsys, *command, "-o", table, "--waypoints", spline, "-q")
+    assert seen.status == 0, seen.err
+    assert "Motion for Reference rig: 20 s without a stop" in seen.out
+    rows = [line for line in table.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
+    read = list(csv.DictReader(rows))
+    assert [float(row["t"]) for row in read] == pytest.approx(np.arange(201) * 0.1)
+    dx = [float(row["ncp1.dx"]) * 2e7 - float(row["ncp1.squeeze_x"]) for row in read]
+    assert dx == pytest.approx([0.0] * 201, abs=0.02)
+    assert spline.read_text(encoding="utf-8").startswith("# tdfscal plan for Reference rig")
+    with pytest.raises(UsageError, match="of postures"):
+        tdfscal.plan(folder, motion=True, postures=8)
+    with pytest.raises(UsageError, match="waypoints"):
+        tdfscal.plan(folder, waypoints=spline)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "word"),
+    [
+        ({"duration": 5.0}, UsageError, "20 to 3600"),
+        ({"speed": 0.0}, UsageError, "speed"),
+        ({"limits": replace(LIMITS, force=1000.0)}, UsageError, "weight alone"),
+        (
+            {"limits": replace(LIMITS, squeeze=0.0, stiffness=None)},
+            NotIdentifiableError,
+            "no motion within these limits",
+        ),
+    ],
+    ids=["too short", "no speed", "too weak", "nothing squeezes"],
+)
+def test_what_cannot_be_is_refused(
+    change: dict[str, object], error: type[Exception], word: str
+) -> None:
+    request = replace(REQUEST, **({"duration": 20.0} | change))  # type: ignore[arg-type]
+    with pytest.raises(error, match=word):
+        plan_motion(RIG, request, np.random.default_rng(0))
