@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from tdfscal import __version__
+from tdfscal.cli.words import Grouped
 
 app = typer.Typer(
     name="tdfscal",
+    cls=Grouped,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     # Plain help: drawing it with rich would cost half of its time.

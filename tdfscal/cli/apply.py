@@ -9,11 +9,15 @@ import typer
 
 from tdfscal.cli.app import CalibrationFile, From, Json, Paths, Quiet, RigFile, To, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import USE, example
 
 Filter = Literal["none", "kalman", "smooth"]
 
 
-@app.command()
+@app.command(
+    rich_help_panel=USE,
+    epilog=example("tdfscal apply calibration.yaml assembly/log.csv -o wrench.csv"),
+)
 def apply(
     calibration: CalibrationFile,
     paths: Paths,

@@ -10,6 +10,7 @@ import typer
 from tdfscal.cli.app import From, Html, Json, Paths, Quiet, RigFile, Seed, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.streams import say
+from tdfscal.cli.words import CALIBRATE, example
 
 if TYPE_CHECKING:
     from tdfscal.workflows.calibration import Calibration
@@ -20,7 +21,10 @@ Samples = Literal["static", "moving", "all"]
 Estimator = Literal["ml", "linear"]
 
 
-@app.command()
+@app.command(
+    rich_help_panel=CALIBRATE,
+    epilog=example("tdfscal calibrate campaign -o calibration.yaml --html report.html"),
+)
 def calibrate(
     paths: Paths,
     rig: RigFile = None,

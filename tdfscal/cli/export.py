@@ -7,13 +7,16 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, Json, app
+from tdfscal.cli.app import CalibrationFile, Json, Quiet, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import USE, example
 
 Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc"]
 
 
-@app.command()
+@app.command(
+    rich_help_panel=USE, epilog=example("tdfscal export calibration.yaml --to urdf -o sensors.urdf")
+)
 def export(
     calibration: CalibrationFile,
     to: Annotated[Target, typer.Option("--to", case_sensitive=False, help="Format.")],
@@ -32,6 +35,7 @@ def export(
         bool, typer.Option("--allow-rejected", help="Export what the quality gate rejected.")
     ] = False,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> int:
     """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate."""
     return perform("export", locals(), dash={"output": "content"}).exit_status

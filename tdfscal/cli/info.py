@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from tdfscal.cli.app import From, Json, Paths, Quiet, RigFile, To, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import CALIBRATE, example
 
 
-@app.command()
+@app.command(rich_help_panel=CALIBRATE, epilog=example("tdfscal info campaign/log.csv"))
 def info(
     paths: Paths,
     rig: RigFile = None,

@@ -9,9 +9,12 @@ import typer
 
 from tdfscal.cli.app import Json, Paths, Quiet, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import CALIBRATE, example
 
 
-@app.command()
+@app.command(
+    rich_help_panel=CALIBRATE, epilog=example("tdfscal init campaign/log.csv -o campaign/rig.yaml")
+)
 def init(
     paths: Paths,
     output: Annotated[

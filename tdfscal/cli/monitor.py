@@ -9,9 +9,12 @@ import typer
 
 from tdfscal.cli.app import From, Html, Json, Quiet, To, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import CHECK, example
 
 
-@app.command()
+@app.command(
+    rich_help_panel=CHECK, epilog=example("tdfscal monitor 2026-*.yaml --html history.html")
+)
 def monitor(
     files: Annotated[
         list[Path],

@@ -9,11 +9,14 @@ import typer
 
 from tdfscal.cli.app import Json, Quiet, Rig, Seed, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import PLAN, example
 
 Objective = Literal["angles", "wrench"]
 
 
-@app.command()
+@app.command(
+    rich_help_panel=PLAN, epilog=example("tdfscal plan rig.yaml -o plan.csv --postures 24")
+)
 def plan(
     rig: Rig,
     output: Annotated[

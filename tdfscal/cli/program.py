@@ -1,4 +1,4 @@
-"""All commands of the program, in the order in which the help lists them."""
+"""All commands of the program, which the help lists by purpose."""
 
 from __future__ import annotations
 
@@ -30,12 +30,11 @@ from tdfscal.cli import (  # noqa: F401 - each module registers its command
 )
 from tdfscal.cli.app import app
 from tdfscal.cli.streams import say
+from tdfscal.cli.words import mistake, misuse
 from tdfscal.errors import TdfscalError
 
 #: What typer makes of an interruption.
 INTERRUPTED = 130
-#: What typer raises for a faulty command line, whichever click it carries.
-_Misuse: type[Exception] = typer.BadParameter.__bases__[0]
 
 
 @cache
@@ -55,24 +54,14 @@ def run() -> int:
     except TdfscalError as error:
         say(f"tdfscal: {error}")
         return error.exit_status
-    except _Misuse as error:
-        say(f"tdfscal: {_usage(error)}")
+    except misuse() as error:
+        say(f"tdfscal: {mistake(error)}")
         return 2
     except typer.Abort:
         status = INTERRUPTED
     if status == INTERRUPTED:
         raise KeyboardInterrupt
     return status
-
-
-def _usage(error: Exception) -> str:
-    """Say what is wrong with a command line, in one paragraph; the help where it is bare."""
-    said = str(error.format_message())  # type: ignore[attr-defined]
-    if said.startswith("Usage:"):
-        return f"no command is given\n\n{said}"
-    path = getattr(getattr(error, "ctx", None), "command_path", "tdfscal")
-    said = " ".join(said.split()).rstrip(".").replace("'?", "'").replace(": Value error, ", ": ")
-    return f"{said}. Try '{path} --help'."
 
 
 __all__ = ["app", "run"]

@@ -7,13 +7,16 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import Json, app
+from tdfscal.cli.app import Json, Quiet, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import CALIBRATE, example
 
 Match = Literal["name", "point", "order"]
 
 
-@app.command()
+@app.command(
+    rich_help_panel=CALIBRATE, epilog=example("tdfscal register measured.csv drawing.csv --unit mm")
+)
 def register(
     measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Point file, moved.")],
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="Point file, to move.")],
@@ -47,6 +50,7 @@ def register(
         bool, typer.Option("--scale", help="Estimate a scale of the reference too.")
     ] = False,
     json: Json = False,
+    quiet: Quiet = False,
 ) -> int:
     """Fit the rigid transform from reference points to measured ones, with its uncertainty."""
     options = locals()

@@ -9,9 +9,12 @@ import typer
 
 from tdfscal.cli.app import Json, Quiet, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import CALIBRATE, example
 
 
-@app.command()
+@app.command(
+    rich_help_panel=CALIBRATE, epilog=example("tdfscal report calibration.yaml --html report.html")
+)
 def report(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE", help="Calibration files; - for stdin.")

@@ -9,18 +9,27 @@ import typer
 
 from tdfscal.cli.app import Json, Quiet, RigFile, Seed, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import PLAN, example
 
+#: As the simulation has them, which the help does not import; a test compares.
+SCENARIOS = (
+    *("self", "tracker", "months", "motion", "approach"),
+    *("contact", "crosstalk", "dead-axis", "drift", "gain", "jolt", "no-squeeze", "saturation"),
+    *("swapped", "zero-shift"),
+)
 LogFormat = Literal["csv", "parquet", "mcap"]
 
 
-@app.command()
+@app.command(rich_help_panel=PLAN, epilog=example("tdfscal simulate campaign --scenario contact"))
 def simulate(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Campaign folder to write.")],
     rig: RigFile = None,
     scenario: Annotated[
         str,
         typer.Option(
-            help="self, tracker, months, motion, approach, or a fault; an unknown name lists all."
+            metavar="NAME",
+            autocompletion=lambda: list(SCENARIOS),
+            help=f"{', '.join(SCENARIOS[:5])}; or with a fault: {', '.join(SCENARIOS[5:])}.",
         ),
     ] = "self",
     format: Annotated[

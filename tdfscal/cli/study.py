@@ -9,9 +9,10 @@ import typer
 
 from tdfscal.cli.app import Json, Quiet, Rig, Seed, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import STUDY, Grouped, example
 
-study = typer.Typer(no_args_is_help=True, help="The paper's studies, on any rig.")
-app.add_typer(study, name="study")
+study = typer.Typer(cls=Grouped, no_args_is_help=True, help="The paper's studies, on any rig.")
+app.add_typer(study, name="study", rich_help_panel=STUDY)
 
 Filter = Literal["low-pass", "kalman", "none"]
 LogFormat = Literal["csv", "parquet", "mcap"]
@@ -82,7 +83,7 @@ def _perform(name: str, options: dict[str, Any]) -> int:
     ).exit_status
 
 
-@study.command()
+@study.command(epilog=example("tdfscal study sensitivity rig.yaml -o sensitivity"))
 def sensitivity(
     rig: Rig,
     output: Folder,
@@ -102,7 +103,7 @@ def sensitivity(
     return _perform("sensitivity", locals())
 
 
-@study.command()
+@study.command(epilog=example("tdfscal study accuracy rig.yaml -o accuracy"))
 def accuracy(
     rig: Rig,
     output: Folder,
@@ -124,7 +125,7 @@ def accuracy(
     return _perform("accuracy", locals())
 
 
-@study.command("free-space")
+@study.command("free-space", epilog=example("tdfscal study free-space rig.yaml -o free-space"))
 def free_space(
     rig: Rig,
     output: Folder,
@@ -154,7 +155,7 @@ def free_space(
     return _perform("free_space", locals())
 
 
-@study.command()
+@study.command(epilog=example("tdfscal study docking rig.yaml -o docking"))
 def docking(
     rig: Rig,
     output: Folder,

@@ -10,12 +10,16 @@ import typer
 from tdfscal.cli.app import CalibrationFile, From, Html, Json, Paths, Quiet, RigFile, Seed, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.streams import say
+from tdfscal.cli.words import CALIBRATE, example
 
 if TYPE_CHECKING:
     from tdfscal.workflows.calibration import Calibration
 
 
-@app.command()
+@app.command(
+    rich_help_panel=CALIBRATE,
+    epilog=example("tdfscal update calibration.yaml this-month -o updated.yaml"),
+)
 def update(
     calibration: CalibrationFile,
     paths: Paths,

@@ -8,11 +8,15 @@ import typer
 
 from tdfscal.cli.app import CalibrationFile, From, Html, Json, Paths, Quiet, RigFile, To, app
 from tdfscal.cli.perform import perform
+from tdfscal.cli.words import CHECK, example
 
 Samples = Literal["static", "moving"]
 
 
-@app.command()
+@app.command(
+    rich_help_panel=CHECK,
+    epilog=example("tdfscal validate calibration.yaml check --html check.html"),
+)
 def validate(
     calibration: CalibrationFile,
     paths: Paths,

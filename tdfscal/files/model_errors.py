@@ -58,6 +58,8 @@ def require_format(document: Document, expected: str, error: type[TdfscalError])
                 where=where,
                 hint="update tdfscal",
             )
+    if kind == "tdfscal-calibration":
+        hint = "name the file that `tdfscal calibrate` wrote"
     raise error(
         f"is not a {thing}: its format is `{shown}`, not `{expected}`", where=where, hint=hint
     )

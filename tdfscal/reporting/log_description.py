@@ -1,4 +1,4 @@
-"""What is in some logs, as plain text of 80 columns."""
+"""What is in some logs, as plain text."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tdfscal.errors import visible
-from tdfscal.logs.common.contents import Contents, Stream
+from tdfscal.logs.common.contents import Contents, Field, Stream
 from tdfscal.logs.description.info import LogInfo, Signal
 from tdfscal.logs.description.mapping_text import mapping_block
 from tdfscal.logs.text.header import cut
 from tdfscal.records import Dwells
+from tdfscal.reporting.text import table, width
 
-_WIDTH = 80
-_NAME = 34
 _LONGEST_NAME = 200
 _MOST_FIELDS = 60
 
@@ -63,14 +62,27 @@ def _file(contents: Contents) -> Iterator[str]:
         if contents.by_topic:
             yield from _topic(stream)
         shown = stream.fields[:_MOST_FIELDS]
-        for field in shown:
-            label = cut(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
-            row = f"  {label:<{_NAME}} {_short(field.kind):<16}"
-            if field.low is not None and field.high is not None:
-                row += f" {field.low:.6g} … {field.high:.6g}"
-            yield row.rstrip()
+        yield from _fields(shown)
         if len(stream.fields) > len(shown):
             yield f"  … and {len(stream.fields) - len(shown)} more"
+
+
+def _fields(fields: Sequence[Field]) -> Iterator[str]:
+    """A line per field, or two where a name needs the width for itself: names are to be copied."""
+    rows = []
+    for field in fields:
+        label = cut(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
+        known = field.low is not None and field.high is not None
+        span = f"{field.low:.6g} … {field.high:.6g}" if known else ""
+        rows.append((label, _short(field.kind), span))
+    name, kind, span = (max((len(row[k]) for row in rows), default=0) for k in range(3))
+    whole = name + kind + span + 6 <= width()
+    for row in rows:
+        if whole:
+            yield f"  {row[0]:<{name}}  {row[1]:<{kind}}  {row[2]}".rstrip()
+        else:
+            yield f"  {row[0]}"
+            yield f"      {row[1]}  {row[2]}".rstrip()
 
 
 def _topic(stream: Stream) -> Iterator[str]:
@@ -85,15 +97,16 @@ def _topic(stream: Stream) -> Iterator[str]:
 def _signals(info: LogInfo) -> Iterator[str]:
     which = "the rig file's mapping" if info.source == "rig" else "the mapping guessed below"
     yield f"Signals, as read with {which}"
-    heads = f"{'samples':>9} {'Hz':>7} {'span s':>10} gaps longest s"
-    yield f"  {'support':<14} {'quantity':<9} {heads}"
+    rows = []
     for s in info.signals:
         rate = "–" if s.rate is None else f"{s.rate:.5g}"
         span = s.end - s.start if s.count else 0.0
-        yield (
-            f"  {s.support[:14]:<14} {s.quantity:<9} {s.count:>9} {rate:>7} {span:>10.2f} "
-            f"{s.gaps:>4} {s.longest:>9.4g}"
-        )
+        rows.append(
+            (s.support, s.quantity, f"{s.count}", rate, f"{span:.2f}", f"{s.gaps}",
+             f"{s.longest:.4g}")
+        )  # fmt: skip
+    header = ("support", "quantity", "samples", "Hz", "span s", "gaps", "longest s")
+    yield from table(header, rows, left=2)
     if info.offset is not None:
         yield from _wrapped(f"Clocks: {info.offset}.", "  ")
 
@@ -108,9 +121,10 @@ def _dwells(dwells: Dwells, signals: Sequence[Signal]) -> Iterator[str]:
         span = max((s.end for s in signals if s.count), default=0.0) - min(
             (s.start for s in signals if s.count), default=0.0
         )
-        yield (
+        yield from _wrapped(
             f"{len(dwells)} dwells of {length.min():.2f} to {length.max():.2f} s (median "
-            f"{np.median(length):.2f} s), {100 * length.sum() / max(span, 1e-9):.0f} % of the log"
+            f"{np.median(length):.2f} s), {100 * length.sum() / max(span, 1e-9):.0f} % of the log",
+            "",
         )
     reasons = Counter(out.reason.split(":")[0].split(" in ")[0] for out in dwells.left_out)
     for reason, count in reasons.most_common():
@@ -120,7 +134,7 @@ def _dwells(dwells: Dwells, signals: Sequence[Signal]) -> Iterator[str]:
 def _wrapped(text: str, first: str) -> list[str]:
     indent = " " * len(first)
     return textwrap.wrap(
-        text, _WIDTH, initial_indent=first, subsequent_indent=indent, break_on_hyphens=False
+        text, width(), initial_indent=first, subsequent_indent=indent, break_on_hyphens=False
     ) or [first]
 
 

@@ -146,9 +146,9 @@ def run(
     if scenario not in SCENARIOS:
         names = [*SCENARIOS, *MOVING, "months"]
         near = difflib.get_close_matches(scenario, names, n=1)
+        meant = f"; the nearest one is {near[0]!r}" if near else ""
         raise UsageError(
-            f"there is no scenario {scenario!r}",
-            hint=f"the nearest one is {near[0]!r}" if near else f"choose from {', '.join(names)}",
+            f"there is no scenario {scenario!r}{meant}", hint=f"choose from {', '.join(names)}"
         )
     stated, options = SCENARIOS[scenario](rig, options)
     campaign_rng, survey_rng = rng.spawn(2)

@@ -110,6 +110,7 @@ def simulate(
     TdfscalError
         By cause: UsageError, RigError, NotConvergedError.
     """
+    scenario = scenario.lower()
     check_folder(Path(folder))
     one_of("--format", format, get_args(LogFormat))
     at_least("--postures", postures, 1)

@@ -251,7 +251,7 @@ def _check_folder(folder: Path, overwrite: bool) -> None:
         raise UsageError(
             "the folder is not empty",
             where=str(folder),
-            hint="name a new folder, or ask for it to be overwritten",
+            hint="name a new folder, or replace what is in it with --force",
         )
     written = _written_before(folder)
     for name in _OURS[1:]:

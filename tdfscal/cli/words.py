@@ -1,0 +1,95 @@
+"""What the command line says of itself: commands grouped by purpose, mistakes in one paragraph."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+#: Purposes in the order of the help; a command names its own as `rich_help_panel`.
+CALIBRATE, CHECK, USE, PLAN, STUDY = (
+    "Calibrate",
+    "Check",
+    "Put to work",
+    "Plan and try",
+    "Study",
+)
+_PURPOSES = (CALIBRATE, CHECK, USE, PLAN, STUDY)
+#: What pydantic-like messages of the option parser mean, in words.
+_PLAIN = (
+    (r"Input should be a valid integer.*", "this is no whole number"),
+    (r"Input should be a valid number.*", "this is no number"),
+    (r"Input should be (.*)", r"it must be \1"),
+    (r"Value error, ", ""),
+    (r"^Missing argument '([^']*)'", r"\1 is missing"),
+    (r"^Missing option (.*)", r"the option \1 is missing"),
+    (r"^Invalid value for '([^']*)': ", r"\1: "),
+    (r"^Option '([^']*)' requires an argument", r"\1: its value is missing"),
+)
+
+
+class Grouped(TyperGroup):
+    """Commands by purpose, each with its whole first sentence."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a section per purpose."""
+        rows: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            command: Any = self.get_command(ctx, name)
+            if command is not None and not command.hidden:
+                first = (command.help or "").partition("\n")[0]
+                purpose = getattr(command, "rich_help_panel", None)
+                purpose = purpose if purpose in _PURPOSES else "Commands"
+                rows.setdefault(purpose, []).append((name, first))
+        widest = max(len(name) for found in rows.values() for name, _ in found)
+        for purpose in sorted(rows, key=[*_PURPOSES, "Commands"].index):
+            with formatter.section(purpose):
+                formatter.write_dl([(name.ljust(widest), first) for name, first in rows[purpose]])
+
+
+def example(text: str) -> str:
+    """The end of a command's help."""
+    return f"Example: {text}"
+
+
+def mistake(error: Exception) -> str:
+    """Say what is wrong with a command line, in one paragraph; the help where it is bare."""
+    said = str(error.format_message())  # type: ignore[attr-defined]
+    if said.startswith("Usage:"):
+        return f"no command is given\n\n{said}"
+    context = getattr(error, "ctx", None)
+    said = " ".join(said.split()).rstrip(".").replace("'?", "'")
+    for pattern, plain in _PLAIN:
+        said = re.sub(pattern, plain, said)
+    said = _nearest(said, context)
+    path = getattr(context, "command_path", "tdfscal")
+    epilog = getattr(getattr(context, "command", None), "epilog", None) or ""
+    shown = f" {epilog.rstrip('.')}." if "is missing" in said and epilog else ""
+    return f"{said}.{shown} '{path} --help' lists what it takes."
+
+
+def _nearest(said: str, context: Any) -> str:
+    """Name the one option or command that was meant."""
+    option = re.match(r"No such option: (--\S+|\S+)", said)
+    if option:
+        params = getattr(getattr(context, "command", None), "params", ())
+        known = [name for p in params for name in (*p.opts, *p.secondary_opts) if name[:2] == "--"]
+        return f"there is no option {option[1]}{_meant(option[1], known)}"
+    command = re.match(r"No such command '([^']*)'", said)
+    if command:
+        known = context.command.list_commands(context)
+        return f"there is no command '{command[1]}'{_meant(command[1].lower(), known)}"
+    return said
+
+
+def _meant(typed: str, known: list[str]) -> str:
+    found = difflib.get_close_matches(typed, known, n=1)
+    return f" (did you mean {found[0]}?)" if found else ""
+
+
+def misuse() -> type[Exception]:
+    """Return what typer raises for a faulty command line, whichever click it carries."""
+    return typer.BadParameter.__bases__[0]

@@ -1,0 +1,101 @@
+"""What the help shows: commands by purpose, an example each, completion, narrow terminals."""
+
+from __future__ import annotations
+
+import io
+import os
+import shlex
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from tdfscal.cli.program import command
+from tdfscal.cli.simulate import SCENARIOS as IN_THE_HELP
+from tdfscal.simulation import MOVING, SCENARIOS
+from tests.cli.running import SAMPLES, run
+
+GROUP: Any = command()
+STUDIES: Any = GROUP.commands["study"]
+COMMANDS = {
+    **{name: c for name, c in GROUP.commands.items() if name != "study"},
+    **{f"study {name}": c for name, c in STUDIES.commands.items()},
+}
+
+
+def test_the_help_lists_every_command_under_a_purpose(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "--help").out
+    order = ["\nCalibrate:", "\nCheck:", "\nPut to work:", "\nPlan and try:", "\nStudy:"]
+    places = [said.index(title) for title in order]
+    assert places == sorted(places)
+    assert "\nCommands:" not in said
+    for name in GROUP.commands:
+        assert f"\n  {name} " in said
+    assert "..." not in said.split("Calibrate:")[1]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_example_is_a_command_line_that_parses(name: str) -> None:
+    typed = shlex.split(COMMANDS[name].epilog.removeprefix("Example: "))
+    words = name.split()
+    assert typed[: 1 + len(words)] == ["tdfscal", *words]
+    COMMANDS[name].make_context(name, typed[1 + len(words) :])
+
+
+def test_the_help_names_every_scenario() -> None:
+    assert set(IN_THE_HELP) == {*SCENARIOS, *MOVING, "months"}
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell", "pwsh"])
+def test_completion_of_a_shell(shell: str) -> None:
+    """The script names the program, and the program answers it with the commands that fit."""
+    variable = "_TDFSCAL_COMPLETE"
+
+    def said(**settings: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", "tdfscal"],
+            env=os.environ | settings,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            check=False,
+        )
+        return done.stdout
+
+    script = said(**{variable: f"source_{shell}"})
+    assert variable in script
+    assert "tdfscal" in script
+    typed = {"COMP_WORDS": "tdfscal cal", "COMP_CWORD": "1"}
+    typed |= {"_TYPER_COMPLETE_ARGS": "tdfscal cal", "_TYPER_COMPLETE_WORD_TO_COMPLETE": "cal"}
+    typed |= {"_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    answer = said(**{variable: f"complete_{shell}"}, **typed)
+    assert "calibrate" in answer
+    assert "validate" not in answer
+
+
+def test_tables_fold_on_a_narrow_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    said = run(capsys, "info", SAMPLES / "parquet", "-q").out
+    mapping = said.index("Mapping guessed")
+    assert max(map(len, said[:mapping].splitlines())) <= 60
+    assert max(map(len, run(capsys, "--help").out.splitlines())) <= 60
+
+
+def test_a_terminal_of_another_encoding_gets_what_it_can_show(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Windows' cp1252 lacks χ and ✓: they are replaced, and nothing fails."""
+    from tdfscal.cli import main
+
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding="cp1252")
+    monkeypatch.setattr(sys, "stdout", stream)
+    monkeypatch.setattr(sys, "argv", ["tdfscal", "compare", "--help"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    stream.flush()
+    assert not end.value.code
+    assert b"joint" in raw.getvalue()
