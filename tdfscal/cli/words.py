@@ -41,13 +41,15 @@ class Grouped(TyperGroup):
             command: Any = self.get_command(ctx, name)
             if command is not None and not command.hidden:
                 first = (command.help or "").partition("\n")[0]
-                purpose = getattr(command, "rich_help_panel", None)
-                purpose = purpose if purpose in _PURPOSES else "Commands"
-                rows.setdefault(purpose, []).append((name, first))
+                rows.setdefault(str(command.rich_help_panel), []).append((name, first))
         widest = max(len(name) for found in rows.values() for name, _ in found)
-        for purpose in sorted(rows, key=[*_PURPOSES, "Commands"].index):
-            with formatter.section(purpose):
-                formatter.write_dl([(name.ljust(widest), first) for name, first in rows[purpose]])
+        with formatter.section("Commands"):
+            for purpose in (p for p in _PURPOSES if p in rows):
+                listed = [(name.ljust(widest), first) for name, first in rows.pop(purpose)]
+                with formatter.section(purpose):
+                    formatter.write_dl(listed)
+            for others in rows.values():
+                formatter.write_dl(others)
 
 
 def example(text: str) -> str:
