@@ -41,7 +41,8 @@ def test_every_example_is_a_command_line_that_parses(name: str) -> None:
     typed = shlex.split(COMMANDS[name].epilog.removeprefix("Example: "))
     words = name.split()
     assert typed[: 1 + len(words)] == ["tdfscal", *words]
-    COMMANDS[name].make_context(name, typed[1 + len(words) :])
+    above = GROUP.make_context("tdfscal", words)  # whose settings a command takes
+    COMMANDS[name].make_context(name, typed[1 + len(words) :], parent=above)
 
 
 def test_the_help_names_every_scenario() -> None:
