@@ -64,25 +64,54 @@ def german_excel(frame: pd.DataFrame, folder: Path) -> Path:
 
 
 def labview(frame: pd.DataFrame, folder: Path) -> Path:
-    path = folder / "measurement.txt"
-    names = ["X_Value", *frame.columns[1:], "Comment"]
+    """A measurement file (.lvm) with both of its headers, renamed."""
+    path, names = folder / "measurement.txt", list(frame.columns[1:])
+    end = f"***End_of_Header***{chr(9) * (len(names) + 1)}"
+    rows = {
+        "Channels": [str(len(names))],
+        "Samples": [str(len(frame))] * len(names),
+        "Date": ["2026/11/21"] * len(names),
+        "Time": ["09:00:00.1234567"] * len(names),
+        "Y_Unit_Label": ["mm" if "Pos" in name else "N" for name in names],
+        "X_Dimension": ["Time"] * len(names),
+        "X0": ["0.0000000000000000E+0"] * len(names),
+        "Delta_X": ["0.020000"] * len(names),
+    }
     with path.open("w", newline="") as file:
         file.write("LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\n")
-        file.write("Date\t2026/11/21\n***End_of_Header***\t\n\n")
+        file.write("Decimal_Separator\t.\nX_Columns\tOne\nDate\t2026/11/21\n")
+        file.write("***End_of_Header***\t\n\t\n")
+        file.writelines("\t".join([key, *cells]) + "\t\n" for key, cells in rows.items())
+        file.write(end + "\n")
         writer = csv.writer(file, delimiter="\t", lineterminator="\n")
-        writer.writerow(names)
+        writer.writerow(["X_Value", *names, "Comment"])
         writer.writerows(frame.to_numpy().tolist())
     return path
 
 
 def twincat(frame: pd.DataFrame, folder: Path) -> Path:
-    path = folder / "Scope.csv"
-    table = frame.assign(time=np.round(frame["time"] * 1000, 3))
+    """A Scope export: metadata below the names, and a column of time before every channel."""
+    path, names = folder / "Scope.csv", list(frame.columns[1:])
+    metadata: dict[str, Callable[[str], str]] = {
+        "Name": str,
+        "SymbolComment": lambda name: "",
+        "Data-Type": lambda name: "REAL64",
+        "SampleTime[ms]": lambda name: "20",
+        "SymbolName": lambda name: f"MAIN.{name}",
+        "Offset": lambda name: "0",
+        "Unit": lambda name: "mm (Length)" if "Pos" in name else "N (Force)",
+    }
     with path.open("w", newline="") as file:
-        file.write("Name;Scope Project\nStart of record;21.11.2026 09:00:00\n\n")
-        writer = csv.writer(file, delimiter=";", lineterminator="\r\n")
-        writer.writerow(["Time [ms]", *frame.columns[1:]])
-        writer.writerows(table.to_numpy().tolist())
+        file.write("Name\tScope Project\nFile\tC:\\Scope\\rig.csv\n")
+        file.write("Starttime of export\t134091324000000000\tSamstag, 21. November 2026\t9:00:00\n")
+        file.write("\n\n")
+        for key, value in metadata.items():
+            file.write("\t".join(f"{key}\t{value(name)}" for name in names) + "\r\n")
+        file.write("\r\n")
+        for time, *row in frame.to_numpy().tolist():
+            stamp = f"{round(1000 * time, 3):g}"
+            file.write("\t".join(f"{stamp}\t{value!r}" for value in row) + "\r\n")
+        file.write("EOF\r\n")
     return path
 
 
@@ -121,6 +150,20 @@ def plotjuggler(frame: pd.DataFrame, folder: Path) -> Path:
     table = frame.rename(columns=names)
     for i in NCPS:
         table[[f"/ncp{i}/position/point/{a}" for a in "xyz"]] *= 1e-3
+    table.to_csv(path, index=False)
+    return path
+
+
+def plotjuggler_streams(frame: pd.DataFrame, folder: Path) -> Path:
+    """As PlotJuggler saves topics with times of their own: the cells of the others are empty."""
+    whole = pd.read_csv(plotjuggler(frame, folder))
+    parts = []
+    for k, names in enumerate(zip(*[iter(whole.columns[1:])] * 3, strict=True)):
+        part = whole[["__time", *names]]
+        # Behind the others by less than a message is long; each stream is whole by itself.
+        parts.append(part.assign(__time=part["__time"] + 1e-9 * k))
+    path = folder / "plotjuggler.csv"
+    table = pd.concat(parts).sort_values("__time", kind="stable")[whole.columns]
     table.to_csv(path, index=False)
     return path
 
@@ -189,10 +232,10 @@ def ros1_bag(frame: pd.DataFrame, folder: Path) -> Path:
 
 
 RECORDERS: list[Callable[[pd.DataFrame, Path], Path]] = [
-    german_excel, labview, twincat, rtde, iso_time, matlab, plotjuggler, rosbag2_mcap,
-    rosbag2_sqlite, ros1_bag,
+    german_excel, labview, twincat, rtde, iso_time, matlab, plotjuggler, plotjuggler_streams,
+    rosbag2_mcap, rosbag2_sqlite, ros1_bag,
 ]  # fmt: skip
-QUICK = (german_excel, ros1_bag)
+QUICK = (twincat, ros1_bag)
 
 
 def calibrated(log: Path, folder: Path) -> tdfscal.Calibration:

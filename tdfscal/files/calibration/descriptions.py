@@ -162,7 +162,7 @@ DESCRIPTIONS: Final[dict[str, str]] = {
     "PostureTable.moment_after": "N·m: residual moment about the barycentre, calibrated",
     "PostureTable.moment_before": "N·m: residual moment with the nominal mounting",
     "PostureTable.start": "s in the log's time",
-    "QualityResult.advice": "what would make the gate accept",
+    "QualityResult.advice": "cures of what the residuals say, the surest finding first",
     "QualityResult.reasons": "why the gate rejects; empty where it accepts",
     "RejectedPosture.end": "s in the log's time",
     "RejectedPosture.index": "number of the dwell, from 0",

@@ -138,10 +138,12 @@ def table_contents(
     stated: Sequence[str | None],
     sample: dict[str, FloatArray],
     first: dict[str, FloatArray],
+    rows: dict[str, FloatArray] | None = None,
 ) -> tuple[tuple[Field, ...], tuple[Vector, ...], tuple[Column, ...]]:
     """Fields, vectors and possible times of a table.
 
-    sample : values of the numeric columns at the same rows. first : the first rows, all of them.
+    sample : values of the numeric columns, at `rows` where some leave cells empty, else
+    all at the same. first : the first rows, all of them.
     """
     unit = dict(zip(names, stated, strict=True))
     fields = tuple(
@@ -154,10 +156,21 @@ def table_contents(
         if value.size > 1 and step.size and (np.diff(value) >= 0).all() and np.median(step) > 0:
             columns.append(Column(name, unit[name], value, float(np.median(step))))
     vectors = tuple(
-        Vector(
-            three, label, "", unit[three[0]], np.arange(len(sample[three[0]]), dtype=np.float64),
-            np.column_stack([sample[name] for name in three]),
-        )
+        Vector(three, label, "", unit[three[0]], *_together(three, sample, rows))
         for label, three in axes_of(list(sample))
-    )  # fmt: skip
+    )
     return fields, vectors, tuple(columns)
+
+
+def _together(
+    three: Sequence[str], sample: dict[str, FloatArray], rows: dict[str, FloatArray] | None
+) -> tuple[FloatArray, FloatArray]:
+    """Rows (N,) in which three columns have values, and these, (N, 3)."""
+    if rows is None:
+        there = np.arange(len(sample[three[0]]), dtype=np.float64)
+        return there, np.column_stack([sample[name] for name in three])
+    there = rows[three[0]]
+    for name in three[1:]:
+        there = np.intersect1d(there, rows[name])
+    values = [sample[name][np.searchsorted(rows[name], there)] for name in three]
+    return there, np.column_stack(values)

@@ -28,6 +28,7 @@ from tdfscal.logs.text.header import (
 from tdfscal.logs.text.numbers import Decimal, decimal_of, is_number
 from tdfscal.logs.text.reader import HEAD, Source, blocks, decode, open_text
 from tdfscal.logs.text.rows import ragged, single_spaces
+from tdfscal.logs.text.scope import scope_table
 from tdfscal.records import FloatArray
 
 _SEARCHED: Final = 64
@@ -49,11 +50,17 @@ def text_contents(path: Path) -> Contents:
             head = source.read(HEAD)
             newline = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
             lines = decode(head, where).splitlines()[: 2 * _SEARCHED]
-            separator, number, cells = _header(lines, where)
+            scope = scope_table(lines[:_SEARCHED], where)
+            if scope is not None:
+                separator, number, cells = scope.separator, scope.lines - 1, list(scope.names)
+            else:
+                separator, number, cells = _header(lines, where)
             body = [c for line in lines[number + 1 :] for c in split_cells(line, separator)]
             decimal = decimal_of(body, separator)
             skipped, stated = number + 1, [split_label(cell)[1] for cell in cells]
-            if skipped < len(lines):
+            if scope is not None:
+                stated = [scope.units.get(k) for k in range(len(cells))]
+            elif skipped < len(lines):
                 row = [c.strip("[]() ") for c in split_cells(lines[skipped], separator)]
                 if fits_header(row, cells) and not any(is_number(c, decimal) for c in row):
                     skipped += 1
@@ -65,13 +72,14 @@ def text_contents(path: Path) -> Contents:
             width = row_cells(lines[skipped:], separator, cells)
             cells, stated = cells[:width], stated[:width]
             table = _Table(width, separator, decimal)
-            parts: list[pa.Table] = []
+            parts: list[tuple[int, pa.Table]] = []
             count = 0
             for view, whole in blocks(source, head, newline, skipped, where, []):
                 block = bytes(view)
+                before = count
                 count += block.count(newline) + (not block.endswith(newline))
                 glance = block if not parts else block[: block.find(newline, _GLANCE) + 1] or block
-                parts.append(table.parsed(glance, table.odd if whole else []))
+                parts.append((before, table.parsed(glance, table.odd if whole else [])))
     return _contents(path, cells, stated, parts, count, table)
 
 
@@ -79,7 +87,7 @@ def _contents(
     path: Path,
     cells: list[str],
     stated: list[str | None],
-    parts: list[pa.Table],
+    parts: list[tuple[int, pa.Table]],
     count: int,
     table: _Table,
 ) -> Contents:
@@ -90,16 +98,21 @@ def _contents(
         problems.append(f"columns are there more than once: {', '.join(twice)}")
     sample: dict[str, FloatArray] = {}
     first: dict[str, FloatArray] = {}
+    rows: dict[str, FloatArray] = {}
     kinds = []
     for k, name in enumerate(names):
-        types = {str(part.column(k).type) for part in parts}
-        numeric = bool(types) and all(_is_numeric(part.column(k).type) for part in parts)
+        types = {str(part.column(k).type) for _, part in parts}
+        numeric = bool(types) and all(_is_numeric(part.column(k).type) for _, part in parts)
         number = "date and time" if k in table.dated else "number"
         kinds.append(number if numeric else ("text" if types else "empty"))
         if numeric and name not in twice:
-            sample[name] = np.concatenate([_numbers(part, k, thin=True) for part in parts])
-            first[name] = _numbers(parts[0], k, thin=False)[:4096]
-    fields, vectors, columns = table_contents(names, kinds, stated, sample, first)
+            there = [_filled(part, k, thin=True) for _, part in parts]
+            sample[name] = np.concatenate([value for _, value in there])
+            rows[name] = np.concatenate(
+                [row + before for (before, _), (row, _) in zip(parts, there, strict=True)]
+            )
+            first[name] = _filled(parts[0][1], k, thin=False)[1][:4096]
+    fields, vectors, columns = table_contents(names, kinds, stated, sample, first, rows)
     return Contents(
         path, "csv", path.stat().st_size, (Stream("table", "", count, fields),), vectors, columns,
         decimal=table.decimal, problems=tuple(problems),
@@ -211,8 +224,17 @@ def _is_numeric(kind: pa.DataType) -> bool:
     return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind))
 
 
-def _numbers(part: pa.Table, k: int, *, thin: bool) -> FloatArray:
+def _filled(part: pa.Table, k: int, *, thin: bool) -> tuple[FloatArray, FloatArray]:
+    """Rows (N,) of a column that hold a number, and the numbers; thin: some of them."""
     column = part.column(k)
-    if thin and len(column) > SAMPLES:
-        column = column.take(as_arrow(np.linspace(0, len(column) - 1, SAMPLES).astype(np.int64)))
-    return as_numpy(column.cast(pa.float64(), safe=False))
+    there = (
+        np.flatnonzero(as_numpy(column.is_valid().cast(pa.int8()))) if column.null_count else None
+    )
+    count = len(column) if there is None else len(there)
+    if thin and count > SAMPLES:
+        chosen = np.linspace(0, count - 1, SAMPLES).astype(np.int64)
+        there = chosen if there is None else there[chosen]
+    if there is not None:
+        column = column.take(as_arrow(there))
+    rows = np.arange(len(column)) if there is None else there
+    return rows.astype(np.float64), as_numpy(column.cast(pa.float64(), safe=False))

@@ -12,10 +12,12 @@ from tdfscal.logs.common import units
 from tdfscal.logs.common.request import Request, Signal, check_fields_differ, missing_fields
 from tdfscal.logs.text.date_times import is_date_time
 from tdfscal.logs.text.numbers import is_number, is_number_of_either
+from tdfscal.logs.text.scope import scope_table
 
 SEPARATORS = (",", ";", "\t", " ")
 """What may stand between cells; a space stands for any run of spaces."""
 _SEARCHED_LINES = 64
+_SEARCHED_ROWS = 256
 _BRACKETS = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
 _REMARK = "#%/"
 """With what a line of remarks begins, and the header's in what numpy and MATLAB write."""
@@ -35,6 +37,8 @@ class Header:
     components : per signal, the columns of x, y, z.
     factors : per signal, to SI and tdfscal's sign; 1 where the mapping states a scale.
     time_factor : to s.
+    sparse : streams take turns: a row holds the cells of some signals, those of others are empty.
+    ends : the last line may say EOF.
     """
 
     separator: str
@@ -46,6 +50,8 @@ class Header:
     components: tuple[tuple[int, int, int], ...]
     factors: tuple[float, ...]
     time_factor: float
+    sparse: bool = False
+    ends: bool = False
 
     @property
     def wanted(self) -> tuple[int, ...]:
@@ -82,10 +88,14 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
     lines = text.splitlines()
     names = [name for signal in request.signals for name in signal.components]
     wanted = {request.time_field, *names}
+    scope = scope_table(lines[:_SEARCHED_LINES], where)
     best = _best_line(lines[:_SEARCHED_LINES], wanted, request.decimal)
+    if scope is not None:
+        named = len(wanted & set(scope.names))
+        best = _Candidate(scope.line, scope.separator, scope.names, named)
     if best is None:
         raise DataError("the file is empty", where=where, hint="record the log again")
-    if all(name.isdecimal() for name in names):
+    if scope is None and all(name.isdecimal() for name in names):
         best = numbered_columns(lines, request.decimal) or best
     elif best.named == 0 and all(is_number_of_either(c) for c in best.cells):
         raise DataError(
@@ -97,8 +107,11 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
     here = f"{where}, line {max(best.line, 0) + 1}"
     labels = [split_label(cell, wanted) for cell in best.cells]
     column_of = _columns(labels, names, request, here)
-    row_units = _units_row(lines, best, [column_of[n] for n in wanted & column_of.keys()])
-    above = best.line + 1 + (1 if row_units else 0)
+    if scope is not None:
+        row_units, above = scope.units, scope.lines
+    else:
+        row_units = _units_row(lines, best, [column_of[n] for n in wanted & column_of.keys()])
+        above = best.line + 1 + (1 if row_units else 0)
     stated = [unit if unit is not None else row_units.get(c) for c, (_, unit) in enumerate(labels)]
     time = column_of.get(request.time_field)
     first = next((line for line in lines[above:] if line.strip()), "")
@@ -124,7 +137,26 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
         time_factor=1.0
         if time is None or dated
         else _unit("time", request.time_unit, stated[time], request, best.cells[time], here),
+        ends=scope is not None,
+        sparse=time is not None and _takes_turns(lines[above:], best.separator, components),
     )  # fmt: skip
+
+
+def _takes_turns(
+    rows: Sequence[str], separator: str, components: Sequence[tuple[int, int, int]]
+) -> bool:
+    """Whether one of the first rows has all cells of some signals and none of another.
+
+    So a table is written of streams with times of their own. A table of whole rows has no holes.
+    """
+    if separator == " ":
+        return False
+    for line in rows[:_SEARCHED_ROWS]:
+        cells = split_cells(line, separator)
+        filled = {sum(c < len(cells) and cells[c] != "" for c in three) for three in components}
+        if filled == {0, 3}:
+            return True
+    return False
 
 
 def _columns(

@@ -234,4 +234,13 @@ def _piece(rows: Rows, header: Header, request: Request, rows_before: int) -> Pi
     if header.time is None:
         time = np.arange(rows_before, rows_before + rows.count, dtype=np.float64)
         return (Block("row", time, value),)
-    return (Block(f"column {request.time_field}", rows.value[-1] * header.time_factor, value),)
+    time, clock = rows.value[-1] * header.time_factor, f"column {request.time_field}"
+    if not header.sparse:
+        return (Block(clock, time, value),)
+    parts = []
+    for number, vector in value.items():
+        there = ~np.isnan(vector[:, 0])
+        signal = request.signals[number]
+        name = f"{clock} for the {signal.quantity} of {signal.support}"
+        parts.append(Block(name, time[there], {number: vector[there]}))
+    return tuple(parts)

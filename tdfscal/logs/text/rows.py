@@ -15,6 +15,7 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.logs.text.date_times import seconds_of, seconds_of_all
 from tdfscal.logs.text.header import Header, cut, split_cells
 from tdfscal.logs.text.numbers import advice, number_in
+from tdfscal.logs.text.scope import END
 from tdfscal.records import FloatArray
 
 _PARSER_BLOCK = 1 << 20  # stays in the cache
@@ -26,7 +27,8 @@ _OUTER = re.compile(rb"(?m)^ | (?=\r?$)")
 class Rows:
     """Rows of one block.
 
-    value : (C, N), the wanted columns as recorded, in the order of `Header.wanted`.
+    value : (C, N), the wanted columns as recorded, in the order of `Header.wanted`; NaN in the
+    three columns of a signal that a row of a sparse table leaves out.
     lines : of the block, blank ones too. faults : lines that are left out.
     """
 
@@ -68,7 +70,7 @@ class RowParser:
         self._convert = pa_csv.ConvertOptions(
             column_types=types,
             include_columns=[*wanted, *nameless],
-            null_values=[""] if nameless else [],
+            null_values=[""] if nameless or header.sparse else [],
             decimal_point=decimal,
         )
 
@@ -87,8 +89,9 @@ class RowParser:
         if table.num_rows != whole and table.num_rows != sum(1 for _ in self._lines(block, 0)):
             return None
         value = np.empty((len(self._header.wanted), table.num_rows))
-        for column, values in zip(table.columns, value, strict=False):
-            if column.null_count:
+        sparse = self._header.sparse
+        for k, (column, values) in enumerate(zip(table.columns, value, strict=False)):
+            if column.null_count and not (sparse and k < len(value) - 1):
                 return None
             begin = 0
             if pa.types.is_string(column.type):
@@ -101,9 +104,11 @@ class RowParser:
                 values[begin : begin + len(chunk)] = as_numpy(chunk)
                 begin += len(chunk)
             # The sum is finite where all are, but for magnitudes that no log has.
-            if not np.isfinite(values.sum()):
+            if not np.isfinite(values.sum()) and np.isfinite(values).sum() + column.null_count != (
+                values.size
+            ):
                 return None
-        return Rows(value, whole)
+        return Rows(value, whole) if not sparse or _whole_signals(value) else None
 
     def slow(self, block: memoryview, first_line: int, *, salvage: bool) -> Rows:
         """Parse a block of whole lines one by one.
@@ -133,7 +138,7 @@ class RowParser:
         """Lines that are not blank, with their numbers."""
         for k, line in enumerate(bytes(block).split(self._newline)):
             bare = line.strip(b"\r\n")
-            if bare:
+            if bare and not (self._header.ends and bare == END):
                 yield first_line + k, bare
 
     def _row(self, line: bytes, number: int) -> list[float]:
@@ -151,7 +156,16 @@ class RowParser:
                 hint="the other rows end with a separator; record or export the file again",
             )
         numbers: dict[int, float] = {}
+        left_out = {
+            c
+            for three in self._header.components
+            if self._header.sparse and not any(cells[c] for c in three)
+            for c in three
+        }
         for c in sorted(self._header.wanted):
+            if c in left_out:
+                numbers[c] = np.nan
+                continue
             dated = self._header.dated and c == self._header.time
             value = seconds_of(cells[c]) if dated else number_in(cells[c], self._decimal)
             if value is None:
@@ -172,6 +186,12 @@ class RowParser:
         return DataError(
             f"{shown} is not a finite number", where=where, hint=advice(cell, self._decimal)
         )
+
+
+def _whole_signals(value: FloatArray) -> bool:
+    """Whether each row has all three cells of a signal, or none of them."""
+    missing = np.isnan(value[:-1]).reshape(-1, 3, value.shape[1])
+    return bool(np.all(missing[:, 0] == missing[:, 1]) and np.all(missing[:, 0] == missing[:, 2]))
 
 
 def single_spaces(block: memoryview | bytes) -> bytes:

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 from tdfscal.errors import DataError
+from tdfscal.files.rig.reading import default_mapping
 from tdfscal.logs import is_log, read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import LogMapping
@@ -166,3 +167,72 @@ def test_dates_that_are_none(tmp_path: Path, cell: str, match: str) -> None:
     FRAME.assign(time=time).to_csv(path, index=False)
     with pytest.raises(DataError, match=match):
         read_log([path], None, SUPPORTS)
+
+
+def turns(path: Path, change: Callable[[pd.DataFrame], pd.DataFrame] = lambda f: f) -> None:
+    """Rows of one vector each, at times of its own; the cells of the others are empty."""
+    vectors = [
+        [f"{name}.{kind}{axis}" for axis in "xyz"] for name in SUPPORTS for kind in ("", "f")
+    ]
+    parts = [
+        FRAME[["time", *names]].assign(time=FRAME["time"] + 1e-3 * k)
+        for k, names in enumerate(vectors)
+    ]
+    table = pd.concat(parts).sort_values("time", kind="stable")[NAMES].reset_index(drop=True)
+    change(table).to_csv(path, index=False)
+
+
+@pytest.mark.parametrize("block", [1 << 10, 8 << 20])
+def test_streams_that_take_turns(
+    tmp_path: Path, block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each signal has the samples of its own rows, at their times, over blocks of any size."""
+    monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", block)
+    turns(tmp_path / "log.csv")
+    log = read_log([tmp_path / "log.csv"], None, SUPPORTS)
+    for i, name in enumerate(SUPPORTS):
+        for k, (kind, series) in enumerate((("", log.position[i]), ("f", log.force[i]))):
+            expected = FRAME[[f"{name}.{kind}{axis}" for axis in "xyz"]].to_numpy()
+            np.testing.assert_array_equal(series.value, expected)
+            late = 1e-3 * (2 * i + k)
+            np.testing.assert_allclose(series.time, FRAME["time"] + late, rtol=0, atol=1e-12)
+    guess = describe_logs([tmp_path / "log.csv"]).guess
+    assert guess.mapping is not None
+    assert guess.mapping.supports == SUPPORTS
+
+
+def test_a_hole_in_a_vector_is_refused(tmp_path: Path) -> None:
+    def hole(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[table["ncp2.fy"].dropna().index[7], "ncp2.fy"] = np.nan
+        return table
+
+    turns(tmp_path / "log.csv", hole)
+    with pytest.raises(DataError, match=r"column ncp2.fy: the cell is empty"):
+        read_log([tmp_path / "log.csv"], None, SUPPORTS)
+
+
+def scope(path: Path, late: float = 0.0, sep: str = "\t", rows: int = 50) -> None:
+    """A TwinCAT Scope export whose last channel is sampled later than the others."""
+    lines = ["Name\tScope", "", sep.join(f"Name{sep}{name}" for name in NAMES[1:])]
+    lines += [sep.join(f"{key}{sep}{key[:1]}" for _ in NAMES[1:]) for key in ("Data-Type", "Port")]
+    lines.append("")
+    for time, *values in FRAME.to_numpy().tolist()[:rows]:
+        stamps = [f"{1000 * time:.3f}"] * (len(values) - 1) + [f"{1000 * time + late:.3f}"]
+        lines.append(sep.join(f"{t}{sep}{v!r}" for t, v in zip(stamps, values, strict=True)))
+    path.write_text("\n".join([*lines, "EOF", ""]))
+
+
+@pytest.mark.parametrize("sep", ["\t", ";", ","])
+def test_scope_exports(tmp_path: Path, sep: str) -> None:
+    path = tmp_path / "scope.csv"
+    scope(path, sep=sep)
+    mapping = replace(default_mapping(SUPPORTS), time_field="time", time_unit="ms")
+    assert_same(path, mapping)
+    scope(path, late=0.5, sep=sep)
+    with pytest.raises(DataError, match=r"line 7: the channels are sampled at different times"):
+        read_log([path], mapping, SUPPORTS)
+    with pytest.raises(DataError, match="different times"):
+        describe_logs([path])
+    scope(path, rows=0, sep=sep)
+    with pytest.raises(DataError):
+        read_log([path], mapping, SUPPORTS)
