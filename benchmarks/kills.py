@@ -1,10 +1,17 @@
 """Random kills over all commands: nothing of an earlier output is lost, nothing is left behind.
 
-Run: python -m benchmarks.kills [kills] > benchmarks/kills.md
+    python -m benchmarks.kills [--kills 500] [--seed 0] > benchmarks/kills.md
+
+Every command line is made for two campaigns, and its results are known to the byte. Before each
+trial the results for the one lie in the folder; the run for the other is ended by a signal at a
+random moment. Afterwards every file must be one of the two, whole, and after a signal that can be
+caught all of them must belong together.
 """
 
 from __future__ import annotations
 
+import argparse
+import os
 import random
 import shutil
 import signal
@@ -13,96 +20,178 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
-SAMPLES = Path(__file__).parents[1] / "sample_data"
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT")
-#: Command lines; what each writes is the folder `out`.
+#: Command lines; `@` is the number of the campaign, `%` the other; each writes to `out`.
 LINES = (
-    "calibrate C --trials 2000 -o out/c.yaml --html out/c.html",
-    "validate c.yaml C --html out/v.html",
-    "apply c.yaml C -o out/w.csv",
-    "plan C -o out/p.csv --postures 6 --candidates 60",
-    "report c.yaml --html out/r.html --figures out/figures",
-    "export c.yaml --to urdf -o out/x.urdf",
-    "study sensitivity C -o out",
-    "study accuracy C -o out --runs 2 --postures 6 --workers 1",
-    "simulate out/s --postures 8 --rate 20 --force",
+    "calibrate C@ --trials 1000 -o out/c.yaml --html out/c.html --allow-rejected",
+    "update c@.yaml C% --trials 0 -o out/u.yaml --html out/u.html --allow-rejected",
+    "validate c@.yaml C@ --html out/v.html",
+    "apply c@.yaml C@ -o out/w.csv",
+    "apply c@.yaml C@ -o out/w.parquet",
+    "plan C@ -o out/p.csv --postures 4 --candidates 20 --seed @",
+    "report c@.yaml --html out/r.html --figures out/figures",
+    "monitor c@.yaml C% --html out/m.html",
+    "export c@.yaml --to urdf -o out/x.urdf",
+    "init C@ -o out/rig.yaml",
+    "study sensitivity C@ --calibration c@.yaml -o out",
+    "study accuracy C@ -o out --runs 2 --postures 6 --workers 1 --seed @",
+    "study free-space C@ -o out --runs 1 --seed @",
+    "simulate out/s --postures 4 --rate 20 --seed @ --force",
     "schema out/schemas",
 )
+Files = dict[str, bytes]
 
 
-def files(folder: Path) -> dict[str, bytes]:
+@dataclass(frozen=True)
+class Results:
+    """What a command line writes for each of the two campaigns, and how long it takes, s."""
+
+    line: str
+    files: tuple[Files, Files]
+    seconds: float
+
+
+def contents(folder: Path) -> Files:
     """Content of every file by its name."""
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def started(home: Path, line: str) -> subprocess.Popen[bytes]:
-    """Begin a command in a folder."""
+def started(home: Path, line: str, campaign: int) -> subprocess.Popen[bytes]:
+    """Begin a command in a folder; equal runs write equal bytes."""
+    line = line.replace("@", str(campaign)).replace("%", str(1 - campaign))
     words = [sys.executable, "-m", "tdfscal", *line.split()]
     return subprocess.Popen(
-        words, cwd=home, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
+        words,
+        cwd=home,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        env=os.environ | {"SOURCE_DATE_EPOCH": "1700000000"},
     )
 
 
-def whole(before: bytes, now: bytes | None) -> bool:
-    """An earlier output is as it was, or a later one has taken its place whole."""
-    return now is not None and (now == before or len(now) > len(before) // 2)
+def lay(folder: Path, files: Files) -> None:
+    """Fill an empty folder."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for name, content in files.items():
+        place = folder / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(content)
+
+
+def known(home: Path, line: str) -> Results:
+    """Run a line for both campaigns without a signal."""
+    made = []
+    for campaign in (0, 1):
+        lay(home / "out", {})
+        begin = time.monotonic()
+        started(home, line, campaign).communicate()
+        made.append(contents(home / "out"))
+    if not made[0] or set(made[0]) != set(made[1]):
+        raise RuntimeError(f"`{line}` does not write the same files for both campaigns")
+    return Results(line, (made[0], made[1]), time.monotonic() - begin)
+
+
+def faults(results: Results, name: str, status: int, said: str, now: Files) -> set[str]:
+    """What is wrong after a run that a signal has ended."""
+    number = getattr(signal, name)
+    found = set()
+    old, new = results.files
+    kept = {key for key in old if now.get(key) == old[key]}
+    replaced = {key for key in old if now.get(key) == new[key]}
+    if kept | replaced != set(old):
+        found.add("an output is neither the earlier one nor the new one, whole")
+    if name != "SIGKILL":
+        if kept != set(old) and replaced != set(old):
+            found.add("outputs of two runs side by side")
+        if set(now) - set(old):
+            found.add("something is left behind")
+        if status not in (0, 128 + number, -number):
+            found.add(f"status {status} after {name}")
+        if status and replaced == set(old) and old != new:
+            found.add("an interruption is reported though everything was written")
+    # Before our first line Python answers an interruption in its own way.
+    if "Traceback" in said and "/tdfscal/" in said:
+        found.add("traceback")
+    return found
+
+
+def trial(home: Path, results: Results, name: str, moment: float) -> set[str]:
+    """End a run for the second campaign over the results for the first one."""
+    out = home / "out"
+    lay(out, results.files[0])
+    run = started(home, results.line, 1)
+    time.sleep(moment)
+    run.send_signal(getattr(signal, name))
+    said = run.communicate()[1].decode(errors="replace")
+    now = contents(out)
+    found = faults(results, name, run.returncode, said, now)
+    if set(now) - set(results.files[0]):
+        started(home, results.line, 1).communicate()
+        if contents(out) != results.files[1]:
+            found.add("the next run does not tidy up")
+    return found
 
 
 def main() -> None:
     """Print the table."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 500
-    rng = random.Random(1)
-    home = Path(tempfile.mkdtemp(prefix="kills-"))
-    shutil.copytree(SAMPLES / "parquet", home / "C")
-    started(home, "calibrate C --trials 0 -o c.yaml").communicate()
-    lasting, seen, faults = {}, Counter[str](), Counter[str]()
-    for line in LINES:
-        (home / "out").mkdir(exist_ok=True)
-        begin = time.monotonic()
-        started(home, line).communicate()
-        lasting[line] = time.monotonic() - begin
-    inputs = files(home / "C")
-    for _ in range(count):
-        line, name = rng.choice(LINES), rng.choice(SIGNALS)
-        before = files(home / "out")
-        run = started(home, line)
-        time.sleep(rng.uniform(0.05, 1.0) * lasting[line])
-        run.send_signal(getattr(signal, name))
-        said = run.communicate()[1].decode(errors="replace")
-        now = files(home / "out")
-        left = [key for key in now if key.endswith(".part")]
-        seen[name] += 1
-        if any(not whole(content, now.get(key)) for key, content in before.items()
-               if not key.endswith(".part")):  # fmt: skip
-            faults["an earlier output is damaged"] += 1
-        if left and name != "SIGKILL":
-            faults["leftovers of a signal"] += 1
-        if "Traceback" in said and "tdfscal" in said:
-            faults["traceback"] += 1
-        if name != "SIGKILL" and run.returncode not in (0, 128 + getattr(signal, name)):
-            faults[f"status {run.returncode} after {name}"] += 1
-        if left:
-            started(home, line).communicate()
-            if any(key.endswith(".part") for key in files(home / "out")):
-                faults["leftovers after the next run"] += 1
-    if files(home / "C") != inputs:
-        faults["an input is changed"] += 1
-    shutil.rmtree(home)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--kills", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    rng = random.Random(options.seed)
+    with tempfile.TemporaryDirectory(prefix="kills-") as folder:
+        home = Path(folder)
+        for campaign in (0, 1):
+            for line in ("simulate C@ --postures 10 --rate 20 --seed @",
+                         "calibrate C@ --trials 0 -o c@.yaml"):  # fmt: skip
+                started(home, line, campaign).communicate()
+        inputs = [contents(home / f"C{campaign}") for campaign in (0, 1)]
+        table = [known(home, line) for line in LINES]
+        runs, bad, ends = Counter[tuple[str, str]](), Counter[tuple[str, str]](), Counter[str]()
+        for _ in range(options.kills):
+            results, name = rng.choice(table), rng.choice(SIGNALS)
+            runs[results.line, name] += 1
+            for fault in trial(home, results, name, rng.uniform(0.05, 1.05) * results.seconds):
+                bad[results.line, fault] += 1
+                print(f"{results.line}: {name}: {fault}", file=sys.stderr, flush=True)
+            now = contents(home / "out")
+            ends["earlier outputs" if now == results.files[0] else "new ones"] += 1
+        same = inputs == [contents(home / f"C{campaign}") for campaign in (0, 1)]
+    if not same:
+        bad["", "an input is changed"] += 1
+    _print(options, runs, bad, ends)
+
+
+def _print(
+    options: argparse.Namespace,
+    runs: Counter[tuple[str, str]],
+    bad: Counter[tuple[str, str]],
+    ends: Counter[str],
+) -> None:
     print(
-        f"# Kills\n\nMade by `python -m benchmarks.kills {count}`: {count} runs of "
-        f"{len(LINES)} command lines, each ended by a\nsignal at a random moment of its usual "
-        "time.\n"
+        f"""# Kills
+
+Made by `python -m benchmarks.kills --kills {options.kills} --seed {options.seed}`.
+{options.kills} runs over the results of an earlier run with other inputs, each ended by a signal at
+a random moment of its usual time (up to 5 % beyond it). Afterwards every file must be, to the byte,
+the earlier or the new one; after TERM, HUP and INT all of one kind, and nothing beside them; after
+KILL the next run must tidy up. The folder held the earlier outputs after
+{ends["earlier outputs"]} trials, the new ones after {ends["new ones"]}.
+"""
     )
-    print("| signal | runs |\n|---|---|")
-    for name in SIGNALS:
-        print(f"| {name} | {seen[name]} |")
-    print("\n| fault | times |\n|---|---|")
-    for what, times in sorted(faults.items()):
-        print(f"| {what} | {times} |")
-    if not faults:
-        print("| none | 0 |")
+    print(f"| command line | {' | '.join(SIGNALS)} | faults |\n|---|{'---|' * len(SIGNALS)}---|")
+    for line in LINES:
+        counts = " | ".join(str(runs[line, name]) for name in SIGNALS)
+        found = "; ".join(f"{n} × {what}" for (of, what), n in sorted(bad.items()) if of == line)
+        print(f"| `{line}` | {counts} | {found or 'none'} |")
+    for (of, what), n in bad.items():
+        if not of:
+            print(f"\n{what}: {n}")
 
 
 if __name__ == "__main__":
