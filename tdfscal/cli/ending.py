@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
-from tdfscal.cli.streams import prepare, reporting, say
+from tdfscal.cli.streams import Signalled, prepare, reporting, say
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
@@ -18,10 +18,6 @@ INTERNAL_ERROR = 70
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 #: What the loader says where the memory does not suffice for a library.
 _TOO_LITTLE = ("failed to map segment", "cannot allocate memory")
-
-
-class Signalled(BaseException):
-    """A signal has ended the run."""
 
 
 @dataclass(slots=True)

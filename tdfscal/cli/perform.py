@@ -9,7 +9,7 @@ from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.cli.progress import on_stderr
-from tdfscal.cli.streams import hand_over, reporting, say
+from tdfscal.cli.streams import Signalled, hand_over, leave_stdout, reporting, say
 from tdfscal.errors import UsageError, visible
 
 if TYPE_CHECKING:
@@ -35,27 +35,38 @@ def perform(
     TdfscalError
         By cause.
     """
-    from tdfscal.files.outputs import together
+    from tdfscal.files.outputs import Outputs, together
 
     json, output = options.pop("json"), options.get("output")
     carried = _carried(options, dash or {}, json=json)
-    # Where standard output carries the result, it is an output like any other: all or none.
-    with together():
-        result = _call(name, options)
-        words = not json and (carried is None or not _written(result, options))
-        if json:
-            hand_over(_to_json(result.to_dict()))
-        elif not words and carried is not None:
-            hand_over(getattr(result, carried))
-    if words:
-        with reporting():
-            if show_words(result) and output is not None and _written(result, options):
-                files = getattr(result, "files", None)
-                where = output if files is None else f"{len(files)} files to {output}"
-                print(f"\nwrote {visible(str(where))}")
-    for text in result.notes:
-        say(f"tdfscal: warning: {text}")
+    outputs = Outputs()
+    try:
+        # Where standard output carries the result, it is an output like any other: all or none.
+        with together(outputs):
+            result = _call(name, options)
+            words = not json and (carried is None or not _written(result, options))
+            if json:
+                hand_over(_to_json(result.to_dict()))
+            elif not words and carried is not None:
+                hand_over(getattr(result, carried))
+        if words:
+            with reporting():
+                _show(result, output if _written(result, options) else None)
+        for text in result.notes:
+            say(f"tdfscal: warning: {text}")
+    except (KeyboardInterrupt, Signalled):
+        if not outputs.appeared:
+            raise
+        leave_stdout()  # the files are there: only the rest of the report is cut off
     return result
+
+
+def _show(result: Result, output: object) -> None:
+    """Print a result in words, and where it was written."""
+    if show_words(result) and output is not None:
+        files = getattr(result, "files", None)
+        where = output if files is None else f"{len(files)} files to {output}"
+        print(f"\nwrote {visible(str(where))}")
 
 
 def _written(result: Result, options: dict[str, Any]) -> bool:

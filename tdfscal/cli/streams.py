@@ -15,6 +15,10 @@ from tdfscal.errors import UsageError, visible
 _closed: set[str] = set()
 
 
+class Signalled(BaseException):
+    """A signal has ended the run."""
+
+
 def prepare() -> None:
     """Let standard streams replace letters that their encoding lacks.
 

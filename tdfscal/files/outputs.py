@@ -45,12 +45,16 @@ class _Staged:
 
 @dataclass(slots=True)
 class Outputs:
-    """Files of one command, on their way. protected : files that it reads."""
+    """Files of one command, on their way.
+
+    protected : files that it reads. appeared : they are in their places, and stay there.
+    """
 
     staged: list[_Staged] = field(default_factory=list)
     removed: list[Path] = field(default_factory=list)
     folders: list[Path] = field(default_factory=list)
     protected: set[Identity] = field(default_factory=set)
+    appeared: bool = False
 
     def stage(self, path: Path) -> _Staged:
         """Return where to write what shall appear at `path`. Raises UsageError."""
@@ -105,6 +109,7 @@ class Outputs:
                 raise unwritable(staged.name, fault) from fault
         with _undisturbed():
             self._move([staged for staged in self.staged if not staged.direct])
+            self.appeared = bool(self.staged)
             for staged in self.staged:
                 _drop(staged)
             self.staged.clear()
@@ -150,16 +155,16 @@ _current: ContextVar[Outputs | None] = ContextVar("outputs", default=None)
 
 
 @contextlib.contextmanager
-def together() -> Iterator[Outputs]:
+def together(outputs: Outputs | None = None) -> Iterator[Outputs]:
     """Let all files that are written inside appear at its end; at an exception none does.
 
-    Inside another one it is a part of that.
+    Inside another one it is a part of that. outputs : where to keep them, for a look afterwards.
     """
     outer = _current.get()
     if outer is not None:
         yield outer
         return
-    outputs = Outputs()
+    outputs = Outputs() if outputs is None else outputs
     token = _current.set(outputs)
     try:
         yield outputs
