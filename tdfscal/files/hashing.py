@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.records import InputFile, Integrity
@@ -34,6 +36,22 @@ def input_file(path: Path, integrity: Integrity) -> InputFile:
 def printable(text: str) -> str:
     r"""A file's name need not be UTF-8, what is written of it must: other bytes become \\xNN."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def content_sha256(content: Mapping[str, Any], without: Iterable[str]) -> str:
+    """SHA-256 of a document's values, whatever their order and notation.
+
+    It is that of the document as Python's JSON in UTF-8, its keys sorted.
+
+    Parameters
+    ----------
+    content : plain JSON values.
+    without : keys at its top that are left out.
+    """
+    left_out = set(without)
+    values = {key: value for key, value in content.items() if key not in left_out}
+    text = json.dumps(values, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 class Fingerprint:

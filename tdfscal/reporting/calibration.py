@@ -60,7 +60,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             provenance(c),
             *_absent(c, {drawing.name for drawing in drawings}),
         ),
-        warnings=(*c.cautions, *overdue(c), *c.warnings),
+        warnings=(*overdue(c), *c.warnings),
         advice=advise(c),
         created=utc(c.created),
     )  # fmt: skip

@@ -16,6 +16,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
     dump_calibration,
+    file_content,
     parse_calibration,
     save_calibration,
 )
@@ -87,7 +88,7 @@ class Calibration(Result, CalibrationFile):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file as plain JSON values."""
-        return self.model_dump(mode="json", exclude_none=True)
+        return file_content(self)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row per angle: support, angle, value, std, low, high, in rad."""
@@ -107,11 +108,6 @@ class Calibration(Result, CalibrationFile):
     def content(self) -> str:
         """The file as YAML."""
         return dump_calibration(self, "yaml")
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, CalibrationFile) and self.model_dump() == other.model_dump()
-
-    __hash__ = None  # type: ignore[assignment]
 
 
 class _NotHere:

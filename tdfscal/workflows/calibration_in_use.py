@@ -86,11 +86,9 @@ def take(calibration: CalibrationSource, paths: Sequence[Path], rig: Path | None
 
 
 def _warnings(calibration: Calibration, path: str) -> tuple[str, ...]:
-    cautions = tuple(f"{path}: {caution}" for caution in calibration.cautions)
     if calibration.status == "accepted":
-        return cautions
+        return ()
     return (
-        *cautions,
         f"{path} IS A REJECTED CALIBRATION, not fit for use: "
         f"{'; '.join(calibration.quality.reasons)}",
     )

@@ -14,14 +14,13 @@ from tdfscal.checks.same_rig import different_constants
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
-from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.from_results import Provenance, from_motion, from_self
 from tdfscal.files.calibration.life import campaign_document
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.logs import TimeWindow, is_log
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.pipeline import MotionCalibration
-from tdfscal.numerics.distributions import chi2_sf, p_text
+from tdfscal.numerics.distributions import p_text
 from tdfscal.records import Dwells, InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
@@ -252,9 +251,9 @@ def as_calibration(
     """Return the result whose file lists several campaigns."""
     if isinstance(own, MotionCalibration):
         own = replace(own, reasons=reasons)
-        return Calibration.of(with_totals(from_motion(own, origin, notes)), Records(motion=own))
+        return Calibration.of(from_motion(own, origin, notes), Records(motion=own))
     own = replace(own, reasons=reasons)
-    return Calibration.of(with_totals(from_self(own, origin, notes)), Records(own))
+    return Calibration.of(from_self(own, origin, notes), Records(own))
 
 
 def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any], ...]:
@@ -276,23 +275,6 @@ def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any]
             )
         )
     return tuple(described)
-
-
-def with_totals(file: CalibrationFile) -> CalibrationFile:
-    """Let `fit` speak of all campaigns that the file lists."""
-    assert file.fit is not None
-    chi2 = sum(campaign.chi2 for campaign in file.campaigns)
-    dof = sum(campaign.dof for campaign in file.campaigns)
-    fit = file.fit.model_copy(
-        update={
-            "postures": sum(campaign.postures for campaign in file.campaigns),
-            "chi2": chi2,
-            "dof": dof,
-            "p_value": float(chi2_sf(chi2, dof)) if dof else 1.0,
-            "birge": float(np.sqrt(chi2 / dof)) if dof else 1.0,
-        }
-    )
-    return file.model_copy(update={"fit": fit})
 
 
 def misfit_text(misfit: Misfit) -> str:

@@ -13,7 +13,7 @@ from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
-from tdfscal.files.calibration.from_results import Provenance
+from tdfscal.files.calibration.from_results import Provenance, published_std
 from tdfscal.files.calibration.life import campaign_document
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
@@ -24,6 +24,7 @@ from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.information import contrast
 from tdfscal.records import FloatArray, Measured, Rig
+from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import PathLikes, at_least, listed, one
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
@@ -192,10 +193,13 @@ def _departure(rig: Rig, own: Own, name: str) -> tuple[Misfit, float, int]:
 
 
 def _place(own: Own) -> tuple[State, FloatArray]:
-    """Estimate and standard uncertainties (P,)."""
+    """Estimate and standard uncertainties (P,), as the file publishes them."""
     if isinstance(own, MotionCalibration):
-        return own.fit.state.still, own.uncertainty.turns.parameter_std
-    return own.fit.state, own.uncertainty.parameter_std
+        given, std = own.calibrated, own.uncertainty.turns.parameter_std
+    else:
+        given = from_fit(own.fit, own.uncertainty.covariance)
+        std = own.uncertainty.parameter_std
+    return given.state, published_std(given, std)
 
 
 def _text(found: Misfit, earlier: Earlier) -> str:

@@ -13,7 +13,7 @@ from tdfscal.exports.certificate import certificate
 from tdfscal.exports.schemacheck import check, schema_version
 from tdfscal.files.calibration.document import Calibration
 from tests.export.rules import write_schemas
-from tests.reporting.samples import NASTY, changed, run, sample, saved
+from tests.reporting.samples import NASTY, by_hand, changed, run, sample, saved
 
 NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 C = sample().calibration
@@ -77,6 +77,9 @@ def test_an_interval_shorter_than_a_standard_uncertainty(tmp_path: Path) -> None
     """D-SI knows no coverage factor below 1: the uncertainty stated is then the larger one."""
     pytest.importorskip("xmlschema")
     document = C.model_dump()
+    rpy = [support["rpy"] for support in document["supports"]]
+    document["monte_carlo"] = {"trials": 1, "seed": 0, "rpy_std": rpy, "low": rpy, "high": rpy}
+    document["monte_carlo"] |= {"tolerance": 0.0, "linear_interval_validated": False}
     for support in document["supports"]:
         support["rpy_interval"] = {"coverage": 0.95, "low": support["rpy"], "high": support["rpy"]}
     text = certificate(Calibration.model_validate(document))
@@ -132,9 +135,8 @@ def test_known_exactly_has_no_uncertainty() -> None:
     """An angle without uncertainty gets none, rather than a division by zero."""
     document = C.model_dump()
     document["covariance"]["matrix"] = np.zeros((9, 9)).tolist()
-    document["parameters"] = None
     for support in document["supports"]:
         support["rpy_std"] = support["turn_std"] = (0.0, 0.0, 0.0)
-    root = ET.fromstring(certificate(Calibration.model_validate(document)))
+    root = ET.fromstring(certificate(by_hand(document)))
     assert root.find(".//si:expandedMU", NAMES) is None
     assert len(root.findall(".//si:real", NAMES)) == 18

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 RIG = """\
 format: tdfscal-rig/1
@@ -144,8 +145,8 @@ def calibration(rig: dict[str, Any], seed: int = 0) -> dict[str, Any]:
             "rejected": [{"index": 4, "start": 12.5, "end": 14.0, "reason": "contact"}],
             "chi2": 171.5,
             "dof": 165,
-            "p_value": 0.35,
-            "birge": 1.02,
+            "p_value": float(chi2.sf(171.5, 165)),
+            "birge": (171.5 / 165) ** 0.5,
             "rms_force": 0.3,
             "rms_moment": 0.1,
             "iterations": 5,
@@ -164,8 +165,8 @@ def calibration(rig: dict[str, Any], seed: int = 0) -> dict[str, Any]:
         "budget": {
             "sources": ["noise", "zero"],
             "angles": [
-                {"support": s, "angle": a, "variance": {"noise": 1e-8, "zero": 2e-9}}
-                for s, a in angles
+                {"support": s, "angle": a, "variance": {"noise": 0.8 * u**2, "zero": 0.2 * u**2}}
+                for (s, a), u in zip(angles, std.ravel().tolist(), strict=True)
             ],
         },
         "monte_carlo": {

@@ -16,12 +16,16 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.document import (
     Calibration,
     dump_calibration,
+    file_content,
     load_calibration,
     parse_calibration,
     save_calibration,
 )
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import replacing, to_yaml, write_text
+from tdfscal.workflows.calibrate import calibrate
+from tests.cli.running import SAMPLES
+from tests.files.edits import edits
 from tests.files.sample_documents import NAMES, RIG, SCALED_CONVENTION, calibration
 
 
@@ -38,6 +42,12 @@ def content(rig: dict[str, Any]) -> dict[str, Any]:
 @pytest.fixture
 def found(content: dict[str, Any]) -> Calibration:
     return Calibration.model_validate(content)
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, Any]:
+    """What stands in a file that `calibrate` wrote."""
+    return json.loads(json.dumps(file_content(calibrate(SAMPLES / "csv", trials=50))))
 
 
 @pytest.mark.parametrize("suffix", [".json", ".yaml", ".yml", ".JSON"])
@@ -339,3 +349,63 @@ def test_devices_are_written_to_and_stay(tmp_path: Path) -> None:
     finally:
         os.close(reading)
     assert pipe.is_fifo()
+
+
+def test_files_of_ours_tell_every_edit_that_matters(made: dict[str, Any]) -> None:
+    """Each is refused with the cure, or the file reads to the same content."""
+    whole = parse_calibration(json.dumps(made).encode(), "c.json")
+    for k, edit in enumerate(edits(made, 60, seed=1)):
+        yaml_too = k % 15 == 0
+        for text in [json.dumps(edit.document)] + yaml_too * [to_yaml(edit.document)]:
+            try:
+                read = parse_calibration(text.encode(), "c")
+            except DataError:
+                continue
+            assert read == whole, edit.place
+
+
+CURED = [
+    nudge(0.5, "supports", 1, "zero", 0),
+    nudge(0.01, "supports", 0, "zero_std", 2),
+    nudge(0.1, "terminal", "mass", "value"),
+    nudge(1e-3, "terminal", "barycenter", "std", 1),
+    nudge(1e-4, "supports", 2, "rpy_interval", "high", 0),
+    nudge(1e-7, "covariance", "matrix", 3, 3),
+    nudge(1e-2, "parameters", "value", 9),
+    put("budget", "angles", 2, "variance", "noise", 0.0),
+    put("fit", "birge", 0.9),
+    put("rig", "terminal", "mass", "value", 501.0),
+]
+
+
+@pytest.mark.parametrize("change", CURED)
+@pytest.mark.parametrize("digest", [True, False])
+def test_numbers_that_disagree_are_refused_with_the_command_that_cures(
+    made: dict[str, Any], change: Change, *, digest: bool
+) -> None:
+    """Without its digest, as a foreign file, by what the file says elsewhere."""
+    content = copy.deepcopy(made)
+    if not digest:
+        del content["content_sha256"]
+    change(content)
+    with pytest.raises(DataError, match="tdfscal update CALIBRATION CAMPAIGN") as refused:
+        parse_calibration(json.dumps(content).encode(), "c.json")
+    assert refused.value.exit_status == 3
+
+
+def test_another_notation_is_no_edit(made: dict[str, Any]) -> None:
+    """Order, layout, comments, the form, and numbers that some writers shorten."""
+    whole = parse_calibration(json.dumps(made).encode(), "c.json")
+    backwards = dict(reversed(made.items()))
+    for text in (
+        json.dumps(backwards, indent=3),
+        yaml.safe_dump(made, allow_unicode=False) + "# a comment\n",
+        json.dumps(made).replace(".0,", ","),
+    ):
+        assert parse_calibration(text.encode(), "c") == whole
+
+
+def test_a_file_without_a_digest_is_read(made: dict[str, Any]) -> None:
+    content = {key: value for key, value in made.items() if key != "content_sha256"}
+    read = parse_calibration(json.dumps(content).encode(), "c.json")
+    assert file_content(read) == made

@@ -16,6 +16,7 @@ from tdfscal.comparison.joint import combine
 from tdfscal.files.calibration.document import Calibration, save_calibration
 from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
 from tdfscal.files.rig.reading import LoadedRig, parse_rig
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, InputFile, Rotations
 from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, simulate_dwells, simulate_survey
@@ -117,8 +118,27 @@ def surveyed() -> tuple[Calibration, Calibration]:
 
 
 def changed(c: Calibration, **changes: Any) -> Calibration:
-    """The same file with some fields altered, checked again."""
-    return Calibration.model_validate(c.model_dump() | changes)
+    """The same file with some fields altered, checked again; nothing marks its rig as edited."""
+    content = c.model_dump() | changes
+    content["rig"]["content_sha256"] = None
+    return Calibration.model_validate(content)
+
+
+def by_hand(content: dict[str, Any]) -> Calibration:
+    """A calibration whose angles or covariance were put in by hand, without what would disagree."""
+    content |= {"parameters": None, "budget": None, "monte_carlo": None}
+    for support in content["supports"]:
+        rpy, std = np.array(support["rpy"]), np.array(support["rpy_std"])
+        ends = {"low": (rpy - 2 * std).tolist(), "high": (rpy + 2 * std).tolist()}
+        support["rpy_interval"] = {"coverage": 0.95, **ends}
+    return Calibration.model_validate(content)
+
+
+def fit_with(c: Calibration, birge: float) -> dict[str, Any]:
+    """The block `fit` of a calibration whose residuals are so large."""
+    fit: dict[str, Any] = c.model_dump()["fit"]
+    chi2 = birge**2 * fit["dof"]
+    return fit | {"birge": birge, "chi2": chi2, "p_value": float(chi2_sf(chi2, fit["dof"]))}
 
 
 def saved(c: Calibration, folder: Path, name: str) -> Path:

@@ -11,7 +11,16 @@ import pytest
 from tdfscal.files.calibration.document import Calibration, load_calibration
 from tdfscal.reporting.html import render_page
 from tdfscal.workflows.report import report
-from tests.reporting.samples import NASTY, changed, run, sample, saved, surveyed, with_load_cell
+from tests.reporting.samples import (
+    NASTY,
+    changed,
+    fit_with,
+    run,
+    sample,
+    saved,
+    surveyed,
+    with_load_cell,
+)
 
 VOID = {"meta", "br", "link", "img"}
 REASON = "the residuals are 13 times what the stated uncertainties explain"
@@ -53,8 +62,8 @@ def read(page: str) -> Reader:
 
 
 def rejected(c: Calibration) -> Calibration:
-    fit = c.model_dump()["fit"] | {"birge": 13.0}
-    return changed(c, status="rejected", quality={"reasons": (REASON,)}, fit=fit)
+    reasons = {"reasons": (REASON,)}
+    return changed(c, status="rejected", quality=reasons, fit=fit_with(c, 13.0))
 
 
 @pytest.fixture

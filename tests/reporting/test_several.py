@@ -16,7 +16,7 @@ from tdfscal.reporting.html import render_several
 from tdfscal.reporting.layout import Report, Table
 from tdfscal.reporting.several import letter, put_side_by_side, several_report
 from tdfscal.reporting.text import render
-from tests.reporting.samples import changed, run, sample, saved
+from tests.reporting.samples import by_hand, changed, run, sample, saved
 
 STD = 2e-4
 
@@ -29,7 +29,6 @@ def flat(yaw: float, created: str, status: str = "accepted") -> Calibration:
     c = sample().calibration
     content = c.model_dump()
     content["covariance"]["matrix"] = (STD**2 * np.eye(9)).tolist()
-    content["parameters"] = None
     for i, support in enumerate(content["supports"]):
         turn = yaw if i == 1 else 0.0
         rotation = Rotation.from_euler("z", turn)
@@ -38,11 +37,6 @@ def flat(yaw: float, created: str, status: str = "accepted") -> Calibration:
             "rpy": (0.0, 0.0, turn),
             "rpy_std": (STD, STD, STD),
             "turn_std": (STD, STD, STD),
-            "rpy_interval": {
-                "coverage": 0.95,
-                "low": (-2 * STD, -2 * STD, turn - 2 * STD),
-                "high": (2 * STD, 2 * STD, turn + 2 * STD),
-            },
             "quaternion_xyzw": rotation.as_quat().tolist(),
         }
     reasons = ("too few postures",) if status == "rejected" else ()
@@ -51,7 +45,7 @@ def flat(yaw: float, created: str, status: str = "accepted") -> Calibration:
         {"path": "log.csv", "sha256": hashlib.sha256(created.encode()).hexdigest(), "bytes": 1}
         | {"integrity": "verified"}
     ]
-    return Calibration.model_validate(content)
+    return by_hand(content)
 
 
 JANUARY = flat(0.0, "2026-01-05T08:00:00Z")

@@ -16,16 +16,20 @@ SAME = 1e-9
 """Two statements of one rotation agree within this, per matrix element."""
 SAME_STD = 1e-6
 """Two statements of one standard uncertainty agree within this, relative."""
-_HINT = "the file was altered; calibrate again"
+ALTERED = (
+    "for new zeros or another load run `tdfscal update CALIBRATION CAMPAIGN -o FILE`; else take "
+    "the file as it was written, with all digits, or calibrate again"
+)
+"""What to do with a calibration file that was edited."""
 
 
 def check_covariance(matrix: FloatArray, place: tuple[str, str] = ("covariance", "matrix")) -> None:
     """Refuse a matrix that is not symmetric and positive semidefinite to rounding."""
     unit = matrix / (np.abs(matrix).max() or 1.0)
     if not np.allclose(unit, unit.T, rtol=0, atol=1e-12):
-        raise fault("is not symmetric", *place, hint=_HINT)
+        raise fault("is not symmetric", *place, hint=ALTERED)
     if np.linalg.eigvalsh(unit)[0] < -1e-12:
-        raise fault("is not positive semidefinite", *place, hint=_HINT)
+        raise fault("is not positive semidefinite", *place, hint=ALTERED)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -37,20 +41,22 @@ def check_rotation(support: Mounting, covariance: FloatArray, index: int) -> Non
     place = ("supports", index)
     R = np.array(support.rotation)
     if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) or np.linalg.det(R) < 0:
-        raise fault("is not a rotation: not orthonormal, or det ≠ +1", *place, "rotation")
+        raise fault(
+            "is not a rotation: not orthonormal, or det ≠ +1", *place, "rotation", hint=ALTERED
+        )
     if not np.allclose(so3.from_rpy(support.rpy), R, rtol=0, atol=SAME):
-        raise fault("is not the angles of `rotation`", *place, "rpy", hint=_HINT)
+        raise fault("is not the angles of `rotation`", *place, "rpy", hint=ALTERED)
     if not np.allclose(_from_quaternion(support.quaternion), R, rtol=0, atol=SAME):
-        raise fault("is not the quaternion of `rotation`", *place, "quaternion_xyzw", hint=_HINT)
+        raise fault("is not the quaternion of `rotation`", *place, "quaternion_xyzw", hint=ALTERED)
     if support.turn_std is not None:
         own = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
         if not np.allclose(support.turn_std, own, rtol=SAME_STD, atol=0):
-            raise fault("does not follow from the covariance", *place, "turn_std", hint=_HINT)
+            raise fault("does not follow from the covariance", *place, "turn_std", hint=ALTERED)
     if not so3.locked(R):
         J = so3.rpy_jacobian(R)
         std = np.sqrt(np.maximum(np.diagonal(J @ covariance @ J.T), 0.0))
         if not np.allclose(support.rpy_std, std, rtol=SAME_STD, atol=0):
-            raise fault("does not follow from the covariance", *place, "rpy_std", hint=_HINT)
+            raise fault("does not follow from the covariance", *place, "rpy_std", hint=ALTERED)
 
 
 def from_directions(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, Self, assert_never
+from typing import Any, Literal, Self, assert_never
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.consistency import (
+    ALTERED,
     check_covariance,
     check_rotation,
     check_shape,
@@ -41,7 +42,9 @@ from tdfscal.files.calibration.parts import (
     TrackerStatistics,
     ValidationResult,
 )
-from tdfscal.files.field_types import Count, FreeText, Strict, Text, fault
+from tdfscal.files.calibration.redundancy import check_stated
+from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, Text, fault
+from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.output_places import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
@@ -92,11 +95,25 @@ class Calibration(Strict):
     history: tuple[HistoryEntry, ...] = ()
     quality: QualityResult = QualityResult()
     warnings: tuple[Text, ...] = ()
+    content_sha256: Sha256 | None = Field(default=None, exclude=True)
+    """Of all that stands in a file beside it, as tdfscal wrote it; none in files of others."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         self._check_status()
         self._check_names()
+        self._check_rotations()
+        self._check_shapes()
+        check_stated(self)
+        if self.rig.edited:
+            raise fault("was edited after the calibration", "rig", hint=ALTERED)
+        # Without defaults that a later version may add: the file does not state them.
+        own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+        if self.content_sha256 not in (None, content_sha256(own, ())):
+            raise fault("was altered after it was written", hint=ALTERED)
+        return self
+
+    def _check_rotations(self) -> None:
         check_covariance(np.array(self.covariance.matrix))
         if self.parameters is not None:
             check_parameters(
@@ -109,6 +126,8 @@ class Calibration(Strict):
             block = slice(3 * index, 3 * index + 3)
             if support.mounting is not None:
                 check_rotation(support.mounting, self.rotation_covariance[block, block], index)
+
+    def _check_shapes(self) -> None:
         if self.monte_carlo is not None:
             for name in ("rpy_std", "low", "high"):
                 check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
@@ -120,7 +139,6 @@ class Calibration(Strict):
         for index, alone in enumerate(self.methods or ()):
             for name in ("rpy", "rpy_std"):
                 check_shape(getattr(alone, name), len(self.supports), name, "methods", index)
-        return self
 
     def _check_status(self) -> None:
         if (self.status == "accepted") == bool(self.quality.reasons):
@@ -157,6 +175,11 @@ class Calibration(Strict):
         rows = self.covariance.matrix
         if len(rows) != size or any(len(row) != size for row in rows):
             raise fault(f"must have {size} rows of {size} numbers", "covariance", "matrix")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Calibration) and self.model_dump() == other.model_dump()
+
+    __hash__ = None  # type: ignore[assignment]
 
     @property
     def support_names(self) -> tuple[str, ...]:
@@ -234,16 +257,6 @@ class Calibration(Strict):
         identity = tuple(map(tuple, np.eye(3).tolist()))
         return np.array([support.sensitivity or identity for support in self.supports])
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """What is odd about the file itself, beside the result's own warnings."""
-        if not self.rig.edited:
-            return ()
-        return (
-            "the rig that this file embeds was edited after the calibration: the result does not "
-            "belong to it",
-        )
-
     def rotations(self) -> Rotations:
         """Return the rotations with their covariance as a record."""
         return Rotations(self.support_names, self.rotation, self.rotation_covariance)
@@ -273,12 +286,19 @@ def parse_calibration(raw: bytes, source: str) -> Calibration:
     return _from_document(parse_document(raw, source, DataError, form))
 
 
-def dump_calibration(calibration: Calibration, form: Format) -> str:
-    """Return the text of a calibration file in full double precision."""
+def file_content(calibration: Calibration) -> dict[str, Any]:
+    """Return what stands in a calibration file as plain JSON values."""
     content = calibration.model_dump(mode="json", exclude_none=True)
+    digest = content_sha256(content, ())
     for support in content["supports"]:
         for name in ("rotation", "rpy_interval", "quaternion_xyzw"):
             support.setdefault(name, None)
+    return {**content, "content_sha256": digest}
+
+
+def dump_calibration(calibration: Calibration, form: Format) -> str:
+    """Return the text of a calibration file in full double precision."""
+    content = file_content(calibration)
     match form:
         case "json":
             return to_json(content)
@@ -311,6 +331,7 @@ __all__ = [
     "COVARIANCE_DEFINITION",
     "Calibration",
     "dump_calibration",
+    "file_content",
     "load_calibration",
     "parameter_names",
     "parse_calibration",

@@ -25,10 +25,11 @@ from tdfscal.files.calibration.parts import (
     COVARIANCE_DEFINITION,
 )
 from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.numerics.distributions import chi2_sf, normal_quantile
 from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured
 from tdfscal.selfcal.covariance import information_root
 from tdfscal.selfcal.joint_posterior import from_fit
@@ -69,6 +70,10 @@ def from_self(
     result: SelfCalibration, origin: Provenance, notes: Sequence[str] = ()
 ) -> Calibration:
     """Return the calibration file of a self-calibration."""
+    parameters, std = None, result.uncertainty.parameter_std
+    if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
+        given = from_fit(result.fit, result.uncertainty.covariance)
+        parameters, std = parameters_document(given, _unscaled(result)), published_std(given, std)
     return _calibration(
         origin,
         method="self",
@@ -77,11 +82,9 @@ def from_self(
         advice=_advice(result),
         warnings=(*notes, *result.warnings),
         angles=_self_angles(result),
-        parameters=parameters_document(
-            from_fit(result.fit, result.uncertainty.covariance), _unscaled(result)
-        ),
+        parameters=parameters,
         budget=result.uncertainty.contributions,
-        **_self_parts(result, origin, result.fit.state, result.uncertainty.parameter_std),
+        **_self_parts(result, origin, result.fit.state, std),
     )
 
 
@@ -90,7 +93,8 @@ def from_motion(
 ) -> Calibration:
     """Return the calibration file of a self-calibration from samples in motion."""
     known, state, n = result.uncertainty.turns, result.fit.state.still, result.rig.n
-    place, std, rpy = layout(n), known.parameter_std, so3.to_rpy(state.rotation)
+    place, rpy = layout(n), so3.to_rpy(state.rotation)
+    std = published_std(result.calibrated, known.parameter_std)
     half = known.coverage_factor * known.rpy_std
     declared = result.rig.declared.force_sensitivity > 0
     return _calibration(
@@ -120,6 +124,7 @@ def from_motion(
             **asdict(result.quality),
             "iterations": result.fit.iterations,
             "converged": result.fit.converged,
+            **_totals(origin.campaigns),
         },
         observability=_observability(result.observability),
         validation=held_out_document(result.validation),
@@ -176,9 +181,7 @@ def from_joint(
         both.rpy + half,
         determined=np.all(both.rpy_std < own.rig.acceptance.identifiable, axis=1),
     )
-    std = np.where(given.open, np.inf, np.sqrt(np.diagonal(given.covariance)))
-    # An open parameter of the self-calibration stays open: rotations alone do not fix it.
-    std = np.where(np.isinf(own.uncertainty.parameter_std), np.inf, std)
+    std = published_std(given, own.uncertainty.parameter_std)
     parts = _self_parts(own, origin, given.state, std) | {"monte_carlo": None}
     return _calibration(
         origin,
@@ -308,7 +311,7 @@ def _self_parts(
         "terminal": _terminal(
             state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
         ),
-        "fit": _fit(result),
+        "fit": _fit(result) | _totals(origin.campaigns),
         "postures": evidence.postures(result),
         "observability": _observability(result.observability) | {"loads": evidence.loads(result)},
         "monte_carlo": _trials(
@@ -323,10 +326,17 @@ def _self_parts(
     }
 
 
-def _unscaled(result: SelfCalibration) -> FloatArray | None:
+def published_std(given: Calibrated, fitted: FloatArray) -> FloatArray:
+    """Standard uncertainties (P,) by the covariance that the file publishes.
+
+    fitted : (at least P,), by the fit alone; what it leaves open, rotations do not fix.
+    """
+    std = np.sqrt(np.diagonal(given.covariance))
+    return np.where(np.isinf(fitted[: len(std)]), np.inf, std)
+
+
+def _unscaled(result: SelfCalibration) -> FloatArray:
     """Covariance (3n, 3n) of the rotations by the stated uncertainties, for `update`."""
-    if result.estimator != "ml":
-        return None
     turns = np.flatnonzero(np.repeat(result.observability.determined, 3))
     root = information_root(result.fit).root[turns]
     return np.asarray(root @ root.T)
@@ -378,6 +388,20 @@ def _fit(result: SelfCalibration) -> dict[str, Any]:
         **asdict(result.quality),
         "iterations": result.fit.iterations,
         "converged": result.fit.converged,
+    }
+
+
+def _totals(campaigns: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What `fit` says of all campaigns together, where there are several."""
+    if not campaigns:
+        return {}
+    chi2, dof = (sum(campaign[name] for campaign in campaigns) for name in ("chi2", "dof"))
+    return {
+        "postures": sum(campaign["postures"] for campaign in campaigns),
+        "chi2": chi2,
+        "dof": dof,
+        "p_value": float(chi2_sf(chi2, dof)) if dof else 1.0,
+        "birge": float(np.sqrt(chi2 / dof)) if dof else 1.0,
     }
 
 

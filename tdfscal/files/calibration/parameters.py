@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import BeforeValidator
 
-from tdfscal.files.calibration.consistency import check_covariance
+from tdfscal.files.calibration.consistency import ALTERED, check_covariance
 from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy
 from tdfscal.model.parameters import deviation, layout, nominal, parameter_count, retract
 from tdfscal.records import FloatArray, Rig
@@ -108,7 +108,7 @@ def check_parameters(
     scale = np.sqrt(np.diagonal(matrix).clip(1e-300))
     unit = matrix / np.outer(scale, scale)
     if np.abs(unit - unit.T).max() > 1e-9 or np.linalg.eigvalsh(unit)[0] < -1e-9:
-        raise fault("is no covariance", "parameters", "matrix")
+        raise fault("is no covariance", "parameters", "matrix", hint=ALTERED)
     unscaled = block.unscaled
     if unscaled is not None:
         if np.shape(unscaled) != rotation_covariance.shape:
@@ -120,7 +120,7 @@ def check_parameters(
     rows = [place.index(turn) for turn in turns]
     own = matrix[np.ix_(rows, rows)]
     if np.abs(own - rotation_covariance).max() > 1e-9 * np.abs(own).max():
-        raise fault("does not contain `covariance`", "parameters", "matrix")
+        raise fault("does not contain `covariance`", "parameters", "matrix", hint=ALTERED)
 
 
 def _places(block: Parameters, supports: tuple[str, ...]) -> list[int]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +13,7 @@ import numpy.typing as npt
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.field_types import Sha256
+from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig import model
 from tdfscal.files.rig.model import RIG_FORMAT, RigFile, TrackerBlock, Uncertainty
@@ -92,7 +91,7 @@ class EmbeddedRig(RigFile):
         """Whether this copy is not the one that was written with the result."""
         # Without defaults that a later version may add: the file does not state them.
         own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
-        return self.content_sha256 not in (None, _content_sha256(own))
+        return self.content_sha256 not in (None, content_sha256(own, _HASHES))
 
 
 def load_rig(path: Path | str) -> LoadedRig:
@@ -154,14 +153,7 @@ def _from_document(document: Document, path: Path) -> LoadedRig:
 def _with_hashes(file: RigFile, sha256: str) -> dict[str, Any]:
     """The rig as it is embedded in a calibration file."""
     content = file.model_dump(mode="json", exclude_none=True)
-    return {**content, "sha256": sha256, "content_sha256": _content_sha256(content)}
-
-
-def _content_sha256(document: Mapping[str, Any]) -> str:
-    """SHA-256 of an embedded rig's values, whatever their order and notation."""
-    values = {key: value for key, value in document.items() if key not in _HASHES}
-    text = json.dumps(values, sort_keys=True, ensure_ascii=False, allow_nan=False)
-    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+    return {**content, "sha256": sha256, "content_sha256": content_sha256(content, _HASHES)}
 
 
 def _rig(file: RigFile) -> Rig:
