@@ -240,7 +240,8 @@ def test_a_rejected_calibration_is_used_with_a_loud_warning(
 ) -> None:
     target = tmp_path / "rejected.yaml"
     shutil.copy(places.calibration, target)
-    edited(target, lambda d: d.update(status="rejected", quality={"reasons": ["a test"]}))
+    rejected = {"status": "rejected", "quality": {"reasons": ["a test"]}}
+    edited(target, lambda d: d.update(rejected, content_sha256=None))
     seen = run(capsys, "validate", target, places.held)
     assert "IS A REJECTED CALIBRATION" in seen.err
     assert "a test" in seen.err
