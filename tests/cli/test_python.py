@@ -24,7 +24,7 @@ from tests.cli import world
 from tests.cli.running import SAMPLES, run
 
 #: What differs from call to call: the time, and how the call was written down.
-PASSING = ("created", "command")
+PASSING = ("content_sha256", "created", "command")
 SMALL: dict[str, Any] = {"postures": 4, "candidates": 20}
 CONTROL: dict[str, Any] = {"runs": 1, "output": "out/f"}
 
