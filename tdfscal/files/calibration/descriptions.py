@@ -48,6 +48,7 @@ DESCRIPTIONS: Final[dict[str, str]] = {
     "Calibration.tracker": "χ² and other numbers of the laser tracker's survey",
     "Calibration.validation": "residual contact wrench of leave-one-out postures",
     "Calibration.warnings": "what to know although the result may be good",
+    "Calibration.content_sha256": "SHA-256 of all other keys, by which an edited file is refused",
     "CampaignResult.chi2": "χ² that it added: its residuals, and its departure from earlier ones",
     "CampaignResult.dof": "degrees of freedom that it added",
     "CampaignResult.inputs": "its files",
