@@ -13,6 +13,7 @@ from tdfscal.files.calibration.log_time import clock
 from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.records import ANGLES
 from tdfscal.reporting.advice import advise
+from tdfscal.reporting.exact_quantities import exact_claim, exact_table
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, probability, utc
 from tdfscal.reporting.traceability import campaign, overdue, provenance
@@ -50,12 +51,13 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         f"from {names}",
         verdict=c.status.upper(),
         accepted=c.status == "accepted",
-        claim="" if c.quality.reasons or not drawings else _claim(c),
+        claim="" if c.quality.reasons else _verdict(c, page=bool(drawings)),
         reasons=c.quality.reasons,
         tiles=_tiles(c),
         sections=(
             *sections,
             Section("Statistics", (Facts(_statistics(c)),)),
+            Section("What is taken as exact", exact_table(c)),
             *campaign(c),
             provenance(c),
             *_absent(c, {drawing.name for drawing in drawings}),
@@ -64,6 +66,11 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         advice=advise(c),
         created=utc(c.created),
     )  # fmt: skip
+
+
+def _verdict(c: Calibration, *, page: bool) -> str:
+    """What was achieved, and the largest error that it does not count; the text has the table."""
+    return " ".join(text for text in (_claim(c) if page else "", exact_claim(c)) if text)
 
 
 def _angles(c: Calibration) -> Table:

@@ -17,8 +17,10 @@ from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
+from tdfscal.selfcal.exact_quantities import ExactQuantity
 from tdfscal.significance import MOST_REJECTED
 from tdfscal.trackercal.caveats import survey_warnings
+from tdfscal.trackercal.exact_quantities import exact_quantities
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey, point_noise
 from tdfscal.trackercal.monte_carlo import MonteCarlo, linear_interval, simulate_inputs
 from tdfscal.trackercal.point_matching import MatchedPoints, describe_unmatched, match_points
@@ -36,6 +38,7 @@ class TrackerCalibration:
     budget : source → (n, 3), rad², its share of the variance of each angle; they sum to rpy_std².
     tracker_rotation : (3, 3), R_b^m, BCS → tracker; its covariance (3, 3) in the tracker's frame.
     point_names, residual (N, 3), m, normalised (N, 3) : of the points used, moves first.
+    exact : what has no uncertainty stated, and what an error of it would do.
     """
 
     rotations: Rotations
@@ -59,6 +62,7 @@ class TrackerCalibration:
     rejected: tuple[RejectedPoint, ...]
     coplanar_targets: tuple[str, ...]
     warnings: tuple[str, ...]
+    exact: tuple[ExactQuantity, ...]
 
 
 def calibrate_tracker(
@@ -143,6 +147,7 @@ def calibrate_tracker(
             *notes,
             *survey_warnings(rig, X, moves, targets, axes, components),
         ),
+        exact=exact_quantities(rig.supports, X, session, misalignment),
     )
 
 

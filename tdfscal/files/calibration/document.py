@@ -29,6 +29,7 @@ from tdfscal.files.calibration.parts import (
     ConformityResult,
     Convention,
     Covariance,
+    ExactQuantityResult,
     FitResult,
     Input,
     MonteCarloResult,
@@ -83,6 +84,7 @@ class Calibration(Strict):
     fit: FitResult | None = None
     observability: ObservabilityResult | None = None
     budget: Budget | None = None
+    taken_as_exact: tuple[ExactQuantityResult, ...] = ()
     monte_carlo: MonteCarloResult | None = None
     validation: ValidationResult | None = None
     stability: StabilityResult | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -32,6 +32,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, normal_quantile
 from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured
 from tdfscal.selfcal.covariance import information_root
+from tdfscal.selfcal.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.observability import Observability
@@ -84,6 +85,7 @@ def from_self(
         angles=_self_angles(result),
         parameters=parameters,
         budget=result.uncertainty.contributions,
+        exact=exact_quantities(result.fit),
         **_self_parts(result, origin, result.fit.state, std),
     )
 
@@ -145,6 +147,7 @@ def from_tracker(
         warnings=(*notes, *result.warnings),
         angles=_tracker_angles(result),
         budget=result.budget,
+        exact=result.exact,
         zero=rig.zero.value,
         zero_std=rig.zero.std,
         terminal=_terminal(rig.mass.value, rig.mass.std, rig.barycentre.value, rig.barycentre.std),
@@ -193,6 +196,7 @@ def from_joint(
         angles=angles,
         parameters=parameters_document(given),
         budget=_joint_budget(both, own, tracker),
+        exact=_joint_exact(both, own, tracker),
         tracker=_tracker_statistics(tracker)
         | {
             "consistency_p_value": both.test.p_value,
@@ -215,6 +219,7 @@ def _calibration(
     zero_std: FloatArray,
     sensitivity: FloatArray | None = None,
     advice: Sequence[str] = (),
+    exact: Sequence[ExactQuantity] = (),
     **parts: Any,
 ) -> Calibration:
     names = origin.rig.rig.supports
@@ -277,6 +282,7 @@ def _calibration(
             "matrix": (covariance + covariance.T) / 2,
         },
         "budget": _budget(names, budget, angles.determined),
+        "taken_as_exact": [_exact(names, angles, quantity) for quantity in exact],
         "quality": {"reasons": tuple(reasons), "advice": tuple(advice)},
         "warnings": (*warnings, *locked_warnings(names, angles.rotation)),
     }
@@ -441,6 +447,38 @@ def _budget(
             for j, angle in enumerate(ANGLES)
         ],
     }
+
+
+def _exact(names: Sequence[str], angles: _Angles, quantity: ExactQuantity) -> dict[str, Any]:
+    """Effect of a quantity's typical error on the sensors that are determined."""
+    covariance, locked = quantity.covariance, so3.locked(angles.rotation)
+    turn = np.sqrt(np.diagonal(covariance)).reshape(-1, 3)
+    rpy = np.sqrt(np.maximum(so3.rpy_variance(angles.rotation, covariance), 0.0))
+    return {
+        "name": quantity.name,
+        "error": quantity.error,
+        "unit": quantity.unit,
+        "supports": [
+            {"name": name, "turn": turn[i], "rpy": None if locked[i] else rpy[i]}
+            for i, name in enumerate(names)
+            if angles.determined[i]
+        ],
+    }
+
+
+def _joint_exact(
+    both: Joint, own: SelfCalibration, tracker: TrackerCalibration
+) -> list[ExactQuantity]:
+    """What each method takes as exact, with its weight in the joint estimate: C C_a⁻¹ moves."""
+    C = both.rotations.covariance
+    return [
+        replace(quantity, moves=C @ np.linalg.solve(cov, quantity.moves))
+        for cov, found in (
+            (own.uncertainty.covariance, exact_quantities(own.fit)),
+            (tracker.rotations.covariance, tracker.exact),
+        )
+        for quantity in found
+    ]
 
 
 def _joint_budget(

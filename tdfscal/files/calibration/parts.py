@@ -296,6 +296,23 @@ class Budget(Strict):
         return self
 
 
+class ExactEffect(Strict):
+    """By how much a typical error of a quantity would turn a sensor, rad."""
+
+    name: Name
+    turn: Vector
+    rpy: Vector | None = None
+
+
+class ExactQuantityResult(Strict):
+    """A quantity that was taken as exact, and a typical error of each of its components."""
+
+    name: Text
+    error: NotNegative
+    unit: Text
+    supports: tuple[ExactEffect, ...]
+
+
 class MonteCarloResult(Strict):
     """Standard deviation and interval ends of roll, pitch, yaw per support, rad."""
 
