@@ -13,7 +13,7 @@ from tdfscal.files.calibration.log_time import clock
 from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.records import ANGLES
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.exact_quantities import exact_claim, exact_table
+from tdfscal.reporting.exact_quantities import exact_claim, exact_tables
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, probability, utc
 from tdfscal.reporting.traceability import campaign, overdue, provenance
@@ -57,7 +57,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         sections=(
             *sections,
             Section("Statistics", (Facts(_statistics(c)),)),
-            Section("What is taken as exact", exact_table(c)),
+            Section("What is taken as exact", exact_tables(c)),
             *campaign(c),
             provenance(c),
             *_absent(c, {drawing.name for drawing in drawings}),

@@ -7,34 +7,36 @@ import numpy as np
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import ExactQuantityResult
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.layout import Row, Table
+from tdfscal.reporting.layout import Table
 
-#: Sensors at most that have a column each; of more, the largest effect is shown.
-_COLUMNS = 4
+#: Sensors beside each other in a table: 80 letters hold so many.
+_BESIDE = 3
 _SCALE = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "relative": (100.0, "%"), "of it": (100.0, "%")}
+_CAPTION = (
+    "Taken as exact, in no uncertainty: what a typical error would do to roll/pitch/yaw, mrad"
+)
 
 
-def exact_table(c: Calibration) -> tuple[Table, ...]:
+def exact_tables(c: Calibration) -> tuple[Table, ...]:
     """One row per quantity: effect on roll, pitch, yaw of each sensor, mrad."""
     if not c.taken_as_exact:
         return ()
     names = [support.name for support in c.taken_as_exact[0].supports]
-    each = len(names) <= _COLUMNS
-    rows = tuple(
-        (quantity.name, _error(quantity), *_cells(_effects(quantity), each=each))
-        for quantity in c.taken_as_exact
-    )
-    header: Row = ("quantity", "typical error", *(names if each else ("any sensor, at most",)))
-    caption = (
-        "Taken as exact: not in the uncertainties. What a typical error would do to roll / pitch / "
-        "yaw, mrad"
-    )
-    return (Table(caption, header, rows, left=2),)
-
-
-def _cells(effects: FloatArray, *, each: bool) -> Row:
-    rows = effects if each else effects.max(axis=0)[None]
-    return tuple(" / ".join(f"{1e3 * value:.2f}" for value in row) for row in rows)
+    return tuple(
+        Table(
+            _CAPTION if first == 0 else "",
+            ("", *names[first : first + _BESIDE]),
+            tuple(
+                (
+                    f"{quantity.name}, {_error(quantity)}",
+                    *("/".join(f"{1e3 * value:.2f}" for value in row)
+                      for row in _effects(quantity)[first : first + _BESIDE]),
+                )
+                for quantity in c.taken_as_exact
+            ),
+        )
+        for first in range(0, len(names), _BESIDE)
+    )  # fmt: skip
 
 
 def exact_claim(c: Calibration) -> str:

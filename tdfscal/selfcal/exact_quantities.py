@@ -2,7 +2,7 @@
 
 A quantity that the rig file states without uncertainty has no part in the budget, and tests hardly
 see its error: 1 mrad of level turns every sensor by 1 mrad and leaves no residual. The angles give
-way to an error a along whitened columns c by −J⁺ c a, J of all that is estimated.
+way to an error a (true less stated) along whitened columns c by J⁺ c a, J of all that is estimated.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ class ExactQuantity:
 #: Group of parameters, what it is called, a typical error of a component, its unit; what careful
 #: work with everyday means leaves: a machinist's level, CAD, a workshop drawing, a data sheet.
 _TYPICAL = (
-    ("tilt", "base level (direction of gravity)", 1e-3, "rad"),
+    ("tilt", "base level", 1e-3, "rad"),
     ("mass", "mass", 1e-3, "of it"),
     ("barycentre", "barycentre", 1e-3, "m"),
-    ("hinge", "hinge coordinates (drawing)", 1e-4, "m"),
+    ("hinge", "hinge drawing", 1e-4, "m"),
     ("datum", "servo datums", 1e-4, "m"),
-    ("sensitivity", "gain and crosstalk", 1e-3, "relative"),
+    ("sensitivity", "gain, crosstalk", 1e-3, "relative"),
     ("zero", "zeros", 0.5, "N"),
 )
 #: Share of its entry in S by which crosstalk is smaller than gain (theory, section 3).
@@ -70,6 +70,6 @@ def exact_quantities(fit: Fit) -> tuple[ExactQuantity, ...]:
         exact = ~fit.active[index]
         if not exact.any():
             continue
-        moved = -parts.root @ (left.T @ (columns[:, index[exact]] * size[exact]))
+        moved = parts.root @ (left.T @ (columns[:, index[exact]] * size[exact]))
         found.append(ExactQuantity(name, error, unit, moved[angles]))
     return tuple(found)

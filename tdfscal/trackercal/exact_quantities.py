@@ -22,13 +22,13 @@ def exact_quantities(
     n, found = len(supports), []
     if misalignment == 0:
         turns = _MISALIGNMENT * np.eye(3 * n)
-        found.append(ExactQuantity("misalignment of body and axes", _MISALIGNMENT, "rad", turns))
+        found.append(ExactQuantity("body against axes", _MISALIGNMENT, "rad", turns))
     if session.drawing == 0 and session.nominal.std is None:
         moves = np.zeros((3 * n, 3 * n))
         for i, name in enumerate(supports):
             rows = slice(3 * i, 3 * i + 3)
             moves[rows, rows] = rotation[i] @ _by_drawing(session, name)
-        found.append(ExactQuantity("target positions (drawing)", _DRAWING, "m", moves))
+        found.append(ExactQuantity("target drawing", _DRAWING, "m", moves))
     return tuple(found)
 
 

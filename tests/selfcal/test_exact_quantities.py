@@ -1,0 +1,96 @@
+"""What is taken as exact: predicted effects against simulated campaigns with that very error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.numerics import so3
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
+from tdfscal.selfcal.exact_quantities import exact_quantities
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.simulation import Faults, Gain, Options, make_rig, simulate_dwells
+
+#: Nothing but the error in question is uncertain, and nothing else scatters but a little.
+QUIET = DeclaredUncertainty(positioner=1e-5, force_noise=0.05)
+RIG = make_rig(zero_std=np.inf, declared=QUIET)
+KNOWN = make_rig(zero_std=1e-4, mass_std=0.0, barycentre_std=0.0, declared=QUIET)
+
+
+def calibrated(stated: Rig, real: Rig, faults: Faults | None = None, squeeze: float = 0.0):  # type: ignore[no-untyped-def]
+    """Calibration of one campaign, and the truth; alike to the last draw but for the error."""
+    options = Options(postures=24, squeeze=squeeze, faults=faults or Faults())
+    batch = simulate_dwells(real, options, np.random.default_rng(3), 1)
+    result = self_calibrate(stated, batch.dwells(0), rng=np.random.default_rng(0), max_trials=0)
+    return result, batch.truth
+
+
+def moved(wrong: SelfCalibration, right: SelfCalibration) -> FloatArray:
+    """Turns (3n,), rad, BCS, from one estimate to the other."""
+    back = np.swapaxes(right.fit.state.rotation, 1, 2)
+    return np.asarray(so3.log(wrong.fit.state.rotation @ back).ravel())
+
+
+def quantity(result: SelfCalibration, name: str) -> FloatArray:
+    (found,) = (q for q in exact_quantities(result.fit) if q.name.startswith(name))
+    return found.moves / found.error
+
+
+@pytest.mark.parametrize("stated", [RIG, KNOWN])
+@pytest.mark.parametrize("tilt_std", [1e-5, 1e-3])
+def test_a_base_off_level_moves_the_angles_as_predicted(stated: Rig, tilt_std: float) -> None:
+    right, _ = calibrated(stated, stated)
+    wrong, truth = calibrated(stated, replace(stated, gravity_tilt_std=tilt_std))
+    gx, gy, _ = truth.gravity[0] / RIG.gravity
+    tilt = np.array([gy, -gx])  # gravity is −Z turned by the tilt
+    assert np.linalg.norm(tilt) > 0.3 * tilt_std
+    # What is wrong is in the truth; the estimate takes it for turns of the sensors.
+    predicted = quantity(right, "base level") @ tilt
+    np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.1 * np.linalg.norm(tilt))
+    largest = np.abs(predicted).max()
+    assert largest > 0.2 * np.linalg.norm(tilt)
+    if stated is RIG:
+        np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.02 * largest)
+
+
+def test_a_gain_moves_the_angles_as_predicted() -> None:
+    right, _ = calibrated(RIG, RIG, squeeze=100.0)
+    gain = Faults(gains=(Gain(1, (1e-3, -1e-3, 2e-3)),))
+    wrong, _ = calibrated(RIG, RIG, gain, squeeze=100.0)
+    by_gain = quantity(right, "gain")
+    predicted = by_gain[:, 6:9] @ np.array([1e-3, -1e-3, 2e-3])
+    assert np.abs(predicted).max() > 2e-4
+    np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
+
+
+def test_a_barycentre_taken_as_exact_moves_the_angles_as_predicted() -> None:
+    off = np.array([1e-5, -2e-5, 1e-5])
+    real = replace(KNOWN, barycentre=UncertainValue.exact(KNOWN.barycentre.value + off))
+    right, _ = calibrated(KNOWN, KNOWN)
+    wrong, _ = calibrated(KNOWN, real)
+    predicted = quantity(right, "barycentre") @ off
+    assert np.abs(predicted).max() > 1e-5
+    np.testing.assert_allclose(moved(wrong, right), predicted, atol=0.05 * np.abs(predicted).max())
+
+
+def test_what_is_declared_is_not_taken_as_exact() -> None:
+    right, _ = calibrated(RIG, RIG)
+    names = {q.name for q in exact_quantities(right.fit)}
+    assert not {n for n in names if n.startswith(("mass", "barycentre", "zeros"))}
+    assert {n.split()[0] for n in names} == {"base", "hinge", "servo", "gain,"}
+    levelled = replace(RIG, gravity_tilt_std=1e-3)
+    known, _ = calibrated(levelled, levelled)
+    assert all(not q.name.startswith("base") for q in exact_quantities(known.fit))
+
+
+def test_without_internal_forces_a_level_turns_every_sensor_as_much() -> None:
+    """Loads that only gravity makes show nothing else: 1 mrad is 1 mrad in roll and pitch."""
+    options = Options(postures=40, internal=30.0, tilt=0.1)
+    stated = make_rig()
+    batch = simulate_dwells(stated, options, np.random.default_rng(3), 1)
+    result = self_calibrate(stated, batch.dwells(0), rng=np.random.default_rng(0), max_trials=0)
+    turns = quantity(result, "base level").reshape(3, 3, 2)
+    for i in range(3):
+        np.testing.assert_allclose(turns[i, :2], -np.eye(2), atol=0.2)
