@@ -27,7 +27,7 @@ from tdfscal.records import Drift, FloatArray
 from tdfscal.selfcal.estimator import Priors, fit
 from tdfscal.simulation import Recorder, reference_rig
 from tdfscal.workflows.progress import SILENT
-from tdfscal.workflows.several_campaigns import read_campaign
+from tdfscal.workflows.several_campaigns import read_campaign, recorded
 from tests.comparison.histories import history
 
 RIG = reference_rig()
@@ -139,7 +139,7 @@ def hundred() -> str:
         ]
         read = time.perf_counter() - start
         start = time.perf_counter()
-        pool([item.recorded for item in reads])
+        pool([recorded(item) for item in reads])
         rest = time.perf_counter() - start
     ratio = (read + rest) / read
     return f"| 100 × 12 dwells, 100 Hz, Parquet | {read:.1f} | {rest:.1f} | {ratio:.2f} |"

@@ -45,7 +45,7 @@ HARMFUL_SHIFT: Final = 2.0
 #: That noise alone is reported as drift, hysteresis or lack of repeatability, per test.
 CHANGED_RIG: Final = 1e-3
 #: That a faultless campaign is said to hold a sensor that turned or a zero that jumped on the way.
-#: Divided among all splits, which are so much alike that less than half of it comes true.
+#: Divided among all splits, which are so much alike that six tenths of it come true.
 WITHIN_CAMPAIGN: Final = 2e-3
 #: χ² of the residuals less probable than this is reported; the Birge ratio has inflated already.
 MISFIT: Final = 1e-3

@@ -207,7 +207,7 @@ def test_a_moving_log_updates_and_is_pooled(
     still, moving = tmp_path / "still", tmp_path / "moving"
     first = simulate_to_folder(still, rig, postures=8, seed=7, rows="postures")
     assert first.truth is not None
-    rpy = tuple(tuple(row) for row in first.truth.rpy.tolist())
+    rpy = first.truth.rpy
     options = replace(MOVING["motion"], rpy=rpy, duration=20.0)
     write_run(
         run_moving(rig, "motion", options, np.random.default_rng(8), None), moving, format="parquet"
