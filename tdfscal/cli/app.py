@@ -54,6 +54,12 @@ Html = Annotated[
     Path | None,
     typer.Option("--html", metavar="FILE", help="Also write a report page, whatever the verdict."),
 ]
+Figures = Annotated[
+    Path | None,
+    typer.Option(
+        "--figures", metavar="DIR", help="Also write the figures, each as PNG, SVG and PDF."
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]

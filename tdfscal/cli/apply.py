@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, From, Json, Paths, Quiet, RigFile, To, app
+from tdfscal.cli.app import CalibrationFile, Figures, From, Json, Paths, Quiet, RigFile, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import USE, example
 
@@ -47,6 +47,7 @@ def apply(
         str,
         typer.Option(metavar="X,Y,Z", help="Point of the LCS that moments are about, m."),
     ] = "0,0,0",
+    figures: Figures = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:

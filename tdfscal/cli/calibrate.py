@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
-from tdfscal.cli.app import From, Html, Json, Paths, Quiet, RigFile, Seed, To, app
+from tdfscal.cli.app import Figures, From, Html, Json, Paths, Quiet, RigFile, Seed, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.streams import say
 from tdfscal.cli.words import CALIBRATE, example
@@ -66,6 +66,7 @@ def calibrate(
         bool, typer.Option("--salvage", help="Read what is sound of a damaged log; never accepted.")
     ] = False,
     html: Html = None,
+    figures: Figures = None,
     quiet: Quiet = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Say which stretches of rest were left out.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tdfscal.cli.app import From, Json, Paths, Quiet, RigFile, To, app
+from tdfscal.cli.app import Figures, From, Json, Paths, Quiet, RigFile, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import CALIBRATE, example
 
@@ -13,6 +13,7 @@ def info(
     rig: RigFile = None,
     from_: From = None,
     to: To = None,
+    figures: Figures = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:

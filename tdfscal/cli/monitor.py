@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import From, Html, Json, Quiet, To, app
+from tdfscal.cli.app import Figures, From, Html, Json, Quiet, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import CHECK, example
 
@@ -29,6 +29,7 @@ def monitor(
         str | None, typer.Option(metavar="DATE", help="Alarms raised before count no more.")
     ] = None,
     html: Html = None,
+    figures: Figures = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:

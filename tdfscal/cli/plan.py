@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import Json, Quiet, Rig, Seed, app
+from tdfscal.cli.app import Figures, Json, Quiet, Rig, Seed, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import PLAN, example
 
@@ -87,6 +87,7 @@ def plan(
         Path | None,
         typer.Option(metavar="FILE.csv", help="Also write the motion's waypoints for a spline."),
     ] = None,
+    figures: Figures = None,
     seed: Seed = 0,
     json: Json = False,
     quiet: Quiet = False,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Json, Quiet, app
+from tdfscal.cli.app import Figures, Json, Quiet, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import CALIBRATE, example
 
@@ -23,10 +23,7 @@ def report(
         Path | None,
         typer.Option("--html", metavar="FILE", help="Also write one HTML page; - for stdout."),
     ] = None,
-    figures: Annotated[
-        Path | None,
-        typer.Option("--figures", metavar="DIR", help="Also write the figures, PNG and SVG."),
-    ] = None,
+    figures: Figures = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:

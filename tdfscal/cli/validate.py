@@ -6,7 +6,18 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, From, Html, Json, Paths, Quiet, RigFile, To, app
+from tdfscal.cli.app import (
+    CalibrationFile,
+    Figures,
+    From,
+    Html,
+    Json,
+    Paths,
+    Quiet,
+    RigFile,
+    To,
+    app,
+)
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import CHECK, example
 
@@ -30,6 +41,7 @@ def validate(
     from_: From = None,
     to: To = None,
     html: Html = None,
+    figures: Figures = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:

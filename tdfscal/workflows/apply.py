@@ -17,7 +17,6 @@ from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.writers.wrench_recording import read_recording
 from tdfscal.files.writers.wrenches import (
-    COLUMNS,
     SUFFIXES,
     columns_of,
     numbers_only,
@@ -35,6 +34,7 @@ from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
 from tdfscal.wrench.log_head import ColouredNoise, LogHead, coloured_noise, take_head
 from tdfscal.wrench.observable import observable_text
@@ -59,12 +59,14 @@ class ApplyResult(Result):
     """Contact wrenches of a log.
 
     summary : what the command prints. output : the file that holds the samples; without one,
-    columns : the samples in memory, by name.
+    columns : the samples in memory, by name. envelope : extremes of the wrench, where figures
+    were asked for.
     """
 
     summary: dict[str, Any]
     output: Path | None
     columns: dict[str, FloatArray] | None = None
+    envelope: Envelope | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -106,8 +108,16 @@ class ApplyResult(Result):
         """Return the figure of the contact wrench over the time of the log."""
         from tdfscal.reporting.figures.contact_wrench import draw
 
-        frame = self.to_frame()
-        return (draw({name: frame[name].to_numpy() for name in COLUMNS}),)
+        if self.envelope is not None:
+            time, value = self.envelope.finish()
+            columns = {"time": time} | dict(zip(_DRAWN, value.T, strict=True))
+        else:
+            frame = self.to_frame()
+            columns = {name: frame[name].to_numpy() for name in ("time", *_DRAWN)}
+        return (draw(columns, self.summary["largest"]["force"]),)
+
+
+_DRAWN = (*COMPONENTS, *(f"raw_{name}" for name in COMPONENTS))
 
 
 @dataclass(slots=True)
@@ -146,6 +156,7 @@ def apply(
     filter: Kind = "none",
     walk: float | None = None,
     at: Numbers = (0.0, 0.0, 0.0),
+    figures: str | PathLike[str] | None = None,
     progress: Progress = SILENT,
 ) -> ApplyResult:
     """Work out the contact force and torque over a whole log.
@@ -163,6 +174,7 @@ def apply(
     filter : none; kalman, causal as a controller's; or smooth, without delay.
     walk : N, what a force may walk by in 1 s, for the filter; 15 N.
     at : m, point of the LCS that moments are about; its origin.
+    figures : folder for the figures, PNG, SVG and PDF.
     progress : called as the work goes on.
 
     Raises
@@ -199,7 +211,14 @@ def apply(
             zero_variance=_moved_zeros(use, head, thermometer),
             tell=noises.append,
         )
+    envelope = None if figures is None else Envelope()
     notes: list[str] = []
+
+    def passed(piece: WrenchPiece) -> None:
+        totals.add(piece)
+        if envelope is not None:
+            envelope.add(piece.time, np.hstack([piece.wrench.value, piece.wrench.raw]))
+
     judged = _judged(wrenches, files, inspection, notes)
     # Numbers out of all proportion are refused by name, not warned of by numpy.
     with np.errstate(all="ignore"):
@@ -208,16 +227,18 @@ def apply(
             about = _about(use, filter, walk, point, moving=moving)
             # A wrench is about the origin of its frame.
             frame = "lcs_at" if point.any() else "lcs"
-            rows = write_wrenches(target, judged, about, totals.add, frame)
+            rows = write_wrenches(target, judged, about, passed, frame)
         else:
-            columns = _kept(judged, totals.add)
+            columns = _kept(judged, passed)
             rows = len(columns["time"])
     notes = [*log.messages, *notes, *_notes(tally, use)]
     summary = _summary(use, target, rows, tally, totals, notes, moving=moving)
     summary["about"] = point.tolist()
     summary["noise"] = _noise(noises[0], use) if noises else None
     summary["filter"] = _filter(filter, walk, models[0], noise) if walk is not None else None
-    return ApplyResult(summary, target, columns)
+    result = ApplyResult(summary, target, columns, envelope)
+    result.save_figures(figures, progress)
+    return result
 
 
 def _kept(

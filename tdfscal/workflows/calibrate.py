@@ -61,6 +61,7 @@ def calibrate(
     seed: int = 0,
     output: str | PathLike[str] | None = None,
     html: str | PathLike[str] | None = None,
+    figures: str | PathLike[str] | None = None,
     allow_rejected: bool = False,
     salvage: bool = False,
     command: str = "tdfscal.calibrate",
@@ -83,6 +84,7 @@ def calibrate(
     trials : Monte Carlo trials at most; None for the default, 0 for none.
     seed : of all random numbers.
     output : file to write, .yaml or .json. html : report page, written whatever the verdict.
+    figures : folder for the figures, PNG, SVG and PDF, whatever the verdict.
     allow_rejected : write the file although the quality gate rejects the result.
     salvage : read what is sound of damaged logs; the result is then never accepted.
     command : kept in the file, as what was asked for.
@@ -141,6 +143,7 @@ def calibrate(
         drawn = render_page(result)
     if chosen is not None and (result.accepted or allow_rejected):
         save_calibration(result, chosen)
+    result.save_figures(figures, progress)
     if page is not None:  # whatever the verdict: its advice is to look at the postures
         write_text(page, drawn)
     return result

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.errors import RigError
+from tdfscal.files.outputs import protect, together
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
@@ -68,12 +69,14 @@ class InfoResult(Result):
         return (draw(dwells),) if dwells is not None and len(dwells) else ()
 
 
+@together()
 def info(
     paths: PathLikes,
     *,
     rig: str | PathLike[str] | None = None,
     from_: Instant | None = None,
     to: Instant | None = None,
+    figures: str | PathLike[str] | None = None,
     progress: Progress = SILENT,
 ) -> InfoResult:
     """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.
@@ -84,6 +87,7 @@ def info(
     rig : rig.yaml, where no folder holds one; none is needed.
     from_, to : the part of the log that is looked at: s of its clock, "1.5min", "2h"; "+90" is
         after its begin; or a date with a time.
+    figures : folder for the figures, PNG, SVG and PDF.
     progress : called as the work goes on.
 
     Raises
@@ -96,9 +100,12 @@ def info(
     loaded, fault = _rig(files, one(rig))
     apart = loaded.tracker.paths if loaded is not None and loaded.tracker is not None else ()
     logs = find_logs(files, apart=apart)
+    protect(expand(logs))
     with progress.reading(expand(logs)) as share:
         found = describe_logs(logs, loaded, window=part, progress=share)
-    return InfoResult(replace(found, problems=(*fault, *found.problems)))
+    result = InfoResult(replace(found, problems=(*fault, *found.problems)))
+    result.save_figures(figures, progress)
+    return result
 
 
 def _rig(paths: list[Path], named: Path | None) -> tuple[LoadedRig | None, tuple[str, ...]]:

@@ -129,6 +129,7 @@ def monitor(
     to: Instant | None = None,
     since: str | None = None,
     html: str | PathLike[str] | None = None,
+    figures: str | PathLike[str] | None = None,
     progress: Progress = SILENT,
 ) -> MonitorResult:
     """Watch a rig over time: control chart by date of measurement, alarms, next calibration.
@@ -140,7 +141,7 @@ def monitor(
     from_, to : the part of the folders' logs that is used: s of its clock, "1.5min", "2h"; "+90" is
         after its begin; or a date with a time.
     since : a date; alarms raised before it are shown, and count no more.
-    html : page to write.
+    html : page to write. figures : folder for the figures, PNG, SVG and PDF.
     progress : called as the work goes on.
 
     Raises
@@ -178,6 +179,7 @@ def monitor(
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
         _warnings(known, reads),
     )
+    result.save_figures(figures, progress)
     if page is not None:
         progress.stage("drawing the report")
         write_text(page, result.html)

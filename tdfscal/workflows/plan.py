@@ -178,6 +178,7 @@ def plan(
     duration: float = 60.0,
     speed: float = 0.02,
     waypoints: str | PathLike[str] | None = None,
+    figures: str | PathLike[str] | None = None,
     seed: int = 0,
     command: str = "tdfscal.plan",
     progress: Progress = SILENT,
@@ -203,6 +204,7 @@ def plan(
     given : campaign or log recorded already; plan what is next.
     motion : plan a motion without a stop. duration : s. speed : m/s, of any hinge at most.
     waypoints : CSV file of as few rows as a spline needs, besides the time table in `output`.
+    figures : folder for the figures, PNG, SVG and PDF.
     seed : of all random numbers.
     command : kept in the file, as what was asked for.
     progress : called as the work goes on.
@@ -257,6 +259,7 @@ def plan(
             write_text(file, moving.content)
         if spline is not None:
             write_text(spline, waypoints_csv(moving.plan, command, seed))
+        moving.save_figures(figures, progress)
         return moving
     before = _recorded(rig, listed(given), noise or DEFAULT_NOISE, progress)
     request = Request(
@@ -273,6 +276,7 @@ def plan(
     result = PlanResult(found, file, seed, command)
     if file is not None:
         write_text(file, result.content)
+    result.save_figures(figures, progress)
     return result
 
 

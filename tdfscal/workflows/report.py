@@ -96,7 +96,7 @@ def report(
     Parameters
     ----------
     files : each a file or a calibration in memory.
-    html : page to write. figures : folder for the figures, PNG and SVG.
+    html : page to write. figures : folder for the figures, PNG, SVG and PDF.
     progress : called as the work goes on.
 
     Raises
@@ -107,12 +107,7 @@ def report(
     sources, page, folder = sources_of(*files), one(html), one(figures)
     check_outputs({"--html": page}, paths_of(sources), {"--html": PAGE_SUFFIXES})
     result = ReportResult(tuple(read_sources(sources)))
-    if folder is not None:
-        from tdfscal.reporting.figures import style
-
-        progress.stage("drawing the figures")
-        for drawing in result.drawings():
-            style.save(drawing, folder)
+    result.save_figures(folder, progress)
     if page is not None:
         progress.stage("drawing the report")
         write_text(page, result.html)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from html import escape
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.errors import UsageError
+from tdfscal.workflows.progress import SILENT, Progress
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,6 +73,20 @@ class Result(ABC):
                 f"there is no figure {name!r}", hint=f"choose from {', '.join(drawings)}"
             )
         return to_figure(drawings[name] if name else next(iter(drawings.values())))
+
+    def save_figures(
+        self, folder: str | PathLike[str] | None, progress: Progress = SILENT
+    ) -> tuple[Path, ...]:
+        """Write every figure as PNG, SVG and PDF into a folder; None writes none.
+
+        Raises UsageError where they cannot be written.
+        """
+        if folder is None:
+            return ()
+        from tdfscal.reporting.figures.style import save
+
+        progress.stage("drawing the figures")
+        return tuple(path for drawing in self.drawings() for path in save(drawing, Path(folder)))
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -141,6 +141,7 @@ def validate(
     from_: Instant | None = None,
     to: Instant | None = None,
     html: str | PathLike[str] | None = None,
+    figures: str | PathLike[str] | None = None,
     command: str = "tdfscal.validate",
     progress: Progress = SILENT,
 ) -> ValidateResult:
@@ -155,7 +156,7 @@ def validate(
         dwells, else moving.
     from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
         begin; or a date with a time.
-    html : report page to write.
+    html : report page to write. figures : folder for the figures, PNG, SVG and PDF.
     command : kept on the page, as what was asked for.
     progress : called as the work goes on.
 
@@ -183,7 +184,9 @@ def validate(
         created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
         origin = Origin(use.calibration, use.name, command, created, tuple(log.inputs))
         write_text(page, render_validation(result, warnings, origin))
-    return ValidateResult(result, use.calibration, warnings, tuple(log.inputs))
+    verdict = ValidateResult(result, use.calibration, warnings, tuple(log.inputs))
+    verdict.save_figures(figures, progress)
+    return verdict
 
 
 def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Verdict:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from tdfscal.records import FloatArray
@@ -24,16 +23,15 @@ _PANELS = (("fx", "fy", "fz", "force, N"), ("mx", "my", "mz", "torque, N·m"))
 _LINES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, ":"))
 
 
-def draw(columns: Mapping[str, FloatArray]) -> Drawing:
+def draw(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
     """Draw the columns of an applied log: time, fx … mz, and the same as raw_fx ….
 
-    columns : (N,) each; s, N, N·m, LCS.
+    columns : (N,) each; s, N, N·m, LCS. largest : contact force of the log, N.
     """
-    force = np.sqrt(sum(columns[name] ** 2 for name in _PANELS[0][:3]))
     return Drawing(
         "contact-wrench",
         "Contact wrench over the log",
-        f"The largest contact force of the log is {force.max():.3g} N.",
+        f"The largest contact force of the log is {largest:.3g} N.",
         lambda: _paint(columns),
     )
 

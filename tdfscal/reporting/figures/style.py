@@ -117,14 +117,16 @@ def to_svg(drawing: Drawing) -> str:
     ).strip()
 
 
-def save(drawing: Drawing, folder: Path) -> tuple[Path, Path]:
-    """Write a figure as PNG and SVG; return the paths. Raises UsageError where that fails."""
+def save(drawing: Drawing, folder: Path) -> tuple[Path, ...]:
+    """Write a figure as PNG, PDF and SVG; return the paths. Raises UsageError where that fails."""
     make_folder(folder)
-    png, svg = folder / f"{drawing.name}.png", folder / f"{drawing.name}.svg"
-    with replacing(png) as beside, look():
-        drawing.paint().savefig(beside, format="png", dpi=_DPI)
+    png, pdf, svg = (folder / f"{drawing.name}.{suffix}" for suffix in ("png", "pdf", "svg"))
+    with replacing(png) as image, replacing(pdf) as page, look():
+        drawn = drawing.paint()
+        drawn.savefig(image, format="png", dpi=_DPI)
+        drawn.savefig(page, format="pdf", dpi=_DPI, metadata={"CreationDate": None})
     write_text(svg, '<?xml version="1.0" encoding="utf-8"?>\n' + to_svg(drawing) + "\n")
-    return png, svg
+    return png, pdf, svg
 
 
 @contextmanager
