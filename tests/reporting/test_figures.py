@@ -227,11 +227,12 @@ def test_view_hides_no_point_behind_another() -> None:
 
 def test_files(tmp_path: Path) -> None:
     for drawing in drawings(calibration("tracker"))[:2]:
-        png, svg = save(drawing, tmp_path / "new" / "figures")
+        png, pdf, svg = save(drawing, tmp_path / "new" / "figures")
         assert png.read_bytes().startswith(b"\x89PNG\r\n")
+        assert pdf.read_bytes().startswith(b"%PDF")
         assert ET.parse(svg).getroot().tag == "{http://www.w3.org/2000/svg}svg"
     names = {path.name for path in (tmp_path / "new" / "figures").iterdir()}
-    assert names == {"angles.png", "angles.svg", "budget.png", "budget.svg"}
+    assert names == {f"{name}.{s}" for name in ("angles", "budget") for s in ("png", "pdf", "svg")}
 
 
 def test_an_empty_figure_has_the_width_of_a_page() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from tdfscal.comparison.compatibility import History
 from tdfscal.files.calibration.document import Calibration
@@ -21,7 +20,7 @@ from tdfscal.reporting.figures import (
     trials,
     wrench_in_motion,
 )
-from tdfscal.reporting.figures.style import Drawing, save
+from tdfscal.reporting.figures.style import Drawing
 
 _ALL = (
     angles.draw,
@@ -49,11 +48,3 @@ def several_drawings(
 ) -> tuple[Drawing, ...]:
     """Return the figures of several calibrations; days since the first."""
     return (drift.draw(history, letters, days),)
-
-
-def write_figures(calibration: Calibration, folder: Path) -> tuple[Path, ...]:
-    """Write every figure as PNG and SVG into a folder, which is made where it is missing.
-
-    Raises UsageError where they cannot be written.
-    """
-    return tuple(path for drawing in drawings(calibration) for path in save(drawing, folder))
