@@ -18,7 +18,7 @@ from tdfscal.model.parameters import State, nominal, starting_state, with_motion
 from tdfscal.model.statics import Balance, Postures, balance
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.numerics.rotation_descent import descend, stacked
+from tdfscal.numerics.rotation_descent import descend
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.estimator import (
     LOOK,
@@ -195,10 +195,6 @@ def minima(
     s = rig.declared.force_sensitivity
     landscape = profile(rig, at, compressed, state, priors, mixing=s).root
     found = descend(landscape, starts, iterations=_LOOK, tolerance=1e-3)
-    if rig.n > _MANY:
-        singles = _one_by_one(landscape, found.rotation[np.argmin(found.cost)])
-        starts = np.concatenate([found.rotation, singles])
-        found = descend(landscape, starts, iterations=_LOOK, tolerance=1e-3)
     best = np.argsort(found.cost, kind="stable")[:_BEST]
     found = descend(landscape, found.rotation[best], iterations=_FINISH, tolerance=1e-3)
     order = np.argsort(found.cost, kind="stable")
@@ -209,26 +205,6 @@ def minima(
         kept.append(left[0])
         left = left[apart(left, left[0], rig.axes) > APART]
     return kept
-
-
-def _one_by_one(landscape: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Starts (≤ n, n, 3, 3) with one sensor each in its best other place, the others held.
-
-    Starts in which each sensor is turned by itself cost n times as many unknowns; here only the
-    best of each is followed with all of them free.
-    """
-    starts, y = [], stacked(rotation)
-    for i, own in enumerate(rotation):
-        turns = slice(9 * i, 9 * i + 9)
-        held = landscape @ y - landscape[:, turns] @ own.ravel()
-        root = np.linalg.qr(np.column_stack([landscape[:, turns], held]), mode="r")
-        found = descend(root, (_CUBE @ own)[:, None], iterations=_BEST, tolerance=1e-3)
-        other = apart(found.rotation, own[None]) > APART
-        if other.any():
-            place = np.flatnonzero(other)[np.argmin(found.cost[other])]
-            starts.append(rotation.copy())
-            starts[-1][i] = found.rotation[place, 0]
-    return np.array(starts).reshape(-1, *rotation.shape)
 
 
 def apart(a: FloatArray, b: FloatArray, axes: BoolArray | None = None) -> FloatArray:
@@ -255,7 +231,7 @@ def wide_starts(rig: Rig, postures: Postures) -> FloatArray:
 
     The nominal mounting; the linear solution; each sensor turned by quarter turns; each turned so
     that its mean load points upwards, with all yaws in quarter turns; and rotations drawn evenly.
-    Of many sensors all are turned alike, and one by one only about the best that is found.
+    Of many sensors all are turned alike: one that is not is found from where the others stand.
     """
     n, rng = rig.n, np.random.default_rng(0)
     base, linear = nominal(rig).rotation, linear_start(rig, postures).rotation
