@@ -54,15 +54,15 @@ _SEEN = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Closure:
-    """Normal equations of the used postures' closure, in whitened units.
+    """Normal equations of the used postures' closure, in whitened units, all nuisances eliminated.
 
-    normal : (c, c), right : (c,), of nuisances (first) and frames. nuisances : their number.
-    chi2, dof : with the nuisances fitted.
+    whole : (n, 9, 9), of each frame by itself. information : (n, 9, 9), score : (n, 9), of each
+    frame once the nuisances give way. chi2, dof : with the nuisances fitted.
     """
 
-    normal: FloatArray
-    right: FloatArray
-    nuisances: int
+    whole: FloatArray
+    information: FloatArray
+    score: FloatArray
     chi2: float
     dof: int
 
@@ -99,7 +99,7 @@ def frame_errors(fit: Fit, parts: Spectrum, uncertainty: Uncertainty) -> tuple[S
 
 
 def _closure(fit: Fit) -> Closure:
-    """Rows across the rigid motions, nuisances: datums, hinges, compliance; then nine per frame."""
+    """Fit the closure's nuisances: datums, hinges, compliance."""
     used, n = fit.weight > 0, fit.rig.n
     p = fit.postures.position[used] - fit.state.datum
     R, T = register(fit.state.hinge, p)
@@ -112,31 +112,36 @@ def _closure(fit: Fit) -> Closure:
     scale = 1 / np.sqrt(variance + _FLOOR**2)
     away = p - p.mean(axis=0)
     K, eye = len(p), np.eye(3)
-    columns = np.zeros((K, n, 3, 6 * n + 2 + 9 * n))
+    nuisances = np.zeros((K, n, 3, 6 * n + 2))
     for i in range(n):
-        columns[:, i, :, 3 * i : 3 * i + 3] = eye
-        columns[:, i, :, 3 * (n + i) : 3 * (n + i) + 3] = R
-        frame = 6 * n + 2 + 9 * i
-        columns[:, i, :, frame : frame + 9] = np.einsum("ab,kc->kabc", eye, away[:, i]).reshape(
-            K, 3, 9
-        )
-    columns[:, :, :2, 6 * n] = F[..., :2]
-    columns[:, :, 2, 6 * n + 1] = F[..., 2]
-    flat = columns.reshape(K, 3 * n, -1)
-    flat -= rigid @ (np.swapaxes(rigid, 1, 2) @ flat)
-    flat *= scale[:, None, None]
-    off = off * scale[:, None]
-    rows = flat.reshape(-1, flat.shape[2])
-    nuisances = 6 * n + 2
-    normal, right = rows.T @ rows, rows.T @ off.ravel()
+        nuisances[:, i, :, 3 * i : 3 * i + 3] = eye
+        nuisances[:, i, :, 3 * (n + i) : 3 * (n + i) + 3] = R
+    nuisances[:, :, :2, 6 * n] = F[..., :2]
+    nuisances[:, :, 2, 6 * n + 1] = F[..., 2]
+
+    def white(columns: FloatArray) -> FloatArray:
+        """Rows (3nK, c) of columns (K, 3n, c) across the rigid motions."""
+        across = columns - rigid @ (np.swapaxes(rigid, 1, 2) @ columns)
+        return np.asarray((across * scale[:, None, None]).reshape(3 * n * K, -1))
+
+    rows = white(nuisances.reshape(K, 3 * n, -1))
+    normal, right = rows.T @ rows, rows.T @ (off := (off * scale[:, None]).ravel())
     hinge = fit.rig.declared.hinge
     if hinge > 0:  # else a hinge's error cannot be told from a datum's
         place = np.arange(3 * n, 6 * n)
         normal[place, place] += hinge**-2
-    fitted, rank = _solve(normal[:nuisances, :nuisances], right[:nuisances])
-    chi2 = float(off.ravel() @ off.ravel() - fitted @ right[:nuisances])
+    inverse, rank = _inverse(normal)
+    whole, information, score = np.empty((n, 9, 9)), np.empty((n, 9, 9)), np.empty((n, 9))
+    for i in range(n):
+        frame = np.zeros((K, n, 3, 9))
+        frame[:, i] = np.einsum("ab,kc->kabc", eye, away[:, i]).reshape(K, 3, 9)
+        own = white(frame.reshape(K, 3 * n, 9))
+        cross, whole[i] = rows.T @ own, own.T @ own
+        information[i] = whole[i] - cross.T @ inverse @ cross
+        score[i] = own.T @ off - cross.T @ (inverse @ right)
+    chi2 = float(off @ off - right @ inverse @ right)
     dof = K * (3 * n - 6) - rank + (3 * n if hinge > 0 else 0)
-    return Closure(normal, right, nuisances, chi2, dof)
+    return Closure(whole, information, score, chi2, dof)
 
 
 def _orthonormal(blocks: FloatArray, n: int) -> FloatArray:
@@ -144,13 +149,8 @@ def _orthonormal(blocks: FloatArray, n: int) -> FloatArray:
     return np.linalg.qr(blocks.reshape(len(blocks), 3 * n, 6))[0]
 
 
-def _solve(normal: FloatArray, right: FloatArray) -> tuple[FloatArray, int]:
-    """Smallest solution of normal equations, and their rank."""
-    inverse, rank = _inverse(normal)
-    return inverse @ right, rank
-
-
 def _inverse(normal: FloatArray) -> tuple[FloatArray, int]:
+    """Pseudo-inverse of normal equations, and their rank."""
     size = np.sqrt(np.diagonal(normal))
     size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
@@ -181,13 +181,9 @@ def _score(closed: Closure, frame: int, way: str) -> _Score:
     for column, entries in enumerate(_WAYS[way].values()):
         for a, b, weight in entries:
             basis[3 * a + b, column] = weight
-    own = slice(closed.nuisances + 9 * frame, closed.nuisances + 9 * frame + 9)
-    rest = slice(0, closed.nuisances)
-    inverse, _ = _inverse(closed.normal[rest, rest])
-    cross = closed.normal[rest, own] @ basis
-    whole = basis.T @ closed.normal[own, own] @ basis
-    information = whole - cross.T @ inverse @ cross
-    score = basis.T @ closed.right[own] - cross.T @ inverse @ closed.right[rest]
+    whole = basis.T @ closed.whole[frame] @ basis
+    information = basis.T @ closed.information[frame] @ basis
+    score = basis.T @ closed.score[frame]
     values, vectors = np.linalg.eigh(information)
     seen = values > _SEEN * max(float(np.trace(whole)), 1e-300)
     half = vectors[:, seen] / np.sqrt(values[seen])
