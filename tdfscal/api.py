@@ -54,7 +54,9 @@ def read_log(
         By cause.
     """
     loaded = rig if isinstance(rig, LoadedRig) else load_rig(Path(rig))
-    return logs.read_log(listed(paths), loaded.log, loaded.rig.supports, salvage=salvage)
+    return logs.read_log(
+        listed(paths), loaded.log, loaded.rig.supports, axes=loaded.rig.axes, salvage=salvage
+    )
 
 
 def dwells_frame(dwells: Dwells) -> pd.DataFrame:

@@ -40,7 +40,12 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     if len(dwells) > 1:
         stuck = (low.min(axis=0) == high.max(axis=0)) & (dwells.count.max(axis=0) > 0)[:, None]
         stuck &= rig.axes
-        _check_unmeasured(rig, dwells)
+        check_unmeasured(
+            rig.supports,
+            rig.axes,
+            scatter=np.nanstd(dwells.force, axis=0),
+            noise=np.sqrt(np.median(np.diagonal(dwells.force_cov, axis1=2, axis2=3), axis=0)),
+        )
         for i, j in np.argwhere(stuck):
             raise _stuck(rig, dwells, int(i), int(j))
     reasons: dict[int, str] = {}
@@ -77,20 +82,23 @@ def _froze(still: BoolArray, value: FloatArray) -> BoolArray:
     return np.asarray((count >= _FROZEN) & (count < len(still)) & same & np.all(still == late, 0))
 
 
-def _check_unmeasured(rig: Rig, dwells: Dwells) -> None:
-    """Raise DataError where an axis that the rig file calls not measured follows the load."""
-    scatter = np.nanstd(dwells.force, axis=0) if len(dwells) > 1 else np.zeros(rig.axes.shape)
-    live = rig.axes & (scatter > 0)
-    if rig.axes.all() or not live.any():
+def check_unmeasured(
+    supports: tuple[str, ...], axes: BoolArray, *, scatter: FloatArray, noise: FloatArray
+) -> None:
+    """Raise DataError where an axis that the rig file calls not measured follows the load.
+
+    scatter, noise : (n, 3), N, standard deviation of the readings and of their noise alone.
+    """
+    live = axes & (scatter > 0)
+    if axes.all() or not live.any():
         return
-    noise = np.sqrt(np.median(np.diagonal(dwells.force_cov, axis1=2, axis2=3), axis=0))
     moves = scatter > np.maximum(_FOLLOWS * np.median(scatter[live]), _AUDIBLE * noise)
-    for i, j in np.argwhere(~rig.axes & moves):
+    for i, j in np.argwhere(~axes & moves):
         raise DataError(
-            f"{_axis(rig, i, j)} is declared as not measured, but its reading follows the load: it "
-            f"varies by {scatter[i, j]:.3g} N over the postures",
+            f"the {AXES[j]} axis of the sensor of {supports[i]} is declared as not measured, but "
+            f"its reading follows the load: it varies by {scatter[i, j]:.3g} N",
             where="log forces",
-            hint=f"add {AXES[j]} to the axes of {rig.supports[i]} in rig.yaml, or check the force "
+            hint=f"add {AXES[j]} to the axes of {supports[i]} in rig.yaml, or check the force "
             "fields",
         )
 

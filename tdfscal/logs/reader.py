@@ -9,15 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
-from tdfscal.errors import DataError, UsageError
+from tdfscal.checks.faulty_sensors import check_unmeasured
+from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.hashing import Fingerprint, printable
 from tdfscal.logs.bag.rosbag2 import Bag
 from tdfscal.logs.common.clock import Clock, apart, shown
 from tdfscal.logs.common.read_ahead import ahead
-from tdfscal.logs.common.request import Block, Outcome, Piece, Request, make_request
+from tdfscal.logs.common.request import (
+    Block,
+    Outcome,
+    Piece,
+    Request,
+    make_request,
+    without_axis,
+)
 from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.formats import files_of, reader_of
-from tdfscal.records import FloatArray, InputFile, Log, LogMapping, Series
+from tdfscal.records import BoolArray, FloatArray, InputFile, Log, LogMapping, Series
 
 Progress = Callable[[float], None]
 #: Largest magnitudes that are read, by quantity.
@@ -30,6 +38,7 @@ def read_log(
     mapping: LogMapping | None,
     supports: Sequence[str],
     *,
+    axes: BoolArray | None = None,
     salvage: bool = False,
     window: TimeWindow | None = None,
 ) -> Log:
@@ -40,6 +49,7 @@ def read_log(
     paths : CSV, Parquet or MCAP files, or rosbag2 folders; several are one campaign in sequence.
     mapping : how the recorder names things; None for the default names, m and N.
     supports : the supports wanted, in the order of the result.
+    axes : (n, 3), what their sensors measure; the log need not hold the others, which read 0.
     salvage : read what is sound of a damaged file and say in the warnings what is lost.
     window : the part of the log that is wanted.
 
@@ -60,6 +70,7 @@ def iter_log(
     mapping: LogMapping | None,
     supports: Sequence[str],
     *,
+    axes: BoolArray | None = None,
     salvage: bool = False,
     window: TimeWindow | None = None,
     progress: Progress | None = None,
@@ -72,8 +83,10 @@ def iter_log(
     window : the part of the log that is wanted; files are read, and checked, to their end.
     progress : told the share of all bytes that is read, from 0 to 1, not descending.
     """
-    request = make_request(mapping, supports)
+    request = make_request(mapping, supports, axes)
     files = files_of(paths)
+    if axes is not None and not axes.all() and files:
+        _check_silent(files[0], make_request(mapping, supports), mapping, axes)
     meter = _Meter(sum(path.stat().st_size for path, _ in files), progress)
     pieces = _campaign(files, request, mapping, meter, salvage=salvage)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
@@ -156,6 +169,8 @@ def _campaign(
                 except StopIteration as end:
                     outcome = end.value
                     break
+                except DataError as error:
+                    raise without_axis(error, request) from error
                 meter.tell()
                 ascending = [
                     _ascending(_numbered(block, row), clocks, request, reached, path)
@@ -178,6 +193,31 @@ def _campaign(
         meter.finished(entry.bytes)
         meter.tell()
         yield _closed(pending, request, entry, (*outcome.warnings, *warnings))
+
+
+def _check_silent(
+    file: tuple[Path, Bag | None], whole: Request, mapping: LogMapping | None, axes: BoolArray
+) -> None:
+    """Refuse a log whose beginning shows that an axis follows the load, measured or not."""
+    path, bag = file
+    stream = reader_of(path, mapping, bag)(path, whole, salvage=False, reached=lambda _: None)
+    try:
+        piece: Piece = next(stream, ())
+    except (DataError, RigError):  # such fields are not there, or hold no numbers
+        return
+    finally:
+        stream.close()
+    log = _log(piece, whole)
+    if min(len(force.time) for force in log.force) > 1:
+        readings = [force.value for force in log.force]
+        check_unmeasured(
+            log.supports,
+            axes,
+            scatter=np.array([value.std(axis=0) for value in readings]),
+            noise=np.array([np.diff(value, axis=0).std(axis=0) / np.sqrt(2) for value in readings])
+            if whole.rows == "timeseries"
+            else np.zeros(axes.shape),
+        )
 
 
 def _in_sequence(
@@ -262,7 +302,7 @@ def _check_counts(
             continue
         what = (
             f"there is no sample of the {signal.quantity} of {signal.support} "
-            f"({', '.join(signal.fields)})"
+            f"({', '.join(dict.fromkeys(signal.fields))})"
         )
         if outcome.integrity == "salvaged" and outcome.warnings:
             lost = outcome.warnings[0].removeprefix(f"{path}: ")
@@ -279,7 +319,10 @@ def _log(piece: Piece | list[Block], request: Request) -> Log:
     series = [Series(_NO_TIME, _NO_VALUE)] * len(request.signals)
     for block in piece:
         for number, value in block.value.items():
-            series[number] = Series(block.time, value)
+            measured = request.signals[number].measured
+            series[number] = Series(
+                block.time, value if all(measured) else np.where(measured, value, 0.0)
+            )
     return Log(
         supports=request.supports,
         position=tuple(series[0 : 2 * n : 2]),

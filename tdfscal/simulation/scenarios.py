@@ -17,8 +17,11 @@ from tdfscal.simulation.faults import (
     DeadAxis,
     Drift,
     Faults,
+    Frame,
     Gain,
     Jolt,
+    Walk,
+    Warming,
     ZeroShift,
 )
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
@@ -81,6 +84,34 @@ def _dead_axis(rig: Rig, options: Options) -> Setup:
     return rig, replace(options, faults=Faults(dead_axes=(dead,)))
 
 
+def _dead_channel(rig: Rig, options: Options) -> Setup:
+    return rig, replace(options, faults=Faults(dead_axes=(DeadAxis(rig.n - 1, 1),)))
+
+
+def _load_cells(rig: Rig, options: Options) -> Setup:
+    # The rig file states them; two three-axis sensors at least remain.
+    axes = rig.axes.copy()
+    axes[max(2, rig.n - 2) :, :2] = False
+    return replace(rig, axes=axes), options
+
+
+def _warming(rig: Rig, options: Options) -> Setup:
+    """Zeros that follow the hall by 0.1 to 0.3 N/K, 10 K: 3 N; the temperature is logged."""
+    slopes = np.resize([0.3, -0.2, 0.3, -0.3, 0.1, 0.2, 0.1, 0.3, -0.3], (rig.n, 3))
+    slope = tuple((float(x), float(y), float(z)) for x, y, z in slopes)
+    return rig, replace(options, faults=Faults(warming=Warming(10.0, slope)))
+
+
+def _walk(rig: Rig, options: Options) -> Setup:
+    walks = tuple(Walk(sensor, 1.0) for sensor in range(rig.n))
+    return rig, replace(options, faults=Faults(walks=walks))
+
+
+def _soft_supports(rig: Rig, options: Options) -> Setup:
+    # Sideways 1 N/µm lies behind the encoders; vertically they are stiff.
+    return rig, replace(options, internal=None, stiffness=np.array([1e6, 1e6, 2e7]))
+
+
 def _jolt(rig: Rig, options: Options) -> Setup:
     jolt = Jolt(options.count // 2, (0.0, 0.0, -300.0))
     return rig, replace(options, faults=Faults(jolts=(jolt,)))
@@ -97,16 +128,23 @@ SCENARIOS: dict[str, Callable[[Rig, Options], Setup]] = {
     "contact": _contact,
     "crosstalk": _with(Faults(crosstalk=(Crosstalk(0, (0.02, -0.02, 0.02)),))),
     "dead-axis": _dead_axis,
+    "dead-channel": _dead_channel,
     "drift": _with(Faults(drifts=(Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0))))),
     "gain": _with(Faults(gains=(Gain(0, (0.02, -0.01, 0.02)),))),
     "jolt": _jolt,
+    "load-cells": _load_cells,
     "no-squeeze": _no_squeeze,
     "saturation": _saturation,
+    "soft-supports": _soft_supports,
     "swapped": _with(Faults(swapped=((0, 1),))),
+    "turned-frame": _with(Faults(frames=(Frame(1, (6e-4, -5e-4, 6e-4)),))),
+    "walk": _walk,
+    "warming": _warming,
     "zero-shift": _zero_shift,
 }
 """What each scenario changes. "self": log and tracker session; "tracker": the session only;
-"no-squeeze": vertical loads only; the others: as "self", with one fault."""
+"no-squeeze": vertical loads only; "load-cells": the last sensors, at most two, measure z alone, and
+the rig file says so; the others: as "self", with one fault that the rig file does not declare."""
 
 
 MOVING: dict[str, MovingOptions] = {

@@ -49,6 +49,7 @@ class LogPass:
                 logs,
                 rig.log,
                 rig.rig.supports,
+                axes=rig.rig.axes,
                 salvage=self.salvage,
                 window=self.window,
                 progress=share,

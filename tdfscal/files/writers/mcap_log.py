@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.files.writers.ros2_messages import POINT, WRENCH, definition, stamped
+from tdfscal.files.writers.ros2_messages import POINT, TEMPERATURE, WRENCH, definition, stamped
 from tdfscal.records import Log, Series
 
 EPOCH = 1_750_000_000
@@ -25,6 +25,7 @@ def mcap_block(log: Log) -> dict[str, Any]:
         "length_unit": "m",
         "force_unit": "N",
         "force_on": "terminal",
+        **({"temperature": "/hall/temperature.temperature"} if log.temperature else {}),
         "supports": {
             name: {
                 "position": f"/ncp{i}/position.point",
@@ -36,7 +37,10 @@ def mcap_block(log: Log) -> dict[str, Any]:
 
 
 def write_mcap(path: Path, log: Log) -> None:
-    """Topics `/ncpN/position` (m) and `/tdfsN/wrench` (N), N from 1; messages in order of time."""
+    """Topics `/ncpN/position` (m), `/tdfsN/wrench` (N), N from 1, and `/hall/temperature` (°C).
+
+    Messages come in order of time.
+    """
     from mcap.writer import CompressionType, Writer
 
     with path.open("wb") as file:
@@ -44,7 +48,7 @@ def write_mcap(path: Path, log: Log) -> None:
         writer.start(profile="ros2", library="tdfscal")
         schema = {
             name: writer.register_schema(name, "ros2msg", definition(name))
-            for name in (WRENCH, POINT)
+            for name in (WRENCH, POINT, *([TEMPERATURE] if log.temperature else []))
         }
         channels: list[int] = []
         streams: list[tuple[np.ndarray[Any, Any], list[bytes]]] = []
@@ -55,6 +59,11 @@ def write_mcap(path: Path, log: Log) -> None:
             ):
                 channels.append(writer.register_channel(topic, "cdr", schema[name]))
                 streams.append(_serialise(series, frame, 6 if name == WRENCH else 3))
+        for series in log.temperature:
+            channels.append(
+                writer.register_channel("/hall/temperature", "cdr", schema[TEMPERATURE])
+            )
+            streams.append(_serialise(Series(series.time, series.value[:, :1]), "hall", 2))
         stamp = np.concatenate([stamps for stamps, _ in streams])
         source = np.repeat(np.arange(len(streams)), [len(s) for s, _ in streams])
         sequence = np.concatenate([np.arange(len(s)) for s, _ in streams])
@@ -75,8 +84,8 @@ def write_mcap(path: Path, log: Log) -> None:
 def _serialise(
     series: Series, frame: str, doubles: int
 ) -> tuple[np.ndarray[Any, Any], list[bytes]]:
-    """Stamps in ns and CDR messages: x, y, z, then zeros up to `doubles` doubles."""
+    """Stamps in ns and CDR messages: the values, then zeros up to `doubles` doubles."""
     stamp = EPOCH * 1_000_000_000 + np.rint(series.time * 1e9).astype(np.int64)
     value = np.zeros((len(stamp), doubles))
-    value[:, :3] = series.value
+    value[:, : series.value.shape[1]] = series.value
     return stamp, stamped(stamp, frame, value)

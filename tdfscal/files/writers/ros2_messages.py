@@ -9,6 +9,7 @@ import numpy as np
 from tdfscal.records import FloatArray, IntArray
 
 WRENCH, POINT = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PointStamped"
+TEMPERATURE = "sensor_msgs/msg/Temperature"
 
 
 def definition(name: str) -> bytes:
@@ -20,7 +21,7 @@ def definition(name: str) -> bytes:
 
 
 def stamped(stamp: IntArray, frame: str, value: FloatArray) -> list[bytes]:
-    """Serialise (N,) stamps in ns, a frame, and (N, k) doubles: k is 3 or 6."""
+    """Serialise (N,) stamps in ns, a frame, and (N, k) doubles: k is 2, 3 or 6."""
     text = frame.encode() + b"\0"
     fill = -(12 + len(text)) % 8  # doubles lie at multiples of 8 behind the encapsulation
     layout = np.dtype(

@@ -12,6 +12,7 @@ from tdfscal.records import FloatArray, Log
 
 MM = 1000.0
 AXES = ("x", "y", "z")
+_HALL = "T_hall_degC"
 
 
 def csv_block(log: Log) -> dict[str, Any]:
@@ -22,6 +23,7 @@ def csv_block(log: Log) -> dict[str, Any]:
         "length_unit": "mm",
         "force_unit": "N",
         "force_on": "terminal",
+        **({"temperature": _HALL} if log.temperature else {}),
         "supports": {
             name: {
                 "position": [f"NCP{i}_ActPos{a.upper()}" for a in AXES],
@@ -34,7 +36,8 @@ def csv_block(log: Log) -> dict[str, Any]:
 
 def parquet_block(log: Log) -> dict[str, Any] | None:
     """The rig file's `log` block for `write_parquet`: none where the defaults say it all."""
-    return _rows(log) or None
+    block = {**_rows(log), **({"temperature": "temperature"} if log.temperature else {})}
+    return block or None
 
 
 def _rows(log: Log) -> dict[str, Any]:
@@ -50,8 +53,10 @@ def write_csv(path: Path, log: Log) -> None:
     names = ["t_s"]
     for support in log.supports:
         names += [*block[support]["position"], *block[support]["force"]]
+    names += [_HALL] * len(log.temperature)
     scale = np.tile([MM] * 3 + [1.0] * 3, len(log.supports))
-    table = np.column_stack([_clock(log), _signals(log) * scale])
+    warmth = [series.value[:, 0] for series in log.temperature]
+    table = np.column_stack([_clock(log), _signals(log) * scale, *warmth])
     with path.open("w", encoding="ascii", newline="\n") as file:
         file.write(",".join(names) + "\n")
         file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
@@ -69,14 +74,15 @@ def write_parquet(path: Path, log: Log) -> None:
 
     members = (*AXES, *(f"f{a}" for a in AXES))
     names = [f"{support}.{member}" for support in log.supports for member in members]
-    columns = [_clock(log), *_signals(log).T]
+    columns = [_clock(log), *_signals(log).T, *(s.value[:, 0] for s in log.temperature)]
+    names += ["temperature"] * len(log.temperature)
     table = pa.table(dict(zip(["time", *names], map(as_arrow, columns), strict=True)))
     pq.write_table(table, path, compression="zstd", write_page_checksum=True)
 
 
 def _clock(log: Log) -> FloatArray:
     time = log.position[0].time
-    for series in (*log.position, *log.force):
+    for series in (*log.position, *log.force, *log.temperature):
         if not np.array_equal(series.time, time):
             raise UsageError(
                 "signals of different rates do not fit into one table",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.logs.common import units
-from tdfscal.records import FloatArray, Integrity, LogMapping, Rows
+from tdfscal.records import BoolArray, FloatArray, Integrity, LogMapping, Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +23,8 @@ class Signal:
     fields : three names, or one that has the members x, y, z; of a temperature, one name thrice.
     factor : from the file's unit and sign to SI and tdfscal's sign. scale : as `factor`, of each of
         x, y, z, where the mapping states them in place of a unit.
+    measured : which of x, y, z there are; where one is not, the field named is another that is read
+        anyway, and its values mean nothing.
     """
 
     support: str
@@ -30,6 +33,7 @@ class Signal:
     unit: str
     factor: float
     scale: tuple[float, float, float] | None = None
+    measured: tuple[bool, bool, bool] = (True, True, True)
 
     @property
     def factors(self) -> FloatArray:
@@ -44,6 +48,20 @@ class Signal:
             return f"{field}.x", f"{field}.y", f"{field}.z"
         x, y, z = self.fields
         return x, y, z
+
+    @property
+    def distinct(self) -> int:
+        """Number of different fields that are its own."""
+        pairs = zip(self.components, self.measured, strict=True)
+        return len({name for name, there in pairs if there})
+
+    def lacking(self, axes: Sequence[bool], instead: Signal) -> Signal:
+        """The signal without axes: what is not measured is read from what is there instead."""
+        there = [name for name, axis in zip(self.components, axes, strict=True) if axis]
+        other = (there or instead.components)[0]
+        names = [name if axis else other for name, axis in zip(self.components, axes, strict=True)]
+        x, y, z = (bool(axis) for axis in axes)
+        return replace(self, fields=tuple(names), measured=(x, y, z))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +122,12 @@ class Reader(Protocol):
         ...
 
 
-def make_request(mapping: LogMapping | None, supports: Sequence[str]) -> Request:
+def make_request(
+    mapping: LogMapping | None, supports: Sequence[str], axes: BoolArray | None = None
+) -> Request:
     """Resolve the mapping, or the default field names, for the supports wanted.
+
+    axes : (n, 3), what their sensors measure; no field of another axis is looked at.
 
     Raises
     ------
@@ -141,6 +163,8 @@ def make_request(mapping: LogMapping | None, supports: Sequence[str]) -> Request
         signals.append(Signal(name, "position", three, mapping.length_unit, length, moves))
         three = _three(mapping.force[i], name)
         signals.append(Signal(name, "force", three, mapping.force_unit, sign * force, loads))
+        if axes is not None and not axes[len(signals) // 2 - 1].all():
+            signals[-1] = signals[-1].lacking(axes[len(signals) // 2 - 1], signals[-2])
     for field, owner in zip(mapping.temperature, supports, strict=False):
         name = owner if len(mapping.temperature) > 1 else "the rig"
         signals.append(Signal(name, "temperature", (field,) * 3, "°C", 1.0))
@@ -180,7 +204,8 @@ def check_fields_differ(request: Request, *, where: str) -> None:
     """Refuse a mapping that uses one field twice: two sensors would read the same numbers."""
     seen: dict[str, Signal] = {}
     for signal in request.signals:
-        for name in dict.fromkeys(signal.components):
+        read = [n for n, there in zip(signal.components, signal.measured, strict=True) if there]
+        for name in dict.fromkeys(read):
             if name in seen and {seen[name].quantity, signal.quantity} != {"temperature"}:
                 other = seen[name]
                 raise RigError(
@@ -189,6 +214,30 @@ def check_fields_differ(request: Request, *, where: str) -> None:
                     where=where,
                 )
             seen[name] = signal
+
+
+def without_axis(error: DataError, request: Request) -> DataError:
+    """The error; where it names a component of a force, with the line by which that is left out."""
+    said = f"{error.where or ''} {error.what}"
+    for signal in request.signals:
+        named = [
+            there and re.search(rf"(?<![\w.]){re.escape(name)}(?![\w.])", said) is not None
+            for name, there in zip(signal.components, signal.measured, strict=True)
+        ]
+        if signal.quantity != "force" or not any(named):
+            continue
+        left = [
+            axis for axis, there, gone in zip("xyz", signal.measured, named, strict=True)
+            if there and not gone
+        ]  # fmt: skip
+        line = (
+            f"where the sensor does not measure it, write `axes: [{', '.join(left)}]` for "
+            f"{signal.support} in rig.yaml"
+        )
+        return DataError(
+            error.what, where=error.where, hint=f"{error.hint}; {line}" if error.hint else line
+        )
+    return error
 
 
 def split(piece: Piece, limit: int) -> list[Piece]:

@@ -171,14 +171,18 @@ class Topics:
         self.lost.append(f"{lost} messages of {topic} are left out ({what})")
         return np.concatenate(order), np.concatenate(times), np.concatenate(values)
 
-    @staticmethod
-    def _check_finite(topic: str, time: FloatArray, value: FloatArray) -> None:
+    def _check_finite(self, topic: str, time: FloatArray, value: FloatArray) -> None:
         if np.isfinite(value.sum()) and np.isfinite(time.sum()):
             return
         bad = ~(np.isfinite(value).all(axis=1) & np.isfinite(time))
         if bad.any():
             k = int(np.argmax(bad))
-            raise ValueError(f"at {shown(time[k])} s it holds a number that is not finite")
+            what = f"at {shown(time[k])} s it holds a number that is not finite"
+            if np.isfinite(time[k]):
+                number, axis = divmod(int(np.argmin(np.isfinite(value[k]))), 3)
+                signal = self.request.signals[self._signals[topic][number]]
+                what += f" ({signal.components[axis]})"
+            raise ValueError(what)
 
     def _decoder(self, channel_id: int) -> Decoder:
         channel = self.recording.channels[channel_id]
@@ -288,9 +292,9 @@ class Topics:
                     if types is not None:
                         check_path(*types, path, where)
                 paths += steps
-        quantities = [self.request.signals[n].quantity for n in self._signals[topic]]
-        # A temperature is one field thrice.
-        if len(set(paths)) < len(paths) - 2 * quantities.count("temperature"):
+        # A temperature is one field thrice, and what is not measured is another field again.
+        own = [self.request.signals[n].distinct for n in self._signals[topic]]
+        if len(set(paths)) < sum(own):
             raise DataError("the mapping uses a field of the message twice", where=where)
         return paths
 
