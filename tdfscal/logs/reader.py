@@ -62,7 +62,9 @@ def read_log(
     UsageError : a file is not there. RigError : the mapping is wrong.
     DataError : a file is damaged, or is not what the mapping says.
     """
-    return concatenate(iter_log(paths, mapping, supports, salvage=salvage, window=window))
+    return concatenate(
+        iter_log(paths, mapping, supports, axes=axes, salvage=salvage, window=window)
+    )
 
 
 def iter_log(

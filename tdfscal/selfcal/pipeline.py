@@ -17,7 +17,7 @@ from tdfscal.model.parameters import State, nominal
 from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import Dwells, InputFile, Rig, Rotations
+from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
 from tdfscal.selfcal import observability, repeatability
 from tdfscal.selfcal.closure import frame_errors
 from tdfscal.selfcal.covariance import Quality, Uncertainty, evaluate, information_root, quality
@@ -34,7 +34,7 @@ from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.score_tests import Suspicion, suspicions
 from tdfscal.selfcal.slip import find_slip
-from tdfscal.significance import MISFIT, OVERSTATED_NOISE
+from tdfscal.significance import MISFIT, MOST_REJECTED, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
 
@@ -142,6 +142,8 @@ def self_calibrate(
     if estimator == "ml" and not measured_noise:
         warmth = None if dwells.temperature is None else dwells.temperature[index]
         doubts = suspicions(result, parts, uncertainty, held, stats, warmth)
+        if not doubts and len(found) > MOST_REJECTED * len(index):
+            doubts = _of_everyone(result, held, warmth)
     if estimator == "ml":
         doubts = (*doubts, *frame_errors(result, parts, uncertainty))
         slip = find_slip(result, uncertainty, held, index + 1, noise_from_residuals=measured_noise)
@@ -203,6 +205,14 @@ def self_calibrate(
         )
         + ((_NO_TRIALS.format(rig.n),) if unasked and estimator == "ml" else ()),
     )
+
+
+def _of_everyone(result: Fit, held: FloatArray, warmth: FloatArray | None) -> tuple[Suspicion, ...]:
+    """What is asked for with no posture left out: so many do not err each for itself."""
+    whole = fit(result.rig, result.postures, result.state)
+    parts = information_root(whole)
+    stats = quality(whole, parts)
+    return suspicions(whole, parts, evaluate(whole, parts, stats.birge), held, stats, warmth)
 
 
 def _likelier(slip: Suspicion, doubt: Suspicion) -> bool:

@@ -218,10 +218,15 @@ def check_fields_differ(request: Request, *, where: str) -> None:
 
 def without_axis(error: DataError, request: Request) -> DataError:
     """The error; where it names a component of a force, with the line by which that is left out."""
-    said = f"{error.where or ''} {error.what}"
+    said = f"{error.where or ''} {error.what.partition(';')[0]}"  # what follows names others
+
+    def is_named(field: str) -> bool:
+        return re.search(rf"(?<![\w.]){re.escape(field)}(?![\w.])", said) is not None
+
     for signal in request.signals:
+        whole = len(signal.fields) == 1 and is_named(signal.fields[0])
         named = [
-            there and re.search(rf"(?<![\w.]){re.escape(name)}(?![\w.])", said) is not None
+            there and (whole or is_named(name))
             for name, there in zip(signal.components, signal.measured, strict=True)
         ]
         if signal.quantity != "force" or not any(named):

@@ -1,0 +1,104 @@
+"""Logs of sensors that lack axes: read without the fields, refused with the line to write."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from tdfscal.errors import DataError
+from tdfscal.files.rig.reading import load_rig
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.logs import read_log
+from tdfscal.records import BoolArray, Log, LogMapping
+from tdfscal.simulation import Recorder, make_rig
+
+SUPPORTS = ("ncp1", "ncp2", "ncp3", "ncp4")
+#: Two load cells: one of z alone, and no sensor at all.
+AXES = np.array([[True] * 3, [True] * 3, [False, False, True], [False] * 3])
+LACKING = ("TDFS3_Fx", "TDFS3_Fy", "TDFS4_Fx", "TDFS4_Fy", "TDFS4_Fz")
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The same campaign in three formats, all axes recorded."""
+    found = {}
+    for form in ("csv", "parquet", "mcap"):
+        found[form] = tmp_path_factory.mktemp(form)
+        simulate_to_folder(
+            found[form], make_rig(4), "self", format=form, postures=3,
+            recorder=Recorder(force_rate=20.0, position_rate=20.0),
+        )  # fmt: skip
+    return found
+
+
+def read(path: Path, folder: Path, axes: BoolArray | None = None) -> Log:
+    return read_log([path], load_rig(folder / "rig.yaml").log, SUPPORTS, axes=axes)
+
+
+def assert_lacks(log: Log, whole: Log) -> None:
+    """What is measured is as it was, the rest reads 0."""
+    for i in range(4):
+        assert np.array_equal(log.force[i].value, np.where(AXES[i], whole.force[i].value, 0.0))
+        assert np.array_equal(log.position[i].value, whole.position[i].value)
+
+
+@pytest.mark.parametrize("cell", [None, "nan", ""])
+def test_csv_without_the_columns_or_with_nothing_in_them(
+    folders: dict[str, Path], tmp_path: Path, cell: str | None
+) -> None:
+    folder, path = folders["csv"], tmp_path / "log.csv"
+    rows = [line.split(",") for line in (folder / "log.csv").read_text().splitlines()]
+    gone = [rows[0].index(name) for name in LACKING]
+    for row in rows[1:]:
+        for k in gone:
+            row[k] = cell or ""
+    if cell is None:
+        rows = [[c for k, c in enumerate(row) if k not in gone] for row in rows]
+    path.write_text("\n".join(map(",".join, rows)) + "\n")
+    assert_lacks(read(path, folder, AXES), read(folder / "log.csv", folder))
+    line = r"write `axes: \[.*\]` for ncp[34] in rig.yaml"
+    with pytest.raises(DataError, match=line):
+        read(path, folder)
+
+
+@pytest.mark.parametrize("nan", [False, True])
+def test_parquet_without_the_columns_or_with_nan_in_them(
+    folders: dict[str, Path], tmp_path: Path, nan: bool
+) -> None:
+    folder, path = folders["parquet"], tmp_path / "log.parquet"
+    table = pq.read_table(folder / "log.parquet")
+    for name in ("ncp3.fx", "ncp3.fy", "ncp4.fx", "ncp4.fy", "ncp4.fz"):
+        at = table.schema.get_field_index(name)
+        nothing = pa.array(np.full(table.num_rows, np.nan))
+        table = table.set_column(at, name, nothing) if nan else table.remove_column(at)
+    pq.write_table(table, path)
+    whole = read(folder / "log.parquet", folder)
+    assert_lacks(read(path, folder, AXES), whole)
+    with pytest.raises(DataError, match=r"write `axes: \[.*\]` for ncp3 in rig.yaml"):
+        read(path, folder)
+
+
+def test_mcap_without_the_topic(folders: dict[str, Path]) -> None:
+    folder = folders["mcap"]
+    mapping = load_rig(folder / "rig.yaml").log
+    assert isinstance(mapping, LogMapping)
+    force = (*mapping.force[:2], ("none", "none", f"{mapping.force[2][0]}.z"), ("none",))
+    path = folder / "log.mcap"
+    log = read_log([path], replace(mapping, force=force), SUPPORTS, axes=AXES)
+    assert_lacks(log, read(path, folder))
+    whole = replace(mapping, force=(*mapping.force[:3], ("none",)))
+    with pytest.raises(DataError, match=r"write `axes: \[\]` for ncp4 in rig.yaml"):
+        read_log([path], whole, SUPPORTS)
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
+def test_an_axis_said_not_to_measure_that_follows_the_load(
+    folders: dict[str, Path], form: str
+) -> None:
+    with pytest.raises(DataError, match="declared as not measured, but its reading follows"):
+        read(folders[form] / f"log.{form}", folders[form], AXES)
