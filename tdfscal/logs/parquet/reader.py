@@ -129,6 +129,8 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
             raise ValueError("the footer contradicts itself about the number of rows")
         if known.num_rows > _ROWS_PER_BYTE * size:
             raise ValueError(f"{known.num_rows} rows are stated in a file of {size} bytes")
+        if _overlap(groups):
+            raise ValueError("the footer contradicts itself about where its columns lie")
         largest = max((group.total_byte_size for group in groups), default=0)
         with pq.ParquetFile(
             path if _is_utf8(path) else stream,
@@ -139,6 +141,23 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
             **limits,
         ) as file:
             yield file
+
+
+def _overlap(groups: Sequence[Any]) -> bool:
+    """Whether two columns are said to lie in the same bytes: one would be read for the other."""
+    chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
+    begin = np.array([_begin(chunk) for chunk in chunks], dtype=np.int64)
+    order = np.argsort(begin, kind="stable")
+    end = (begin + np.array([chunk.total_compressed_size for chunk in chunks], dtype=np.int64))[
+        order
+    ]
+    return bool((end[:-1] > begin[order][1:]).any())
+
+
+def _begin(chunk: Any) -> int:
+    """Where pyarrow begins to read a column: at its dictionary, where that comes first."""
+    places = (chunk.data_page_offset, chunk.dictionary_page_offset)
+    return int(min((place for place in places if place), default=0))
 
 
 def check_pages(path: Path, file: pq.ParquetFile, names: Sequence[str]) -> bool:

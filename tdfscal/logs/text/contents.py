@@ -194,6 +194,8 @@ class _Table:
                 block_size=len(block) + 1,
                 # Lines that are left out are decoded, and Latin-1 decodes whatever there is.
                 encoding="utf8" if block.isascii() else "latin1",
+                # Its threads would call the handler, and have ended the process over long lines.
+                use_threads=False,
             ),
             pa_csv.ParseOptions(delimiter=self.separator, invalid_row_handler=leave_out),
             # Dates as text: one reader of them, for all notations.

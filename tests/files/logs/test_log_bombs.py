@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 
 import lz4.frame
@@ -57,7 +58,9 @@ def one_large_page_each(folder: Path) -> Path:
     zeros = pa.array(np.zeros(rows))
     columns = {"time": pa.array(np.arange(rows) * 1e-3), **dict.fromkeys(NAMES, zeros)}
     path = folder / "pages.parquet"
-    options: dict[str, object] = {"max_rows_per_page": rows}
+    # Where pyarrow knows no limit of rows, it has none.
+    limit = "max_rows_per_page" in signature(pq.ParquetWriter.__init__).parameters
+    options: dict[str, object] = {"max_rows_per_page": rows} if limit else {}
     pq.write_table(
         pa.table(columns), path, compression="zstd", use_dictionary=False, row_group_size=rows,
         write_batch_size=rows, data_page_size=1 << 30, write_page_checksum=True, **options,

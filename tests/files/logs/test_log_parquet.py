@@ -202,3 +202,28 @@ def test_the_footer_must_end_where_the_file_does(tmp_path: Path) -> None:
         path.write_bytes(damaged)
         with pytest.raises(DataError, match="the file is damaged"):
             read_log([path], None, ONE)
+
+
+def varint(value: int) -> bytes:
+    """A number that is not negative as Thrift's compact protocol writes it."""
+    value, out = value << 1, bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*out, value])
+
+
+@pytest.mark.parametrize("dictionaries", [True, False])
+def test_no_column_is_read_from_where_another_lies(tmp_path: Path, dictionaries: bool) -> None:
+    """One number of the footer changed, as by a flipped bit: each page's checksum is right."""
+    path = tmp_path / "log.parquet"
+    whole = pa.Table.from_pandas(table(make_truth(12)), preserve_index=False)
+    pq.write_table(whole, path, use_dictionary=dictionaries, write_page_checksum=True)
+    sound, group = path.read_bytes(), pq.read_metadata(path).row_group(0)
+    name = "dictionary_page_offset" if dictionaries else "data_page_offset"
+    start = len(sound) - 8 - int.from_bytes(sound[-8:-4], "little")
+    places = [varint(getattr(group.column(k), name)) for k in (16, 11)]
+    assert sound.count(places[0], start) >= 1
+    path.write_bytes(sound[:start] + sound[start:].replace(*places))
+    with pytest.raises(DataError, match="where its columns lie"):
+        read_log([path], None, SUPPORTS)
