@@ -101,8 +101,6 @@ def _shares(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
         root = np.sqrt(fit.rows.bins.count * part) / variance
         half = C @ np.concatenate([(J * root[:, None]).real, (J * root[:, None]).imag]).T
         shares[name] = half @ half.T
-    half = C @ fit.still_jacobian.T
-    shares["noise"] = shares["noise"] + half @ half.T  # the dwells' own, their positions' included
     columns = np.flatnonzero(fit.active)
     places = layout(fit.rig.n, fit.state.still.motions)
     cut = places["drift"].stop
@@ -145,7 +143,7 @@ def quality(fit: MovingFit) -> Quality:
     _, jacobian = fit.whitened()
     used = len(spectrum(jacobian).values)
     count = round(float(fit.rows.bins.count.sum()))
-    dof = count + len(fit.still_residual) + len(fit.prior_residual) - used
+    dof = count + len(fit.prior_residual) - used
     chi2 = fit.cost
     rms = [0.0, 0.0]
     total = sum(design.block.taper.shape[1] for design in fit.designs)

@@ -14,7 +14,7 @@ import numpy as np
 from tdfscal.model import dynamics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, retract
-from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
+from tdfscal.model.statics import Balance, features, features_jacobian
 from tdfscal.motioncal import noise
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.design import BlockDesign, block_design, drifting
@@ -88,7 +88,6 @@ class MovingFit:
 
     residual : (M,), jacobian : (M, p), complex, of the rows at the estimate, not whitened.
     prior_residual (m,), prior_jacobian (m, p) : whitened. origin : what the features count from.
-    still_residual (s,), still_jacobian (s, p) : whitened rows of dwells of the same log.
     """
 
     rig: Rig
@@ -103,8 +102,6 @@ class MovingFit:
     jacobian: ComplexArray
     prior_residual: FloatArray
     prior_jacobian: FloatArray
-    still_residual: FloatArray
-    still_jacobian: FloatArray
     iterations: int
     converged: bool
 
@@ -120,8 +117,8 @@ class MovingFit:
             weights(self.rows.bins, self.noise.variance(self.rows.bins, log_density)),
         )
         return (
-            np.concatenate([r, self.still_residual, self.prior_residual]),
-            np.concatenate([j, self.still_jacobian, self.prior_jacobian]),
+            np.concatenate([r, self.prior_residual]),
+            np.concatenate([j, self.prior_jacobian]),
         )
 
     @property
@@ -200,13 +197,12 @@ def _solve(
     delay: float,
     start: MovingState,
     priors: MovingPriors,
-    still: FloatArray,
 ) -> Solution[MovingState]:
-    """Gauss–Newton on the statistic of all rows, the dwells' and the priors."""
+    """Gauss–Newton on the statistic of all rows, and the priors."""
     _, real = stacked(
         np.concatenate([rows.design[:, :1], rows.design], axis=1), weights(rows.bins, variance)
     )
-    compressed = np.linalg.qr(np.concatenate([real, still]), mode="r")
+    compressed = np.linalg.qr(real, mode="r")
     active = priors.active
 
     def model(state: MovingState) -> tuple[FloatArray, FloatArray]:
@@ -230,7 +226,6 @@ def at_state(
     state: MovingState,
     priors: MovingPriors,
     model: NoiseModel | None,
-    still: Postures | None = None,
 ) -> MovingFit:
     """Linearise at a state; without a noise model, with one that is flat."""
     pairs = [block_design(rig, slow, b, state.still, state.moving) for b in blocks]
@@ -239,7 +234,6 @@ def at_state(
     psi = _features(rig, state, origin, state.moving.delay)
     slope = slope_of(rig, state, origin)[:, priors.active]
     residual, jacobian = rows.design @ psi, rows.design @ slope
-    rest = still_rows(rig, state, still, len(psi))
     if model is None:
         longest = max(b.step * b.taper.shape[1] for b in blocks)
         power = np.abs(residual) ** 2
@@ -258,20 +252,9 @@ def at_state(
         jacobian=jacobian,
         prior_residual=prior_r,
         prior_jacobian=prior_j,
-        still_residual=rest @ psi,
-        still_jacobian=rest @ slope,
         iterations=0,
         converged=False,
     )
-
-
-def still_rows(rig: Rig, state: MovingState, still: Postures | None, width: int) -> FloatArray:
-    """Whitened design (6K, q + 12) of the dwells, counted from the same origin."""
-    if still is None:
-        return np.zeros((0, width))
-    at = balance(still, state.still, state.still.barycentre, rig.gravity)
-    rows = (at.whitener @ at.design).reshape(-1, at.design.shape[2])
-    return np.pad(rows, ((0, 0), (0, width - rows.shape[1])))
 
 
 def estimate_noise(fit: MovingFit) -> MovingFit:
@@ -299,16 +282,12 @@ def fit_moving(
     start: MovingState,
     delay: UncertainValue,
     model: NoiseModel | None = None,
-    still: Postures | None = None,
 ) -> MovingFit:
-    """Maximum-likelihood estimate of state and spectrum from one start.
-
-    still : dwells of the same log, whose samples stand in no block.
-    """
+    """Maximum-likelihood estimate of state and spectrum from one start."""
     priors = MovingPriors(rig, slow, delay)
     state, iterations, converged = start, 0, False
     for look in range(_LOOKS):
-        fit = at_state(rig, slow, blocks, state, priors, model, still)
+        fit = at_state(rig, slow, blocks, state, priors, model)
         fit = estimate_noise(fit)
         model = fit.noise
         solution = _solve(
@@ -319,7 +298,6 @@ def fit_moving(
             state.moving.delay,
             state,
             priors,
-            still_rows(rig, state, still, fit.rows.design.shape[1]),
         )
         iterations += solution.iterations
         _, j = fit.whitened()
@@ -328,5 +306,5 @@ def fit_moving(
         converged = bool(np.linalg.norm(j @ step) < _SETTLED * np.sqrt(j.shape[1]))
         if look > 0 and (converged or not solution.converged):
             break
-    fit = estimate_noise(at_state(rig, slow, blocks, state, priors, model, still))
+    fit = estimate_noise(at_state(rig, slow, blocks, state, priors, model))
     return replace(fit, iterations=iterations, converged=converged)

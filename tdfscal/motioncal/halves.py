@@ -74,7 +74,6 @@ def compare_halves(fit: MovingFit, keep: BoolArray, delay: UncertainValue) -> Ha
         return none
     priors = MovingPriors(fit.rig, fit.slow, delay)
     both = at_state(fit.rig, fit.slow, first + second, fit.state, priors, fit.noise)
-    both = replace(both, still_residual=fit.still_residual, still_jacobian=fit.still_jacobian)
     later = np.zeros((len(both.residual), 1))
     later[both.rows.place[len(first)].start :] = 1.0
     timed = both.jacobian[:, -1:] if priors.free[dynamics.DELAY] else later[:, :0]
@@ -109,7 +108,6 @@ def hold_out(
     priors = MovingPriors(fit.rig, fit.slow, delay)
     cut = tuple(block for fold in folds for block in fold)
     at = at_state(fit.rig, fit.slow, cut, fit.state, priors, fit.noise)
-    at = replace(at, still_residual=fit.still_residual, still_jacobian=fit.still_jacobian)
     nominal = at_state(fit.rig, fit.slow, cut, start, priors, fit.noise)
     r, j = at.whitened()
     rows = len(at.residual)

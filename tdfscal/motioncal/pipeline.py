@@ -56,8 +56,8 @@ class MotionCalibration:
     """The judged result of a calibration in motion.
 
     begin : s, in the log's time, and seconds : length of what was used. rejected : stretches left
-    out, with their reasons. postures : moments of the motion, for figures. still : dwells that
-    went in too. residual_power : frequencies (M,) in Hz and density (M,) of the residual force,
+    out, with their reasons. postures : moments of the motion, for figures. dwells : rests
+    within it. residual_power : frequencies (M,) in Hz and density (M,) of the residual force,
     N²/Hz, with the nominal mounting and calibrated. residual : the residual wrench over time.
     reasons : why the gate rejects; empty where it accepts.
     """
@@ -74,7 +74,7 @@ class MotionCalibration:
     begin: float
     seconds: float
     postures: Postures
-    still: int
+    dwells: int
     residual_power: tuple[FloatArray, FloatArray, FloatArray]
     residual: ResidualWrench
     reasons: tuple[str, ...]
@@ -101,8 +101,7 @@ def calibrate_moving(
     slow: Slow,
     delay: UncertainValue,
     *,
-    still: Postures | None = None,
-    apart: tuple[Stretch, ...] = (),
+    dwells: int = 0,
     inputs: tuple[InputFile, ...] = (),
     progress: Callable[[str], None] = lambda stage: None,
 ) -> MotionCalibration:
@@ -111,7 +110,7 @@ def calibrate_moving(
     Parameters
     ----------
     slow : streams of the log. delay : of the force stamps, s, as the rig file states it.
-    still, apart : dwells that go in as postures, and the stretches of the log that they take.
+    dwells : how many rests were found in the log, which its samples hold as all others.
     inputs : files, of which a salvaged one is never accepted. progress : told of each stage.
 
     Raises
@@ -123,7 +122,7 @@ def calibrate_moving(
     NotConvergedError
         The iteration does not settle.
     """
-    usable = usable_samples(rig, slow, apart)
+    usable = usable_samples(rig, slow)
     keep, cut = usable.keep, usable.blocks
     seen = _moments(rig, slow, keep)
     log_against_rig.check_geometry(rig, seen.position)
@@ -141,13 +140,12 @@ def calibrate_moving(
                 dynamics.prior(rig, float(delay.value), float(delay.std))[0],
             ),
             delay,
-            still=still,
         ),
     )
     fit, usable = without_contacts(
-        fit, usable, lambda cut, last: fit_moving(rig, slow, cut, last.state, delay, still=still)
+        fit, usable, lambda cut, last: fit_moving(rig, slow, cut, last.state, delay)
     )
-    result = _judged(rig, fit, delay, usable.keep, usable.rejected, still, inputs, progress)
+    result = _judged(rig, fit, delay, usable.keep, usable.rejected, dwells, inputs, progress)
     return replace(result, warnings=(*result.warnings, *doubt))
 
 
@@ -160,12 +158,12 @@ class Usable:
     rejected: tuple[Stretch, ...]
 
 
-def usable_samples(rig: Rig, slow: Slow, apart: tuple[Stretch, ...] = ()) -> Usable:
-    """Leave out what is frozen, clipped or `apart`. Raises DataError where nothing serves."""
+def usable_samples(rig: Rig, slow: Slow) -> Usable:
+    """Leave out what is frozen or clipped. Raises DataError where nothing serves."""
     checks.check_stream(rig, slow)
     keep, rejected = checks.frozen(rig, slow)
     rejected += checks.clipped(rig, slow)
-    keep &= ~slow.clipped & outside(slow.time, apart)
+    keep &= ~slow.clipped
     cut = blocks(slow, keep)
     checks.check_blocks(slow, cut)
     return Usable(keep, cut, rejected)
@@ -229,7 +227,7 @@ def _judged(
     delay: UncertainValue,
     keep: BoolArray,
     rejected: tuple[Stretch, ...],
-    still: Postures | None,
+    dwells: int,
     inputs: tuple[InputFile, ...],
     progress: Callable[[str], None],
 ) -> MotionCalibration:
@@ -274,7 +272,7 @@ def _judged(
         begin=float(slow.time[0]),
         seconds=seconds,
         postures=used,
-        still=0 if still is None else len(still),
+        dwells=dwells,
         residual_power=_residual_power(fit, start, delay),
         residual=residual_wrench(
             rig, slow, fit.blocks, start.still, fit.state.still, fit.state.moving

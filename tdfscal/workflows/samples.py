@@ -11,9 +11,6 @@ import numpy as np
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError, UsageError
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.model.postures import Postures
-from tdfscal.model.zero_motion import zero_motion
-from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import Dwells, InputFile, Log, Rig, UncertainValue
@@ -125,22 +122,14 @@ def _static(
     return static(dwells)
 
 
-def _moving(
-    log: LogPass,
-    slow: Slow,
-    still: Postures | None = None,
-    apart: tuple[Stretch, ...] = (),
-    rig: Rig | None = None,
-    inputs: tuple[InputFile, ...] = (),
-) -> MotionCalibration:
+def _moving(log: LogPass, slow: Slow, dwells: int = 0) -> MotionCalibration:
     log.progress.stage("calibrating from the motion")
     return calibrate_moving(
-        rig or log.campaign.rig.rig,
+        log.campaign.rig.rig,
         slow,
         stated_delay(log),
-        still=still,
-        apart=apart,
-        inputs=(*inputs, *log.inputs),
+        dwells=dwells,
+        inputs=tuple(log.inputs),
         progress=log.progress.stage,
     )
 
@@ -163,9 +152,10 @@ def _all(
     slow: Slow | None,
     static: Callable[[Dwells], SelfCalibration],
 ) -> Own:
-    """Dwells as postures and the moves between them in one estimate.
+    """The whole log, its rests and its moves, in one estimate with one spectrum of the noise.
 
-    What the moves cannot add to is the dwells' own result, with a word about it.
+    A dwell is a motion at rest (theory, section 8). Where the moves hold what the model does not
+    know, or make an angle less certain, the dwells' own result stands, with a word about it.
     """
     own = None
     if len(dwells):
@@ -177,15 +167,13 @@ def _all(
     if slow is None:
         return own if own is not None else _static(log, dwells, static)
     if own is None:
-        return _moving(log, slow)
-    apart = tuple(
-        Stretch(float(begin), float(end), "a dwell")
-        for begin, end in zip(dwells.start, dwells.end, strict=True)
-    )
+        return _moving(log, slow, len(dwells))
     try:
-        both = _moving(log, slow, _postures(own, slow), apart)
+        both = _moving(log, slow, len(dwells))
     except TdfscalError as error:
         return _with_word(own, f"the moves add nothing to the dwells: {error.what}")
+    if both.reasons and not own.reasons:
+        return _with_word(own, f"the moves add nothing to the dwells: {both.reasons[0]}")
     if np.any(both.uncertainty.turns.rpy_std > own.uncertainty.rpy_std):
         return _with_word(own, "the moves add nothing to the dwells: they are no more certain")
     return both
@@ -193,25 +181,6 @@ def _all(
 
 def _with_word(own: SelfCalibration, word: str) -> SelfCalibration:
     return replace(own, warnings=(*own.warnings, word))
-
-
-def _postures(own: SelfCalibration, slow: Slow) -> Postures:
-    """Dwells as the static fit weighed them, their zeros moving as those of the motion do."""
-    fit = own.fit
-    used = fit.weight > 0
-    scale = (max(1.0, own.quality.birge) ** 2 / fit.weight[used])[:, None, None, None]
-    observed = fit.postures.subset(used)
-    screened = [k for k in range(len(own.dwells)) if k not in own.rejected]
-    middle = ((own.dwells.start + own.dwells.end) / 2)[screened]
-    drift = replace(own.rig.drift, walk=0.0)
-    motion = zero_motion(drift, np.concatenate([slow.time[:1], middle]), None, own.rig.n)
-    return replace(
-        observed,
-        force_cov=scale * observed.force_cov,
-        position_cov=scale * observed.position_cov,
-        approach=np.zeros_like(observed.approach),
-        motion=None if motion is None else motion.subset(slice(1, None)),
-    )
 
 
 def check_samples(samples: Samples | None, method: str | None, estimator: str) -> None:

@@ -122,7 +122,7 @@ def from_motion(
             state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
         ),
         fit={
-            "postures": result.still,
+            "postures": result.dwells,
             **asdict(result.quality),
             "iterations": result.fit.iterations,
             "converged": result.fit.converged,

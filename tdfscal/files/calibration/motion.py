@@ -86,8 +86,8 @@ class MotionResidual(Strict):
 class MotionResult(Strict):
     """Samples in motion: from when, how long, what was left out, and what they tell besides.
 
-    begin : s, in the log's time. seconds : of the log that went in. dwells : static postures that
-    went in too. delay : s, force stamps minus position stamps. friction : N·m, of each hinge.
+    begin : s, in the log's time. seconds : of the log that went in. dwells : rests that
+    were found in it. delay : s, force stamps minus position stamps. friction : N·m, of each hinge.
     halves_p_value : that the halves of the log differ by chance as they do.
     """
 
@@ -109,7 +109,7 @@ def motion_document(result: MotionCalibration) -> dict[str, Any]:
     return {
         "begin": result.begin,
         "seconds": result.seconds,
-        "dwells": result.still,
+        "dwells": result.dwells,
         "rejected": [{"begin": s.begin, "end": s.end, "reason": s.reason} for s in result.rejected],
         "delay": {"value": moving.delay, "std": std[DELAY]},
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
