@@ -13,7 +13,7 @@ from tdfscal.cli.words import PLAN, example
 
 #: As the simulation has them, which the help does not import; a test compares.
 SCENARIOS = (
-    *("self", "tracker", "months", "motion", "approach"),
+    *("self", "tracker", "months", "motion", "approach", "stops"),
     *("contact", "crosstalk", "dead-axis", "drift", "gain", "jolt", "no-squeeze", "saturation"),
     *("swapped", "zero-shift"),
 )
@@ -29,7 +29,7 @@ def simulate(
         typer.Option(
             metavar="NAME",
             autocompletion=lambda: list(SCENARIOS),
-            help=f"{', '.join(SCENARIOS[:5])}; or with a fault: {', '.join(SCENARIOS[5:])}.",
+            help=f"{', '.join(SCENARIOS[:6])}; or with a fault: {', '.join(SCENARIOS[6:])}.",
         ),
     ] = "self",
     format: Annotated[

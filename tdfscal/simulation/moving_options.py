@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray
 
-Drive = Literal["multisine", "approach"]
+Drive = Literal["multisine", "approach", "stops"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +81,11 @@ class MovingOptions:
                 raise UsageError(f"{name} is {getattr(self, name)}", hint="give a number ≥ 0")
         if self.tilt > np.pi / 4:
             raise UsageError("the tilt is above 45°", hint="stay within 45°")
+
+    @classmethod
+    def stops(cls) -> MovingOptions:
+        """Ten random postures in 96 s: rests of 6 s and moves of 4 s by turns."""
+        return replace(cls(), drive="stops", duration=96.0)
 
     @classmethod
     def approach(cls) -> MovingOptions:

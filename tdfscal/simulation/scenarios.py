@@ -150,8 +150,10 @@ the rig file says so; the others: as "self", with one fault that the rig file do
 MOVING: dict[str, MovingOptions] = {
     "motion": MovingOptions(),
     "approach": MovingOptions.approach(),
+    "stops": MovingOptions.stops(),
 }
-"""Campaigns without a stop: "motion", a minute of slow multisine; "approach", 50 mm in 33 s."""
+"""Campaigns of a moving body: "motion", a minute of slow multisine; "approach", 50 mm in 33 s;
+"stops", rests and moves by turns."""
 
 
 def run_moving(

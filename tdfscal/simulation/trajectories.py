@@ -14,6 +14,8 @@ from tdfscal.simulation.moving_options import MovingOptions
 
 #: Lines of each coordinate's multisine.
 _LINES = 4
+#: Length of a rest and of a move between rests, s.
+_REST, _MOVE = 6.0, 4.0
 #: Time in which a motion starts and ends, s.
 _START = 3.0
 
@@ -64,9 +66,13 @@ def time_table(hinge: FloatArray, time: FloatArray, position: FloatArray) -> Tra
 
 def draw_trajectory(options: MovingOptions, n: int, rng: np.random.Generator) -> Trajectory:
     """Draw the motion of one campaign on n supports."""
-    way = _approach(options, rng) if options.drive == "approach" else _multisine(options, 6, rng)
-    squeeze = _multisine(options, 3 * n - 6, rng)
-    turns = options.tilt if options.drive == "multisine" else 0.0
+    if options.drive == "stops":
+        way, squeeze = _stops(options, 6, rng), _stops(options, 3 * n - 6, rng)
+    else:
+        straight = options.drive == "approach"
+        way = _approach(options, rng) if straight else _multisine(options, 6, rng)
+        squeeze = _multisine(options, 3 * n - 6, rng)
+    turns = 0.0 if options.drive == "approach" else options.tilt
     home = np.asarray(options.home)
 
     def pose(time: FloatArray) -> Pose:
@@ -90,6 +96,23 @@ def _multisine(
 
     top = np.abs(raw(grid)).max(axis=0)
     return lambda time: raw(time) / top
+
+
+def _stops(
+    options: MovingOptions, size: int, rng: np.random.Generator
+) -> Callable[[FloatArray], FloatArray]:
+    """`size` coordinates that rest at random values up to 1, with quintic moves between them."""
+    count = 1 + int(np.ceil(options.duration / (_REST + _MOVE)))
+    value = rng.uniform(-1.0, 1.0, (count, size))
+
+    def course(time: FloatArray) -> FloatArray:
+        inside = np.clip(time, 0.0, options.duration)
+        here = np.minimum((inside // (_REST + _MOVE)).astype(np.int64), count - 2)
+        u = np.clip((inside - here * (_REST + _MOVE) - _REST) / _MOVE, 0.0, 1.0)[:, None]
+        share = u**3 * (10.0 + u * (6.0 * u - 15.0))
+        return np.asarray(value[here] + share * (value[here + 1] - value[here]))
+
+    return course
 
 
 def _approach(

@@ -94,7 +94,7 @@ def simulate(
     ----------
     folder : campaign folder to write.
     rig : rig.yaml; default the reference rig.
-    scenario : self, tracker, months, motion, approach, or a fault.
+    scenario : self, tracker, months, motion, approach, stops, or a fault.
     format : of the log: csv, parquet or mcap.
     postures : number of them.
     tilt : degrees, largest tilt.

@@ -103,7 +103,7 @@ def simulate_to_folder(
     if scenario in MOVING:
         rate = options.recorder.force_rate
         moving = MOVING[scenario]
-        if scenario == "motion":
+        if scenario in ("motion", "stops"):
             moving = replace(moving, tilt=options.tilt, squeeze=squeeze)
         played = run_moving(drawn, scenario, replace(moving, rate=rate), rng, survey)
     else:
