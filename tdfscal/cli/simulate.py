@@ -15,7 +15,8 @@ from tdfscal.cli.words import PLAN, example
 SCENARIOS = (
     *("self", "tracker", "months", "motion", "approach", "stops"),
     *("contact", "crosstalk", "dead-axis", "drift", "gain", "jolt", "no-squeeze", "saturation"),
-    *("swapped", "zero-shift"),
+    *("soft-supports", "swapped", "turned-frame", "walk", "warming", "zero-shift"),
+    *("dead-channel", "load-cells"),
 )
 LogFormat = Literal["csv", "parquet", "mcap"]
 
