@@ -1,51 +1,57 @@
-"""Simulated seconds per second of the control studies.
+"""The paper's Sections 4 and 5 on the reference rig: every number beside ours, with its error.
 
-Run: python -m benchmarks.control > benchmarks/control.md
+    python -m benchmarks.control [RUNS] [CAMPAIGNS] [success RUNS] > benchmarks/control.md
+
+RUNS of free space and docking per calibration, CAMPAIGNS of the accuracy; `success` instead prints
+the probability of assembly against angle error and contact stiffness.
 """
 
 from __future__ import annotations
 
+import sys
+import tempfile
 import time
+from pathlib import Path
 
-import numpy as np
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.reporting.layout import Items, Report, Table
+from tdfscal.workflows.study.paper import paper
+from tdfscal.workflows.study.success import success
 
-from tdfscal.simulation import reference_rig
-from tdfscal.studies import docking, free_space
-from tdfscal.studies.compared_calibrations import simulated
+
+def show(report: Report) -> None:
+    """Print a report as Markdown."""
+    print(f"## {report.title}\n\n{report.subtitle}\n")
+    for block in report.brief():
+        if isinstance(block, Table):
+            print(f"{block.caption}\n")
+            print("| " + " | ".join(block.header) + " |\n" + "|---" * len(block.header) + "|")
+            for row in block.rows:
+                print("| " + " | ".join(row) + " |")
+            print()
+        elif isinstance(block, Items):
+            print(f"{block.caption}:\n")
+            for item in block.items:
+                print(f"- {item}")
+            print()
 
 
 def main() -> None:
-    """Print the table."""
-    print(
-        "# Control studies\n\n"
-        "Made by `python -m benchmarks.control`. Reference rig, three calibrations, step 4 ms,\n"
-        "as `tdfscal study` runs them, without tables and figures. Processor seconds of one core;\n"
-        "lane seconds are simulated seconds times runs times calibrations (and moves).\n"
-    )
-    print("| study | runs | lanes | simulated s | processor s | simulated s / s | lane s / s |")
-    print("|---|---|---|---|---|---|---|")
-    rig = reference_rig()
-    for runs in (1, 10):
+    """Print the tables."""
+    words = sys.argv[1:]
+    with tempfile.TemporaryDirectory() as folder:
+        rig = Path(folder) / "rig"
+        simulate_to_folder(rig, None, postures=9, rows="postures")
         start = time.process_time()
-        arms = simulated(rig, runs, np.random.default_rng(0))
-        print(
-            f"| campaigns and calibrations | {runs} | | | {time.process_time() - start:.1f} | | |"
-        )
-        seed = np.random.SeedSequence(1)
-        start = time.process_time()
-        free = free_space.free_space(free_space.Setup(rig), arms, seed, 1)
-        _row("free space", runs, 18 * runs, free.result.steps * 4e-3, time.process_time() - start)
-        start = time.process_time()
-        dock = docking.docking(docking.Setup(rig), arms, seed, 1)
-        _row("docking", runs, 3 * runs, dock.result.steps * 4e-3, time.process_time() - start)
-
-
-def _row(name: str, runs: int, lanes: int, simulated_s: float, passed: float) -> None:
-    print(
-        f"| {name} | {runs} | {lanes} | {simulated_s:.0f} | {passed:.1f} | "
-        f"{simulated_s / passed:.1f} | {lanes * simulated_s / passed:.0f} |",
-        flush=True,
-    )
+        if "success" in words:
+            runs = int(words[-1]) if words[-1] != "success" else 40
+            show(success(rig, runs=runs, seed=1, workers=1).to_report())
+        else:
+            runs, campaigns = (int(w) for w in (words + ["40", "400"][len(words) :])[:2])
+            found = paper(rig, runs=runs, campaigns=campaigns, seed=1, workers=1)
+            for part in (found, found.free_space, found.docking):
+                show(part.to_report())
+        print(f"{time.process_time() - start:.0f} s of one core.")
 
 
 if __name__ == "__main__":

@@ -53,6 +53,12 @@ ServoBandwidth = Annotated[
 Contact = Annotated[
     float | None, typer.Option(metavar="N/M", min=0, help="Contact stiffness of a tooth.")
 ]
+Friction = Annotated[
+    float | None, typer.Option(metavar="MU", min=0, help="Of the teeth; default 0.15.")
+]
+Clearance = Annotated[
+    float | None, typer.Option(metavar="MM", min=0, help="Radial clearance, default 0.05 mm.")
+]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default one per core.")]
 Mounting = Annotated[
     str | None,
@@ -78,9 +84,9 @@ Logs = Annotated[
 
 
 def _perform(name: str, options: dict[str, Any]) -> int:
-    return perform(
-        f"study.{name}", options | {"calibration": options["calibration"] or ()}
-    ).exit_status
+    if "calibration" in options:
+        options["calibration"] = options["calibration"] or ()
+    return perform(f"study.{name}", options).exit_status
 
 
 @study.command(epilog=example("tdfscal study sensitivity rig.yaml -o sensitivity"))
@@ -177,12 +183,8 @@ def docking(
     virtual_mass: VirtualMass = None,
     servo: ServoBandwidth = None,
     contact_stiffness: Contact = None,
-    friction: Annotated[
-        float | None, typer.Option(metavar="MU", min=0, help="Of the teeth; default 0.15.")
-    ] = None,
-    clearance: Annotated[
-        float | None, typer.Option(metavar="MM", help="Radial clearance, default 0.05 mm.")
-    ] = None,
+    friction: Friction = None,
+    clearance: Clearance = None,
     seed: Seed = 0,
     workers: Workers = None,
     json: Json = False,
@@ -190,3 +192,72 @@ def docking(
 ) -> int:
     """Contact force and torque while the gears are docked (Figs. 17 and 18)."""
     return _perform("docking", locals())
+
+
+@study.command()
+def success(
+    rig: Rig,
+    output: Folder,
+    runs: Annotated[int, typer.Option(min=1, help="Runs of each case.")] = 20,
+    errors: Annotated[
+        str | None,
+        typer.Option(metavar="MRAD,…", help="Angle errors, std per axis; default 0.05 to 5 mrad."),
+    ] = None,
+    engagement: Annotated[
+        float, typer.Option(metavar="MM", help="Length of the engagement, mm.")
+    ] = 60.0,
+    stiffness: Stiffness = None,
+    damping: Damping = None,
+    virtual_mass: VirtualMass = None,
+    servo: ServoBandwidth = None,
+    contact_stiffness: Contact = None,
+    friction: Friction = None,
+    clearance: Clearance = None,
+    seed: Seed = 0,
+    workers: Workers = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Probability that the assembly succeeds, against angle error and contact stiffness."""
+    return _perform("success", locals())
+
+
+@study.command()
+def paper(
+    rig: Rig,
+    output: Folder,
+    runs: Runs = 20,
+    campaigns: Annotated[
+        int, typer.Option(min=2, help="Simulated campaigns for the accuracy.")
+    ] = 200,
+    engagement: Annotated[
+        float | None, typer.Option(metavar="MM", help="Length of the engagement, default 333 mm.")
+    ] = None,
+    seed: Seed = 0,
+    workers: Workers = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Paper against here: Figs. 4, 7–9, 12–14, 16–18, Tables 2 and 3, in one table."""
+    return _perform("paper", locals())
+
+
+@study.command()
+def cost(
+    rig: Rig,
+    output: Folder,
+    assumptions: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="YAML of times and rates that differ from the usual."),
+    ] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Simulated rigs of each.")] = 10,
+    squeeze: Annotated[
+        float, typer.Option(metavar="N", min=0, help="Commanded internal forces, N.")
+    ] = 200.0,
+    distance: Annotated[float, typer.Option(metavar="M", help="Tracker to rig, m.")] = 5.0,
+    seed: Seed = 0,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Cost of self-calibration (static, moving), tracker and both, against their accuracy."""
+    return _perform("cost", locals())

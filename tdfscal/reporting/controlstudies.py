@@ -76,8 +76,8 @@ def free_space_report(study: FreeSpaceStudy) -> Report:
         Table(caption, header, tuple(rows)),
         _ratio_table("Ratios of the means ± standard error", ("position", "posture"), study,
                      free_space.PAPER),
-        *_against_paper(study.arms, free_space_items(study)),
         _knows(study.arms),
+        *_against_paper(study.arms, free_space_items(study)),
         FREE_SPACE_NOTE,
     )  # fmt: skip
     return Report(
@@ -175,8 +175,8 @@ def docking_report(study: DockingStudy) -> Report:
                 ("true", {}, {}), ("seen", docking.PAPER, {"seen": True})
             )
         ),
-        *_against_paper(study.arms, docking_items(study)),
         _knows(study.arms),
+        *_against_paper(study.arms, docking_items(study)),
         DOCKING_NOTE,
     )  # fmt: skip
     return Report(

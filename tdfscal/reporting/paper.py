@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tdfscal.records import FloatArray
+from tdfscal.reporting.layout import Items, Report, Section, Table
 from tdfscal.studies import docking, free_space
 from tdfscal.studies.accuracy import Accuracy
 from tdfscal.studies.compared_calibrations import LIKE
@@ -16,7 +18,8 @@ from tdfscal.studies.free_space import FreeSpaceStudy
 from tdfscal.studies.ratios import ratio
 from tdfscal.studies.sensitivity import Sweep
 
-#: A number is reproduced within this share of the paper's, or two standard errors of ours.
+#: A number is reproduced within this share of the paper's, and is not where it lies beyond that by
+#: more than two standard errors of ours.
 _CLOSE = 0.25
 
 Row = tuple[str | float | int, ...]
@@ -44,19 +47,22 @@ class Item:
 
     @property
     def reproduced(self) -> bool | None:
-        """Whether ours is the paper's; None where they cannot be compared."""
+        """Whether ours is the paper's; None where nobody can tell."""
         if not self.like or np.isnan(self.paper) or np.isnan(self.here):
             return None
         if self.bound:
             return bool(self.here >= self.paper if self.bound == ">" else self.here <= self.paper)
-        tolerance = max(_CLOSE * abs(self.paper), 0.0 if np.isnan(self.std) else 2.0 * self.std)
-        return abs(self.here - self.paper) <= tolerance
+        beyond = abs(self.here - self.paper) - _CLOSE * abs(self.paper)
+        vague = 0.0 if np.isnan(self.std) else 2.0 * self.std
+        return True if beyond <= 0.0 else False if beyond > vague else None
 
 
 def verdict(item: Item) -> str:
     """In a word or two."""
     if item.reproduced is None:
-        return "not comparable" if item.like else "unlike"
+        if not item.like:
+            return "unlike"
+        return "no result" if np.isnan(item.here) else "undecided"
     return "reproduced" if item.reproduced else "not reproduced"
 
 
@@ -125,9 +131,9 @@ def docking_items(study: DockingStudy) -> list[Item]:
         for name, printed, values, unit, why in (
             ("first contact", 45.0, starts[touched], "s",
              f"{1e3 * setup.gap:g} mm at {1e3 * setup.speed:g} mm/s, and the impedance's lag B/K"),
-            ("largest force along z", 12.1, study.seen[c, touched, 2], "N",
+            ("largest Fz", 12.1, study.seen[c, touched, 2], "N",
              "one run there; here it goes with contact stiffness and damping"),
-            ("largest torque about x", 3.48, study.seen[c, touched, 3], "N·m",
+            ("largest Mx", 3.48, study.seen[c, touched, 3], "N·m",
              "one run there, and it depends on the point that moments are about"),
             ("end", 262.0, study.grid(study.result.stopped)[c, study.seated[c]], "s",
              "an engagement of 333 mm, which the stated clearance and tilt give, and the lag"),
@@ -169,7 +175,7 @@ def _ratios(
     ):
         which = {"seen": True} if isinstance(study, DockingStudy) else {}
         found = study.ratio(quantity, arm, "tracker", **which)
-        label = "self / tracker" if like else "self by maximum likelihood / tracker"
+        label = "self/tracker" if like else "self (ML)/tracker"
         items.append(Item(figure, f"{name}, {label}", published, found.value, found.std, "",
                           like, why))  # fmt: skip
     return items
@@ -180,7 +186,7 @@ def sensitivity_items(sweep: Sweep) -> list[Item]:
     force = float(sweep.force.max())
     why = "the same equations (16–19, corrected) on a rig of stated size; Table 1 is empty"
     return [
-        Item("Fig. 4", f"force error at {sweep.deviation[-1]:g} rad", 80.0, force, np.nan, "N",
+        Item("Fig. 4", f"force at {sweep.deviation[-1]:g} rad", 80.0, force, np.nan, "N",
              True, why, ">")
     ]  # fmt: skip
 
@@ -194,10 +200,10 @@ def accuracy_items(study: Accuracy) -> list[Item]:
     ):  # fmt: skip
         if method in methods:
             own = methods[method]
-            name = {"linear": "self", "ml": "self by maximum likelihood", "tracker": "tracker"}
+            name = {"linear": "self", "ml": "self (ML)", "tracker": "tracker"}
             share = np.abs(own.mean) / own.std
             items.append(
-                Item(figure, f"largest |mean| / σ of nine angles, {name[method]}", 1.0,
+                Item(figure, f"|mean| / σ, {name[method]}", 1.0,
                      float(share.max()), 1.0 / np.sqrt(len(own.error)), "", like,
                      'the paper has means "much smaller than" σ and no numbers; here '
                      f"σ is {1e3 * own.std.mean():.3g} mrad", "<")
@@ -209,28 +215,72 @@ def accuracy_items(study: Accuracy) -> list[Item]:
             ("ml", False, "maximum likelihood instead of Eq. 24"),
         ):
             if method in methods:
+                self_name = "self" if like else "self (ML)"
                 a, b = (np.mean(m.error**2, axis=(1, 2)) for m in (methods[method], reference))
                 size = min(len(a), len(b))
                 square = ratio(a[:size], b[:size])
                 value = float(np.sqrt(square.value))
                 items.append(
-                    Item("Table 2", "σ of self against tracker" + ("" if like else ", by maximum "
-                         "likelihood"), -30.1, 100.0 * (value - 1.0),
+                    Item("Table 2", f"σ, {self_name} − tracker", -30.1, 100.0 * (value - 1.0),
                          100.0 * square.std / (2.0 * value), "%", like, why)
                 )  # fmt: skip
                 pair = (m.error[:size] for m in (methods[method], reference))
                 first, second = pair
                 apart = np.abs(first - second).max(axis=(1, 2))
                 mean, std = mean_of(1e3 * apart)
-                label = "" if like else ", by maximum likelihood"
                 items.append(
-                    Item("Table 3", f"largest difference of self and tracker{label}", 1.0, mean,
+                    Item("Table 3", f"|{self_name} − tracker|", 1.0, mean,
                          std, "mrad", like, "one rig there, campaigns of many rigs here", "<")
                 )  # fmt: skip
     return items
 
 
-def paper_rows(items: list[Item]) -> Iterator[Row]:
+def paper_report(rig: str, runs: int, campaigns: int, items: Sequence[Item]) -> Report:
+    """One table, paper against here, and the verdict of each line with its reason."""
+    reasons = list(dict.fromkeys(i.why for i in items))
+    short = {"reproduced": "yes", "not reproduced": "no"}
+    rows = tuple(
+        (i.figure, i.quantity + (f", {i.unit}" if i.unit else ""), paper_said(i), value_said(i),
+         short.get(verdict(i), verdict(i)), str(reasons.index(i.why) + 1))
+        for i in items
+    )  # fmt: skip
+    counted = [i.reproduced for i in items]
+    held, failed = counted.count(True), counted.count(False)
+    blocks = (
+        f"{held} numbers are reproduced (within {100 * _CLOSE:g} % of the paper's, or within its "
+        f"bound), {failed} are not (beyond that by more than two standard errors of ours). Unlike: "
+        "of another method or with other knowledge than the paper's.",
+        Table("Paper against here, ± standard error",
+              ("where", "what", "paper", "here", "reproduced", "why"), rows, left=2),
+        Items("Why", tuple(f"{k + 1}: {why}" for k, why in enumerate(reasons))),
+    )  # fmt: skip
+    return Report(
+        title=f"The paper's figures and tables: {rig}",
+        subtitle=f"{campaigns} campaigns for Sect. 4, {runs} runs for Sect. 5",
+        sections=(Section("Paper against here", blocks),),
+    )
+
+
+def paper_document(
+    rig: str, seed: int, runs: int, campaigns: int, items: Sequence[Item], files: list[str]
+) -> dict[str, Any]:
+    """The comparison as plain JSON values."""
+    header, *rows = paper_rows(items)
+    return {
+        "format": "tdfscal-study-paper/1",
+        "rig": rig,
+        "seed": seed,
+        "runs": runs,
+        "campaigns": campaigns,
+        "items": [
+            {str(n): None if v == "" else v for n, v in zip(header, row, strict=True)}
+            for row in rows
+        ],
+        "files": files,
+    }
+
+
+def paper_rows(items: Sequence[Item]) -> Iterator[Row]:
     """Header and rows of paper.csv."""
     yield "figure", "quantity", "unit", "bound", "paper", "here", "standard_error", "like", \
         "verdict", "why"  # fmt: skip

@@ -19,9 +19,9 @@ from pyarrow import csv
 import tdfscal
 from tdfscal.cli.program import app
 from tdfscal.errors import DataError, NotIdentifiableError, RejectedError, RigError, UsageError
-from tdfscal.studies import docking, free_space
+from tdfscal.studies import cost, docking, free_space, success
 from tests.cli import world
-from tests.cli.running import SAMPLES, run
+from tests.cli.running import SAMPLES, run, shortened
 
 #: What differs from call to call: the time, and how the call was written down.
 PASSING = ("content_sha256", "created", "command")
@@ -70,6 +70,12 @@ BOTH = [
          lambda: tdfscal.study.free_space("campaign", moves="move.csv", **CONTROL)),
     Both("study docking campaign -o out/f --runs 1 --engagement 20",
          lambda: tdfscal.study.docking("campaign", engagement=20.0, **CONTROL)),
+    Both("study cost campaign -o out/f --runs 1",
+         lambda: tdfscal.study.cost("campaign", **CONTROL)),
+    Both("study paper campaign -o out/f --runs 1 --campaigns 2 --engagement 20",
+         lambda: tdfscal.study.paper("campaign", campaigns=2, engagement=20.0, **CONTROL)),
+    Both("study success campaign -o out/f --runs 1 --engagement 4 --errors 1",
+         lambda: tdfscal.study.success("campaign", engagement=4.0, errors=(1.0,), **CONTROL)),
     Both("simulate out/new --postures 3 --rate 10 --force",
          lambda: tdfscal.simulate("out/new", postures=3, rate=10.0, force=True)),
     Both("schema out/schemas", lambda: tdfscal.schema("out/schemas")),
@@ -146,6 +152,12 @@ def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
     monkeypatch.setattr(docking, "docking", once("docking", docking.docking))
     monkeypatch.setattr(free_space, "free_space", once("free space", free_space.free_space))
+    shortened(monkeypatch, docking.Setup, gap=0.005, ramp=0.5)
+    shortened(monkeypatch, free_space.Setup, duration=1.0, rest=1.0)
+    monkeypatch.setattr(success, "FACTORS", (1.0,))
+    monkeypatch.setattr(success, "success", once("success", success.success))
+    monkeypatch.setattr(cost, "SECONDS", (20.0,))
+    monkeypatch.setattr(cost, "cost", once("cost", cost.cost))
 
 
 def leaves(command: Any, name: str = "") -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.csv as pa_csv
@@ -15,11 +14,12 @@ from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.reporting import controlfigures
 from tdfscal.simulation import Recorder, make_rig
-from tdfscal.studies import docking, free_space
+from tdfscal.studies import cost, docking, free_space, success
 from tdfscal.studies.compared_calibrations import KNOWS
 from tdfscal.workflows.calibrate import calibrate
+from tdfscal.workflows.study.paper import PaperResult
 from tdfscal.wrench.filtering import Walk
-from tests.cli.running import rows, run
+from tests.cli.running import rows, run, shortened
 
 MOVE = "roll,pitch,yaw,x,y,z,roll,pitch,yaw,x,y,z\n0,0,0,0,0,0,0.01,0,0,0,0,0.002\n"
 
@@ -44,16 +44,6 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
         save_calibration(calibrate([home / name], trials=0), home / f"{name}.yaml")
     (home / "moves.csv").write_text(MOVE, encoding="utf-8")
     return Bench(home / "rig", home / "rig.yaml", home / "heavier.yaml", home / "moves.csv")
-
-
-def shortened(monkeypatch: pytest.MonkeyPatch, setup: type, **shorter: float) -> None:
-    """A study that takes less time than it would by default."""
-    original: Any = setup.__init__  # type: ignore[misc]
-
-    def init(self: Any, *args: Any, **kwargs: Any) -> None:
-        original(self, *args, **{**shorter, **kwargs})
-
-    monkeypatch.setattr(setup, "__init__", init)
 
 
 def test_docking(
@@ -131,6 +121,93 @@ def test_the_logs_of_a_run_are_those_of_any_recorder(
         noise = 1.75 * np.sqrt(3 / 100)
         said = np.mean([float(row[f"seen_f{axis}"]) for row in trace])
         assert abs(found - said) < 4 * noise
+
+
+def test_success_falls_with_the_angle_error(
+    bench: Bench,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    shortened(monkeypatch, docking.Setup, gap=0.02, ramp=0.5)
+    monkeypatch.setattr(success, "FACTORS", (0.1, 1.0))
+    out = tmp_path / "out"
+    line = ("study", "success", bench.rig, "-o", out, "--runs", 4, "--engagement", 6)
+    seen = run(capsys, *line, "--errors", "0,20", "--workers", 1, "-q", "--json")
+    assert seen.status == 0, seen.err
+    cases = json.loads(seen.out)["cases"]
+    assert [c["angle_std_rad"] for c in cases] == [0.0, 0.02] * 2
+    assert cases[1]["contact_N_per_m"] * 10 == pytest.approx(cases[3]["contact_N_per_m"])
+    for exact, wrong in (cases[:2], cases[2:]):
+        assert exact["succeeded"] == 4
+        assert wrong["succeeded"] == 0
+        assert wrong["high"] == pytest.approx(1 - 0.025**0.25)
+    # A stiffer contact asks for more damping.
+    assert cases[2]["damping_Ns_per_m"] > 3 * cases[0]["damping_Ns_per_m"]
+    assert (out / "success.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_paper_against_here(
+    bench: Bench,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    shortened(monkeypatch, docking.Setup, gap=5e-4, ramp=0.2)
+    shortened(monkeypatch, free_space.Setup, duration=0.2, rest=0.1)
+    monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
+    monkeypatch.setattr(PaperResult, "drawings", lambda self: ())
+    out = tmp_path / "out"
+    line = ("study", "paper", bench.rig, "-o", out, "--runs", 2, "--campaigns", 10)
+    seen = run(capsys, *line, "--engagement", 4, "--workers", 1, "-q", "--json")
+    assert seen.status == 0, seen.err
+    document = json.loads(seen.out)
+    items = document["items"]
+    assert {i["figure"] for i in items} == {
+        "Fig. 4", "Figs. 7–9", "Figs. 12–14", "Table 2", "Table 3", "Fig. 16", "Fig. 17", "Fig. 18",
+    }  # fmt: skip
+    assert all(i["why"] for i in items)
+    by = {(i["figure"], i["quantity"]): i for i in items}
+    first = by["Fig. 4", "force at 0.05 rad"]
+    assert first["verdict"] == "reproduced"
+    assert first["here"] == pytest.approx(81.7, abs=0.05)
+    assert by["Table 2", "σ, self − tracker"]["like"] == "like"
+    assert by["Table 2", "σ, self (ML) − tracker"]["verdict"] == "unlike"
+    assert by["Fig. 18", "force, self"]["paper"] == 4.19
+    assert len(rows(out / "paper.csv")) == len(items)
+    page = (out / "study.html").read_text(encoding="utf-8")
+    assert "Paper against here" in page
+
+
+def test_cost_follows_its_assumptions(
+    bench: Bench,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(cost, "POSTURES", (12, 14))
+    monkeypatch.setattr(cost, "SECONDS", (20.0,))
+    out, assumed = tmp_path / "out", tmp_path / "ours.yaml"
+    assumed.write_text("tracker_setup: 2\nperson: 0\nmachine: 100\ntracker: 0\n", encoding="utf-8")
+    line = ("study", "cost", bench.rig, "-o", out, "--runs", 2, "--assumptions", assumed)
+    seen = run(capsys, *line, "-q", "--json")
+    assert seen.status == 0, seen.err
+    document = json.loads(seen.out)
+    by = {c["method"]: c for c in document["choices"]}
+    assert list(by) == ["self, static", "self, moving", "tracker", "joint"]
+    # 2 h, 3 sensors of 0.1 h, 3 × (4 + 12) points of 20 s.
+    assert by["tracker"]["machine_h"] == pytest.approx(2.3 + 48 * 20 / 3600)
+    assert by["tracker"]["people_h"] == pytest.approx(2 * by["tracker"]["machine_h"])
+    assert by["self, static"]["machine_h"] == pytest.approx(0.25 + 14 * 7 / 3600)
+    for choice in document["choices"]:
+        assert choice["cost"] == pytest.approx(100 * choice["machine_h"])
+        assert 1e-5 < choice["rms_error_rad"] < 2e-3
+    assert by["joint"]["rms_error_rad"] < by["tracker"]["rms_error_rad"]
+    assert (out / "cost.png").read_bytes().startswith(b"\x89PNG")
+    assumed.write_text("trackr: 2\n", encoding="utf-8")
+    seen = run(capsys, *line[:4], tmp_path / "new", *line[5:], "-q")
+    assert seen.status == 2
+    assert "the nearest known key is 'tracker'" in " ".join(seen.err.split())
 
 
 def test_bad_input_is_refused_with_the_reason(

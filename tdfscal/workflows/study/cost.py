@@ -1,0 +1,135 @@
+"""`study cost`: what each way to calibrate costs, against the accuracy that it reaches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.errors import UsageError
+from tdfscal.files.model_errors import nearest
+from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import protect, together
+from tdfscal.files.yaml.reading import read_document
+from tdfscal.reporting import cost as words
+from tdfscal.simulation import Options
+from tdfscal.studies import cost as study_of
+from tdfscal.studies.cost import Assumptions
+from tdfscal.workflows.arguments import at_least, one
+from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.rigs import rig_named, survey_of
+from tdfscal.workflows.study.result import frame_of, write_study
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class CostResult(Result):
+    """Effort and error of each way to calibrate. files : that were written."""
+
+    study: study_of.CostStudy
+    seed: int
+    files: tuple[str, ...] = ()
+
+    def to_report(self) -> Report:
+        """Return effort, error and the assumptions."""
+        return words.cost_report(self.study)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the study as plain JSON values."""
+        return words.cost_document(self.study, self.seed, list(self.files))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows of `cost.csv`."""
+        return frame_of(words.cost_rows(self.study))
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return error against cost."""
+        return (words.cost_drawing(self.study),)
+
+
+@together()
+def cost(
+    rig: str | PathLike[str],
+    *,
+    output: str | PathLike[str] | None = None,
+    assumptions: str | PathLike[str] | None = None,
+    runs: int = 10,
+    squeeze: float = 200.0,
+    distance: float = 5.0,
+    seed: int = 0,
+    progress: Progress = SILENT,
+) -> CostResult:
+    """Cost of self-calibration (static, moving), tracker and both, against their accuracy.
+
+    Parameters
+    ----------
+    rig : rig.yaml, or its folder.
+    output : folder for tables and figures.
+    assumptions : YAML file of times and rates that differ from the usual ones.
+    runs : simulated rigs of each.
+    squeeze : N, commanded internal forces.
+    distance : m, tracker to rig.
+    seed : of all random numbers.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError.
+    """
+    folder, given = one(output), one(assumptions)
+    protect(inputs_read(rigs=[Path(rig)], files=[] if given is None else [given]))
+    for option, value, least in (
+        ("--runs", runs, 1),
+        ("--seed", seed, 0),
+        ("--squeeze", squeeze, 0),
+    ):
+        at_least(option, value, least)
+    assumed = Assumptions() if given is None else read_assumptions(given)
+    loaded = rig_named(rig)
+    if folder is not None:
+        check_folder(folder)
+    study = study_of.cost(
+        loaded.rig,
+        assumed,
+        runs,
+        seed,
+        options=Options(squeeze=squeeze),
+        survey=survey_of(loaded, distance),
+        progress=progress.count,
+    )
+    result = CostResult(study, seed)
+    if folder is None:
+        return result
+    tables = {"cost.csv": words.cost_rows(study)}
+    files = write_study(folder, tables, result.drawings(), result.to_report())
+    return replace(result, files=tuple(files))
+
+
+def read_assumptions(path: Path) -> Assumptions:
+    """Numbers by the names of `Assumptions`; what is left out stays. Raises UsageError."""
+    content = read_document(path, UsageError).content
+    known = [f.name for f in fields(Assumptions)]
+    if not isinstance(content, dict):
+        raise UsageError(
+            "holds no keys", where=str(path), hint=f"write lines such as `{known[0]}: 4.0`"
+        )
+    for key, value in content.items():
+        if key not in known:
+            near = nearest(str(key), known, cutoff=0.0) or known[0]
+            raise UsageError(
+                f"unknown key {key!r}, the nearest known key is {near!r}",
+                where=str(path),
+                hint=f"use {', '.join(known)}",
+            )
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise UsageError(f"{value!r} is no number", where=f"{path}: {key}", hint="give one")
+    return Assumptions(**{key: float(value) for key, value in content.items()})

@@ -1,0 +1,123 @@
+"""`study paper`: the paper's figures and tables against this rig's, in one table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import protect, together
+from tdfscal.reporting import paper as words
+from tdfscal.reporting.paper import Item
+from tdfscal.workflows.arguments import one
+from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.study.accuracy import AccuracyResult, accuracy
+from tdfscal.workflows.study.docking import DockingResult, docking
+from tdfscal.workflows.study.free_space import FreeSpaceResult, free_space
+from tdfscal.workflows.study.result import frame_of, write_study
+from tdfscal.workflows.study.sensitivity import SensitivityResult, sensitivity
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PaperResult(Result):
+    """The paper's numbers beside this rig's, and the studies that they come from.
+
+    files : that were written.
+    """
+
+    sensitivity: SensitivityResult
+    accuracy: AccuracyResult
+    free_space: FreeSpaceResult
+    docking: DockingResult
+    seed: int
+    files: tuple[str, ...] = ()
+
+    @property
+    def items(self) -> tuple[Item, ...]:
+        """One line per number of the paper."""
+        return (
+            *words.sensitivity_items(self.sensitivity.sweeps[0]),
+            *words.accuracy_items(self.accuracy.study),
+            *words.free_space_items(self.free_space.study),
+            *words.docking_items(self.docking.study),
+        )
+
+    def _counts(self) -> tuple[int, int]:
+        return self.docking.study.arms.runs, self.accuracy.study.setup.runs
+
+    def to_report(self) -> Report:
+        """Return the table, with the reason of each verdict."""
+        return words.paper_report(self.sensitivity.rig.name, *self._counts(), self.items)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the table as plain JSON values."""
+        name, files = self.sensitivity.rig.name, list(self.files)
+        return words.paper_document(name, self.seed, *self._counts(), self.items, files)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows of `paper.csv`."""
+        return frame_of(words.paper_rows(self.items))
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figures of all four studies."""
+        parts = (self.sensitivity, self.accuracy, self.free_space, self.docking)
+        return tuple(drawing for part in parts for drawing in part.drawings())
+
+
+@together()
+def paper(
+    rig: str | PathLike[str],
+    *,
+    output: str | PathLike[str] | None = None,
+    runs: int = 20,
+    campaigns: int = 200,
+    engagement: float | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Progress = SILENT,
+) -> PaperResult:
+    """Paper against here: Figs. 4, 7–9, 12–14, 16–18, Tables 2 and 3, in one table.
+
+    Parameters
+    ----------
+    rig : rig.yaml, or its folder.
+    output : folder for the table and all figures.
+    runs : per calibration, in free space and docking.
+    campaigns : simulated for the accuracy.
+    engagement : mm, length of the engagement; default 333.
+    seed : of all random numbers.
+    workers : processes; default one per core.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError.
+    """
+    folder = one(output)
+    protect(inputs_read(rigs=[Path(rig)]))
+    if folder is not None:
+        check_folder(folder)
+    shared: dict[str, Any] = {"seed": seed, "workers": workers, "progress": progress}
+    result = PaperResult(
+        sensitivity(rig),
+        accuracy(rig, runs=campaigns, **shared),
+        free_space(rig, runs=runs, **shared),
+        docking(rig, runs=runs, engagement=engagement, **shared),
+        seed,
+    )
+    if folder is None:
+        return result
+    tables = {"paper.csv": words.paper_rows(result.items)}
+    files = write_study(folder, tables, result.drawings(), result.to_report())
+    return replace(result, files=tuple(files))

@@ -1,0 +1,133 @@
+"""`study success`: does the assembly succeed, against the angle error and the contact stiffness."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike, cpu_count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import protect, together
+from tdfscal.reporting import success as words
+from tdfscal.simulation.control.runs import Controller
+from tdfscal.studies import docking
+from tdfscal.studies import success as study_of
+from tdfscal.workflows.arguments import Numbers, at_least, numbers, one
+from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.result import Result
+from tdfscal.workflows.rigs import rig_named
+from tdfscal.workflows.study.controlled import Cell, steps_of
+from tdfscal.workflows.study.result import frame_of, write_study
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tdfscal.reporting.figures.style import Drawing
+    from tdfscal.reporting.layout import Report
+
+#: Engagement by default, mm: the peaks are at the mouth, and the full length takes five times as
+#: long.
+ENGAGEMENT = 60.0
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class SuccessResult(Result):
+    """Assemblies that succeed. files : that were written."""
+
+    study: study_of.SuccessStudy
+    files: tuple[str, ...] = ()
+
+    def to_report(self) -> Report:
+        """Return probabilities with their intervals, forces and jams."""
+        return words.success_report(self.study)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the study as plain JSON values."""
+        return words.success_document(self.study, list(self.files))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows of `success.csv`."""
+        return frame_of(words.success_rows(self.study))
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the probability against the angle error."""
+        return (words.success_drawing(self.study),)
+
+
+@together()
+def success(
+    rig: str | PathLike[str],
+    *,
+    output: str | PathLike[str] | None = None,
+    runs: int = 20,
+    errors: Numbers | None = None,
+    engagement: float = ENGAGEMENT,
+    stiffness: Numbers | float | None = None,
+    damping: Numbers | float | None = None,
+    virtual_mass: Numbers | float | None = None,
+    servo: float | None = None,
+    contact_stiffness: float | None = None,
+    friction: float | None = None,
+    clearance: float | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Progress = SILENT,
+) -> SuccessResult:
+    """Probability that the assembly succeeds, against the angle error and the contact stiffness.
+
+    Parameters
+    ----------
+    rig : rig.yaml, or its folder.
+    output : folder for tables and figures.
+    runs : of each angle error and stiffness.
+    errors : mrad, standard deviations of a sensor's turn about each axis.
+    engagement : mm, length of the engagement.
+    stiffness, damping, virtual_mass : of the impedance, for translations (N/m, N·s/m, kg) or also
+        turns (N·m/rad, N·m·s/rad, kg m²); default 10 kN/m, the least stable damping, the real mass.
+    servo : Hz, bandwidth of the NCPs' servos; default 15.
+    contact_stiffness : N/m of a tooth on what carries it; the middle of two decades.
+    friction : coefficient. clearance : mm, radial.
+    seed : of all random numbers.
+    workers : processes; default one per core.
+    progress : called as the work goes on.
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError.
+    """
+    folder = one(output)
+    protect(inputs_read(rigs=[Path(rig)]))
+    for option, value, least in (("--runs", runs, 1), ("--seed", seed, 0)):
+        at_least(option, value, least)
+    at_least("--workers", 1 if workers is None else workers, 1)
+    deviations: Sequence[float] = study_of.DEVIATIONS
+    if errors is not None:
+        deviations = tuple(1e-3 * v for v in numbers("--errors", errors))
+        at_least("--errors", min(deviations), 0)
+    cell = Cell(
+        stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
+        contact=contact_stiffness, friction=friction, clearance=clearance, engagement=engagement,
+    )  # fmt: skip
+    loaded = rig_named(rig)
+    setup = docking.Setup(loaded.rig, gears=cell.gears())
+    if folder is not None:
+        check_folder(folder)
+    study = study_of.success(
+        setup,
+        lambda gears: cell.controller(loaded.rig, Controller(), gears),
+        runs,
+        seed,
+        deviations=deviations,
+        workers=workers or cpu_count() or 1,
+        progress=steps_of(progress, f"docking, {runs} runs of each angle error and stiffness"),
+    )
+    result = SuccessResult(study)
+    if folder is None:
+        return result
+    tables = {"success.csv": words.success_rows(study)}
+    files = write_study(folder, tables, result.drawings(), result.to_report())
+    return replace(result, files=tuple(files))
