@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.comparison.compatibility import Comparison, compare_pair
@@ -33,7 +33,7 @@ class CompareResult(Result):
 
     @property
     def verified(self) -> bool:
-        """Every pair agrees."""
+        """Every pair agrees, and none of it was rejected."""
         return all(pair.verified for pair in self.pairs)
 
     @property
@@ -103,7 +103,15 @@ def compare(
         raise UsageError("one calibration cannot be compared", hint="name two files or more")
     read = read_sources(sources)
     loaded = [(name, c.rotations()) for name, c in read]
-    return CompareResult(
-        tuple(compare_pair(loaded[0], other) for other in loaded[1:]),
-        tuple(name for name, c in read if not c.accepted),
-    )
+    rejected = tuple(name for name, c in read if not c.accepted)
+    pairs = (compare_pair(loaded[0], other) for other in loaded[1:])
+    return CompareResult(tuple(_judged(pair, rejected) for pair in pairs), rejected)
+
+
+def _judged(pair: Comparison, rejected: tuple[str, ...]) -> Comparison:
+    """A rejected calibration verifies nothing, whatever its wide or wrong uncertainty covers."""
+    blamed = [name for name in pair.names if name in rejected]
+    if not blamed:
+        return pair
+    verdict = f"not verified: {' and '.join(blamed)} was rejected by the quality gate"
+    return replace(pair, verified=False, verdict=f"{verdict} ({pair.verdict})")

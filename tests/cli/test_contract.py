@@ -61,6 +61,7 @@ CASES = [
     Case("calibrate campaign --method guess", 2, "guess"),
     Case("calibrate damaged -o out/kept.yaml", 3, "log.parquet"),
     Case("calibrate brief -o out/kept.yaml --trials 0", 4, "do not determine"),
+    Case("compare own.yaml rejected.yaml", 1, "Not verified: rejected"),
     Case("compare own.yaml survey.json", 0, "E_n"),
     Case("compare own.yaml", 2, "two files"),
     Case("compare own.yaml nowhere.yaml", 2, "nowhere.yaml"),
