@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 Row = tuple[str, ...]
 
 
+LISTED = 8
+"""Sentences of a list that a terminal shows at most; two lists of them fill half a screen."""
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """Rows of text under a header; the first `left` columns are words, the others numbers."""
@@ -41,6 +45,14 @@ class Items:
 
     caption: str
     items: tuple[str, ...]
+
+    def brief(self) -> Items:
+        """The same, cut to `LISTED` sentences and the number of the others."""
+        more = len(self.items) - LISTED
+        if more <= 0:
+            return self
+        kept = (*self.items[:LISTED], f"… and {more} more; a page or JSON lists them all")
+        return Items(self.caption, kept)
 
 
 #: A str is a paragraph.
@@ -85,13 +97,14 @@ class Report:
         """Blocks of a rendering without pages."""
         for section in self.sections:
             if not section.page_only:
-                yield from section.blocks
+                for block in section.blocks:
+                    yield block.brief() if isinstance(block, Items) else block
 
     def closing(self) -> Iterator[Items]:
         """Lists that a rendering without pages ends with."""
         for caption, items in (("Warnings", self.warnings), ("What next", self.advice)):
             if items:
-                yield Items(caption, items)
+                yield Items(caption, items).brief()
 
 
 def legible(report: Report) -> Report:

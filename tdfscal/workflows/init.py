@@ -123,7 +123,7 @@ def init(
     mapping, first = info.mapping, info.contents[0]
     if mapping is None:
         raise DataError(
-            "; ".join((*info.problems, *info.guess.notes)) or "no mapping is guessed",
+            _why_not(info),
             where=str(first.path),
             hint="write the `log:` block by hand: `tdfscal info` lists the fields",
         )
@@ -144,6 +144,13 @@ def init(
     if target is not None:
         write_text(target, text)
     return InitResult(text, info, sketch, unconfirmed(text))
+
+
+def _why_not(info: LogInfo) -> str:
+    """Why no mapping was guessed, each reason once and without the file's name."""
+    path = f"{info.contents[0].path}: "
+    reasons = (text.removeprefix(path) for text in (*info.problems, *info.guess.notes))
+    return "; ".join(dict.fromkeys(reasons)) or "no mapping is guessed"
 
 
 def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:

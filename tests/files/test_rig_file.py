@@ -129,6 +129,27 @@ def test_log_block_without_supports_keeps_the_default_names() -> None:
     assert loaded.log.position == default_mapping(loaded.rig.supports).position
 
 
+def test_columns_by_number_need_no_quotes() -> None:
+    """Those of a table without a header, as whole numbers in YAML; a truth value is no name."""
+    columns = [[2, 3, 4], [5, 6, 7], [8, 9, 10]]
+    block = {
+        "time": {"field": 1},
+        "temperature": 20,
+        "supports": {
+            n: {"position": c, "force": [9 + k for k in c]}
+            for n, c in zip("abc", columns, strict=True)
+        },
+    }
+    loaded = parse_rig((MINIMAL + f"log: {json.dumps(block)}\n").encode(), "rig.yaml")
+    assert loaded.log is not None
+    assert loaded.log.time_field == "1"
+    assert loaded.log.position == tuple(tuple(map(str, c)) for c in columns)
+    assert loaded.log.force[0] == ("11", "12", "13")
+    assert loaded.log.temperature == ("20",)
+    with pytest.raises(RigError, match="must be text"):
+        parse_rig((MINIMAL + "log: {time: {field: true}}\n").encode(), "rig.yaml")
+
+
 def test_document_is_strict_json_and_reads_back_the_same(tmp_path: Path) -> None:
     (tmp_path / "rig.yaml").write_text(RIG)
     loaded = load_rig(tmp_path / "rig.yaml")
@@ -247,7 +268,7 @@ FAULTS = [
     ("    ncp3: {position: [X3, Y3, Z3], force: [Fx3, Fy3, Fz3]}\n", "", "log.supports", "`ncp3`"),
     ("[X1, Y1, Z1]", "[X1, Y1]", "log.supports.ncp1.position", "three fields or one"),
     ("[X1, Y1, Z1]", "[X1, Y1, Z1, W1]", "log.supports.ncp1.position", "three fields or one"),
-    ("[X1, Y1, Z1]", "[X1, Y1, 3]", "log.supports.ncp1.position[2]", "must be text"),
+    ("[X1, Y1, Z1]", "[X1, Y1, 3.5]", "log.supports.ncp1.position[2]", "must be text"),
     ("[X1, Y1, Z1]", "[X1, Y1, Y1]", "log.supports.ncp1.position", "`Y1`"),
     ("[X1, Y1, Z1]", "[X3, Y1, Z1]", "log.supports.ncp3.position", "`X3`"),
     ("[X1, Y1, Z1], force", "[X1, Y1, Z1], forces", "log.supports.ncp1.forces", "`force`"),

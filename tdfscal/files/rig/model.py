@@ -228,10 +228,20 @@ class Drift(Strict):
     angle: NotNegative = 0.0
 
 
+def _column(given: Any) -> Any:
+    number = isinstance(given, int) and not isinstance(given, bool)
+    return str(given) if number else given
+
+
+_FIELD = {"type": ["string", "integer"], "minLength": 1}
+FieldName = Annotated[Text, BeforeValidator(_column), WithJsonSchema(_FIELD)]
+"""A field of a log: its name or, of a table without a header, the number of its column from 1."""
+
+
 class LogTime(Strict):
     """The log's clock: field and unit in CSV and Parquet, source in MCAP."""
 
-    field: Text = "time"
+    field: FieldName = "time"
     unit: TimeUnit = "s"
     source: TimeSource = "log"
 
@@ -247,9 +257,8 @@ def _one_or_three(given: Any) -> Any:
     return (given,)
 
 
-_FIELD = {"type": "string", "minLength": 1}
 Fields = Annotated[
-    tuple[Text, ...],
+    tuple[FieldName, ...],
     BeforeValidator(_one_or_three),
     WithJsonSchema(
         {
@@ -304,11 +313,11 @@ class SupportFields(Strict):
 
 
 def _temperatures(given: Any) -> Any:
-    return (given,) if isinstance(given, str) else given
+    return (given,) if isinstance(given, str | int) else given
 
 
 Temperatures = Annotated[
-    tuple[Text, ...] | dict[Name, Text],
+    tuple[FieldName, ...] | dict[Name, FieldName],
     BeforeValidator(_temperatures),
     WithJsonSchema(
         {

@@ -224,6 +224,17 @@ def test_damaged_ros1_is_refused(tmp_path: Path, fault: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("packing", [Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4])
+def test_a_ros1_chunk_expands_to_so_much_and_no_more(
+    tmp_path: Path, packing: Writer1.CompressionFormat, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = ros1_bag(tmp_path / "log.bag", packing)
+    assert_holds(read_log([path], MAPPING, SUPPORTS), TRUTH)
+    monkeypatch.setattr("tdfscal.logs.bag.ros1.MAX_CHUNK", 1 << 12)
+    with pytest.raises(DataError, match="a chunk expands to more than"):
+        read_log([path], MAPPING, SUPPORTS)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "match"),
     [

@@ -35,7 +35,8 @@ from tdfscal.logs.describe import describe_logs
 from tdfscal.logs import iter_log
 from tests.files.logs.log_making import JSON_MAPPING, LOG_TIME, SUPPORTS
 path = Path(sys.argv[1])
-mapping = {".mcap": JSON_MAPPING if "json" in path.name else LOG_TIME}.get(path.suffix)
+mapping = JSON_MAPPING if "json" in path.name else LOG_TIME
+mapping = mapping if path.suffix in (".bag", ".mcap") else None
 try:
     if sys.argv[2] == "info":
         said = str(describe_logs([path]).problems)
@@ -202,6 +203,57 @@ def long_definition(folder: Path) -> Path:
     return recording(folder / "long.mcap", "cdr", ("a/msg/T0", "ros2msg", text), data)
 
 
+def ros1_chunk_that_expands(folder: Path) -> Path:
+    """A ROS 1 bag, put together record by record: one chunk of 4 GiB of zeros, in LZ4."""
+
+    def record(fields: dict[str, bytes], data: bytes) -> bytes:
+        parts = [f"{key}=".encode() + value for key, value in fields.items()]
+        head = b"".join(struct.pack("<I", len(part)) + part for part in parts)
+        return struct.pack("<I", len(head)) + head + struct.pack("<I", len(data)) + data
+
+    stream = lz4.frame.LZ4FrameCompressor(block_size=lz4.frame.BLOCKSIZE_MAX4MB)
+    zeros = bytes(64 << 20)
+    packed = stream.begin() + b"".join(stream.compress(zeros) for _ in range(64)) + stream.flush()
+    u32, u64 = (lambda n: struct.pack("<I", n)), (lambda n: struct.pack("<Q", n))
+    topics = [f"/{s}/{what}" for s in SUPPORTS for what in ("position", "wrench")]
+    kinds = ["geometry_msgs/PointStamped", "geometry_msgs/WrenchStamped"] * len(SUPPORTS)
+    chunk = record({"op": b"\5", "compression": b"lz4", "size": u32(0)}, packed)
+    indexes = b"".join(
+        record({"op": b"\4", "ver": u32(1), "conn": u32(k), "count": u32(1)}, u64(k) + u32(0))
+        for k in range(len(topics))
+    )
+    text = b"float64 x\nfloat64 y\nfloat64 z\n"
+    connections = b"".join(
+        record(
+            {"op": b"\7", "conn": u32(k), "topic": topic.encode()},
+            b"".join(
+                struct.pack("<I", len(part)) + part
+                for part in (
+                    b"topic=" + topic.encode(), b"type=" + kind.encode(), b"md5sum=" + b"0" * 32,
+                    b"message_definition=" + text,
+                )
+            ),
+        )
+        for k, (topic, kind) in enumerate(zip(topics, kinds, strict=True))
+    )  # fmt: skip
+    begin = 13 + 4096
+    counts = b"".join(u32(k) + u32(1) for k in range(len(topics)))
+    info = record(
+        {"op": b"\6", "ver": u32(1), "chunk_pos": u64(begin), "start_time": u64(0),
+         "end_time": u64(9), "count": u32(len(topics))},
+        counts,
+    )  # fmt: skip
+    fields = {
+        "op": b"\3", "index_pos": u64(begin + len(chunk) + len(indexes)),
+        "conn_count": u32(len(topics)), "chunk_count": u32(1),
+    }  # fmt: skip
+    bare = len(record(fields, b""))
+    header = record(fields, b" " * (4096 - bare))
+    path = folder / "bomb.bag"
+    path.write_bytes(b"#ROSBAG V2.0\n" + header + chunk + indexes + connections + info)
+    return path
+
+
 QUICK = 4
 BOMBS: list[Callable[[Path], Path]] = [
     one_large_page_each,
@@ -218,6 +270,7 @@ BOMBS: list[Callable[[Path], Path]] = [
     chunk_larger_than_memory,
     json_that_nests,
     long_definition,
+    ros1_chunk_that_expands,
 ]
 CASES = [
     pytest.param(bomb, how, id=f"{bomb.__name__}-{how}",
