@@ -148,9 +148,10 @@ def init(
 
 def _why_not(info: LogInfo) -> str:
     """Why no mapping was guessed, each reason once and without the file's name."""
-    path = f"{info.contents[0].path}: "
-    reasons = (text.removeprefix(path) for text in (*info.problems, *info.guess.notes))
-    return "; ".join(dict.fromkeys(reasons)) or "no mapping is guessed"
+    path, none = f"{info.contents[0].path}: ", "no mapping is guessed"
+    said = [text.removeprefix(path) for text in (*info.problems, *info.guess.notes)]
+    decisive = [text for text in said if none in text]
+    return "; ".join(dict.fromkeys(decisive or said)) or none
 
 
 def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:

@@ -22,6 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 import tdfscal
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.rig.draft import unconfirmed
+from tests.cli.running import run
 from tests.files.logs.log_making import STORE, definition, point_stamped, wrench_stamped
 
 BEGIN = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
@@ -291,6 +292,24 @@ def test_what_is_to_be_confirmed_is_said(
     rig.write_text(text.replace("# confirm", "# confirmed"))
     result = tdfscal.calibrate(log, rig=rig, trials=0)
     assert not any("to be confirmed" in warning for warning in result.warnings)
+
+
+def test_a_newcomer_needs_two_commands(
+    frame: tuple[pd.DataFrame, np.ndarray],
+    reference: tdfscal.Calibration,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """From a foreign table to accepted angles; a third, `info`, shows what the table holds."""
+    monkeypatch.chdir(tmp_path)
+    german_excel(frame[0], tmp_path)
+    assert run(capsys, "init", "Messung.csv", "-o", "rig.yaml", "-q").status == 0
+    done = run(capsys, "calibrate", ".", "--trials", "0", "-q")
+    assert done.status == 0, done.err
+    assert "ACCEPTED" in done.out
+    angles = [s["rpy"] for s in yaml.safe_load(Path("calibration.yaml").read_text())["supports"]]
+    np.testing.assert_allclose(angles, reference.rpy, rtol=0, atol=1e-9)
 
 
 def test_without_positions_nothing_is_drafted(tmp_path: Path) -> None:
