@@ -13,10 +13,14 @@ import numpy as np
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.planning import Limits, Plan, Request, make_plan
+from tdfscal.planning.candidates import draw
+from tdfscal.planning.choice import Planner
+from tdfscal.planning.refinement import refine
 from tdfscal.records import Rig
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
+from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
 
+FEW, LONG_SEARCHES, LONG_ROUNDS = 12, 4, 500
 TILT, POSTURES, NOISE, CAMPAIGNS = np.deg2rad(6.0), 24, 1.0, 200
 STIFF, SOFT = 2.0e7, 2.0e6
 #: Squeeze (N), the NCPs' stiffness (N/m) and repeatability (m): their product is the unplanned
@@ -52,6 +56,48 @@ def driven(rig: Rig, plan: Plan, stiffness: float) -> float:
     return float(np.sqrt(np.mean(np.square(errors), axis=0)).mean())
 
 
+def searched_long(rig: Rig, request: Request, plan: Plan) -> float:
+    """Mean standard uncertainty of an angle, rad, of the best of long searches and the plan."""
+    best = float(plan.expected.rpy_std.mean())
+    for seed in range(LONG_SEARCHES):
+        planner = Planner(rig, request, np.random.default_rng(100 + seed))
+        index, returns = planner.select(len(plan.position))
+        start = planner.pool.take(index)
+        if seed:
+            anywhere = draw(rig, request.limits, 4 * len(index), planner.rng, extremes=False)
+            start = anywhere.take(np.arange(len(index)))
+        base = planner.held + len(plan.position) * planner.scatter
+        found = refine(
+            planner.sight, request.limits, start, base, planner.objective, planner.rng,
+            rounds=LONG_ROUNDS,
+        )  # fmt: skip
+        rows = np.concatenate([np.arange(len(index)), np.zeros(returns, dtype=np.int64)])
+        best = min(best, float(planner.forecast(found.take(rows)).rpy_std.mean()))
+    return best
+
+
+def against_long_searches() -> None:
+    """Print how far the plans are from the best that long searches find."""
+    print(
+        f"\n# Against long searches\n\n{FEW} postures, squeeze 200 N, supports on a circle. Long: "
+        f"the best of {LONG_SEARCHES} free searches of {LONG_ROUNDS} rounds, one from the pool's "
+        "best, the others from\npostures anywhere; standard uncertainty of an angle, mean, mrad.\n"
+    )
+    print("| supports | plan | long | plan / long | CPU, s |\n|---|---|---|---|---|")
+    for n in (3, 4, 5, 6):
+        rig = make_rig(n=n)
+        limits = Limits(TILT, 200.0, np.full((n, 3), np.inf), np.zeros(3), stiffness=STIFF)
+        request = Request(limits, noise=NOISE)
+        start = time.process_time()
+        plan = make_plan(rig, request, FEW, np.random.default_rng(0))
+        spent = time.process_time() - start
+        mine, best = plan.expected.rpy_std.mean(), searched_long(rig, request, plan)
+        print(
+            f"| {n} | {1e3 * mine:.4f} | {1e3 * best:.4f} | {mine / best:.3f} | {spent:.1f} |",
+            flush=True,
+        )
+
+
 def main() -> None:
     """Print the table."""
     print(
@@ -75,6 +121,7 @@ def main() -> None:
             f"| {1e3 * seen:.3f} | {seen / expected:.3f} | {spent:.1f} |",
             flush=True,
         )
+    against_long_searches()
 
 
 if __name__ == "__main__":
