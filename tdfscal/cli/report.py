@@ -19,6 +19,10 @@ def report(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE", help="Calibration files; - for stdin.")
     ],
+    previous: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The calibration before: what was found, what is left."),
+    ] = None,
     html: Annotated[
         Path | None,
         typer.Option("--html", metavar="FILE", help="Also write one HTML page; - for stdout."),

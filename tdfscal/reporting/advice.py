@@ -62,7 +62,7 @@ def advise(c: Calibration) -> tuple[str, ...]:
         )
     advice = [f"Mend what the residuals say: {cure}." for cure in c.quality.advice[:1]]
     new = "three to five new postures" if c.motion is None else "the next motion without contact"
-    advice.append(f"Prove it on {new}: tdfscal validate CALIBRATION LOG. Repeat monthly.")
+    advice.append(f"Prove it on {new}: tdfscal validate {_file(c)} LOG. Repeat monthly.")
     shares = _shares(c)
     lessen = _LESSEN if c.motion is None else _LESSEN | _LESSEN_IN_MOTION
     if shares:
@@ -70,6 +70,14 @@ def advise(c: Calibration) -> tuple[str, ...]:
         if shares[largest] > _NOTABLE and largest in lessen:
             advice.append(lessen[largest])
     return tuple(advice)
+
+
+def _file(c: Calibration) -> str:
+    """The calibration file's name, as the command that made it gave it."""
+    named = re.search(r"(?:-o|--output)[= ]([^ -][^ ]*)", c.command)
+    if named:
+        return named[1]
+    return "calibration.yaml" if c.command.startswith("tdfscal calibrate") else "CALIBRATION"
 
 
 def _cures(c: Calibration) -> tuple[str, ...]:

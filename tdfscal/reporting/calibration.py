@@ -25,8 +25,10 @@ _ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
 RESIDUAL_HEADER = ("", "rms before", "rms after", "largest before", "largest after")
 
 
-def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Report:
-    """Lay out a calibration; drawings are those of a page."""
+def calibration_report(
+    c: Calibration, drawings: tuple[Drawing, ...] = (), more: tuple[Section, ...] = ()
+) -> Report:
+    """Lay out a calibration; drawings are those of a page, more what is said besides."""
     names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
     proof, rejected = _residual_wrench(c), _rejected(c)
     sections = illustrated(
@@ -35,6 +37,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             "angles": (_angles(c),),
             "methods": (),
             "residuals": (proof,) if proof else (),
+            "components": (),
             "budget": (),
             "timeline": (Items("Rejected postures", rejected),) if rejected else (),
             "observability": (),
@@ -56,6 +59,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         tiles=_tiles(c),
         sections=(
             *sections,
+            *more,
             Section("Statistics", (Facts(_statistics(c)),)),
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),

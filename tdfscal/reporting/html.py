@@ -13,7 +13,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures import drawings, several_drawings, validation, wrench_in_motion
 from tdfscal.reporting.figures.style import Drawing, to_svg
-from tdfscal.reporting.layout import Facts, Items, Report, Table, legible
+from tdfscal.reporting.layout import Facts, Items, Report, Section, Table, legible
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.validation import Origin, Verdict, validation_report
 from tdfscal.reporting.validation_in_motion import moving_validation_report
@@ -29,9 +29,9 @@ def render(report: Report) -> str:
     )
 
 
-def render_page(calibration: Calibration) -> str:
-    """Return the page of one calibration."""
-    return render(calibration_report(calibration, drawings(calibration)))
+def render_page(calibration: Calibration, more: tuple[Section, ...] = ()) -> str:
+    """Return the page of one calibration; more : what is said besides."""
+    return render(calibration_report(calibration, drawings(calibration), more))
 
 
 def render_validation(v: Verdict, warnings: Sequence[str], origin: Origin) -> str:

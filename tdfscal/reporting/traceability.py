@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from datetime import datetime, timedelta
+
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
@@ -9,6 +12,8 @@ from tdfscal.reporting.layout import Block, Facts, Section, Table
 from tdfscal.reporting.phrases import METHODS, inputs_table, utc
 from tdfscal.significance import COVERAGE_FACTOR, MOST_REJECTED
 
+#: Days of a month; months beyond which nothing is said.
+_MONTH, _FOREVER = 30.4375, 1200.0
 _ESTIMATORS = {"ml": ", maximum likelihood", "linear": ", linear (the paper's)", None: ""}
 _SOURCES = {"log": "by the log's own clock", "rig": "by the rig file", "file": "by the file's date"}
 #: Standard uncertainties of the rig file's block, by the words for what they are of.
@@ -29,6 +34,8 @@ def campaign(c: Calibration) -> tuple[Section, ...]:
         begin, end = utc(c.measured.begin), utc(c.measured.end)
         span = begin if begin == end else f"{begin} to {end}"
         facts.append(("Measured", f"{span}, {_SOURCES[c.measured.source]}"))
+    if due := _next_due(c):
+        facts.append(("Next due", due))
     if stated is not None:
         named = (("Operator", stated.operator), ("Site", stated.site), ("Note", stated.note))
         facts += [(name, text) for name, text in named if text]
@@ -41,6 +48,25 @@ def campaign(c: Calibration) -> tuple[Section, ...]:
         header = ("sensor", "serial number", "certificate", "due")
         blocks.append(Table("Sensors", header, papers, left=4))
     return (Section("Campaign and sensors", tuple(blocks)),) if blocks else ()
+
+
+def _next_due(c: Calibration) -> str:
+    """When the next calibration is due, by drift.angle and the sensors; empty where unknown."""
+    angle, limit = c.rig.drift.angle, c.rig.acceptance.angle_std
+    due = []
+    room = limit**2 - float(c.rpy_std[c.determined].max()) ** 2
+    if c.status == "accepted" and 0 < angle < math.inf and room > 0:
+        months = room / angle**2
+        if months < _FOREVER:
+            end = datetime.fromisoformat(c.measured.end if c.measured else c.created)
+            day = (end + timedelta(days=_MONTH * months)).date().isoformat()
+            due.append((day, "by drift.angle an angle then reaches its limit"))
+    due += [
+        (s.sensor.due[:10], f"when the certificate of {s.name}'s sensor ends")
+        for s in c.rig.supports
+        if s.sensor is not None and s.sensor.due is not None
+    ]
+    return ", ".join(min(due)) if due else ""
 
 
 def _papers(c: Calibration) -> tuple[tuple[str, ...], ...]:

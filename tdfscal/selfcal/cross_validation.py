@@ -41,12 +41,14 @@ class CrossValidation:
     """Residual wrench of the postures, each predicted from all the others.
 
     before : with the nominal mounting and the stated zeros, mass and barycentre.
-    after : with the calibration found without that posture.
+    after : with the calibration found without that posture. cov : (K, 6, 6), of force and moment
+    after, N and N·m, by what is stated.
     """
 
     index: IntArray
     before: Remaining
     after: Remaining
+    cov: FloatArray
 
 
 def _rms(vectors: FloatArray) -> float:
@@ -64,7 +66,8 @@ def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
     J = np.linalg.solve(L, fit.jacobian[used]) @ parts.root
     e = np.linalg.solve(L, fit.residual[used][..., None])
     # pinv: a posture that alone carries a direction predicts nothing there.
-    deleted = (L @ np.linalg.pinv(np.eye(6) - J @ np.swapaxes(J, 1, 2), hermitian=True) @ e)[..., 0]
+    apart = L @ np.linalg.pinv(np.eye(6) - J @ np.swapaxes(J, 1, 2), hermitian=True)
+    deleted = (apart @ e)[..., 0]
 
     rig, start = fit.rig, nominal(fit.rig, fit.postures.motions)
     at = balance(fit.postures, start, rig.barycentre.value, rig.gravity)
@@ -73,6 +76,7 @@ def cross_validate(fit: Fit, parts: Spectrum) -> CrossValidation:
         index=used,
         before=_about_origin(before, at.rotation[used], at.centre),
         after=_about_origin(deleted, fit.at.rotation[used], fit.at.centre),
+        cov=_cov_about_origin(apart @ np.swapaxes(L, 1, 2), fit.at.rotation[used], fit.at.centre),
     )
 
 
@@ -81,3 +85,11 @@ def _about_origin(residual: FloatArray, rotation: FloatArray, centre: FloatArray
     force = residual[:, :3]
     moment = residual[:, 3:] + (so3.hat(rotation @ centre) @ force[..., None])[..., 0]
     return Remaining(force=-force, moment=-moment)
+
+
+def _cov_about_origin(cov: FloatArray, rotation: FloatArray, centre: FloatArray) -> FloatArray:
+    """Covariance (K, 6, 6) of a wrench about c, moved to the LCS origin."""
+    moved = np.zeros_like(cov)
+    moved[:, :6, :6] = np.eye(6)
+    moved[:, 3:, :3] = so3.hat(rotation @ centre)
+    return np.asarray(moved @ cov @ np.swapaxes(moved, 1, 2))

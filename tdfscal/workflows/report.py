@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+from tdfscal.errors import UsageError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
@@ -25,21 +26,32 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
+    from tdfscal.reporting.layout import Report, Section
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ReportResult(Result):
-    """Calibrations to look at. named : name and content of each, in the order given."""
+    """Calibrations to look at. named : name and content of each, in the order given.
+
+    previous : the one that a single calibration follows.
+    """
 
     named: tuple[tuple[str, Calibration], ...]
+    previous: tuple[str, Calibration] | None = None
+
+    def _more(self) -> tuple[Section, ...]:
+        from tdfscal.reporting.as_found import as_found
+
+        return () if self.previous is None else (as_found(self.named[0][1], *self.previous),)
 
     def to_report(self) -> Report:
         """Return the summary of the one, or all side by side."""
         from tdfscal.reporting.several import put_side_by_side, several_report
 
         if len(self.named) == 1:
-            return self.named[0][1].to_report()
+            from tdfscal.reporting.calibration import calibration_report
+
+            return calibration_report(self.named[0][1], more=self._more())
         return several_report(put_side_by_side(self.named))
 
     @property
@@ -48,7 +60,7 @@ class ReportResult(Result):
         from tdfscal.reporting.html import render_page, render_several
 
         if len(self.named) == 1:
-            return render_page(self.named[0][1])
+            return render_page(self.named[0][1], self._more())
         return render_several(self.named)
 
     def to_dict(self) -> dict[str, Any]:
@@ -87,6 +99,7 @@ class ReportResult(Result):
 @together()
 def report(
     *files: CalibrationSource | Iterable[CalibrationSource],
+    previous: CalibrationSource | None = None,
     html: str | PathLike[str] | None = None,
     figures: str | PathLike[str] | None = None,
     progress: Progress = SILENT,
@@ -96,6 +109,7 @@ def report(
     Parameters
     ----------
     files : each a file or a calibration in memory.
+    previous : the calibration that a single one follows, for what was found and what is left.
     html : page to write. figures : folder for the figures, PNG, SVG and PDF.
     progress : called as the work goes on.
 
@@ -105,8 +119,15 @@ def report(
         A file cannot be read, is no calibration, or they are of different supports.
     """
     sources, page, folder = sources_of(*files), one(html), one(figures)
-    check_outputs({"--html": page}, paths_of(sources), {"--html": PAGE_SUFFIXES})
-    result = ReportResult(tuple(read_sources(sources)))
+    before = sources_of(*([] if previous is None else [previous]))
+    check_outputs({"--html": page}, paths_of([*sources, *before]), {"--html": PAGE_SUFFIXES})
+    if before and len(sources) > 1:
+        raise UsageError(
+            "--previous goes with one calibration",
+            hint="name one file besides, or leave --previous out: several are compared anyway",
+        )
+    named = read_sources([*sources, *before])
+    result = ReportResult(tuple(named[: len(sources)]), named[-1] if before else None)
     result.save_figures(folder, progress)
     if page is not None:
         progress.stage("drawing the report")

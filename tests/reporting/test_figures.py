@@ -22,7 +22,7 @@ from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg
 from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
 
 SPATIAL = {"observability", "rig"}
-SELF = {"angles", "residuals", "budget", "timeline", "observability", "rig", "trials"}
+SELF = {"angles", "residuals", "components", "budget", "timeline", "observability", "rig", "trials"}
 
 
 APART = {
@@ -106,7 +106,7 @@ def test_no_word_lies_on_another(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["self", "joint"])
 def test_axes_name_their_units(kind: str) -> None:
     for name, (_, _, labels) in words(kind).items():
-        unit = r"mrad|µm|, N$|N·m|, s\b|, m$|%"
+        unit = r"mrad|µm|, N$|N·m|, s\b|, m$|%|std. unc."
         assert any(re.search(unit, label) for label in labels), f"{name}: {labels}"
 
 

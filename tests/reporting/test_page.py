@@ -121,9 +121,9 @@ def test_words_of_the_user_stay_words() -> None:
 
 def test_every_claim_has_figure_reading_and_label(page: str) -> None:
     reader = read(page)
-    assert reader.tags.count("svg") == 7
+    assert reader.tags.count("svg") == 8
     labels = [value for name, value in reader.attributes if name == "aria-label"]
-    assert len(labels) == 7
+    assert len(labels) == 8
     assert all(len(label) > 30 for label in labels)
 
 
@@ -182,7 +182,7 @@ def test_a_sensor_without_angles_spoils_no_page(axes: str) -> None:
     assert c.undetermined == ("support_4",)
     page = render_page(c)
     reader = read(page)
-    assert reader.tags.count("svg") == 7
+    assert reader.tags.count("svg") == 8
     said = " ".join(reader.words)
     assert not re.search(r"\b(inf|nan|None)\b", said)
     weakest = 1e3 * c.rpy_std[:3].max()

@@ -146,7 +146,9 @@ def test_report_of_one(files: list[Path], capsys: pytest.CaptureFixture[str]) ->
 def test_figures_are_written(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     folder = files[0].with_name("figures")
     assert run(capsys, "report", *files, "--figures", folder).status == 0
-    assert sorted(path.name for path in folder.iterdir()) == ["drift.png", "drift.svg"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        f"drift.{suffix}" for suffix in ("pdf", "png", "svg")
+    ]
 
 
 def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:

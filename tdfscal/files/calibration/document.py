@@ -16,7 +16,7 @@ from tdfscal.files.calibration.consistency import (
     check_shape,
     from_directions,
 )
-from tdfscal.files.calibration.evidence_model import MethodAngles, PostureTable
+from tdfscal.files.calibration.evidence_model import DwellTable, MethodAngles, PostureTable
 from tdfscal.files.calibration.life import CampaignResult, HistoryEntry, Instant, MeasuredResult
 from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.files.calibration.parameters import Parameters, check_parameters
@@ -92,6 +92,7 @@ class Calibration(Strict):
     tracker: TrackerStatistics | None = None
     motion: MotionResult | None = None
     postures: PostureTable | None = None
+    dwells: DwellTable | None = None
     methods: tuple[MethodAngles, ...] | None = None
     campaigns: tuple[CampaignResult, ...] = ()
     history: tuple[HistoryEntry, ...] = ()
@@ -135,6 +136,8 @@ class Calibration(Strict):
                 check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
             if self.monte_carlo.histogram is not None:
                 check_shape(self.monte_carlo.histogram.counts, len(self.supports), "histogram")
+        if self.dwells is not None:
+            check_shape(self.dwells.force, len(self.supports), "force", "dwells")
         for index, campaign in enumerate(self.campaigns):
             for name in ("zero", "zero_std"):
                 check_shape(getattr(campaign, name), len(self.supports), name, "campaigns", index)

@@ -14,6 +14,8 @@ from tdfscal.selfcal.observability import load_directions
 from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 
+#: Dwells that a file keeps for a figure, at most.
+_LOOKED_AT = 2000
 #: Bins of a quarter of a standard uncertainty; normally one trial in 16 000 lies beyond.
 _EDGES = np.linspace(-4.0, 4.0, 33)
 
@@ -24,6 +26,7 @@ def postures(result: SelfCalibration) -> dict[str, Any]:
     used = [k for k in range(len(dwells)) if k not in result.rejected]
     stated, _ = register(result.rig.hinge, result.fit.postures.position[check.index])
     found = result.fit.at.rotation[check.index]
+    std = _std_in_lcs(found, check.cov)
     return {
         "definition": POSTURES_DEFINITION,
         "index": used,
@@ -33,6 +36,8 @@ def postures(result: SelfCalibration) -> dict[str, Any]:
         "force_after": _in_lcs(found, check.after.force),
         "moment_before": _in_lcs(stated, check.before.moment),
         "moment_after": _in_lcs(found, check.after.moment),
+        "force_std": std[:, :3],
+        "moment_std": std[:, 3:],
         "left_out": [
             {"start": piece.start, "end": piece.end, "reason": piece.reason}
             for piece in dwells.left_out
@@ -43,6 +48,22 @@ def postures(result: SelfCalibration) -> dict[str, Any]:
 def _in_lcs(pose: FloatArray, vectors: FloatArray) -> FloatArray:
     """Vectors (K, 3) of the BCS in LCS axes; pose (K, 3, 3), LCS → BCS."""
     return np.asarray(np.einsum("kba,kb->ka", pose, vectors))
+
+
+def dwells(result: SelfCalibration) -> dict[str, Any] | None:
+    """Mean readings of all dwells, where they are few enough to be looked at."""
+    found = result.dwells
+    if len(found) > _LOOKED_AT:
+        return None
+    force = np.where(result.rig.axes, found.force, 0.0)
+    return {"start": found.start, "end": found.end, "force": np.swapaxes(force, 0, 1)}
+
+
+def _std_in_lcs(pose: FloatArray, cov: FloatArray) -> FloatArray:
+    """Standard uncertainties (K, 6) in LCS axes of wrenches with cov (K, 6, 6) in the BCS."""
+    blocks = (cov[:, k : k + 3, k : k + 3] for k in (0, 3))
+    variance = [np.einsum("kba,kbc,kca->ka", pose, block, pose) for block in blocks]
+    return np.sqrt(np.maximum(np.hstack(variance), 0.0))
 
 
 def loads(result: SelfCalibration) -> list[dict[str, Any]]:

@@ -45,7 +45,8 @@ class PostureTable(Strict):
     """The postures in the fit, column by column.
 
     index counts all dwells from 0; start, end in s as the log counts them. left_out: stretches
-    that the search for dwells refused.
+    that the search for dwells refused. force_std, moment_std: standard uncertainties of force_after
+    and moment_after, each axis, by what is stated.
     """
 
     definition: PosturesDefinition
@@ -57,14 +58,33 @@ class PostureTable(Strict):
     moment_before: Vectors
     moment_after: Vectors
     left_out: tuple[Stretch, ...] | None = None
+    force_std: Vectors | None = None
+    moment_std: Vectors | None = None
 
     @model_validator(mode="after")
     def _aligned(self) -> Self:
-        for name in ("start", "end", "force_before", "force_after", "moment_before"):
-            if len(getattr(self, name)) != len(self.index):
+        for name in type(self).model_fields.keys() - {"definition", "index", "left_out"}:
+            column = getattr(self, name)
+            if column is not None and len(column) != len(self.index):
                 raise fault("has not one entry per posture", name)
-        if len(self.moment_after) != len(self.index):
-            raise fault("has not one entry per posture", "moment_after")
+        return self
+
+
+class DwellTable(Strict):
+    """All dwells, column by column: start, end in s as the log counts them, and the mean readings.
+
+    force: per support, per dwell; N, sensor frame, as tdfscal's sign has it.
+    """
+
+    start: Numbers
+    end: Numbers
+    force: tuple[Vectors, ...]
+
+    @model_validator(mode="after")
+    def _aligned(self) -> Self:
+        for name, column in (("end", self.end), *(("force", force) for force in self.force)):
+            if len(column) != len(self.start):
+                raise fault("has not one entry per dwell", name)
         return self
 
 

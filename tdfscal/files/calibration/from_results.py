@@ -319,6 +319,7 @@ def _self_parts(
         ),
         "fit": _fit(result) | _totals(origin.campaigns),
         "postures": evidence.postures(result),
+        "dwells": evidence.dwells(result),
         "observability": _observability(result.observability) | {"loads": evidence.loads(result)},
         "monte_carlo": _trials(
             trials,

@@ -9,6 +9,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures import (
     angles,
     budget,
+    components,
     drift,
     methods,
     observability,
@@ -26,6 +27,7 @@ _ALL = (
     angles.draw,
     methods.draw,
     residuals.draw,
+    components.draw,
     budget.draw,
     timeline.draw,
     observability.draw,

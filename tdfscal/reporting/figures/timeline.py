@@ -1,25 +1,36 @@
-"""The log's timeline: dwells in use, rejected ones with their reasons, stretches left out."""
+"""The log's timeline: dwells in use and rejected, stretches left out, forces of every dwell."""
 
 from __future__ import annotations
 
-import textwrap
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import PostureTable
+from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
 from tdfscal.files.calibration.log_time import clock
 from tdfscal.files.calibration.parts import RejectedPosture
-from tdfscal.reporting.figures.style import FILLS, GREY, INK, PALE, RED, Drawing, figure, raster
+from tdfscal.reporting.figures.style import (
+    FILLS,
+    GREY,
+    INK,
+    PALE,
+    RED,
+    Drawing,
+    figure,
+    raster,
+    tip,
+)
 
-SHOWN = 8
-"""Reasons that the figure itself carries; a longer list belongs beside it."""
-_CHARS = 96
+#: Height of a panel of forces, inches.
+_PANEL = 0.85
+_MARKERS = "osD^vPX*"
 
 
 def draw(c: Calibration) -> Drawing | None:
-    """Lanes over the time of the log."""
+    """Lanes over the time of the log, and the forces below."""
     table = c.postures
     if table is None or not table.index:
         return None
@@ -37,26 +48,47 @@ def _paint(c: Calibration, table: PostureTable, rejected: list[RejectedPosture])
     time = clock(c)
     width = 0.9 if time.unit == "row" else 0.0
     lanes = ["in the fit", "rejected"] + (["no dwell"] if table.left_out else [])
-    notes = _notes(c, rejected)
-    fig = figure(0.75 + 0.34 * len(lanes) + 0.155 * (notes.count("\n") + 1 if notes else 0))
-    ax = fig.subplots()
-    pixels = raster(len(table.index))
-    spans = [
-        (s - time.origin, max(e - s, width)) for s, e in zip(table.start, table.end, strict=True)
-    ]
-    line = 0.0 if pixels else 0.5
-    ax.broken_barh(
-        spans, (-0.36, 0.72), facecolor=FILLS[0], edgecolor=INK, linewidth=line, rasterized=pixels
+    heights = [0.34 * len(lanes)] + ([_PANEL] * 3 if c.dwells is not None else [])
+    fig = figure(0.75 + sum(heights))
+    panels = np.atleast_1d(
+        fig.subplots(len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights})
     )
-    for r in rejected:
-        if r.start is None or r.end is None:
-            continue
-        x, w = r.start - time.origin, max(r.end - r.start, width)
+    gone = [(r.start - time.origin, max(r.end - r.start, width), r.index + 1) for r in rejected
+            if r.start is not None and r.end is not None]  # fmt: skip
+    _lanes(panels[0], table, gone, lanes, width, time.origin)
+    if c.dwells is not None:
+        _forces(panels[1:], c, c.dwells, gone, width, time.origin)
+        columns = min(len(c.supports), 4)
+        fig.legend(*panels[1].get_legend_handles_labels(), loc="outside upper left", ncols=columns)
+    panels[-1].set_xlabel(time.label)
+    return fig
+
+
+def _lanes(
+    ax: Axes,
+    table: PostureTable,
+    gone: list[tuple[float, float, int]],
+    lanes: list[str],
+    width: float,
+    origin: float,
+) -> None:
+    """Dwells in the fit, rejected ones with their numbers, stretches that are no dwells."""
+    pixels = raster(len(table.index))
+    spans = [(s - origin, max(e - s, width)) for s, e in zip(table.start, table.end, strict=True)]
+    ax.broken_barh(
+        spans,
+        (-0.36, 0.72),
+        facecolor=FILLS[0],
+        edgecolor=INK,
+        linewidth=0.0 if pixels else 0.5,
+        rasterized=pixels,
+    )
+    for x, w, number in gone:
         ax.broken_barh(
             [(x, w)], (0.64, 0.72), facecolor="white", edgecolor=RED, hatch="////", linewidth=0.9
         )
         ax.annotate(
-            f"{r.index + 1}",
+            f"{number}",
             (x + w, 1),
             xytext=(2, 0),
             textcoords="offset points",
@@ -64,11 +96,11 @@ def _paint(c: Calibration, table: PostureTable, rejected: list[RejectedPosture])
             fontsize=7.5,
             fontweight="bold",
         )
-    if not rejected:
+    if not gone:
         ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=GREY)
     for piece in table.left_out or ():
         ax.broken_barh(
-            [(piece.start - time.origin, max(piece.end - piece.start, width))],
+            [(piece.start - origin, max(piece.end - piece.start, width))],
             (1.64, 0.72),
             facecolor=PALE,
             edgecolor=GREY,
@@ -77,20 +109,32 @@ def _paint(c: Calibration, table: PostureTable, rejected: list[RejectedPosture])
         )
     ax.set_ylim(len(lanes) - 0.45, -0.5)
     ax.set_yticks(range(len(lanes)), lanes)
-    ax.set_xlabel(time.label + (f"\n\n{notes}" if notes else ""), loc="left" if notes else "center")
     ax.grid(axis="y", visible=False)
-    return fig
 
 
-def _notes(c: Calibration, rejected: list[RejectedPosture]) -> str:
-    """Reasons, numbered as the marks are."""
-    time = clock(c)
-    lines = []
-    for r in rejected[:SHOWN]:
-        where = time.stretch(r.start or 0.0, r.end or 0.0)
-        lines += textwrap.wrap(
-            f"Posture {r.index + 1} ({where}): {r.reason}", _CHARS, subsequent_indent="     "
-        )
-    if len(rejected) > SHOWN:
-        lines.append(f"and {len(rejected) - SHOWN} more")
-    return "\n".join(lines)
+def _forces(
+    panels: Sequence[Axes],
+    c: Calibration,
+    dwells: DwellTable,
+    gone: list[tuple[float, float, int]],
+    width: float,
+    origin: float,
+) -> None:
+    """Mean readings of each dwell, a panel per axis of the sensors, rejected dwells shaded."""
+    start = np.array(dwells.start) - origin
+    middle = start + np.maximum(np.array(dwells.end) - np.array(dwells.start), width) / 2
+    force, pixels = np.array(dwells.force), raster(3 * len(start))
+    for k, ax in enumerate(panels):
+        for x, w, _ in gone:
+            ax.axvspan(x, x + w, facecolor="white", edgecolor=RED, hatch="////", linewidth=0.4)
+        for i, support in enumerate(c.supports):
+            if "xyz"[k] not in c.rig.supports[i].axes:
+                continue
+            (line,) = ax.plot(
+                middle, force[i, :, k], linewidth=0.7, color=FILLS[i % len(FILLS)],
+                marker=_MARKERS[i % len(_MARKERS)], markersize=3.2, markeredgecolor=INK,
+                markeredgewidth=0.3, label=support.name, rasterized=pixels,
+            )  # fmt: skip
+            low, high = force[i, :, k].min(), force[i, :, k].max()
+            tip(line, f"{support.name} F{'xyz'[k]}: {low:.1f} to {high:.1f} N")
+        ax.set_ylabel(f"F{'xyz'[k]}, N")
