@@ -96,6 +96,8 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool) ->
         if std > 0:
             _expanded(real, half, half / std, interval.coverage, univariate=univariate)
     for axis, value in zip("xyz", support.zero, strict=True):
+        if value is None:
+            continue
         quantity = _add(data, "quantity")
         _named(quantity, f"zero {axis} of {support.name}")
         real = _si(quantity, "real")

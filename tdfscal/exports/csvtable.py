@@ -29,7 +29,7 @@ def csv_table(c: Calibration) -> str:
         if support.rotation is None:
             continue
         row = [number(v) for v in np.array(support.rotation).ravel()]
-        row += [number(v) for v in support.zero]
+        row += [number(v) for v in support.offset]
         row += [number(v) for v in np.linalg.inv(mixing).ravel()] if scaled else []
         writer.writerow([csv_cell(support.name), *row, c.status, c.created, c.convention])
     return stream.getvalue()

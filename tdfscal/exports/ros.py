@@ -42,7 +42,7 @@ def ros_parameters(c: Calibration, parent: str = "bcs") -> str:
             "rotation": [v for row in sensor.rotation for v in row],
             "quaternion_xyzw": list(sensor.quaternion),
             "rpy": list(sensor.rpy),
-            "zero": list(of.zero),
+            "zero": list(of.offset),
         }
         if of.sensitivity:
             mountings[of.name]["sensitivity"] = [v for row in of.sensitivity for v in row]
@@ -122,7 +122,7 @@ def _document(c: Calibration, base: str) -> dict[str, object]:
             }
             for support in c.mounted
         ],
-        "zero": {support.name: list(support.zero) for support in c.supports},
+        "zero": {support.name: list(support.offset) for support in c.supports},
         **(
             {
                 "sensitivity": {

@@ -30,7 +30,7 @@ def urdf(c: Calibration, parent: str = "bcs") -> str:
         if support.mounting is None:
             continue
         rpy = " ".join(map(number, support.mounting.rpy))
-        zero = " ".join(map(number, support.zero))
+        zero = " ".join(map(number, support.offset))
         lines += [
             f'  <link name="{sensor}"/>',
             f"  <!-- zero of {support.name}: {zero} N -->",

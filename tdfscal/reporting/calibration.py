@@ -151,15 +151,19 @@ def _left_out(c: Calibration) -> tuple[str, ...]:
     return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {s.reason}" for s in stretches)
 
 
+def _zero(value: float | None, std: float | None) -> str:
+    if value is None:
+        return "not measured"
+    return f"{value:.2f} ± {std:.2f}" if std is not None else f"{value:.2f} (open)"
+
+
 def _adjusted(c: Calibration) -> tuple[Table, ...]:
     """Zeros, mass and barycentre as estimated; the tracker sees none of them."""
     if c.method == "tracker":
         return ()
     zeros = tuple(
-        (support.name, *(f"{value:.2f} ± {std:.2f}" if std is not None else f"{value:.2f} (open)"
-                         for value, std in zip(support.zero, support.zero_std, strict=True)))
-        for support in c.supports
-    )  # fmt: skip
+        (support.name, *map(_zero, support.zero, support.zero_std)) for support in c.supports
+    )
     mass, bary = c.terminal.mass, c.terminal.barycenter
     terminal = [("mass, kg", f"{mass.value:.3f}", _std(mass.std, 3))]
     terminal += [

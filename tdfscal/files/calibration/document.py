@@ -19,6 +19,7 @@ from tdfscal.files.calibration.consistency import (
 from tdfscal.files.calibration.evidence_model import DwellTable, MethodAngles, PostureTable
 from tdfscal.files.calibration.life import CampaignResult, HistoryEntry, Instant, MeasuredResult
 from tdfscal.files.calibration.motion import MotionResult
+from tdfscal.files.calibration.nuisances import ComplianceResult, DriftResult
 from tdfscal.files.calibration.parameters import Parameters, check_parameters
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
@@ -88,6 +89,8 @@ class Calibration(Strict):
     monte_carlo: MonteCarloResult | None = None
     validation: ValidationResult | None = None
     stability: StabilityResult | None = None
+    drift: DriftResult | None = None
+    compliance: ComplianceResult | None = None
     conformity: ConformityResult | None = None
     tracker: TrackerStatistics | None = None
     motion: MotionResult | None = None
@@ -246,14 +249,20 @@ class Calibration(Strict):
 
     @property
     def zero(self) -> FloatArray:
-        """(n, 3), zero offsets, N, sensor frames."""
-        return np.array([support.zero for support in self.supports])
+        """(n, 3), zero offsets, N, sensor frames; 0 for an axis that is not measured."""
+        return np.array([support.offset for support in self.supports])
 
     @property
     def zero_std(self) -> FloatArray:
-        """(n, 3), standard uncertainties of the zero offsets, N; ∞ where they are open."""
+        """(n, 3), standard uncertainties of the zero offsets, N; ∞ where they are open.
+
+        An axis that is not measured has none: 0.
+        """
         return np.array(
-            [[np.inf if s is None else s for s in support.zero_std] for support in self.supports]
+            [
+                [0.0 if z is None else np.inf if s is None else s for z, s in pairs]
+                for pairs in (zip(s.zero, s.zero_std, strict=True) for s in self.supports)
+            ]
         )
 
     @property

@@ -17,12 +17,14 @@ from tdfscal.files.calibration import evidence
 from tdfscal.files.calibration.document import Calibration, parameter_names
 from tdfscal.files.calibration.life import measured_document
 from tdfscal.files.calibration.motion import held_out_document, motion_document
+from tdfscal.files.calibration.nuisances import nuisance_documents
 from tdfscal.files.calibration.parameters import parameters_document
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
     CONVENTION,
     CONVENTION_WITH_SENSITIVITY,
     COVARIANCE_DEFINITION,
+    none_where_open,
 )
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.model.calibrated import Calibrated
@@ -222,7 +224,7 @@ def _calibration(
     exact: Sequence[ExactQuantity] = (),
     **parts: Any,
 ) -> Calibration:
-    names = origin.rig.rig.supports
+    names, axes = origin.rig.rig.supports, origin.rig.rig.axes
     rpy, quaternion = so3.to_rpy(angles.rotation), so3.to_quaternion(angles.rotation)
     nobody: dict[str, Any] = {
         "rotation": None,
@@ -253,8 +255,8 @@ def _calibration(
                 if angles.determined[i]
                 else nobody | {"directions": _directions(origin, angles.rotation[i], i)}
             ),
-            "zero": zero[i],
-            "zero_std": zero_std[i],
+            "zero": _measured(zero[i], axes[i]),
+            "zero_std": _measured(none_where_open(zero_std[i]), axes[i]),
             "sensitivity": None if sensitivity is None else sensitivity[i],
         }
         for i, name in enumerate(names)
@@ -298,6 +300,11 @@ def _advice(result: SelfCalibration) -> tuple[str, ...]:
     return tuple(cures.values())
 
 
+def _measured(values: Sequence[Any], axes: Sequence[bool]) -> tuple[Any, ...]:
+    """Values per axis; None for an axis that is not measured."""
+    return tuple(v if there else None for v, there in zip(values, axes, strict=True))
+
+
 def _directions(origin: Provenance, rotation: FloatArray, index: int) -> dict[str, FloatArray]:
     """Directions in the BCS of the axes that a sensor measures."""
     axes = origin.rig.rig.axes[index]
@@ -330,6 +337,7 @@ def _self_parts(
         "validation": _validation(result),
         "stability": result.stability,
         "conformity": _conformity(result.conformity),
+        **({} if result.estimator == "linear" or origin.campaigns else nuisance_documents(result)),
     }
 
 

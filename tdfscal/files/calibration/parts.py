@@ -123,7 +123,7 @@ class SupportResult(Strict):
     turn_std, of the turns about the axes of the BCS, is what the gate judges; rpy_std is null where
     roll and yaw are not separable (pitch ±90°). A sensor that lacks an axis and whose mounting the
     data do not determine has no rotation and no angles, only the directions (unit vectors, BCS) of
-    the axes that it measures.
+    the axes that it measures. An axis that is not measured has no zero.
     """
 
     name: Name
@@ -133,7 +133,7 @@ class SupportResult(Strict):
     turn_std: OpenStds | None = None
     rpy_interval: Interval | None
     quaternion_xyzw: Quaternion | None
-    zero: Vector
+    zero: OpenAngles
     zero_std: OpenStds
     sensitivity: Matrix3 | None = None
     directions: dict[Literal["x", "y", "z"], Vector] | None = None
@@ -142,6 +142,12 @@ class SupportResult(Strict):
     def determined(self) -> bool:
         """It has a rotation."""
         return self.rotation is not None
+
+    @property
+    def offset(self) -> tuple[float, float, float]:
+        """Its zero, N; 0 for an axis that is not measured."""
+        x, y, z = (0.0 if value is None else value for value in self.zero)
+        return x, y, z
 
     @property
     def stated_std(self) -> OpenStds:

@@ -37,8 +37,10 @@ def _check_state(c: Calibration, state: State, std: FloatArray) -> None:
     n, place = len(c.supports), layout(len(c.supports))
     for index, support in enumerate(c.supports):
         where = ("supports", index)
-        _same(support.zero, state.zero[index], *where, "zero")
-        _same_std(support.zero_std, std[place["zero"]].reshape(n, 3)[index], *where, "zero_std")
+        own = np.array([value is not None for value in support.zero])
+        _same(support.offset, np.where(own, state.zero[index], 0.0), *where, "zero")
+        stated = [s for s, there in zip(support.zero_std, own, strict=True) if there]
+        _same_std(stated, std[place["zero"]].reshape(n, 3)[index, own], *where, "zero_std")
         scale = np.eye(3) + symmetric(state.sensitivity)[index]
         _same(c.sensitivity[index], scale, *where, "sensitivity")
     mass, bary = c.terminal.mass, c.terminal.barycenter

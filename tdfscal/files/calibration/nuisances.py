@@ -1,0 +1,91 @@
+"""Zeros that move and supports that give, as the calibration file states them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tdfscal.files.calibration.parts import OpenAngles, OpenStd, OpenStds, none_where_open
+from tdfscal.files.field_types import Number, Strict
+from tdfscal.files.rig.reading import HOUR
+from tdfscal.records import BoolArray, FloatArray
+from tdfscal.selfcal.covariance import information_root
+from tdfscal.selfcal.nuisances import Estimate, compliance_estimates, drift_estimates
+from tdfscal.selfcal.pipeline import SelfCalibration
+
+Shares = tuple[OpenAngles, ...]
+
+
+class Slopes(Strict):
+    """A slope per channel; null for an axis that is not measured."""
+
+    value: tuple[OpenAngles, ...]
+    std: tuple[OpenStds, ...]
+    share: Shares
+
+
+class WalkShare(Strict):
+    """What a random walk of the zeros costs."""
+
+    share: Shares
+
+
+class DriftResult(Strict):
+    """How the zeros moved within the campaign: slopes in time (N/h) and temperature (N/K)."""
+
+    time: Slopes | None = None
+    temperature: Slopes | None = None
+    walk: WalkShare | None = None
+
+
+class Give(Strict):
+    """A compliance between encoder and hinge, m/N."""
+
+    value: Number
+    std: OpenStd
+    share: Shares
+
+
+class ComplianceResult(Strict):
+    """What gives between encoder and hinge, sideways and along Z of the BCS."""
+
+    lateral: Give | None = None
+    vertical: Give | None = None
+
+
+def nuisance_documents(result: SelfCalibration) -> dict[str, Any]:
+    """The blocks `drift` and `compliance`, each None where the rig file declares none."""
+    fit, found = result.fit, result.uncertainty
+    parts, determined = information_root(fit), result.observability.determined
+    drift: dict[str, Any] = {}
+    for estimate in drift_estimates(fit, parts, found):
+        drift[estimate.kind] = {"share": _shares(estimate, determined)}
+        if estimate.value is not None and estimate.std is not None:
+            unit = HOUR if estimate.kind == "time" else 1.0
+            axes = fit.rig.axes
+            drift[estimate.kind]["value"] = _channels(unit * estimate.value, axes)
+            drift[estimate.kind]["std"] = _channels(unit * estimate.std, axes)
+    give = {
+        estimate.kind: {
+            "value": float(np.asarray(estimate.value)),
+            "std": none_where_open(np.asarray(estimate.std)[()]),
+            "share": _shares(estimate, determined),
+        }
+        for estimate in compliance_estimates(fit, parts, found)
+    }
+    return {"drift": drift or None, "compliance": give or None}
+
+
+def _channels(values: FloatArray, axes: BoolArray) -> tuple[tuple[float | None, ...], ...]:
+    return tuple(
+        tuple(none_where_open(v) if there else None for v, there in zip(row, of, strict=True))
+        for row, of in zip(values, axes, strict=True)
+    )
+
+
+def _shares(estimate: Estimate, determined: BoolArray) -> tuple[tuple[float | None, ...], ...]:
+    return tuple(
+        tuple(map(float, row)) if known else (None, None, None)
+        for row, known in zip(estimate.share, determined, strict=True)
+    )
