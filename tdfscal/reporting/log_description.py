@@ -12,7 +12,7 @@ from tdfscal.errors import visible
 from tdfscal.logs.common.contents import Contents, Field, Stream
 from tdfscal.logs.description.info import LogInfo, Signal
 from tdfscal.logs.description.mapping_text import mapping_block
-from tdfscal.logs.text.header import cut
+from tdfscal.logs.text.cells import cut
 from tdfscal.records import Dwells
 from tdfscal.reporting.text import table, width
 

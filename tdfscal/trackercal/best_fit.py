@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,8 @@ from tdfscal.trackercal.point_matching import (
 )
 
 _SCALE_STEPS = 30
+_LISTED = 8
+_INSTEAD = ("the uncertainties stated in the file stand in place of the instrument's",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,33 +99,15 @@ def register(
     noise = point_noise(matched, instrument, {"drawing": drawing})
     applied, survey, scaled = _scaled(matched, noise) if scale else _unscaled(matched, noise)
     fit, covariance = survey.fit, survey.fit.covariance
+    fewer = fit.dof / (fit.dof - 1) if scale and fit.sigma is not None else 1.0
     ratio, ratio_std = applied - 1, np.inf
     if scaled is not None:
         ratio, ratio_std = ratio + float(scaled.value[0]), float(scaled.covariance[0, 0] ** 0.5)
     if scale and scaled is not None:
         # One parameter more, taken from the residuals that tell the noise.
-        fewer = fit.dof / (fit.dof - 1) if fit.sigma is not None else 1.0
         covariance, ratio_std = scaled.rigid_covariance * fewer, ratio_std * fewer**0.5
     scale_p = float(chi2_sf((ratio / ratio_std) ** 2, 1))
     J = so3.rpy_jacobian(fit.rotation)
-    warnings = [*describe_unmatched(matched)]
-    warnings += [f"{r.name} is left out: {r.reason}" for r in survey.rejected]
-    if not fit.handed:
-        warnings.append(
-            "the points lie in one plane within their uncertainty: a mirrored frame would not be "
-            "noticed"
-        )
-    if scale_p < SCALE_DIFFERS and not scale:
-        warnings.append(
-            f"a scale of {ratio * 1e6:+.0f} ± {ratio_std * 1e6:.0f} ppm fits significantly better: "
-            "check temperature and units, or let --scale estimate it"
-        )
-    if apart := moved_apart(matched, noise, survey):
-        warnings.append(apart)
-    if relabellings(survey.points.measured, survey.points.reference, survey.sigma):
-        warnings.append("the points are symmetric: they would fit under other names too")
-    if instrument is not None and MEASURED_FILE in noise.measured:
-        warnings.append("the uncertainties stated in the file stand in place of the instrument's")
     return PointRegistration(
         names=survey.points.names,
         rotation=fit.rotation,
@@ -135,7 +119,7 @@ def register(
         chi2=None if fit.sigma is not None else fit.chi2,
         dof=fit.dof - scale,
         p_value=None if fit.p_value is None else float(chi2_sf(fit.chi2, fit.dof - scale)),
-        sigma=fit.sigma,
+        sigma=None if fit.sigma is None else fit.sigma * fewer**0.5,
         residual=fit.residual,
         normalised=fit.normalised,
         rms=float(np.sqrt(np.mean(np.sum(fit.residual**2, axis=1)))),
@@ -147,7 +131,36 @@ def register(
         rejected=survey.rejected,
         missing=matched.missing,
         extra=matched.extra,
-        warnings=tuple(warnings),
+        warnings=(
+            *describe_unmatched(matched),
+            *_doubts(matched, noise, survey),
+            *(_scale_doubt(ratio, ratio_std) if scale_p < SCALE_DIFFERS and not scale else ()),
+            *(_INSTEAD if instrument is not None and MEASURED_FILE in noise.measured else ()),
+        ),
+    )
+
+
+def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator[str]:
+    """What the fit cannot vouch for, and what was left out of it."""
+    lost = survey.rejected
+    yield from (f"{r.name} is left out: {r.reason}" for r in lost[:_LISTED])
+    if len(lost) > _LISTED:
+        yield f"{len(lost) - _LISTED} more points are left out"
+    if not survey.fit.handed:
+        yield (
+            "the points lie in one plane within their uncertainty: a mirrored frame would not be "
+            "noticed"
+        )
+    if apart := moved_apart(matched, noise, survey):
+        yield apart
+    if relabellings(survey.points.measured, survey.points.reference, survey.sigma):
+        yield "the points are symmetric: they would fit under other names too"
+
+
+def _scale_doubt(ratio: float, std: float) -> tuple[str]:
+    return (
+        f"a scale of {ratio * 1e6:+.0f} ± {std * 1e6:.0f} ppm fits significantly better: check "
+        "temperature and units, or let --scale estimate it",
     )
 
 

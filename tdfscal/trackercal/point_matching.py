@@ -97,8 +97,8 @@ def match_points(
             f"no point has the same {_BY[match]} as one of {reference.source}: "
             f"{_listed([_label(n) for n in ours])} against {_listed([_label(n) for n in names])}",
             where=measured.source,
-            hint="name the points alike in both files, or pair them by --match point, --match "
-            "order or --groups MEASURED=REFERENCE",
+            hint="name the points alike in both files; `register` also pairs them by --match point "
+            "or order, and by --groups MEASURED=REFERENCE",
         )
     j, i = (np.array(index) for index in zip(*common, strict=True))
     taken = set(i.tolist())

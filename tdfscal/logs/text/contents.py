@@ -15,16 +15,9 @@ from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.logs.common import units
 from tdfscal.logs.common.contents import SAMPLES, Contents, Stream, table_contents
 from tdfscal.logs.common.damage import damage
+from tdfscal.logs.text.cells import fits_header, header_cells, row_cells, split_cells, split_label
 from tdfscal.logs.text.date_times import is_date_time, seconds_of_all
-from tdfscal.logs.text.header import (
-    SEPARATORS,
-    fits_header,
-    header_cells,
-    numbered_columns,
-    row_cells,
-    split_cells,
-    split_label,
-)
+from tdfscal.logs.text.header import SEPARATORS, numbered_columns
 from tdfscal.logs.text.numbers import Decimal, decimal_of, is_number
 from tdfscal.logs.text.reader import HEAD, Source, blocks, decode, open_text
 from tdfscal.logs.text.rows import ragged, single_spaces

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import csv
-import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tdfscal.errors import DataError
 from tdfscal.logs.common import units
 from tdfscal.logs.common.request import Request, Signal, check_fields_differ, missing_fields
+from tdfscal.logs.text.cells import (
+    cut,
+    fits_header,
+    header_cells,
+    row_cells,
+    split_cells,
+    split_label,
+)
 from tdfscal.logs.text.date_times import is_date_time
 from tdfscal.logs.text.numbers import is_number, is_number_of_either
-from tdfscal.logs.text.scope import scope_table
+from tdfscal.logs.text.scope import ScopeTable, scope_table
 
 SEPARATORS = (",", ";", "\t", " ")
 """What may stand between cells; a space stands for any run of spaces."""
 _SEARCHED_LINES = 64
 _SEARCHED_ROWS = 256
-_BRACKETS = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
-_REMARK = "#%/"
-"""With what a line of remarks begins, and the header's in what numpy and MATLAB write."""
-_NO_CELLS = frozenset({"", "Comment"})
-"""Names at the header's end that rows may leave without a cell; the second is LabVIEW's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,22 +89,7 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
     lines = text.splitlines()
     names = [name for signal in request.signals for name in signal.components]
     wanted = {request.time_field, *names}
-    scope = scope_table(lines[:_SEARCHED_LINES], where)
-    best = _best_line(lines[:_SEARCHED_LINES], wanted, request.decimal)
-    if scope is not None:
-        named = len(wanted & set(scope.names))
-        best = _Candidate(scope.line, scope.separator, scope.names, named)
-    if best is None:
-        raise DataError("the file is empty", where=where, hint="record the log again")
-    if scope is None and all(name.isdecimal() for name in names):
-        best = numbered_columns(lines, request.decimal) or best
-    elif best.named == 0 and all(is_number_of_either(c) for c in best.cells):
-        raise DataError(
-            "there is no header line; the first line holds numbers",
-            where=f"{where}, line {best.line + 1}",
-            hint="put the columns' names in the first line, or name the fields of the log block "
-            "by their numbers: 1, 2, …",
-        )
+    scope, best = _head(lines, names, wanted, request.decimal, where)
     here = f"{where}, line {max(best.line, 0) + 1}"
     labels = [split_label(cell, wanted) for cell in best.cells]
     column_of = _columns(labels, names, request, here)
@@ -140,6 +126,29 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
         ends=scope is not None,
         sparse=time is not None and _takes_turns(lines[above:], best.separator, components),
     )  # fmt: skip
+
+
+def _head(
+    lines: Sequence[str], names: Sequence[str], wanted: set[str], decimal: str, where: str
+) -> tuple[ScopeTable | None, _Candidate]:
+    """The line of the columns' names; and the shape of a TwinCAT Scope export, if it is one."""
+    scope = scope_table(lines[:_SEARCHED_LINES], where)
+    best = _best_line(lines[:_SEARCHED_LINES], wanted, decimal)
+    if scope is not None:
+        named = len(wanted & set(scope.names))
+        best = _Candidate(scope.line, scope.separator, scope.names, named)
+    if best is None:
+        raise DataError("the file is empty", where=where, hint="record the log again")
+    if scope is None and all(name.isdecimal() for name in names):
+        best = numbered_columns(lines, decimal) or best
+    elif best.named == 0 and all(is_number_of_either(c) for c in best.cells):
+        raise DataError(
+            "there is no header line; the first line holds numbers",
+            where=f"{where}, line {best.line + 1}",
+            hint="put the columns' names in the first line, or name the fields of the log block "
+            "by their numbers: 1, 2, …",
+        )
+    return scope, best
 
 
 def _takes_turns(
@@ -238,77 +247,6 @@ def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> _Candida
             ):
                 best = candidate
     return best
-
-
-def row_cells(rows: Sequence[str], separator: str, header: Sequence[str]) -> int:
-    """How many cells the rows below a header have, going by the first of them."""
-    for line in rows:
-        if line.strip():
-            cells = split_cells(line, separator)
-            return len(cells) if fits_header(cells, header) else len(header)
-    return len(header)
-
-
-def fits_header(cells: Sequence[str], header: Sequence[str]) -> bool:
-    """Tell whether a row is as wide as the header, but for a separator at the end of one of them.
-
-    Recorders write such separators in the rows only, or above them only.
-    """
-    match len(cells) - len(header):
-        case 0:
-            return True
-        case 1:
-            return not cells[-1]
-        case -1:
-            return header[-1] in _NO_CELLS
-    return False
-
-
-def cut(text: str, limit: int = 40) -> str:
-    """Shorten what is quoted of a file."""
-    return text if len(text) <= limit else text[: limit - 1] + "…"
-
-
-def split_cells(line: str, separator: str) -> list[str]:
-    """Split one line into its cells, without quotes and outer spaces."""
-    if separator == " " and '"' not in line:
-        return line.split()
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(separator)]
-    try:
-        cells = next(csv.reader([line.strip()], delimiter=separator, skipinitialspace=True), [])
-    except csv.Error:
-        return [line]
-    return [cell.strip() for cell in cells]
-
-
-def header_cells(line: str, separator: str) -> list[str]:
-    """Split a header: without the mark of a remark before it, units with their names."""
-    cells = split_cells(line, separator)
-    if cells and cells[0][:1] in _REMARK:
-        cells[0] = cells[0].lstrip(_REMARK).strip()
-        if not cells[0] and len(cells) > 1 and separator == " ":
-            del cells[0]
-    if separator != " ":
-        return cells
-    joined: list[str] = []
-    for cell in cells:
-        if joined and cell[:1] in "[(" and cell[-1:] in "])":
-            joined[-1] += f" {cell}"
-        else:
-            joined.append(cell)
-    return joined
-
-
-def split_label(cell: str, wanted: Collection[str] = ()) -> tuple[str, str | None]:
-    """Split `Fx1 [N]` into name and unit; a name may itself be given with its brackets."""
-    match = _BRACKETS.fullmatch(cell)
-    if match is None:
-        return cell, None
-    unit = match["square"] if match["square"] is not None else match["round"]
-    is_unit = units.is_unit(unit)
-    name = cell if cell in wanted or not is_unit else match["name"].strip().strip('"')
-    return name, unit.strip() if is_unit else None
 
 
 def _units_row(lines: Sequence[str], header: _Candidate, columns: Sequence[int]) -> dict[int, str]:

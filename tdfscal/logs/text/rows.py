@@ -12,8 +12,9 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
+from tdfscal.logs.text.cells import cut, split_cells
 from tdfscal.logs.text.date_times import seconds_of, seconds_of_all
-from tdfscal.logs.text.header import Header, cut, split_cells
+from tdfscal.logs.text.header import Header
 from tdfscal.logs.text.numbers import advice, number_in
 from tdfscal.logs.text.scope import END
 from tdfscal.records import FloatArray

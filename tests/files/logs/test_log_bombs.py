@@ -214,7 +214,7 @@ def ros1_chunk_that_expands(folder: Path) -> Path:
     stream = lz4.frame.LZ4FrameCompressor(block_size=lz4.frame.BLOCKSIZE_MAX4MB)
     zeros = bytes(64 << 20)
     packed = stream.begin() + b"".join(stream.compress(zeros) for _ in range(64)) + stream.flush()
-    u32, u64 = (lambda n: struct.pack("<I", n)), (lambda n: struct.pack("<Q", n))
+    u32, u64 = struct.Struct("<I").pack, struct.Struct("<Q").pack
     topics = [f"/{s}/{what}" for s in SUPPORTS for what in ("position", "wrench")]
     kinds = ["geometry_msgs/PointStamped", "geometry_msgs/WrenchStamped"] * len(SUPPORTS)
     chunk = record({"op": b"\5", "compression": b"lz4", "size": u32(0)}, packed)
