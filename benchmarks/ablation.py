@@ -1,6 +1,6 @@
 """What each part buys, of the search for dwells and of the self-calibration's tests.
 
-    python -m benchmarks.ablation [--seeds 3] [--campaigns 12] [--only WORDS]
+    python -m benchmarks.ablation [--seeds 3] [--campaigns 12] [--only WORDS] [--kinds WORDS]
 
 Rewrites `benchmarks/ablation.md`. A part is left out by putting a neutral function in its place
 while the search runs; the product has no switch for it.
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -154,13 +154,13 @@ PARTS: dict[str, Part] = {
 }  # fmt: skip
 
 
-def _measured(part: Part, seeds: int) -> dict[str, tuple[Score, float]]:
+def _measured(part: Part, seeds: int, kinds: Iterable[str]) -> dict[str, tuple[Score, float]]:
     """Score and time per kind with a part left out."""
     measured = {}
     with ExitStack() as stack:
         for module, name, function in part.put:
             stack.enter_context(patch.object(module, name, function))
-        for kind in EVERY:
+        for kind in kinds:
             start = time.process_time()
             measured[kind] = scored(kind, range(seeds)), time.process_time() - start
     return measured
@@ -184,20 +184,21 @@ def _row(name: str, logs: str, whole: list[Score], without: list[Score]) -> str:
     return f"| {name} | {logs} | {a.stops} | {' | '.join(cells)} |"
 
 
-def dwell_table(seeds: int, wanted: Callable[[str], bool]) -> list[str]:
-    """Rows of the table of the dwell search."""
-    whole = _measured(Part(EVERY, ()), seeds)
+def dwell_table(seeds: int, wanted: Callable[[str], bool], kinds: Sequence[str]) -> list[str]:
+    """Rows of the table of the dwell search, on logs of these kinds."""
+    whole = _measured(Part(EVERY, ()), seeds, kinds)
     spent = sum(seconds for _, seconds in whole.values())
     rows = []
     for name, part in PARTS.items():
         if not wanted(name):
             continue
-        here = _measured(part, seeds)
+        here = _measured(part, seeds, kinds)
         share = sum(seconds for _, seconds in here.values()) / spent
-        other = tuple(kind for kind in EVERY if kind not in part.where)
-        for logs, kinds in (("with", part.where), ("other", other)):
-            if kinds:
-                scores = [[of[kind][0] for kind in kinds] for of in (whole, here)]
+        there = tuple(kind for kind in kinds if kind in part.where)
+        other = tuple(kind for kind in kinds if kind not in part.where)
+        for logs, some in (("with", there), ("other", other)):
+            if some:
+                scores = [[of[kind][0] for kind in some] for of in (whole, here)]
                 rows.append(f"{_row(name, logs, *scores)} {share:.2f} |")
                 print(rows[-1], flush=True)
     return rows
@@ -209,9 +210,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3, help="logs of each kind")
     parser.add_argument("--campaigns", type=int, default=12, help="of each fault")
     parser.add_argument("--only", default="", help="parts of the search with these words, no file")
+    parser.add_argument("--kinds", default="", help="logs of kinds with these words, no file")
     options = parser.parse_args()
-    rows = dwell_table(options.seeds, lambda name: options.only in name)
-    if options.only:
+    kinds = [kind for kind in EVERY if options.kinds in kind]
+    rows = dwell_table(options.seeds, lambda name: options.only in name, kinds)
+    if options.only or options.kinds:
         return
     checks = check_table(options.campaigns)
     text = _TEXT.format(

@@ -185,6 +185,27 @@ FAULTS: dict[str, Callable[[Random], Recorded]] = {
         _usual(rng, force_quantum=1.0, force_noise=1.0 / _log(rng, 3.0, 6.0))
     ),
     "ringing, four stops": _few_ringing,
+    "settling of 1 s in stops of 1 s": lambda rng: record(
+        _usual(rng, settle=(20.0, 1.0, 0.0), stops=(1.0,) * 8, force_noise=1.0, rate=200.0)
+    ),
+    "vibration, 0.15 to 1.6 Hz": lambda rng: record(
+        _usual(
+            rng,
+            vibration=(_log(rng, 0.5, 3.0), 1e-8, _log(rng, 0.15, 1.6)),
+            stops=_stops(rng, 1.0, 6.0, 24),
+            force_noise=1.0,
+            rate=100.0,
+        )
+    ),
+    "forces rounded to 1 to 5 N": lambda rng: record(
+        _usual(
+            rng,
+            force_quantum=_log(rng, 1.0, 5.0),
+            force_noise=_log(rng, 0.1, 0.5),
+            quantum=_log(rng, 1e-7, 5e-6),
+            rate=100.0,
+        )
+    ),
     "settling that fills the stops": lambda rng: _filled(rng, 0.0),
     "ringing that fills the stops": lambda rng: _filled(rng, _log(rng, 0.2, 1.0)),
 }
