@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
+from bisect import bisect_right
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -80,6 +81,8 @@ def read_parquet(
         if verified and (what := _stated_twice(file, columns.names)):
             raise DataError(what, where=where)
         verified &= not _is_duration(file, columns.time)
+        paths = [leaf.path for leaf in leaves_of(file)]
+        read_from = _Places(file.metadata, [paths.index(name) for name in columns.names])
         first_row = 0
         read = 0
         share = path.stat().st_size / max(rows, 1)
@@ -87,6 +90,8 @@ def read_parquet(
             stated, in_group = file.metadata.row_group(number).num_rows, 0
             try:
                 for batch in batches(file, number, columns.names):
+                    if not in_group:
+                        read_from.add(number)
                     piece = _piece(batch, columns, request, first_row + in_group, where)
                     in_group += batch.num_rows
                     reached(int((first_row + in_group) * share))
@@ -112,6 +117,37 @@ def read_parquet(
     return Outcome("verified" if verified else "unverified")
 
 
+@dataclass(slots=True)
+class _Places:
+    """Which bytes the columns of these indices are read from; no two may share any.
+
+    No checksum covers the footer: a page that it has taken for another column's is a sound one.
+    """
+
+    known: pq.FileMetaData
+    columns: Sequence[int]
+    begins: list[int] = field(default_factory=list)
+    ends: list[int] = field(default_factory=list)
+
+    def add(self, group: int) -> None:
+        """Note a row group of which pyarrow has begun to read.
+
+        Not before: asking for the place of a column that it cannot read ends the process.
+        """
+        for column in self.columns:
+            chunk = self.known.row_group(group).column(column)
+            # Pyarrow begins at the dictionary where that comes first.
+            places = (chunk.data_page_offset, chunk.dictionary_page_offset)
+            begin = min((place for place in places if place), default=0)
+            end = begin + chunk.total_compressed_size
+            k = bisect_right(self.begins, begin)
+            after = self.begins[k] if k < len(self.begins) else end
+            if end > after or (k and self.ends[k - 1] > begin):
+                raise ValueError("the footer contradicts itself about where its columns lie")
+            self.begins.insert(k, begin)
+            self.ends.insert(k, end)
+
+
 @contextmanager
 def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a file such that checksums are verified and no absurd length is believed.
@@ -129,8 +165,6 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
             raise ValueError("the footer contradicts itself about the number of rows")
         if known.num_rows > _ROWS_PER_BYTE * size:
             raise ValueError(f"{known.num_rows} rows are stated in a file of {size} bytes")
-        if _overlap(groups):
-            raise ValueError("the footer contradicts itself about where its columns lie")
         largest = max((group.total_byte_size for group in groups), default=0)
         with pq.ParquetFile(
             path if _is_utf8(path) else stream,
@@ -141,23 +175,6 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
             **limits,
         ) as file:
             yield file
-
-
-def _overlap(groups: Sequence[Any]) -> bool:
-    """Whether two columns are said to lie in the same bytes: one would be read for the other."""
-    chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
-    begin = np.array([_begin(chunk) for chunk in chunks], dtype=np.int64)
-    order = np.argsort(begin, kind="stable")
-    end = (begin + np.array([chunk.total_compressed_size for chunk in chunks], dtype=np.int64))[
-        order
-    ]
-    return bool((end[:-1] > begin[order][1:]).any())
-
-
-def _begin(chunk: Any) -> int:
-    """Where pyarrow begins to read a column: at its dictionary, where that comes first."""
-    places = (chunk.data_page_offset, chunk.dictionary_page_offset)
-    return int(min((place for place in places if place), default=0))
 
 
 def check_pages(path: Path, file: pq.ParquetFile, names: Sequence[str]) -> bool:
