@@ -131,7 +131,7 @@ def of_calibrate() -> Iterator[Fault]:
     yield Fault("ncp1 slips by 4 mrad", ("slip ncp1",), Faults(slips=(Slip(0, 12, (4e-3, 0, 0)),)))
     slope = tuple((0.5 * s, -0.4 * s, 0.6 * s) for s in (1.0, -1.0, 0.5))
     yield Fault("zeros follow 8 K", ("temperature", "drift"),
-                Faults(warming=Warming(8.0, slope)))  # type: ignore[arg-type]  # fmt: skip
+                Faults(warming=Warming(8.0, slope)))  # fmt: skip
 
 
 def of_validate() -> Iterator[Fault]:

@@ -60,7 +60,7 @@ def searched_long(rig: Rig, request: Request, plan: Plan) -> float:
     """Mean standard uncertainty of an angle, rad, of the best of long searches and the plan."""
     best = float(plan.expected.rpy_std.mean())
     for seed in range(LONG_SEARCHES):
-        planner = Planner(rig, request, np.random.default_rng(100 + seed))
+        planner = Planner(rig, request, np.random.default_rng(100 + seed), None)
         index, returns = planner.select(len(plan.position))
         start = planner.pool.take(index)
         if seed:

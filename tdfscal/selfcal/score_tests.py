@@ -212,8 +212,8 @@ def suspicions(
     p_value = _friction(parts, root, residual)
     if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE or stats.p_value < MISFIT:
         for scatter in scatters(fit, parts, root, residual):
-            name, size = fit.rig.supports[scatter.support or 0], _rounded_up(scatter.size)
-            what, advice = (words.format(name, size) for words in _WORDS[scatter.kind])
+            name, asked = fit.rig.supports[scatter.support or 0], _rounded_up(scatter.size)
+            what, advice = (words.format(name, asked) for words in _WORDS[scatter.kind])
             p_value = float(chi2_sf(scatter.gain, 1)) / 2  # without it θ stands at its bound
             doubt = _suspicion(fit, what, advice, p_value, scatter.effect[angles] / std)
             weight = scatter.gain - worth
@@ -297,11 +297,11 @@ def _suspects(
     for group, where in place.items():
         if group in ("rotation", "drift"):
             continue
-        size = {"zero": 3, "sensitivity": 6, "hinge": 3, "datum": 3}.get(
+        width = {"zero": 3, "sensitivity": 6, "hinge": 3, "datum": 3}.get(
             group, where.stop - where.start
         )
-        for index, start in enumerate(range(where.start, where.stop, size)):
-            part = slice(start, start + size)
+        for index, start in enumerate(range(where.start, where.stop, width)):
+            part = slice(start, start + width)
             if np.isfinite(std[part]).any():
                 unit = np.where(held[part], std[part], 1.0)
                 yield group, index, columns[:, part], unit
@@ -310,10 +310,10 @@ def _suspects(
                     yield "gain", index, alike, unit[:1]
     for group, shape in _shapes(fit, time, temperature):
         moved = J[:, :, place["zero"]].reshape(len(J), 6, n, 3) * shape[:, None, :, None]
-        unit = 1.0 if group != "parabola" else np.sqrt(_HOUR / float(np.ptp(time)))
+        size = 1.0 if group != "parabola" else float(np.sqrt(_HOUR / np.ptp(time)))
         for i in range(n):
-            yield group, i, _padded(moved[:, :, i], below), unit
-        yield f"all {group}", 0, _padded(moved, below), unit
+            yield group, i, _padded(moved[:, :, i], below), size
+        yield f"all {group}", 0, _padded(moved, below), size
 
 
 def _padded(columns: FloatArray, below: FloatArray) -> FloatArray:

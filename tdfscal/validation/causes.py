@@ -147,7 +147,7 @@ def turn_information(given: Whitened) -> FloatArray:
 
 def _weight(cause: Cause, rows: int) -> float:
     """Gain less what as many unknowns are worth (Schwarz); a contact may sit in any posture."""
-    return cause.gain - np.log(rows) * cause.unknowns
+    return cause.gain - float(np.log(rows)) * cause.unknowns
 
 
 def _models(given: Whitened) -> list[_Model]:

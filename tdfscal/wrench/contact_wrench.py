@@ -132,7 +132,8 @@ def single(given: Calibrated, position: FloatArray, force: FloatArray) -> Postur
 def _friction_variance(given: Calibrated) -> float:
     """Variance per axis, (N·m)², of friction n τ against a turn whose direction is any."""
     n, place = given.rig.n, layout(given.rig.n)["friction"].start
-    return n**2 * (float(given.state.friction) ** 2 + given.covariance[place, place]) / 3.0
+    tau, variance = float(given.state.friction), float(given.covariance[place, place])
+    return n**2 * (tau**2 + variance) / 3.0
 
 
 def covariance(given: Calibrated, position: FloatArray, force: FloatArray) -> FloatArray:

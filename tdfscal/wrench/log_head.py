@@ -114,12 +114,12 @@ def _searched(head: Samples, supports: tuple[str, ...], *, averaged: bool) -> Lo
     none = LogHead(head, np.empty(0), np.empty(0), 0.0, averaged)
     if averaged:
         return none
-    streams = (
+    position, force = (
         tuple(Series(head.time, np.ascontiguousarray(v[:, i])) for i in range(len(supports)))
         for v in (head.position, head.force)
     )
     try:
-        found = find_dwells(Log(supports, *streams))
+        found = find_dwells(Log(supports, position, force))
     except TdfscalError:
         return none
     if not len(found):

@@ -28,7 +28,7 @@ PHI = 0.95
 
 
 def coloured(phi: float, count: int = 2000) -> ColouredNoise:
-    return ColouredNoise(4.0 * phi ** np.arange(count))
+    return ColouredNoise(np.array([4.0 * phi**k for k in range(count)]))
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.95])
