@@ -1,9 +1,10 @@
 """The paper's Sections 4 and 5 on the reference rig: every number beside ours, with its error.
 
-    python -m benchmarks.control [RUNS] [CAMPAIGNS] [success RUNS] > benchmarks/control.md
+    python -m benchmarks.control [RUNS] [CAMPAIGNS] > benchmarks/control.md
+    python -m benchmarks.control success [RUNS] >> benchmarks/control.md
 
-RUNS of free space and docking per calibration, CAMPAIGNS of the accuracy; `success` instead prints
-the probability of assembly against angle error and contact stiffness.
+RUNS of free space and docking per calibration, CAMPAIGNS of the accuracy; `success`: the
+probability of assembly against angle error and contact stiffness.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ def show(report: Report) -> None:
     for block in report.brief():
         if isinstance(block, Table):
             print(f"{block.caption}\n")
-            print("| " + " | ".join(block.header) + " |\n" + "|---" * len(block.header) + "|")
-            for row in block.rows:
-                print("| " + " | ".join(row) + " |")
+            rule = ("---",) * len(block.header)
+            for row in (block.header, rule, *block.rows):
+                print("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
             print()
         elif isinstance(block, Items):
             print(f"{block.caption}:\n")

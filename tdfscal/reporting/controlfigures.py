@@ -95,9 +95,9 @@ def _scale(ax: Axes, axis: int, top: float, *, both: bool = False) -> None:
     linear, ticks = _LINEAR[axis // 3], _TICKS[axis // 3]
     ax.set_yscale("symlog", linthresh=linear, linscale=2.0)
     top = 1.1 * max(top, linear)
-    shown = [t for t in ticks if t <= top]
+    shown = [t for t in ticks if t <= top and (not both or t not in (3, 9))]
     if both:
-        shown = sorted({-t for t in shown[::2]} | set(shown[::2]))
+        shown = sorted({-t for t in shown} | set(shown))
     ax.set_yticks(shown, [f"{t:g}".replace("-", "−") for t in shown])
     ax.minorticks_off()
     ax.set_ylim(-top if both else 0.0, top)
@@ -174,9 +174,9 @@ def _paint_docking(study: DockingStudy, c: int, run: int) -> Figure:
                 ax.axvline(start, color=BLUE, linewidth=0.9, linestyle=line, label=label)
         largest = study.peak[c, run, axis]
         ax.set_title(f"{_FORCES[axis]}; largest true {largest:.3g}")
-        _scale(ax, axis, float(max(np.abs(seen).max(), np.abs(true).max())), both=True)
+        limit = study.setup.controller.thresholds[axis] if axis < 3 else 0.0
+        _scale(ax, axis, float(max(np.abs(seen).max(), np.abs(true).max(), limit)), both=True)
         if axis < 3:
-            limit = study.setup.controller.thresholds[axis]
             ax.axhline(limit, color=RED, linewidth=0.7)
             ax.axhline(-limit, color=RED, linewidth=0.7, label="limit" if axis == 0 else None)
         if axis >= 3:
@@ -206,6 +206,7 @@ def _paint_maxima(study: DockingStudy) -> Figure:
         if axis < 3:
             ax.axhline(study.setup.controller.thresholds[axis], color=RED, linewidth=0.8)
         _scale(ax, axis, top)
+        ax.set_xlim(-0.6, len(study.names) - 0.4)
         ax.set_title(_FORCES[axis] + ("" if axis > 2 else ", limit in red"))
         ax.set_xticks(range(len(study.names)), study.names, rotation=60, ha="right", fontsize=7)
     return fig

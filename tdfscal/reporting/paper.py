@@ -88,10 +88,10 @@ def sentence(item: Item) -> str:
     )
 
 
-_CELL = "the paper gives neither impedance nor moves, so that its scale is that of its cell"
+_CELL = "the paper gives neither impedance nor moves, and deviations go with both"
 _LINEAR = (
-    "Eq. 24 takes the forces as free of noise and solves for 27 numbers instead of 9 angles; the "
-    "same data by maximum likelihood are better than the tracker"
+    "Eq. 24 takes the forces as free of noise and solves for 27 numbers instead of 9 angles; "
+    "maximum likelihood of the same data stands below"
 )
 _ANGLES = "what zeros, mass and barycentre leave is common to all arms"
 
@@ -132,7 +132,7 @@ def docking_items(study: DockingStudy) -> list[Item]:
             ("first contact", 45.0, starts[touched], "s",
              f"{1e3 * setup.gap:g} mm at {1e3 * setup.speed:g} mm/s, and the impedance's lag B/K"),
             ("largest Fz", 12.1, study.seen[c, touched, 2], "N",
-             "one run there; here it goes with contact stiffness and damping"),
+             "one run there; it goes with contact stiffness and damping, which are unknown there"),
             ("largest Mx", 3.48, study.seen[c, touched, 3], "N·m",
              "one run there, and it depends on the point that moments are about"),
             ("end", 262.0, study.grid(study.result.stopped)[c, study.seated[c]], "s",
@@ -147,10 +147,12 @@ def docking_items(study: DockingStudy) -> list[Item]:
             c = study.names.index(arm)
             values = study.average_seen[c, study.touched[c], quantity]
             mean, std = mean_of(values)
-            why = "contact stiffness, damping and clearance of the paper's cell are unknown"
-            if values.size < study.arms.runs:
-                lost = study.arms.runs - values.size
-                why = f"{lost} of {study.arms.runs} runs stop at a false force before the gears"
+            lost = study.arms.runs - values.size
+            why = "contact stiffness, damping and survey of the paper's cell are unknown"
+            if not values.size:
+                why = "no run gets as far as the gears: all stop at a false force before"
+            elif lost:
+                why += f"; {lost} of {study.arms.runs} runs stop at a false force before the gears"
             items.append(Item("Fig. 18", f"{name}, {LIKE[arm]}", paper[quantity], mean, std, unit,
                               True, why))  # fmt: skip
         items += _ratios(study, "Fig. 18", name, quantity, docking.PAPER)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.reporting.controlstudies import cell_document, mean_se, share_said
+from tdfscal.reporting.controldata import cell_document
+from tdfscal.reporting.controlstudies import mean_se, share_said
 from tdfscal.reporting.layout import Report, Section, Table
 from tdfscal.reporting.studies import Row
 from tdfscal.studies.success import SuccessStudy

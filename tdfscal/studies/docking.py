@@ -136,6 +136,38 @@ def _by_direction(peak: FloatArray) -> FloatArray:
     return np.asarray(peak.reshape(*peak.shape[:2], 2, 3).mean(axis=-1))
 
 
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """Where the shaft is driven: start and goal (N,), way, m; mouth : (3,), m, BCS, of the bore;
+    misalignment : (N, 6), of the plan against it, m at the tip, rad.
+    """
+
+    start: Pose
+    goal: Pose
+    way: float
+    mouth: FloatArray
+    misalignment: FloatArray
+
+
+def _plan(setup: Setup, runs: int, rng: np.random.Generator) -> _Plan:
+    """Plan the way by a survey of the outer gear. Raises UsageError where it leaves the travel."""
+    home, tip = np.asarray(setup.home), np.asarray(setup.gears.tip)
+    mouth = home + tip + np.array([0.0, 0.0, setup.gap])
+    turn, shift = survey_error(setup.rig, setup.survey, setup.gear, mouth, home, runs, rng)
+    impedance = setup.controller.impedance
+    # The impedance lags by B v / K, and presses its threshold of force on the seat.
+    lag = setup.speed * impedance.damping[2] / impedance.stiffness[2]
+    way = setup.gap + setup.gears.length + _ON + lag
+    start, goal = (
+        Pose(turn, mouth + shift + turn @ (np.array([0.0, 0.0, s]) - tip))
+        for s in (-setup.gap, way - setup.gap)
+    )
+    for pose, what in ((start, "start posture of run"), (goal, "end posture of run")):
+        require_within(setup.rig, pose, setup.home, setup.travel, what)
+    bore = Bore(np.repeat(np.eye(3)[None], runs, axis=0), np.repeat(mouth[None], runs, axis=0))
+    return _Plan(start, goal, way, mouth, bore.coordinates(mouth + shift, turn))
+
+
 def docking(
     setup: Setup,
     arms: Arms,
@@ -157,21 +189,7 @@ def docking(
     if not (0.0 < setup.gap < np.inf and 0.0 < setup.speed < np.inf and setup.ramp > 0.0):
         raise UsageError("gap, speed and ramp must be above zero")
     survey_seed, error_seed, noise_seed = seed.spawn(3)
-    home, tip = np.asarray(setup.home), np.asarray(gears.tip)
-    mouth = home + tip + np.array([0.0, 0.0, setup.gap])
-    turn, shift = survey_error(
-        rig, setup.survey, setup.gear, mouth, home, runs, np.random.default_rng(survey_seed)
-    )
-    impedance = setup.controller.impedance
-    # The impedance lags by B v / K, and presses its threshold of force on the seat.
-    lag = setup.speed * impedance.damping[2] / impedance.stiffness[2]
-    way = setup.gap + gears.length + _ON + lag
-    start_tip, goal_tip = (
-        mouth + shift + turn @ np.array([0.0, 0.0, s]) for s in (-setup.gap, way - setup.gap)
-    )
-    start, goal = (Pose(turn, p - turn @ tip) for p in (start_tip, goal_tip))
-    for pose, what in ((start, "start posture of run"), (goal, "end posture of run")):
-        require_within(rig, pose, setup.home, setup.travel, what)
+    plan = _plan(setup, runs, np.random.default_rng(survey_seed))
     errors = draw_errors(
         setup.controller.servo,
         rig.declared.positioner,
@@ -182,15 +200,16 @@ def docking(
     copies = len(arms.arms)
     truth, assumed, tared = arms.lanes()
     lanes = copies * runs
-    reference = advance(
-        Pose(np.tile(start.rotation, (copies, 1, 1)), np.tile(start.translation, (copies, 1))),
-        Pose(np.tile(goal.rotation, (copies, 1, 1)), np.tile(goal.translation, (copies, 1))),
-        way=way,
-        speed=setup.speed,
-        ramp=setup.ramp,
-        step=setup.controller.step,
+    start, goal = (
+        Pose(np.tile(p.rotation, (copies, 1, 1)), np.tile(p.translation, (copies, 1)))
+        for p in (plan.start, plan.goal)
     )
-    bore = Bore(np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0))
+    reference = advance(
+        start, goal, way=plan.way, speed=setup.speed, ramp=setup.ramp, step=setup.controller.step
+    )
+    bore = Bore(
+        np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(plan.mouth[None], lanes, axis=0)
+    )
     machines = Machines(
         rig, truth, tiled(errors, copies), assumed, tared, tuple(noise_seed.spawn(runs))
     )
@@ -207,9 +226,7 @@ def docking(
         setup=setup,
         arms=arms,
         seed=number,
-        misalignment=Bore(bore.rotation[:runs], bore.place[:runs]).coordinates(
-            start_tip + turn @ np.array([0.0, 0.0, setup.gap]), turn
-        ),
+        misalignment=plan.misalignment,
         peak=result.peak[before].max(axis=0).reshape(copies, runs, 6),
         length=result.peak_length[before].max(axis=0).reshape(copies, runs, 2),
         seen=result.peak_measured[:3].max(axis=0).reshape(copies, runs, 6),

@@ -15,7 +15,7 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.files.writers.control_logs import write_control_logs
 from tdfscal.records import Log, Rig, Series
-from tdfscal.reporting import controlstudies as words
+from tdfscal.reporting import controldata as data
 from tdfscal.simulation import Options
 from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.runs import Controller
@@ -228,11 +228,11 @@ class Controlled(Protocol):
     """A result of a study of the controlled rig."""
 
     @property
-    def study(self) -> words.Study:
+    def study(self) -> data.Study:
         """Return what was simulated."""
 
     def to_report(self) -> Report:
-        """Return it in words."""
+        """Return it in data."""
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return its figures."""
@@ -240,19 +240,19 @@ class Controlled(Protocol):
 
 def write_controlled(
     folder: Path,
-    tables: Mapping[str, Iterable[words.Row]],
+    tables: Mapping[str, Iterable[data.Row]],
     result: Controlled,
     logs: LogFormat | None,
 ) -> tuple[str, ...]:
     """Write tables, traces, figures, page and, where asked, each run's log; return their names."""
     study = result.study
     each = -(-len(study.result.traces.time) // _TRACE_ROWS)
-    traces = {"traces.csv": words.trace_rows(study, each)}
+    traces = {"traces.csv": data.trace_rows(study, each)}
     files = write_study(folder, {**tables, **traces}, result.drawings(), result.to_report())
     return (*files, *_logs(folder, study.setup.rig, study, logs))
 
 
-def _logs(folder: Path, rig: Rig, study: words.Study, form: LogFormat | None) -> list[str]:
+def _logs(folder: Path, rig: Rig, study: data.Study, form: LogFormat | None) -> list[str]:
     """One log per lane in the folder's `logs`."""
     if form is None:
         return []

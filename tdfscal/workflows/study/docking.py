@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.files.writers.campaign import LogFormat
+from tdfscal.reporting import controldata as data
 from tdfscal.reporting import controlstudies as words
 from tdfscal.studies import docking as study_of
 from tdfscal.workflows.arguments import Numbers, one
@@ -42,11 +43,11 @@ class DockingResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the study as plain JSON values."""
-        return words.docking_document(self.study, list(self.files))
+        return data.docking_document(self.study, list(self.files))
 
     def to_frame(self) -> pd.DataFrame:
         """Return the rows of `maxima.csv`."""
-        return frame_of(words.docking_rows(self.study))
+        return frame_of(data.docking_rows(self.study))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures."""
@@ -139,6 +140,6 @@ def docking(
     result = DockingResult(study)
     if folder is None:
         return result
-    tables = {"maxima.csv": words.docking_rows(result.study)}
+    tables = {"maxima.csv": data.docking_rows(result.study)}
     files = write_controlled(folder, tables, result, logs)
     return replace(result, files=files)

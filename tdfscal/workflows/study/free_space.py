@@ -16,6 +16,7 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.records import FloatArray
+from tdfscal.reporting import controldata as data
 from tdfscal.reporting import controlstudies as words
 from tdfscal.studies import free_space as study_of
 from tdfscal.workflows.arguments import Numbers, one
@@ -51,11 +52,11 @@ class FreeSpaceResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the study as plain JSON values."""
-        return words.free_space_document(self.study, list(self.files))
+        return data.free_space_document(self.study, list(self.files))
 
     def to_frame(self) -> pd.DataFrame:
         """Return the rows of `deviations.csv`."""
-        return frame_of(words.free_space_rows(self.study))
+        return frame_of(data.free_space_rows(self.study))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures."""
@@ -142,7 +143,7 @@ def free_space(
     result = FreeSpaceResult(study)
     if folder is None:
         return result
-    tables = {"deviations.csv": words.free_space_rows(result.study)}
+    tables = {"deviations.csv": data.free_space_rows(result.study)}
     written = write_controlled(folder, tables, result, logs)
     return replace(result, files=written)
 
