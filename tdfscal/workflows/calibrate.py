@@ -12,14 +12,9 @@ from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.comparison.joint import combine
 from tdfscal.errors import UsageError
+from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
-from tdfscal.files.calibration.from_results import (
-    Provenance,
-    from_joint,
-    from_motion,
-    from_self,
-    from_tracker,
-)
+from tdfscal.files.calibration.from_results import from_joint, from_motion, from_self, from_tracker
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.rig.draft import unconfirmed_in

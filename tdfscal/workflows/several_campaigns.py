@@ -14,7 +14,8 @@ from tdfscal.checks.same_rig import different_constants
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
-from tdfscal.files.calibration.from_results import Provenance, from_motion, from_self
+from tdfscal.files.calibration.assembled import Provenance
+from tdfscal.files.calibration.from_results import from_motion, from_self
 from tdfscal.files.calibration.life import campaign_document
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.logs import TimeWindow, is_log

@@ -12,8 +12,9 @@ import numpy as np
 from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
+from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
-from tdfscal.files.calibration.from_results import Provenance, published_std
+from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.life import campaign_document
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
