@@ -63,7 +63,7 @@ def _std_in_lcs(pose: FloatArray, cov: FloatArray) -> FloatArray:
     """Standard uncertainties (K, 6) in LCS axes of wrenches with cov (K, 6, 6) in the BCS."""
     blocks = (cov[:, k : k + 3, k : k + 3] for k in (0, 3))
     variance = [np.einsum("kba,kbc,kca->ka", pose, block, pose) for block in blocks]
-    return np.sqrt(np.maximum(np.hstack(variance), 0.0))
+    return np.asarray(np.sqrt(np.maximum(np.hstack(variance), 0.0)))
 
 
 def loads(result: SelfCalibration) -> list[dict[str, Any]]:
