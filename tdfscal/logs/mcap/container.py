@@ -12,7 +12,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -27,17 +27,13 @@ from tdfscal.logs.mcap.chunk import (
     messages_of,
     parse_chunk,
 )
+from tdfscal.logs.mcap.record_stream import HEAD, HINT, RecordStream, TruncatedError
 from tdfscal.logs.mcap.summary import Definitions, repeated_definitions
 from tdfscal.logs.messages.buffer import Messages
 
-_MAGIC: Final = b"\x89MCAP0\r\n"
-_HEAD: Final = struct.Struct("<BQ")
-_MAX_RECORD: Final = 128 << 20
 _ALWAYS: Final = 1 << 30
 _MAX_EXPANSION: Final = 1000  # beyond that
-_PIECE: Final = 1 << 20
 _LOOSE_BYTES: Final = 4 << 20
-_PRIVATE: Final = 0x80
 _IN_DATA: Final = frozenset(
     {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX}
     | {Opcode.ATTACHMENT, Opcode.METADATA, Opcode.DATA_END}
@@ -46,14 +42,7 @@ _IN_SUMMARY: Final = frozenset(
     {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX}
     | {Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
 )
-_PASSED: Final = frozenset({Opcode.ATTACHMENT, Opcode.METADATA})
-_COMPRESSED: Final = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd"}
-_HINT: Final = "copy the recording again; `calibrate --salvage` reads what is sound"
 _DAMAGE: Final = (ValueError, McapError, struct.error)
-
-
-class TruncatedError(DataError):
-    """The file ends, or stops making sense, before its end: what comes after cannot be read."""
 
 
 @dataclass(slots=True)
@@ -86,7 +75,7 @@ class Container:
         DataError : whatever is damaged, unless `salvage`.
         """
         with self.path.open("rb") as file:
-            stream = _Stream(file, self.path)
+            stream = RecordStream(file, self.path)
             stream.opening()
             try:
                 stream.record(frozenset({Opcode.HEADER}))
@@ -98,7 +87,7 @@ class Container:
                     raise
                 self.lost.append(f"{error.what}; what follows is lost")
 
-    def _data_section(self, stream: _Stream) -> Generator[Messages, None, int]:
+    def _data_section(self, stream: RecordStream) -> Generator[Messages, None, int]:
         loose = bytearray()
         pending: tuple[int, bytes] | None = None
         offsets: list[bytes] = []
@@ -123,7 +112,7 @@ class Container:
                 pending, offsets = None, []
             if opcode == Opcode.MESSAGE:
                 self._loose = True
-                loose += _HEAD.pack(opcode, len(content)) + content
+                loose += HEAD.pack(opcode, len(content)) + content
                 if len(loose) >= _LOOSE_BYTES:
                     yield from self._flush(loose)
                 continue
@@ -213,7 +202,7 @@ class Container:
             if self.channels.setdefault(channel.id, channel) != channel:
                 raise ValueError(f"channel {channel.id} is defined twice, differently")
 
-    def _summary_section(self, stream: _Stream, data_crc: int) -> None:
+    def _summary_section(self, stream: RecordStream, data_crc: int) -> None:
         start = stream.position
         stream.crc = 0
         statistics: Statistics | None = None
@@ -256,7 +245,7 @@ class Container:
         if stated != start or footer.summary_offset_start not in (0, offsets, end):
             self._fault("the footer points to the wrong place", end)
         if footer.summary_crc:
-            covered = _HEAD.pack(Opcode.FOOTER, len(content)) + content[:16]
+            covered = HEAD.pack(Opcode.FOOTER, len(content)) + content[:16]
             if zlib.crc32(covered, crc) != footer.summary_crc:
                 self._fault("the checksum of the summary does not match", end)
 
@@ -281,87 +270,6 @@ class Container:
     def _fault(self, what: str, position: int | None) -> None:
         place = f" at byte {position}" if position is not None else ""
         if not self.salvage:
-            raise DataError(f"{what}{place}", where=str(self.path), hint=_HINT)
+            raise DataError(f"{what}{place}", where=str(self.path), hint=HINT)
         if f"{what}{place}" not in self.lost:
             self.lost.append(f"{what}{place}")
-
-
-class _Stream:
-    """Records of a file one after the other, none longer than the file; keeps a running CRC."""
-
-    def __init__(self, file: BinaryIO, path: Path) -> None:
-        self._file, self._where = file, str(path)
-        self._size = path.stat().st_size
-        self.position = 0
-        self.crc = 0
-
-    def record(self, allowed: frozenset[Opcode]) -> tuple[int, bytes]:
-        """Return the next record's opcode and content; private records are passed over."""
-        while True:
-            start = self.position
-            opcode, length = _HEAD.unpack(self._read(_HEAD.size))
-            if length > self._size - self.position:
-                raise TruncatedError(
-                    f"the file ends within a record that starts at byte {start}",
-                    where=self._where,
-                    hint=_HINT,
-                )
-            if opcode in _PASSED and opcode in allowed:
-                self._pass(length)
-                return opcode, b""
-            if opcode in allowed:
-                if length > _MAX_RECORD:
-                    raise TruncatedError(
-                        f"a record of {length} bytes at byte {start} is larger than "
-                        f"{_MAX_RECORD >> 20} MiB",
-                        where=self._where,
-                        hint=_HINT,
-                    )
-                return opcode, self._read(length)
-            self._pass(length)
-            if opcode < _PRIVATE:
-                raise TruncatedError(
-                    f"a record of kind {opcode:#04x} has no place at byte {start}",
-                    where=self._where,
-                    hint=_HINT,
-                )
-
-    def opening(self) -> None:
-        """Read the mark at the start."""
-        head = self._read(len(_MAGIC), short=True)
-        for magic, kind in _COMPRESSED.items():
-            if head.startswith(magic):
-                raise DataError(
-                    f"the file is compressed with {kind}: MCAP is read as it was recorded",
-                    where=self._where,
-                    hint="decompress it first, with `gunzip` or `zstd -d`",
-                )
-        self._check_mark(head, "at its start: this is no MCAP file")
-
-    def closing(self) -> None:
-        """Read the mark at the end."""
-        self._check_mark(self._read(len(_MAGIC), short=True), "at its end")
-
-    def _check_mark(self, found: bytes, place: str) -> None:
-        if found != _MAGIC:
-            raise TruncatedError(f"the file lacks its mark {place}", where=self._where, hint=_HINT)
-
-    def at_end(self) -> bool:
-        """Tell whether every byte is read."""
-        return self.position == self._size
-
-    def _pass(self, length: int) -> None:
-        while length:
-            length -= len(self._read(min(length, _PIECE)))
-
-    def _read(self, length: int, *, short: bool = False) -> bytes:
-        data = self._file.read(length)
-        self.position += len(data)
-        self.crc = zlib.crc32(data, self.crc)
-        if len(data) < length and not short:
-            raise TruncatedError(
-                f"the file ends at byte {self.position}, before its end",
-                where=self._where,
-                hint=_HINT,
-            )
-        return data
