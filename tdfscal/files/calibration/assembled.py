@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal import __version__
 from tdfscal.acceptance.turns import locked_warnings, turn_std
+from tdfscal.errors import visible
 from tdfscal.files.calibration.document import Calibration, parameter_names
 from tdfscal.files.calibration.life import measured_document
 from tdfscal.files.calibration.parts import (
@@ -130,7 +131,8 @@ def assembled(
         "budget": _budget(names, budget, angles.determined),
         "taken_as_exact": [_exact(names, angles, quantity) for quantity in exact],
         "quality": {"reasons": tuple(reasons), "advice": tuple(advice)},
-        "warnings": (*warnings, *locked_warnings(names, angles.rotation)),
+        # Names in files of others may hold control characters.
+        "warnings": (*map(visible, warnings), *locked_warnings(names, angles.rotation)),
     }
     return Calibration.model_validate(document | parts)
 
