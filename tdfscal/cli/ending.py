@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
@@ -22,9 +24,10 @@ _TOO_LITTLE = ("failed to map segment", "cannot allocate memory")
 
 @dataclass(slots=True)
 class End:
-    """Status with which the program leaves."""
+    """Status with which the program leaves; the signal that has ended it, if one has."""
 
     status: int = 0
+    signal: int | None = None
 
 
 @contextmanager
@@ -32,21 +35,24 @@ def ending() -> Iterator[End]:
     """Turn whatever ends the block into a status and one line on standard error."""
     end = End()
     prepare()
-    before = _listen()
+    before, hook = _listen(end), sys.unraisablehook
+    sys.unraisablehook = _insisting(end, hook)
     try:
         yield end
         with reporting():
             pass
-    except Signalled as ended:
-        end.status = 128 + int(ended.args[0])
-        say("tdfscal: interrupted; nothing was written")
     except KeyboardInterrupt:
         end.status = 130
         say("tdfscal: interrupted; nothing was written")
     except BaseException as fault:
-        end.status, text = _judged(fault)
+        # Some code between makes another exception of a signal's.
+        if end.signal is None:
+            end.status, text = _judged(fault)
+        else:
+            end.status, text = 128 + end.signal, "interrupted; nothing was written"
         say(f"tdfscal: {text}")
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -71,7 +77,21 @@ def _judged(fault: BaseException) -> tuple[int, str]:
     )
 
 
-def _listen() -> dict[int, Any]:
+def _insisting(end: End, hook: Callable[[Any], object]) -> Callable[[Any], object]:
+    """Signal again where the exception was raised in a place that cannot pass it on."""
+
+    def again(lost: Any) -> None:
+        if end.signal is None or not isinstance(lost.exc_value, Signalled):
+            hook(lost)
+            return
+        timer = threading.Timer(0.05, os.kill, (os.getpid(), end.signal))
+        timer.daemon = True
+        timer.start()
+
+    return again
+
+
+def _listen(end: End) -> dict[int, Any]:
     """Let the signals raise; those that the caller ignores (nohup) stay ignored.
 
     Returns the handlers before.
@@ -79,6 +99,7 @@ def _listen() -> dict[int, Any]:
 
     def stop(number: int, frame: FrameType | None) -> None:
         del frame
+        end.signal = number
         raise Signalled(number)
 
     before: dict[int, Any] = {}

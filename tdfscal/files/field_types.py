@@ -29,6 +29,10 @@ UNKNOWN = "unknown"
 """How a file writes an infinite standard uncertainty, since JSON has no infinity."""
 
 
+LARGEST = 1e60
+"""Of all numbers in a file."""
+
+
 class Strict(BaseModel):
     """A part of a file: frozen, and no key that is not declared."""
 
@@ -120,10 +124,19 @@ _STD_SCHEMA_3 = {
     ]
 }
 
+
+def _measurable(value: float) -> float:
+    """Refuse what overflows when it is squared, and is no quantity of any machine."""
+    if LARGEST < abs(value) < math.inf:
+        raise fault(f"is beyond any quantity, got {value:g}", hint="check the number")
+    return value
+
+
 _before = BeforeValidator(lambda value: _from_text(from_numpy(value)))
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before]
-NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before]
+_after = AfterValidator(_measurable)
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False), _before, _after]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0), _before, _after]
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0), _before, _after]
 Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1), _before]
 Coverage = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1), _before]
 Correlation = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1, le=1), _before]
@@ -146,6 +159,7 @@ Std = Annotated[
     Field(strict=True),
     BeforeValidator(lambda value: _std_from_text(from_numpy(value))),
     AfterValidator(_std),
+    _after,
     PlainSerializer(written_std, return_type=float | str),
     WithJsonSchema(_STD_SCHEMA),
 ]

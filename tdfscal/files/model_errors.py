@@ -110,7 +110,7 @@ def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Pl
 
 
 _MISSING: dict[str | int, str] = {
-    "std": f"add `std`; for what is known exactly write the bare value, else `std: {UNKNOWN}`",
+    "std": f"add it: `std: 0` says exact, `std: {UNKNOWN}` says unknown",
 }
 _PHRASES = {
     "string_pattern_mismatch": "has a character that is not allowed here",

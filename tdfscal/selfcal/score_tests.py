@@ -132,7 +132,7 @@ class Suspicion:
     suspect alone. shift : largest move of an angle in units of its standard uncertainty.
     angle : which one. kind, support : what it is, and of which support. weight : twice the
     logarithm of its likelihood, less what its unknowns are worth. tied : another one is likelier,
-    but not by much.
+    but not by much. zero : the zero that it moves most, in words, where that is harmful too.
     """
 
     what: str
@@ -144,6 +144,7 @@ class Suspicion:
     support: int | None = None
     weight: float = 0.0
     tied: bool = False
+    zero: str = ""
 
     @property
     def harmful(self) -> bool:
@@ -156,7 +157,7 @@ class Suspicion:
         said = "say about as well that" if self.tied else "say that"
         return (
             f"the residuals {said} {self.what} ({p_text(self.p_value)}), which would move "
-            f"{self.angle} by {self.shift:.1f} of its standard uncertainties"
+            f"{self.angle} by {self.shift:.1f} of its standard uncertainties{self.zero}"
         )
 
     @property
@@ -207,8 +208,8 @@ def suspicions(
         what, advice = (words.format(fit.rig.supports[index], asked) for words in _WORDS[group])
         doubt = _suspicion(fit, what, advice, p_value, move[angles] / std)
         support = None if group in _OF_THE_RIG else index
-        weight = statistic - size * worth
-        found.append(replace(doubt, kind=group, support=support, weight=weight))
+        weight, zero = statistic - size * worth, _worst_zero(fit, move, uncertainty)
+        found.append(replace(doubt, kind=group, support=support, weight=weight, zero=zero))
     p_value = _friction(parts, root, residual)
     if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE or stats.p_value < MISFIT:
         for scatter in scatters(fit, parts, root, residual):
@@ -239,6 +240,20 @@ def _suspicion(fit: Fit, what: str, advice: str, p_value: float, shift: FloatArr
     worst = int(np.argmax(np.abs(shift)))
     angle = f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}"
     return Suspicion(what, advice, p_value, float(np.abs(shift[worst])), angle)
+
+
+def _worst_zero(fit: Fit, move: FloatArray, uncertainty: Uncertainty) -> str:
+    """Words for the zero that a move of the free parameters harms most; none where none is."""
+    place, full = layout(fit.rig.n)["zero"], np.zeros(len(fit.active))
+    full[fit.active] = move
+    std = uncertainty.parameter_std[place]
+    known = np.isfinite(std) & (std > 0)
+    size = np.where(known, np.abs(full[place]) / np.where(known, std, 1.0), 0.0)
+    worst = int(np.argmax(size))
+    if size[worst] <= HARMFUL_SHIFT:
+        return ""
+    name = f"{'xyz'[worst % 3]} of {fit.rig.supports[worst // 3]}"
+    return f" and the zero {name} by {size[worst]:.1f}"
 
 
 def largest_move(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -115,3 +116,25 @@ def test_the_linear_method(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert seen.status in (0, 1, 4), seen.err
     if seen.status < 4:
         assert json.loads((tmp_path / "c.json").read_text())["estimator"] == "linear"
+
+
+def test_a_barycentre_that_is_called_exact_and_is_not(tmp_path: Path) -> None:
+    """1 mm beside the truth, without an uncertainty: the zeros that give way are named.
+
+    The size stated is that of the zero's true error, within what noise adds.
+    """
+    shutil.copytree(SAMPLES / "parquet", tmp_path, dirs_exist_ok=True)
+    document = yaml.safe_load((tmp_path / "rig.yaml").read_text())
+    truth = yaml.safe_load((tmp_path / "truth.yaml").read_text())
+    centre = truth["terminal"]["barycenter"]
+    value = [centre[0] + 1e-3, *centre[1:]]
+    document["terminal"]["barycenter"] = {"value": value, "std": 0}
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(document))
+    found = tdfscal.calibrate(tmp_path, trials=0)
+    (said,) = (text for text in found.warnings if "barycentre is not where it is stated" in text)
+    name, size = re.search(r"zero (\w) of \w+ by ([\d.]+)", said).groups()  # type: ignore[union-attr]
+    error = found.zero - [support["zero"] for support in truth["supports"]]
+    off = np.abs(error / found.zero_std)
+    assert off.max() > 5
+    assert "xyz"[int(off.argmax()) % 3] == name
+    assert float(size) == pytest.approx(off.max(), abs=4)

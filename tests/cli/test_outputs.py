@@ -438,3 +438,35 @@ def test_truth_says_what_was_written(tmp_path: Path, capsys: pytest.CaptureFixtu
     for name, digest in files.items():
         assert hashlib.sha256((tmp_path / "s" / name).read_bytes()).hexdigest() == digest
     assert set(files) >= {"rig.yaml", "log.csv"}
+
+
+WRAPPED = """
+import os, signal
+class Descriptor:
+    def __set_name__(self, owner, name):
+        os.kill(os.getpid(), signal.SIGTERM)
+def work(*args):
+    type("Owner", (), {"field": Descriptor()})  # makes a RuntimeError of what is raised
+"""
+SWALLOWED = """
+import os, signal, time
+class Last:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        sum(range(100))
+def work(*args):
+    Last()  # whose exception nobody can catch
+    time.sleep(20)
+"""
+
+
+@pytest.mark.parametrize("code", [WRAPPED, SWALLOWED], ids=["wrapped", "swallowed"])
+def test_a_signal_ends_the_run_wherever_it_is_raised(code: str, home: Path) -> None:
+    code += (
+        "import sys; from tdfscal.cli import main; import tdfscal.workflows.report as r;"
+        "r.read_sources = work; sys.argv = ['tdfscal', 'report', 'own.yaml']; main()"
+    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, cwd=home, capture_output=True, text=True, check=False, timeout=15)
+    assert (done.returncode, done.stdout) == (143, "")
+    assert done.stderr == "tdfscal: interrupted; nothing was written\n"

@@ -419,3 +419,11 @@ def test_field_rigs_load(folder: str, n: int, mapped: bool, surveyed: bool) -> N
     assert (loaded.log is not None, loaded.tracker is not None) == (mapped, surveyed)
     if loaded.tracker is not None:
         assert all(point_file.is_file() for point_file in loaded.tracker.paths)
+
+
+@pytest.mark.parametrize("line", ["positioner: 1.0e+308", "positioner: 1e99", "positioner: -1e+308"])
+def test_numbers_that_no_machine_has(line: str) -> None:
+    """Their squares overflow where the noise is worked out."""
+    with pytest.raises(RigError) as refused:
+        parse_rig(RIG.replace("positioner: 1.0e-5", line).encode(), "rig.yaml")
+    assert "uncertainty.positioner" in str(refused.value)
