@@ -11,7 +11,7 @@ from tdfscal.cli.app import CalibrationFile, Json, Quiet, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import USE, example
 
-Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc"]
+Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc", "certificate"]
 
 
 @app.command(

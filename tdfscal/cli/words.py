@@ -26,7 +26,6 @@ _PLAIN = (
     (r"Value error, ", ""),
     (r"^Missing argument '([^']*)'", r"\1 is missing"),
     (r"^Missing option (.*)", r"the option \1 is missing"),
-    (r"^Invalid value for '([^']*)': ", r"\1: "),
     (r"^Option '([^']*)' requires an argument", r"\1: its value is missing"),
 )
 

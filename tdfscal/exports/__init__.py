@@ -11,6 +11,14 @@ from tdfscal.exports.ros import ros_launch, ros_parameters, ros_transforms
 from tdfscal.exports.urdf import urdf
 from tdfscal.files.calibration.document import Calibration
 
+
+def _page(calibration: Calibration) -> str:
+    """Return the certificate's page; what it takes to draw one is imported for it alone."""
+    from tdfscal.exports.certificate_page import certificate_page
+
+    return certificate_page(calibration)
+
+
 FORMATS: dict[str, Callable[[Calibration, str], str]] = {
     "urdf": urdf,
     "ros": ros_transforms,
@@ -18,6 +26,7 @@ FORMATS: dict[str, Callable[[Calibration, str], str]] = {
     "ros-launch": ros_launch,
     "csv": lambda calibration, parent: csv_table(calibration),
     "c": lambda calibration, parent: c_header(calibration),
+    "certificate": lambda calibration, parent: _page(calibration),
     "dcc": lambda calibration, parent: certificate(calibration),
 }
 """Format → writer of (calibration, parent frame)."""

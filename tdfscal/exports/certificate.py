@@ -13,13 +13,14 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import SupportResult
 from tdfscal.files.escaping import xml_text
 from tdfscal.records import ANGLES
+from tdfscal.significance import COVERAGE_FACTOR, EXPANDED_COVERAGE
 
 DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
 LATEST = "3.3.0"
 _UNIVARIATE_SINCE = (3, 3)
 """Version of the DCC whose D-SI (2.2) writes measurementUncertaintyUnivariate."""
-_BLANK = "to be completed"
-_DRAFT = (
+BLANK = "to be completed"
+DRAFT = (
     "DRAFT written by software. This is not an accredited calibration certificate and carries no "
     "signature; a laboratory must check and complete it."
 )
@@ -30,54 +31,98 @@ def certificate(c: Calibration, version: str = LATEST) -> str:
     ET.register_namespace("dcc", DCC)
     ET.register_namespace("si", SI)
     root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", {"schemaVersion": version})
-    root.append(ET.Comment(f" {_DRAFT} "))
+    root.append(ET.Comment(f" {DRAFT} "))
     _administration(_add(root, "administrativeData"), c)
     result = _add(_add(root, "measurementResults"), "measurementResult")
     _named(result, "Installation rotations of force sensors (DRAFT)")
     description = _add(result, "description")
-    for line in (_DRAFT, *origin(c)):
+    unknown = [] if ambient(c) else [f"Ambient temperature: {BLANK}"]
+    for line in (DRAFT, *origin(c), *unknown):
         _content(description, line)
     method = _add(_add(result, "usedMethods"), "usedMethod")
     _named(method, f"{c.method} calibration")
     _content(_add(method, "description"), f"Command: {c.command}")
     _software(_add(result, "usedSoftware"), c)
-    results = _add(result, "results")
     univariate = _numbers(version) >= _UNIVARIATE_SINCE
+    if (span := ambient(c)) is not None:
+        _conditions(result, *span)
+    results = _add(result, "results")
     for support in c.supports:
-        _sensor(results, support, univariate=univariate)
+        _sensor(results, support, univariate=univariate, linear=_linear(c))
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
 def _administration(data: ET.Element, c: Calibration) -> None:
     _software(_add(data, "dccSoftware"), c)
-    core, day = _add(data, "coreData"), c.created[:10]
+    core = _add(data, "coreData")
+    begin, end = days(c)
     for name, text in (
         ("countryCodeISO3166_1", "XX"),
         ("usedLangCodeISO639_1", "en"),
         ("mandatoryLangCodeISO639_1", "en"),
         ("uniqueIdentifier", f"DRAFT-{c.created}-{c.rig.sha256[:12]}"),
-        ("beginPerformanceDate", day),
-        ("endPerformanceDate", day),
+        ("beginPerformanceDate", begin),
+        ("endPerformanceDate", end),
         ("performanceLocation", "other"),
     ):
         _add(core, name, text)
     items = _add(data, "items")
     _named(items, c.rig.name)
-    for support in c.supports:
+    for support, stated in zip(c.supports, c.rig.supports, strict=True):
         item = _add(items, "item")
         _named(item, f"Force sensor of {support.name}")
-        _named(_add(item, "manufacturer"), _BLANK)  # asked for by 3.0 and 3.1
-        identification = _add(_add(item, "identifications"), "identification")
-        _add(identification, "issuer", "owner")
-        _add(identification, "value", support.name)
+        _named(_add(item, "manufacturer"), BLANK)  # asked for by 3.0 and 3.1
+        known = [("owner", support.name, "place on the rig")]
+        if stated.sensor is not None and stated.sensor.serial:
+            known.append(("manufacturer", stated.sensor.serial, "serial number"))
+        if stated.sensor is not None and stated.sensor.certificate:
+            known.append(("calibrationLaboratory", stated.sensor.certificate, "certificate"))
+        if c.rig.serial:
+            known.append(("owner", c.rig.serial, "serial number of the rig"))
+        identifications = _add(item, "identifications")
+        for issuer, value, name in known:
+            identification = _add(identifications, "identification")
+            _add(identification, "issuer", issuer)
+            _add(identification, "value", value)
+            _named(identification, name)
     _contact(_add(_add(data, "calibrationLaboratory"), "contact"))
     person = _add(_add(_add(data, "respPersons"), "respPerson"), "person")
-    _named(person, _BLANK)
+    _named(person, BLANK)
     _contact(_add(data, "customer"))
 
 
-def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool) -> None:
+def days(c: Calibration) -> tuple[str, str]:
+    """First and last day of the measurement; that of the computation where a file tells neither."""
+    if c.measured is None:
+        return c.created[:10], c.created[:10]
+    return c.measured.begin[:10], c.measured.end[:10]
+
+
+def ambient(c: Calibration) -> tuple[float, float] | None:
+    """Lowest and highest temperature of the dwells, °C, where it was recorded."""
+    temperature = c.dwells.temperature if c.dwells is not None else None
+    return (min(temperature), max(temperature)) if temperature else None
+
+
+def _linear(c: Calibration) -> bool:
+    """The standard uncertainties tell the intervals: k = 2 then covers what it says."""
+    return c.monte_carlo is None or c.monte_carlo.linear_interval_validated
+
+
+def _conditions(result: ET.Element, low: float, high: float) -> None:
+    condition = _add(_add(result, "influenceConditions"), "influenceCondition")
+    _named(condition, "Ambient temperature")
+    data = _add(condition, "data")
+    for name, value in (("lowest temperature", low), ("highest temperature", high)):
+        quantity = _add(data, "quantity")
+        _named(quantity, name)
+        real = _si(quantity, "real")
+        _si(real, "value", number(value))
+        _si(real, "unit", "\\degreecelsius")
+
+
+def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool, linear: bool) -> None:
     result = _add(results, "result")
     _named(result, f"Installation angles of {support.name}")
     data = _add(result, "data")
@@ -93,9 +138,11 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool) ->
         real = _si(quantity, "real")
         _si(real, "value", number(value))
         _si(real, "unit", "\\radian")
-        if std > 0:
+        if std > 0 and linear:
+            _doubled(real, std, univariate=univariate)
+        elif std > 0:
             _expanded(real, half, half / std, interval.coverage, univariate=univariate)
-    for axis, value in zip("xyz", support.zero, strict=True):
+    for axis, value, open_std in zip("xyz", support.zero, support.zero_std, strict=True):
         if value is None:
             continue
         quantity = _add(data, "quantity")
@@ -103,12 +150,21 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool) ->
         real = _si(quantity, "real")
         _si(real, "value", number(value))
         _si(real, "unit", "\\newton")
+        if open_std:
+            _doubled(real, open_std, univariate=univariate)
+
+
+def _doubled(real: ET.Element, std: float, *, univariate: bool) -> None:
+    """Expanded uncertainty with k = 2 of a normal distribution."""
+    _expanded(
+        real, COVERAGE_FACTOR * std, COVERAGE_FACTOR, EXPANDED_COVERAGE, univariate=univariate
+    )
 
 
 def _expanded(
     real: ET.Element, half: float, k: float, coverage: float, *, univariate: bool
 ) -> None:
-    """Expanded uncertainty: half the file's interval, with k so that half / k is standard."""
+    """Expanded uncertainty: half an interval, with k so that half / k is standard."""
     if univariate:
         place = _si(_si(real, "measurementUncertaintyUnivariate"), "expandedMU")
         _si(place, "valueExpandedMU", number(half))
@@ -126,9 +182,9 @@ def _software(place: ET.Element, c: Calibration) -> None:
 
 
 def _contact(place: ET.Element) -> None:
-    _named(place, _BLANK)
-    _add(place, "eMail", _BLANK)  # asked for by 3.0 and 3.1
-    _add(_add(place, "location"), "city", _BLANK)
+    _named(place, BLANK)
+    _add(place, "eMail", BLANK)  # asked for by 3.0 and 3.1
+    _add(_add(place, "location"), "city", BLANK)
 
 
 def _named(place: ET.Element, text: str) -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tdfscal.reporting.figures.style import Drawing
 
-Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc"]
+Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc", "certificate"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -73,7 +73,8 @@ def export(
     Parameters
     ----------
     calibration : file, or a calibration in memory.
-    to : urdf, ros (transforms), ros-parameters, ros-launch, csv, c or dcc.
+    to : urdf, ros (transforms), ros-parameters, ros-launch, csv, c, dcc (XML) or
+        certificate (a page to print).
     output : file to write; without it the text is the result's `content`.
     parent : frame with the BCS's axes (URDF, ROS).
     schema : XSD that a DCC is checked against.

@@ -8,10 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.logs import TimeWindow, iter_log
-from tdfscal.records import Dwells, InputFile, Log
+from tdfscal.records import Dwells, InputFile, Log, Rig
 from tdfscal.workflows.campaign import Campaign
 from tdfscal.workflows.progress import Progress
 
@@ -19,6 +21,8 @@ from tdfscal.workflows.progress import Progress
 _REPEATED = 3
 #: Stops left out per dwell found, from which an error says so.
 _LOST = 2
+#: A reading this close to its capacity, relative, stands at it.
+_AT_CAPACITY = 1e-6
 _CLOCK = re.compile(r"clock|header time|step back|repeat the time")
 
 
@@ -69,7 +73,7 @@ class LogPass:
     def noted(self, dwells: Dwells) -> Dwells:
         """Keep what the dwells say of the log."""
         self.messages |= dict.fromkeys(dwells.warnings)
-        self.stops = _lost_stops(dwells)
+        self.stops = _lost_stops(dwells, self.campaign.rig.rig)
         return dwells
 
     @contextmanager
@@ -89,14 +93,20 @@ class LogPass:
             raise type(error)(error.what, where=error.where, hint=advice) from error
 
 
-def _lost_stops(dwells: Dwells) -> str:
+def _lost_stops(dwells: Dwells, rig: Rig) -> str:
     """Say so where far more stops are left out than found, and why."""
     lost = len(dwells.left_out)
     if lost <= _LOST * len(dwells):
         return ""
     reasons = Counter(re.split(r":| in ", piece.reason)[0] for piece in dwells.left_out)
     reason, _ = reasons.most_common(1)[0]
-    return (
-        f"{lost} of {lost + len(dwells)} stops were left out (mostly: {reason}); hold postures for "
-        "longer, and see that forces and positions share one clock"
-    )
+    said = f"{lost} of {lost + len(dwells)} stops were left out (mostly: {reason})"
+    if dwells.force_range is not None:
+        full = np.abs(dwells.force_range).max(axis=0) >= rig.capacity * (1 - _AT_CAPACITY)
+        for i, j in np.argwhere(full & np.isfinite(rig.capacity) & rig.axes):
+            return (
+                f"{said}, and F{'xyz'[j]} of {rig.supports[i]} reaches its capacity of "
+                f"{rig.capacity[i, j]:.6g} N; squeeze less, or widen the range of sensor and "
+                "amplifier"
+            )
+    return f"{said}; hold postures for longer, and see that forces and positions share one clock"

@@ -34,6 +34,8 @@ influenceConditions? results measurementMetaData?
 usedMethods: usedMethod+
 usedMethod: name description? norm* reference*
 usedSoftware: software+
+influenceConditions: influenceCondition+
+influenceCondition: name description? status? certificate? data
 results: result+
 result: name description? data
 data: quantity+

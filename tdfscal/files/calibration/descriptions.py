@@ -176,6 +176,7 @@ DESCRIPTIONS: Final[dict[str, str]] = {
     "PostureTable.moment_std": "N·m: standard uncertainty of moment_after, each axis, as stated",
     "DwellTable.start": "s: begin of each dwell, as the log counts",
     "DwellTable.end": "s: end of each dwell",
+    "DwellTable.temperature": "°C: mean of each dwell and of all sensors, where it was recorded",
     "DwellTable.force": "N: per support the mean reading of each dwell, sensor frame",
     "PostureTable.moment_before": "N·m: residual moment with the nominal mounting",
     "PostureTable.start": "s in the log's time",

@@ -56,7 +56,13 @@ def dwells(result: SelfCalibration) -> dict[str, Any] | None:
     if len(found) > _LOOKED_AT:
         return None
     force = np.where(result.rig.axes, found.force, 0.0)
-    return {"start": found.start, "end": found.end, "force": np.swapaxes(force, 0, 1)}
+    warm = None if found.temperature is None else found.temperature.mean(axis=1)
+    return {
+        "start": found.start,
+        "end": found.end,
+        "force": np.swapaxes(force, 0, 1),
+        "temperature": warm,
+    }
 
 
 def _std_in_lcs(pose: FloatArray, cov: FloatArray) -> FloatArray:

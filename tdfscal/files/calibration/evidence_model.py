@@ -73,16 +73,18 @@ class PostureTable(Strict):
 class DwellTable(Strict):
     """All dwells, column by column: start, end in s as the log counts them, and the mean readings.
 
-    force: per support, per dwell; N, sensor frame, as tdfscal's sign has it.
+    force: per support, per dwell; N, sensor frame, as tdfscal's sign has it. temperature: °C.
     """
 
     start: Numbers
     end: Numbers
     force: tuple[Vectors, ...]
+    temperature: Numbers | None = None
 
     @model_validator(mode="after")
     def _aligned(self) -> Self:
-        for name, column in (("end", self.end), *(("force", force) for force in self.force)):
+        columns = [("end", self.end), *(("force", force) for force in self.force)]
+        for name, column in (*columns, ("temperature", self.temperature or self.start)):
             if len(column) != len(self.start):
                 raise fault("has not one entry per dwell", name)
         return self
