@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Json, Paths, Quiet, app
+from tdfscal.cli.app import From, Json, Paths, Quiet, To, app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import CALIBRATE, example
 
@@ -20,6 +20,8 @@ def init(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="Default: stdout (-).")
     ] = Path("-"),
+    from_: From = None,
+    to: To = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> int:

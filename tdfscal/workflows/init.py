@@ -23,6 +23,7 @@ from tdfscal.records import FloatArray
 from tdfscal.workflows.arguments import PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
 from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 
@@ -99,6 +100,8 @@ def init(
     paths: PathLikes,
     *,
     output: str | PathLike[str] | None = None,
+    from_: Instant | None = None,
+    to: Instant | None = None,
     progress: Progress = SILENT,
 ) -> InitResult:
     """Write a complete, commented rig.yaml from logs of a rig never seen before.
@@ -107,6 +110,8 @@ def init(
     ----------
     paths : logs, or a folder of logs; several are one campaign.
     output : file to write.
+    from_, to : the part of the log that is looked at: s of its clock, "1.5min", "2h"; "+90" is
+        after its begin; or a date with a time.
     progress : called as the work goes on.
 
     Raises
@@ -115,11 +120,12 @@ def init(
         By cause: UsageError, DataError where the logs cannot be read, or do not show which fields
         are positions and forces.
     """
+    part = window(from_, to)
     logs = find_logs(listed(paths))
     target = one(output)
     check_outputs({"--output": target}, inputs_read(listed(paths)), {"--output": (".yaml", ".yml")})
     with progress.reading(expand(logs)) as share:
-        info = describe_logs(logs, progress=share)
+        info = describe_logs(logs, window=part, progress=share)
     mapping, first = info.mapping, info.contents[0]
     if mapping is None:
         raise DataError(

@@ -76,7 +76,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return output
 
 
-@pytest.mark.parametrize("command", ["calibrate", "validate", "apply", "info", "update"])
+@pytest.mark.parametrize("command", ["init", "calibrate", "validate", "apply", "info", "update"])
 def test_every_command_takes_it(
     command: str,
     campaign: Path,
@@ -88,7 +88,7 @@ def test_every_command_takes_it(
     part = cut(campaign, begin, begin + 0.8 * (end - begin))
     seen: list[object] = []
     for folder, options in ((campaign, ["--to", f"+{0.8 * (end - begin)}"]), (part, [])):
-        before = [] if command in ("calibrate", "info") else [whole]
+        before = [] if command in ("init", "calibrate", "info") else [whole]
         output = tmp_path / f"{folder.name}.{'csv' if command == 'apply' else 'json'}"
         wants = command in ("apply", "update", "calibrate")
         more = ["-o", output] if wants else []
@@ -100,6 +100,8 @@ def test_every_command_takes_it(
         assert done.status in (0, 1), done.err
         if command == "apply":
             seen.append(output.read_bytes())
+        elif command == "init":
+            seen.append(json.loads(done.out)["hinge"])
         elif command == "info":
             seen.append(json.loads(done.out)["dwells"])
         elif command == "validate":

@@ -37,7 +37,8 @@ _GROUP = ("group", "group name", "point group", "gruppe")
 _POINT = (
     "point", "point name", "pointname", "name", "point id", "pointid", "point no", "point nr",
     "pt", "pt name", "pt id", "punkt", "punktname", "punktnummer", "label", "id", "feature",
-    "object", "element", "no", "no.", "nr", "nr.", "number", "#", "index",
+    "object", "element", "object name", "feature name", "element name", "point number",
+    "point label", "target id", "no", "no.", "nr", "nr.", "number", "#", "index",
 )  # fmt: skip
 _TARGET = ("target", "target name")
 _OFFSET = re.compile(r"offset|radius|probe|planar|radial", re.IGNORECASE)

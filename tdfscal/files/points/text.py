@@ -18,7 +18,7 @@ _UNIT_LINE = re.compile(r"\b(?:length\s*)?units?\s*[:=]\s*\"?([^\s,;\"]+)", re.I
 #: "(1.0 sigma)", "2 Sigma", "Sigma = 2", "k = 2".
 _SIGMA = re.compile(
     r"\(?\s*(?:(?P<before>\d+(?:[.,]\d+)?)\s*[-*]?\s*(?:sigma|σ)"
-    r"|\b(?:sigma|coverage(?:\s+factor)?|k)\s*[:=]\s*(?P<after>\d+(?:[.,]\d+)?))\s*\)?",
+    r"|\b(?:sigma(?:\s+[a-z]+)?|coverage(?:\s+factor)?|k)\s*[:=]\s*(?P<after>\d+(?:[.,]\d+)?))\s*\)?",
     re.IGNORECASE,
 )
 _UNCERTAIN = re.compile(r"uncertaint|\bsigma\b|\bu[-_ ]?[xyz]\b", re.IGNORECASE)
