@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -33,11 +33,11 @@ from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
+from tdfscal.workflows.wrench_summary import Totals, filter_effect, left_out, metadata, summary_of
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
-from tdfscal.wrench.log_head import ColouredNoise, LogHead, coloured_noise, take_head
-from tdfscal.wrench.observable import observable_text
+from tdfscal.wrench.log_head import LogHead, coloured_noise, take_head
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.sample_noise import (
     SampleNoise,
@@ -120,29 +120,6 @@ class ApplyResult(Result):
 _DRAWN = (*COMPONENTS, *(f"raw_{name}" for name in COMPONENTS))
 
 
-@dataclass(slots=True)
-class _Totals:
-    """What the summary says of the rows: sums over components (6,), and largest lengths (2,)."""
-
-    squares: FloatArray = field(default_factory=lambda: np.zeros(6))
-    raw_squares: FloatArray = field(default_factory=lambda: np.zeros(6))
-    variance: FloatArray = field(default_factory=lambda: np.zeros(6))
-    common: FloatArray = field(default_factory=lambda: np.zeros(6))
-    largest: FloatArray = field(default_factory=lambda: np.zeros(2))
-    span: list[float] = field(default_factory=list)
-
-    def add(self, piece: WrenchPiece) -> None:
-        w = piece.wrench
-        self.squares += np.einsum("ka,ka->a", w.value, w.value)
-        self.raw_squares += np.einsum("ka,ka->a", w.raw, w.raw)
-        self.variance += np.einsum("ka,ka->a", w.std, w.std)
-        self.common += np.einsum("ka,ka->a", w.calibration_std, w.calibration_std)
-        lengths = np.sqrt(np.sum(w.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
-        self.largest = np.maximum(self.largest, lengths)
-        self.span = [*self.span[:1], float(piece.time[0]), float(piece.time[-1])]
-        self.span = [self.span[0], self.span[-1]]
-
-
 @together()
 def apply(
     calibration: CalibrationSource,
@@ -194,7 +171,7 @@ def apply(
     moving = use.given.rig.inertia is not None and not quasi_static
     log = LogPass(use.campaign, progress, window=part)
     progress.stage("reading the log and working out the contact wrench")
-    tally, totals, models, noises = Tally(), _Totals(), list[Walk](), list[SampleNoise]()
+    tally, totals, models, noises = Tally(), Totals(), list[Walk](), list[SampleNoise]()
     inspection, thermometer = Inspection(use.given), Thermometer()
     samples = inspection.watch(aligned(thermometer.passing(log.pieces()), tally))
     head, samples = take_head(samples, use.given.rig.supports, averaged=_averaged(use))
@@ -224,18 +201,18 @@ def apply(
     with np.errstate(all="ignore"):
         if target is not None:
             columns = None
-            about = _about(use, filter, walk, point, moving=moving)
+            about = metadata(use, filter, walk, point, moving=moving)
             # A wrench is about the origin of its frame.
             frame = "lcs_at" if point.any() else "lcs"
             rows = write_wrenches(target, judged, about, passed, frame)
         else:
             columns = _kept(judged, passed)
             rows = len(columns["time"])
-    notes = [*log.messages, *notes, *_notes(tally, use)]
-    summary = _summary(use, target, rows, tally, totals, notes, moving=moving)
+    notes = [*log.messages, *notes, *left_out(tally, use)]
+    summary = summary_of(use, target, rows, tally, totals, notes, moving=moving)
     summary["about"] = point.tolist()
     summary["noise"] = _noise(noises[0], use) if noises else None
-    summary["filter"] = _filter(filter, walk, models[0], noise) if walk is not None else None
+    summary["filter"] = filter_effect(filter, walk, models[0], noise) if walk is not None else None
     result = ApplyResult(summary, target, columns, envelope)
     result.save_figures(figures, progress)
     return result
@@ -287,25 +264,6 @@ def _noise(noise: SampleNoise, use: InUse) -> dict[str, Any]:
     }
 
 
-def _filter(kind: str, walk: float, model: Walk, noise: ColouredNoise | None) -> dict[str, Any]:
-    """What the filter does, SI units; noise_left as a share, None where there is no noise."""
-    smooth = kind == "smooth"
-    std, left = float(np.sqrt(model.r)), model.left_smooth if smooth else model.left
-    share: float | None = left
-    if noise is not None:
-        std = noise.std
-        rest = float(np.sqrt(noise.remaining(np.array([model.gain]), smooth=smooth)[0]))
-        share = rest / std if std > 0 else None
-    return {
-        "kind": kind,
-        "walk": walk,
-        "gain": model.gain,
-        "noise": std,
-        "noise_left": share,
-        "delay": 0.0 if smooth else model.delay,
-    }
-
-
 def _judged(
     pieces: Iterator[WrenchPiece], paths: list[Path], inspection: Inspection, notes: list[str]
 ) -> Iterator[WrenchPiece]:
@@ -325,76 +283,3 @@ def _judged(
             hint="check that all streams were recorded at the same time",
         )
     notes += inspection.finish()
-
-
-def _about(
-    use: InUse, kind: str, walk: float | None, point: FloatArray, *, moving: bool
-) -> dict[str, str]:
-    """Metadata of a Parquet file."""
-    place = f"the point ({', '.join(f'{x:g}' for x in point)}) m" if point.any() else "the origin"
-    return {
-        "quantity": f"contact wrench on the terminal: force, and moment about {place} of the LCS",
-        "frame": "LCS",
-        "units": "s, N, N·m",
-        "u_": "standard uncertainty (k = 1) of the single sample, its noise included",
-        "u_cal_": "the part of the calibration and the rig's constants, common to all samples",
-        "raw_": "the same with the nominal mounting and the stated zeros, mass and barycentre",
-        "filter": "none" if walk is None else f"{kind}, walk {walk:g} N in 1 s",
-        "inertia": "included" if moving else "not included (quasi-static)",
-        "calibration": f"{use.calibration.method}, {use.calibration.created}, "
-        f"{use.calibration.status}",
-        "rig": use.given.rig.name,
-    }
-
-
-def _notes(tally: Tally, use: InUse) -> list[str]:
-    notes = []
-    if tally.uncovered:
-        notes.append(
-            f"{tally.uncovered} force samples lie where another stream has a gap, has not begun "
-            "or has ended; they are left out"
-        )
-    if tally.unreadable:
-        notes.append(f"{tally.unreadable} samples hold no number and are left out")
-    if not use.given.rig.axes.all():
-        notes.append(observable_text(use.given))
-    if use.given.open.any():
-        notes.append(
-            "the calibration leaves zeros, mass or barycentre open: the uncertainty of the "
-            "components that they touch is unknown (empty)"
-        )
-    return notes
-
-
-def _summary(
-    use: InUse,
-    output: Path | None,
-    rows: int,
-    tally: Tally,
-    totals: _Totals,
-    notes: list[str],
-    *,
-    moving: bool,
-) -> dict[str, Any]:
-    def rms(squares: FloatArray) -> dict[str, float | None]:
-        root = np.sqrt(squares / rows)
-        return {
-            name: float(v) if np.isfinite(v) else None
-            for name, v in zip(COMPONENTS, root, strict=True)
-        }
-
-    return {
-        "output": None if output is None else str(output),
-        "rows": rows,
-        "start": totals.span[0],
-        "end": totals.span[1],
-        "quasi_static": not moving,
-        "calibration_status": use.calibration.status,
-        "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
-        "rms": rms(totals.squares),
-        "rms_uncalibrated": rms(totals.raw_squares),
-        "std": rms(totals.variance),
-        "std_calibration": rms(totals.common),
-        "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
-        "warnings": [*use.warnings, *notes],
-    }

@@ -1,0 +1,139 @@
+"""What `apply` says of a log's contact wrenches: totals, warnings, metadata."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdfscal.records import FloatArray
+from tdfscal.workflows.calibration_in_use import InUse
+from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.filtering import Walk
+from tdfscal.wrench.log_head import ColouredNoise
+from tdfscal.wrench.observable import observable_text
+from tdfscal.wrench.resampling import Tally
+from tdfscal.wrench.stream import WrenchPiece
+
+
+@dataclass(slots=True)
+class Totals:
+    """What the summary says of the rows: sums over components (6,), and largest lengths (2,)."""
+
+    squares: FloatArray = field(default_factory=lambda: np.zeros(6))
+    raw_squares: FloatArray = field(default_factory=lambda: np.zeros(6))
+    variance: FloatArray = field(default_factory=lambda: np.zeros(6))
+    common: FloatArray = field(default_factory=lambda: np.zeros(6))
+    largest: FloatArray = field(default_factory=lambda: np.zeros(2))
+    span: list[float] = field(default_factory=list)
+
+    def add(self, piece: WrenchPiece) -> None:
+        """Count a piece of the log."""
+        w = piece.wrench
+        self.squares += np.einsum("ka,ka->a", w.value, w.value)
+        self.raw_squares += np.einsum("ka,ka->a", w.raw, w.raw)
+        self.variance += np.einsum("ka,ka->a", w.std, w.std)
+        self.common += np.einsum("ka,ka->a", w.calibration_std, w.calibration_std)
+        lengths = np.sqrt(np.sum(w.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
+        self.largest = np.maximum(self.largest, lengths)
+        self.span = [*self.span[:1], float(piece.time[0]), float(piece.time[-1])]
+        self.span = [self.span[0], self.span[-1]]
+
+
+def filter_effect(
+    kind: str, walk: float, model: Walk, noise: ColouredNoise | None
+) -> dict[str, Any]:
+    """What the filter does, SI units; noise_left as a share, None where there is no noise."""
+    smooth = kind == "smooth"
+    std, left = float(np.sqrt(model.r)), model.left_smooth if smooth else model.left
+    share: float | None = left
+    if noise is not None:
+        std = noise.std
+        rest = float(np.sqrt(noise.remaining(np.array([model.gain]), smooth=smooth)[0]))
+        share = rest / std if std > 0 else None
+    return {
+        "kind": kind,
+        "walk": walk,
+        "gain": model.gain,
+        "noise": std,
+        "noise_left": share,
+        "delay": 0.0 if smooth else model.delay,
+    }
+
+
+def metadata(
+    use: InUse, kind: str, walk: float | None, point: FloatArray, *, moving: bool
+) -> dict[str, str]:
+    """Metadata of a Parquet file."""
+    place = f"the point ({', '.join(f'{x:g}' for x in point)}) m" if point.any() else "the origin"
+    return {
+        "quantity": f"contact wrench on the terminal: force, and moment about {place} of the LCS",
+        "frame": "LCS",
+        "units": "s, N, N·m",
+        "u_": "standard uncertainty (k = 1) of the single sample, its noise included",
+        "u_cal_": "the part of the calibration and the rig's constants, common to all samples",
+        "raw_": "the same with the nominal mounting and the stated zeros, mass and barycentre",
+        "filter": "none" if walk is None else f"{kind}, walk {walk:g} N in 1 s",
+        "inertia": "included" if moving else "not included (quasi-static)",
+        "calibration": f"{use.calibration.method}, {use.calibration.created}, "
+        f"{use.calibration.status}",
+        "rig": use.given.rig.name,
+    }
+
+
+def left_out(tally: Tally, use: InUse) -> list[str]:
+    """Warnings of what is left out, and of what stays unknown."""
+    notes = []
+    if tally.uncovered:
+        notes.append(
+            f"{tally.uncovered} force samples lie where another stream has a gap, has not begun "
+            "or has ended; they are left out"
+        )
+    if tally.unreadable:
+        notes.append(f"{tally.unreadable} samples hold no number and are left out")
+    if not use.given.rig.axes.all():
+        notes.append(observable_text(use.given))
+    if use.given.open.any():
+        notes.append(
+            "the calibration leaves zeros, mass or barycentre open: the uncertainty of the "
+            "components that they touch is unknown (empty)"
+        )
+    return notes
+
+
+def summary_of(
+    use: InUse,
+    output: Path | None,
+    rows: int,
+    tally: Tally,
+    totals: Totals,
+    notes: list[str],
+    *,
+    moving: bool,
+) -> dict[str, Any]:
+    """Return the document of the command, SI units; rms of each component over the rows."""
+
+    def rms(squares: FloatArray) -> dict[str, float | None]:
+        root = np.sqrt(squares / rows)
+        return {
+            name: float(v) if np.isfinite(v) else None
+            for name, v in zip(COMPONENTS, root, strict=True)
+        }
+
+    return {
+        "output": None if output is None else str(output),
+        "rows": rows,
+        "start": totals.span[0],
+        "end": totals.span[1],
+        "quasi_static": not moving,
+        "calibration_status": use.calibration.status,
+        "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
+        "rms": rms(totals.squares),
+        "rms_uncalibrated": rms(totals.raw_squares),
+        "std": rms(totals.variance),
+        "std_calibration": rms(totals.common),
+        "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
+        "warnings": [*use.warnings, *notes],
+    }
