@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError, UsageError
@@ -20,7 +22,7 @@ from tdfscal.planning.predicted_information import (
     wrench_rows,
 )
 from tdfscal.planning.refinement import refine
-from tdfscal.records import ANGLES, FloatArray, IntArray, Rig
+from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.covariance import faked_information
 from tdfscal.selfcal.estimator import Fit
 
@@ -30,6 +32,8 @@ _PER_RETURN = 24
 _FEWEST_WITH_RETURN = 6
 #: Random sets that stand for driving without a plan.
 _RANDOM_SETS = 16
+#: An angle known no better than this share of its prior owes nothing to the data.
+_PRIOR_SHARE = 0.5
 #: An objective that follows the width of ignorance by more than this share is not measured.
 _FOLLOWS = 1e-2
 
@@ -49,6 +53,7 @@ class Planner:
         self.rows = self.sight.rows(self.pool)
         some = self.pool.take(np.arange(min(8, len(self.pool))))
         self.scatter = self.sight.scatter(some, request.limits).mean(axis=0)
+        self.sight = replace(self.sight, open=self._open())
         self.objective = self._objective()
         self._usual: FloatArray | None = None
 
@@ -65,6 +70,18 @@ class Planner:
             half = vectors * np.sqrt(np.maximum(values, 1.0)) / sight.wide[:, None]
             held = half @ half.T
         return held
+
+    def _open(self) -> BoolArray:
+        """Sensors (n,) without all axes that all candidates together leave undetermined."""
+        lacking = ~self.rig.axes.all(axis=1)
+        if not lacking.any():
+            return lacking
+        seen = np.einsum("kmp,kmq->pq", self.rows, self.rows)
+        C, L = inverse(self.held + seen + len(self.pool) * self.scatter), angle_rows(self.sight)
+        std = np.sqrt(np.einsum("rp,pq,rq->r", L, C, L)).reshape(-1, 3)
+        prior = _PRIOR_SHARE * self.rig.rpy_std
+        weak = (std >= self.rig.acceptance.identifiable) | (std > prior)
+        return np.asarray(lacking & weak.any(axis=1))
 
     def _objective(self) -> FloatArray:
         """L (r, p) with tr(L C Lᵀ) the mean variance of the angles, or of the contact wrench.
@@ -106,7 +123,7 @@ class Planner:
         """Largest standard uncertainty of an angle to expect of `count` rows, rad."""
         index, returns = self.select(count)
         rows = np.concatenate([index, np.repeat(index[:1], returns)])
-        return float(self.forecast(self.pool.take(rows)).rpy_std.max())
+        return self.forecast(self.pool.take(rows)).largest
 
     def scaled(self, count: int) -> float:
         """Return about the same as `largest`, from the information per posture of a usual plan."""
@@ -180,7 +197,7 @@ class Planner:
             self._refuse_unmeasured(postures)
             return
         limit = self.rig.acceptance.identifiable
-        weak = (expected.rpy_std >= limit) | (expected.rpy_std > 0.5 * self.rig.rpy_std)
+        weak = (expected.rpy_std >= limit) | (expected.rpy_std > _PRIOR_SHARE * self.rig.rpy_std)
         if not weak.any():
             return
         names = [f"{ANGLES[j]} of {self.rig.supports[i]}" for i, j in np.argwhere(weak)]

@@ -61,11 +61,11 @@ def plan_for_target(
     # The search goes by the pool alone, which is quick; free postures do better by some share.
     count = _fewest(planner, target)
     plan = planner.plan(count)
-    share = float(plan.expected.rpy_std.max()) / planner.largest(count)
+    share = plan.expected.largest / planner.largest(count)
     fewer = _fewest(planner, target / min(1.0, share))
     while fewer < count:
         better = planner.plan(fewer)
-        if better.expected.rpy_std.max() <= target:
+        if better.expected.largest <= target:
             return better
         fewer += 1
     return plan

@@ -62,7 +62,7 @@ class Plan:
         """Mean standard uncertainty of random postures over that of the plan."""
         if self.request.objective == "wrench":
             return wrench_size(self.rig, self.random) / wrench_size(self.rig, self.expected)
-        return float(self.random.rpy_std.mean() / self.expected.rpy_std.mean())
+        return self.random.mean / self.expected.mean
 
     @property
     def tour(self) -> float:

@@ -40,6 +40,7 @@ class Sight:
 
     noise : N per axis, standard uncertainty of a posture's mean force; declared noise adds to it.
     active : (P,), which parameters are free. wide : (p,), width of ignorance per free parameter.
+    open : (n,), sensors without all axes whose mounting no posture shows.
     """
 
     rig: Rig
@@ -47,6 +48,7 @@ class Sight:
     noise: float
     active: BoolArray
     wide: FloatArray
+    open: BoolArray
 
     @classmethod
     def of(cls, rig: Rig, noise: float, state: State | None = None) -> Sight:
@@ -54,7 +56,8 @@ class Sight:
         std, place = prior_std(rig), layout(rig.n)
         wide = np.concatenate([np.full(at.stop - at.start, _WIDE[g]) for g, at in place.items()])
         active = std > 0
-        return cls(rig, state or nominal(rig), noise, active, wide[active])
+        none = np.zeros(rig.n, dtype=np.bool_)
+        return cls(rig, state or nominal(rig), noise, active, wide[active], none)
 
     def prior(self) -> FloatArray:
         """Information (p, p) held before any posture: the rig file's priors, and ignorance."""
@@ -117,21 +120,35 @@ class Sight:
 class Forecast:
     """Uncertainty to expect of a set of postures.
 
-    rpy_std : (n, 3), rad. contact_force, contact_torque : N and N·m per axis (3,), of the
-    contact wrench at the posture asked for, LCS, about the LCS origin; None where none was.
+    rpy_std : (n, 3), rad; NaN where no posture would show the mounting.
+    contact_force, contact_torque : N and N·m per axis (3,), of the contact wrench at the posture
+    asked for, LCS, about the LCS origin; None where none was.
     """
 
     rpy_std: FloatArray
     contact_force: FloatArray | None = None
     contact_torque: FloatArray | None = None
 
+    @property
+    def mean(self) -> float:
+        """Mean standard uncertainty of the angles that can be known, rad."""
+        return float(np.nanmean(self.rpy_std))
+
+    @property
+    def largest(self) -> float:
+        """Largest of them, rad."""
+        return float(np.nanmax(self.rpy_std))
+
 
 def angle_rows(sight: Sight) -> FloatArray:
-    """Rows (3n, p) of roll, pitch, yaw of every sensor by the free parameters, rad."""
+    """Rows (3n, p) of roll, pitch, yaw of every sensor by the free parameters, rad.
+
+    Those of open sensors are 0.
+    """
     n = sight.rig.n
     L = np.zeros((3 * n, len(sight.wide)))
     for i, block in enumerate(so3.rpy_jacobian(sight.state.rotation)):
-        L[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
+        L[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = 0.0 if sight.open[i] else block
     return L
 
 
@@ -173,7 +190,7 @@ def forecast(
     L = angle_rows(sight)
     cov = corrected(C[turns, turns], sight.faked(postures))
     angle_var = np.einsum("ri,ij,rj->r", L[:, turns], cov, L[:, turns])
-    std = np.sqrt(angle_var).reshape(-1, 3)
+    std = np.where(sight.open[:, None], np.nan, np.sqrt(angle_var).reshape(-1, 3))
     if at is None:
         return Forecast(std)
     W = wrench_rows(sight, at)

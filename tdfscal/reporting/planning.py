@@ -16,7 +16,7 @@ def plan_report(plan: Plan) -> Report:
     limits, request, expected = plan.request.limits, plan.request, plan.expected
     more = f", on top of {plan.given} postures recorded before" if plan.given else ""
     angles = tuple(
-        (name, *(f"{1e3 * v:.3f}" for v in row))
+        (name, *("–" if np.isnan(v) else f"{1e3 * v:.3f}" for v in row))
         for name, row in zip(plan.rig.supports, expected.rpy_std, strict=True)
     )
     blocks: list[Block] = [
@@ -56,13 +56,13 @@ def _times(count: int) -> str:
 
 
 def _comparison(plan: Plan) -> str:
-    mean, random = (1e3 * f.rpy_std.mean() for f in (plan.expected, plan.random))
+    mean, random = (1e3 * f.mean for f in (plan.expected, plan.random))
     text = (
         f"Mean {mean:.3g} mrad; {len(plan)} random postures within the same limits "
         f"{random:.3g} mrad"
     )
     if plan.before is not None:
-        text += f"; before the plan {1e3 * plan.before.rpy_std.mean():.3g} mrad"
+        text += f"; before the plan {1e3 * plan.before.mean:.3g} mrad"
     what = "contact wrench" if plan.request.objective == "wrench" else "angles"
     return f"{text}; for the {what} the plan is {plan.improvement:.2f} times better"
 
@@ -99,9 +99,9 @@ def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:
 
 def _forecast(plan: Plan, of: Forecast) -> dict[str, Any]:
     document: dict[str, Any] = {
-        "mean_std": float(of.rpy_std.mean()),
+        "mean_std": of.mean,
         "supports": [
-            {"name": name, "rpy_std": row}
+            {"name": name, "rpy_std": [None if np.isnan(v) else v for v in row]}
             for name, row in zip(plan.rig.supports, of.rpy_std.tolist(), strict=True)
         ],
     }

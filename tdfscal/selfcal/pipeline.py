@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import log_against_rig
-from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.model.earlier import loosened
 from tdfscal.model.parameters import State, nominal
 from tdfscal.model.statics import Postures
@@ -121,6 +121,7 @@ def self_calibrate(
         stats = quality(result, parts)
         uncertainty = evaluate(result, parts, stats.birge, noise_from_residuals=measured_noise)
     else:
+        _check_all_axes(rig)
         result = fit_linear(rig, observed)
         parts = information_root(result)
         stats = quality(result, parts)
@@ -220,6 +221,17 @@ def _likelier(slip: Suspicion, doubt: Suspicion) -> bool:
     if doubt.kind.endswith("noise"):
         return slip.weight > doubt.weight
     return slip.p_value <= doubt.p_value
+
+
+def _check_all_axes(rig: Rig) -> None:
+    """Raise RigError where the linear method would miss a component of a force."""
+    for i, j in np.argwhere(~rig.axes)[:1]:
+        raise RigError(
+            f"the sensor of {rig.supports[i]} does not measure {'xyz'[j]}, and the linear method "
+            "needs every component",
+            where="rig.yaml, supports",
+            hint="calibrate by maximum likelihood (--estimator ml)",
+        )
 
 
 def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:

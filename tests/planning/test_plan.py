@@ -147,3 +147,17 @@ def test_impossible_requests_are_refused() -> None:
     silent = replace(rig, declared=replace(rig.declared, force_noise=0.0))
     with pytest.raises(UsageError, match="--noise"):
         make_plan(silent, Request(limits(rig), noise=0.0), 8, RNG(9))
+
+
+def test_a_load_cell_without_a_mounting_stands_aside() -> None:
+    """Its angles are no number, and the others' are planned for."""
+    rig = reference_rig()
+    axes = rig.axes.copy()
+    axes[2, :2] = False
+    request = Request(limits(rig), candidates=60, noise=1.0)
+    plan = make_plan(replace(rig, axes=axes), request, 12, RNG(6))
+    std = plan.expected.rpy_std
+    assert np.isnan(std[2]).all()
+    assert np.isfinite(std[:2]).all()
+    assert plan.expected.mean == pytest.approx(float(std[:2].mean()))
+    assert plan.expected.mean < plan.random.mean

@@ -10,7 +10,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.checks import faulty_sensors
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, RigError
 from tdfscal.model import free_forces
 from tdfscal.model.parameters import layout, nominal, parameter_count, retract
 from tdfscal.model.statics import balance, features, features_jacobian, postures
@@ -23,6 +23,7 @@ from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.selfcal.mounting_search import apart, best_start
 from tdfscal.selfcal.nuisances import drift_estimates
 from tdfscal.selfcal.observability import verdict
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
 
@@ -210,3 +211,10 @@ def test_share_of_a_drift_is_the_variance_that_knowing_it_takes_away() -> None:
     before, after = (so3.rpy_variance(R, r[:9] @ r[:9].T) for r in (known, parts.root))
     assert np.allclose(slopes.share, 1 - before / after, rtol=0, atol=1e-9)
     assert slopes.share.max() > 0.01
+
+
+def test_the_linear_method_needs_every_component() -> None:
+    rig = lacking((1, 0))
+    dwells = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(9), 1).dwells(0)
+    with pytest.raises(RigError, match="does not measure x, and the linear method needs"):
+        self_calibrate(rig, dwells, rng=np.random.default_rng(0), estimator="linear")

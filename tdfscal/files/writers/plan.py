@@ -9,6 +9,7 @@ import numpy as np
 from tdfscal.files.escaping import csv_comment
 from tdfscal.files.saving import write_text
 from tdfscal.planning import Plan
+from tdfscal.records import ANGLES
 
 AXES = ("x", "y", "z")
 #: How far beyond a posture its approach starts, m: more than any backlash.
@@ -49,7 +50,7 @@ def number(value: float, digits: int) -> str:
 
 def _notes(plan: Plan, command: str, seed: int) -> list[str]:
     limits, rig = plan.request.limits, plan.rig
-    mean = 1e3 * plan.expected.rpy_std.mean()
+    mean = 1e3 * plan.expected.mean
     home = ", ".join(f"{v:g}" for v in limits.home)
     lines = [
         f"tdfscal plan for {csv_comment(rig.name)}",
@@ -76,11 +77,14 @@ def _notes(plan: Plan, command: str, seed: int) -> list[str]:
         f"{plan.request.noise:g} N per axis and posture",
         *(
             f"expected {name}: "
-            + ", ".join(
-                f"{angle} {1e3 * std:.3g}"
-                for angle, std in zip(("roll", "pitch", "yaw"), row, strict=True)
+            + (
+                "undetermined, as it lacks axes"
+                if np.isnan(row).any()
+                else ", ".join(
+                    f"{angle} {1e3 * std:.3g}" for angle, std in zip(ANGLES, row, strict=True)
+                )
+                + " mrad"
             )
-            + " mrad"
             for name, row in zip(rig.supports, plan.expected.rpy_std, strict=True)
         ),
     ]
