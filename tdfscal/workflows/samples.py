@@ -122,14 +122,21 @@ def _static(
     return static(dwells)
 
 
-def _moving(log: LogPass, slow: Slow, dwells: int = 0) -> MotionCalibration:
+def _moving(
+    log: LogPass,
+    slow: Slow,
+    dwells: int = 0,
+    *,
+    rig: Rig | None = None,
+    inputs: tuple[InputFile, ...] = (),
+) -> MotionCalibration:
     log.progress.stage("calibrating from the motion")
     return calibrate_moving(
-        log.campaign.rig.rig,
+        rig or log.campaign.rig.rig,
         slow,
         stated_delay(log),
         dwells=dwells,
-        inputs=tuple(log.inputs),
+        inputs=(*inputs, *log.inputs),
         progress=log.progress.stage,
     )
 
