@@ -24,7 +24,8 @@ from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.estimator import Fit
-from tdfscal.selfcal.score_tests import Suspicion, largest_move
+from tdfscal.selfcal.score_tests import largest_move
+from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import CAUSES_APART, FRAME_MISFIT
 
 #: Positions are not known better than this, m: rounding, and a terminal that bends.

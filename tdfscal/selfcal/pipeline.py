@@ -32,8 +32,9 @@ from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.outliers import Rejection, RobustFit, fit_robust
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.selfcal.repeatability import Stability
-from tdfscal.selfcal.score_tests import Suspicion, suspicions
+from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.selfcal.slip import find_slip
+from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import MISFIT, MOST_REJECTED, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]

@@ -21,15 +21,16 @@ import numpy as np
 
 from tdfscal.model.parameters import layout, prior_std
 from tdfscal.model.statics import features_jacobian
-from tdfscal.numerics.distributions import chi2_sf, p_text
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.selfcal.covariance import Quality, Uncertainty
 from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.noise_bias import noise_scores
 from tdfscal.selfcal.scatter import scatters
+from tdfscal.selfcal.suspicion import OF_THE_RIG, WORDS, Suspicion
 from tdfscal.significance import (
     CAUSES_APART,
-    HARMFUL_SHIFT,
     MISFIT,
     UNDECLARED_ERROR,
     UNDECLARED_FRICTION_SHARE,
@@ -37,133 +38,9 @@ from tdfscal.significance import (
 )
 
 _NOISE_ONLY = 1e-9
-#: Groups without an entry per support.
-_OF_THE_RIG = (
-    "mass", "barycentre", "tilt", "compliance", "friction",
-    "all drift", "all temperature", "all parabola",
-)  # fmt: skip
-
-#: What is wrong with {0}, and its cure; {1} is the size that the residuals ask for.
-_WORDS = {
-    "zero": (
-        "the zero of {0} is not what is stated",
-        "tare again, or write `zero.std: {1}` for {0} in rig.yaml",
-    ),
-    "sensitivity": (
-        "gain or crosstalk of {0} is not what is stated",
-        "have the sensor of {0} checked, or write `uncertainty.force_sensitivity: {1}` in rig.yaml",
-    ),
-    "gain": (
-        "the gain of {0} is not what is stated",
-        "have the sensor of {0} checked, or write `uncertainty.force_sensitivity: {1}` in rig.yaml",
-    ),
-    "mass": (
-        "the mass is not what is stated",
-        "weigh again, or write `terminal.mass.std: {1}` in rig.yaml",
-    ),
-    "barycentre": (
-        "the barycentre is not where it is stated",
-        "correct it, or write `terminal.barycenter.std: {1}` in rig.yaml",
-    ),
-    "hinge": (
-        "the hinge of {0} is not where it is stated",
-        "measure the hinges again, or write `uncertainty.hinge: {1}` in rig.yaml",
-    ),
-    "datum": (
-        "the servo coordinates of {0} are offset",
-        "measure the servo datums, or write `uncertainty.datum: {1}` in rig.yaml",
-    ),
-    "tilt": (
-        "gravity is not along -Z of the BCS",
-        "level the BCS, or write `gravity.tilt_std: {1}` in rig.yaml",
-    ),
-    "compliance": (
-        "the NCPs give between encoder and hinge",
-        "see what is loose, or write `uncertainty.compliance: {{lateral: {1}, vertical: {1}}}` in "
-        "rig.yaml",
-    ),
-    "friction": (
-        "the hinges hold back against the turn by which a posture is reached",
-        "see whether the hinges move freely, or write `uncertainty.hinge_moment: {1}` in rig.yaml",
-    ),
-    "hinge friction": (
-        "the moments scatter as friction of {1} N·m in the hinges would make them",
-        "see whether the hinges move freely and the NCPs repeat as stated, or write "
-        "`uncertainty.hinge_moment: {1}` in rig.yaml",
-    ),
-    "force noise": (
-        "the forces scatter by {1} N per axis and posture beyond what is stated",
-        "see what shakes or hums, or write `uncertainty.force_noise: {1}` in rig.yaml",
-    ),
-    "sensor noise": (
-        "the forces of {0} scatter by {1} N per axis and posture beyond what is stated",
-        "look at the sensor of {0}, its cable and amplifier, or write "
-        "`uncertainty.force_noise: {1}` in rig.yaml",
-    ),
-    "position noise": (
-        "the NCPs repeat {1} m per axis worse than stated",
-        "see what is loose, or write `uncertainty.positioner: {1}` in rig.yaml",
-    ),
-    "drift": (
-        "the zero of {0} drifts over the campaign",
-        "warm up and tare again, or write `drift.time: .inf` in rig.yaml",
-    ),
-    "temperature": (
-        "the zero of {0} follows the temperature",
-        "write `drift.temperature: .inf` in rig.yaml",
-    ),
-    "parabola": (
-        "the zero of {0} drifts other than along a line",
-        "record faster, or write `drift.walk: {1}` in rig.yaml",
-    ),
-}
-for _group in ("drift", "temperature", "parabola"):
-    _what, _advice = _WORDS[_group]
-    _what = _what.replace("zero of {0} drifts", "zeros of all sensors drift")
-    _WORDS[f"all {_group}"] = (_what.replace("zero of {0} follows", "zeros of all follow"), _advice)
+#: Groups whose columns are made of the noisy readings themselves, beside the turns.
+_MADE_OF_READINGS = ("sensitivity", "gain", "compliance")
 _HOUR = 3600.0
-
-
-@dataclass(frozen=True, slots=True)
-class Suspicion:
-    """Something that the residuals ask for.
-
-    what, advice : what is wrong, and its cure. p_value : that chance alone asks as much, for this
-    suspect alone. shift : largest move of an angle in units of its standard uncertainty.
-    angle : which one. kind, support : what it is, and of which support. weight : twice the
-    logarithm of its likelihood, less what its unknowns are worth. tied : another one is likelier,
-    but not by much. zero : the zero that it moves most, in words, where that is harmful too.
-    """
-
-    what: str
-    advice: str
-    p_value: float
-    shift: float
-    angle: str
-    kind: str = ""
-    support: int | None = None
-    weight: float = 0.0
-    tied: bool = False
-    zero: str = ""
-
-    @property
-    def harmful(self) -> bool:
-        """It would move an angle by more than twice its standard uncertainty."""
-        return self.shift > HARMFUL_SHIFT
-
-    @property
-    def finding(self) -> str:
-        """What is wrong, how surely, and what it does."""
-        said = "say about as well that" if self.tied else "say that"
-        return (
-            f"the residuals {said} {self.what} ({p_text(self.p_value)}), which would move "
-            f"{self.angle} by {self.shift:.1f} of its standard uncertainties{self.zero}"
-        )
-
-    @property
-    def text(self) -> str:
-        """The finding with its cure."""
-        return f"{self.finding}: {self.advice}"
 
 
 def suspicions(
@@ -185,41 +62,79 @@ def suspicions(
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std = np.sqrt(np.diagonal(uncertainty.covariance))
     found, worth = list[Suspicion](), float(np.log(max(fit.rows, 2)))
+    bias: FloatArray | None = None
     for group, index, columns, unit in suspects:
         known = parts.left.T @ columns
         apart = columns - parts.left @ known
-        score, information = apart.T @ residual, apart.T @ apart
-        values, vectors = np.linalg.eigh(information)
-        seen = values > _NOISE_ONLY * max(float(np.sum(columns**2)), np.finfo(float).tiny)
-        if not seen.any():
-            continue
-        along = vectors[:, seen].T @ score
-        statistic, size = float(np.sum(along**2 / values[seen])), int(seen.sum())
-        # Held against the scatter that remains without the suspect, or it would excuse itself.
-        rest = (stats.chi2 - statistic) / max(stats.dof - size, 1)
-        p_value = float(chi2_sf(statistic / max(1.0, rest), size))
         share = UNDECLARED_GRAVITY_SHARE if group == "tilt" else others
-        if p_value > UNDECLARED_ERROR * share:
+        asked = _ask(apart, columns, residual, np.zeros(columns.shape[1]))
+        if asked is None or asked.p_value(stats) > UNDECLARED_ERROR * share:
             continue
-        amount = -vectors[:, seen] @ (along / values[seen])
+        if group in _MADE_OF_READINGS:
+            bias = noise_scores(fit, root) if bias is None else bias
+            lean = _lean(bias, fit, group, index)
+            asked = _ask(apart, columns, residual, lean)
+            if asked is None or asked.p_value(stats) > UNDECLARED_ERROR * share:
+                continue
+        amount, p_value = asked.amount, asked.p_value(stats)
         # The other parameters, angles among them, give way to the suspect's amount.
         move = -parts.root @ (known @ amount)
-        asked = _rounded_up(float(np.abs(amount * unit).max()))
-        what, advice = (words.format(fit.rig.supports[index], asked) for words in _WORDS[group])
+        size = _rounded_up(float(np.abs(amount * unit).max()))
+        what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
         doubt = _suspicion(fit, what, advice, p_value, move[angles] / std)
-        support = None if group in _OF_THE_RIG else index
-        weight, zero = statistic - size * worth, _worst_zero(fit, move, uncertainty)
+        support = None if group in OF_THE_RIG else index
+        weight, zero = asked.statistic - asked.unknowns * worth, _worst_zero(fit, move, uncertainty)
         found.append(replace(doubt, kind=group, support=support, weight=weight, zero=zero))
     p_value = _friction(parts, root, residual)
     if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE or stats.p_value < MISFIT:
         for scatter in scatters(fit, parts, root, residual):
-            name, asked = fit.rig.supports[scatter.support or 0], _rounded_up(scatter.size)
-            what, advice = (words.format(name, asked) for words in _WORDS[scatter.kind])
+            name, size = fit.rig.supports[scatter.support or 0], _rounded_up(scatter.size)
+            what, advice = (words.format(name, size) for words in WORDS[scatter.kind])
             p_value = float(chi2_sf(scatter.gain, 1)) / 2  # without it θ stands at its bound
             doubt = _suspicion(fit, what, advice, p_value, scatter.effect[angles] / std)
             weight = scatter.gain - worth
             found.append(replace(doubt, kind=scatter.kind, support=scatter.support, weight=weight))
     return _likeliest(found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """How far the residuals go to meet a suspect: fall of χ², unknowns seen, their amount."""
+
+    statistic: float
+    unknowns: int
+    amount: FloatArray
+
+    def p_value(self, stats: Quality) -> float:
+        """Held against the scatter that remains without the suspect, or it would excuse itself."""
+        rest = (stats.chi2 - self.statistic) / max(stats.dof - self.unknowns, 1)
+        return float(chi2_sf(self.statistic / max(1.0, rest), self.unknowns))
+
+
+def _ask(
+    apart: FloatArray, columns: FloatArray, residual: FloatArray, lean: FloatArray
+) -> _Asked | None:
+    """Score of columns, `apart` of them beyond the fit's; lean : the score that noise makes."""
+    score, information = apart.T @ residual - lean, apart.T @ apart
+    values, vectors = np.linalg.eigh(information)
+    seen = values > _NOISE_ONLY * max(float(np.sum(columns**2)), np.finfo(float).tiny)
+    if not seen.any():
+        return None
+    along = vectors[:, seen].T @ score
+    amount = -vectors[:, seen] @ (along / values[seen])
+    return _Asked(float(np.sum(along**2 / values[seen])), int(seen.sum()), amount)
+
+
+def _lean(bias: FloatArray, fit: Fit, group: str, index: int) -> FloatArray:
+    """Score that noise alone makes of a suspect's columns; none where it has a prior."""
+    place = layout(fit.rig.n, fit.state.motions)
+    if group == "compliance":
+        part = place["compliance"]
+    else:
+        start = place["sensitivity"].start + 6 * index
+        part = slice(start, start + 6)
+    own = np.where(fit.active[part], 0.0, bias[part])
+    return np.asarray(own[:3].sum(keepdims=True) if group == "gain" else own)
 
 
 def _likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:

@@ -32,7 +32,7 @@ from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
 from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray
 from tdfscal.selfcal.covariance import Uncertainty, information_root
 from tdfscal.selfcal.estimator import ROWS, Fit
-from tdfscal.selfcal.score_tests import Suspicion
+from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import CAUSES_APART, OUTLYING_POSTURE, WITHIN_CAMPAIGN
 
 #: Postures on either side of a split: one alone is an outlier, not a part of the campaign.

@@ -1,0 +1,135 @@
+"""What may be wrong with a campaign that its rig file does not declare, in words, with its cure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tdfscal.numerics.distributions import p_text
+from tdfscal.significance import HARMFUL_SHIFT
+
+#: Groups without an entry per support.
+OF_THE_RIG = (
+    "mass", "barycentre", "tilt", "compliance", "friction",
+    "all drift", "all temperature", "all parabola",
+)  # fmt: skip
+
+#: What is wrong with {0}, and its cure; {1} is the size that the residuals ask for.
+WORDS = {
+    "zero": (
+        "the zero of {0} is not what is stated",
+        "tare again, or write `zero.std: {1}` for {0} in rig.yaml",
+    ),
+    "sensitivity": (
+        "gain or crosstalk of {0} is not what is stated",
+        "have the sensor of {0} checked, or write `uncertainty.force_sensitivity: {1}` in rig.yaml",
+    ),
+    "gain": (
+        "the gain of {0} is not what is stated",
+        "have the sensor of {0} checked, or write `uncertainty.force_sensitivity: {1}` in rig.yaml",
+    ),
+    "mass": (
+        "the mass is not what is stated",
+        "weigh again, or write `terminal.mass.std: {1}` in rig.yaml",
+    ),
+    "barycentre": (
+        "the barycentre is not where it is stated",
+        "correct it, or write `terminal.barycenter.std: {1}` in rig.yaml",
+    ),
+    "hinge": (
+        "the hinge of {0} is not where it is stated",
+        "measure the hinges again, or write `uncertainty.hinge: {1}` in rig.yaml",
+    ),
+    "datum": (
+        "the servo coordinates of {0} are offset",
+        "measure the servo datums, or write `uncertainty.datum: {1}` in rig.yaml",
+    ),
+    "tilt": (
+        "gravity is not along -Z of the BCS",
+        "level the BCS, or write `gravity.tilt_std: {1}` in rig.yaml",
+    ),
+    "compliance": (
+        "the NCPs give between encoder and hinge",
+        "see what is loose, or write `uncertainty.compliance: {{lateral: {1}, vertical: {1}}}` in "
+        "rig.yaml",
+    ),
+    "friction": (
+        "the hinges hold back against the turn by which a posture is reached",
+        "see whether the hinges move freely, or write `uncertainty.hinge_moment: {1}` in rig.yaml",
+    ),
+    "hinge friction": (
+        "the moments scatter as friction of {1} N·m in the hinges would make them",
+        "see whether the hinges move freely and the NCPs repeat as stated, or write "
+        "`uncertainty.hinge_moment: {1}` in rig.yaml",
+    ),
+    "force noise": (
+        "the forces scatter by {1} N per axis and posture beyond what is stated",
+        "see what shakes or hums, or write `uncertainty.force_noise: {1}` in rig.yaml",
+    ),
+    "sensor noise": (
+        "the forces of {0} scatter by {1} N per axis and posture beyond what is stated",
+        "look at the sensor of {0}, its cable and amplifier, or write "
+        "`uncertainty.force_noise: {1}` in rig.yaml",
+    ),
+    "position noise": (
+        "the NCPs repeat {1} m per axis worse than stated",
+        "see what is loose, or write `uncertainty.positioner: {1}` in rig.yaml",
+    ),
+    "drift": (
+        "the zero of {0} drifts over the campaign",
+        "warm up and tare again, or write `drift.time: .inf` in rig.yaml",
+    ),
+    "temperature": (
+        "the zero of {0} follows the temperature",
+        "write `drift.temperature: .inf` in rig.yaml",
+    ),
+    "parabola": (
+        "the zero of {0} drifts other than along a line",
+        "record faster, or write `drift.walk: {1}` in rig.yaml",
+    ),
+}
+for _group in ("drift", "temperature", "parabola"):
+    _what, _advice = WORDS[_group]
+    _what = _what.replace("zero of {0} drifts", "zeros of all sensors drift")
+    WORDS[f"all {_group}"] = (_what.replace("zero of {0} follows", "zeros of all follow"), _advice)
+
+
+@dataclass(frozen=True, slots=True)
+class Suspicion:
+    """Something that the residuals ask for.
+
+    what, advice : what is wrong, and its cure. p_value : that chance alone asks as much, for this
+    suspect alone. shift : largest move of an angle in units of its standard uncertainty.
+    angle : which one. kind, support : what it is, and of which support. weight : twice the
+    logarithm of its likelihood, less what its unknowns are worth. tied : another one is likelier,
+    but not by much. zero : the zero that it moves most, in words, where that is harmful too.
+    """
+
+    what: str
+    advice: str
+    p_value: float
+    shift: float
+    angle: str
+    kind: str = ""
+    support: int | None = None
+    weight: float = 0.0
+    tied: bool = False
+    zero: str = ""
+
+    @property
+    def harmful(self) -> bool:
+        """It would move an angle by more than twice its standard uncertainty."""
+        return self.shift > HARMFUL_SHIFT
+
+    @property
+    def finding(self) -> str:
+        """What is wrong, how surely, and what it does."""
+        said = "say about as well that" if self.tied else "say that"
+        return (
+            f"the residuals {said} {self.what} ({p_text(self.p_value)}), which would move "
+            f"{self.angle} by {self.shift:.1f} of its standard uncertainties{self.zero}"
+        )
+
+    @property
+    def text(self) -> str:
+        """The finding with its cure."""
+        return f"{self.finding}: {self.advice}"
