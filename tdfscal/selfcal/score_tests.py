@@ -31,6 +31,7 @@ from tdfscal.selfcal.scatter import scatters
 from tdfscal.selfcal.suspicion import OF_THE_RIG, WORDS, Suspicion
 from tdfscal.significance import (
     CAUSES_APART,
+    HARMFUL_SHIFT,
     MISFIT,
     UNDECLARED_ERROR,
     UNDECLARED_FRICTION_SHARE,
