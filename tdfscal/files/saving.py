@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -38,10 +38,13 @@ def to_yaml(content: Any) -> str:
     )
 
 
-_SafeDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+if TYPE_CHECKING:
+    _SafeDumper = yaml.SafeDumper
+else:  # libyaml's, where PyYAML has it: a quarter of the time
+    _SafeDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
-class _PlainDumper(_SafeDumper):  # type: ignore[misc,valid-type]
+class _PlainDumper(_SafeDumper):
     """Without aliases; text that YAML 1.2 would take for a number is quoted."""
 
     def ignore_aliases(self, data: Any) -> bool:

@@ -222,8 +222,8 @@ def test_no_column_is_read_from_where_another_lies(tmp_path: Path, dictionaries:
     sound, group = path.read_bytes(), pq.read_metadata(path).row_group(0)
     name = "dictionary_page_offset" if dictionaries else "data_page_offset"
     start = len(sound) - 8 - int.from_bytes(sound[-8:-4], "little")
-    places = [varint(getattr(group.column(k), name)) for k in (16, 11)]
-    assert sound.count(places[0], start) >= 1
-    path.write_bytes(sound[:start] + sound[start:].replace(*places))
+    own, other = (varint(getattr(group.column(k), name)) for k in (16, 11))
+    assert sound.count(own, start) >= 1
+    path.write_bytes(sound[:start] + sound[start:].replace(own, other))
     with pytest.raises(DataError, match="where its columns lie"):
         read_log([path], None, SUPPORTS)
