@@ -40,6 +40,8 @@ _FORCES = ("Fx, N", "Fy, N", "Fz, N", "Mx, N·m", "My, N·m", "Mz, N·m")
 #: The scale is linear up to here, N and N·m, and logarithmic beyond: the paper's range is 12 N.
 _LINEAR = (12.0, 6.0)
 _TICKS = ((0, 3, 6, 9, 12, 20, 40, 100), (0, 2, 4, 6, 10, 20, 50))
+#: Fewer where both signs are shown.
+_SIGNED = ((0, 6, 12, 40), (0, 2, 4, 6, 20))
 
 
 def free_space_drawings(study: FreeSpaceStudy) -> tuple[Drawing, ...]:
@@ -92,10 +94,10 @@ def _legend(fig: Figure, ax: Axes) -> None:
 
 def _scale(ax: Axes, axis: int, top: float, *, both: bool = False) -> None:
     """Linear up to the paper's range, logarithmic beyond, at least that range; axis : 0 to 5."""
-    linear, ticks = _LINEAR[axis // 3], _TICKS[axis // 3]
+    linear, ticks = _LINEAR[axis // 3], (_SIGNED if both else _TICKS)[axis // 3]
     ax.set_yscale("symlog", linthresh=linear, linscale=2.0)
     top = 1.1 * max(top, linear)
-    shown = [t for t in ticks if t <= top and (not both or t not in (3, 9))]
+    shown = [t for t in ticks if t <= top]
     if both:
         shown = sorted({-t for t in shown} | set(shown))
     ax.set_yticks(shown, [f"{t:g}".replace("-", "−") for t in shown])
