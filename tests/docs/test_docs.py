@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import shutil
 import subprocess
@@ -73,7 +74,9 @@ def test_site_builds_without_a_warning(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sphinx", "-q", "-W", str(DOCS), str(tmp_path / "site")]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert all((tmp_path / "site" / f"{page}.html").is_file() for page in (*PAGES, "notebook"))
+    assert all(
+        (tmp_path / "site" / f"{page}.html").is_file() for page in (*PAGES, "notebook", "gallery")
+    )
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -135,3 +138,14 @@ def test_worked_example_computes() -> None:
     moved = (Rotation.from_rotvec(h * given["d"]) * turn).as_euler("ZYX")[::-1]
     np.testing.assert_allclose(results["J⁻¹ d"], (moved - given["rpy"]) / h, rtol=0, atol=0.6e-6)
     assert f"{np.linalg.norm(force):.3f} N long" in text("conventions")
+
+
+def test_messages_that_are_explained_are_messages_of_the_program() -> None:
+    """Each quoted message of the page stands in the source, wherever its line is broken."""
+    source = ""
+    for path in sorted((DOCS.parent / "tdfscal").rglob("*.py")):
+        code = path.read_text(encoding="utf-8")
+        source += re.sub(r'"\s*\n\s*f?"', "", code) + "\n"
+    quoted = re.findall(r"^\| `([^`]+)` \|", text("troubleshooting"), re.MULTILINE)
+    assert len(quoted) > 20
+    assert [message for message in quoted if message not in source] == []
