@@ -140,6 +140,8 @@ def document_mutated(raw: bytes, rng: random.Random, form: str) -> bytes:
     """Values, keys and types of a document changed."""
     document = yaml.safe_load(raw)
     for _ in range(rng.choice((1, 1, 2, 4))):
+        if not document:
+            break
         (edit,) = edits(document, 1, rng.randrange(1 << 30))
         document = edit.document
         if rng.random() < 0.6:

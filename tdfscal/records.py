@@ -212,12 +212,13 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class InputFile:
-    """A file that went into a result."""
+    """A file that went into a result; note : what is odd about where it lies."""
 
     path: str
     sha256: str
     bytes: int
     integrity: Integrity
+    note: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

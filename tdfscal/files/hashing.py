@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -17,20 +18,27 @@ from tdfscal.records import InputFile, Integrity
 _BLOCK = 1 << 22
 
 
-def input_file(path: Path, integrity: Integrity) -> InputFile:
+def input_file(path: Path, integrity: Integrity, note: str | None = None) -> InputFile:
     """Describe a file by its content, read in blocks.
 
     Parameters
     ----------
     path : the file; its text goes into the record as it was given.
     integrity : how far the reader could check the content.
+    note : what is odd about where it lies.
 
     Raises
     ------
     UsageError : the file is not there or cannot be opened.
     """
     digest, size = _sha256(path, lambda: False)
-    return InputFile(printable(str(path)), digest, size, integrity)
+    return InputFile(printable(str(path)), digest, size, integrity, note)
+
+
+def note_outside(path: Path, folder: Path, named_by: str) -> str | None:
+    """What to note of an input that a file in `folder` names and that does not lie in there."""
+    inside = Path(os.path.abspath(path)).is_relative_to(os.path.abspath(folder))  # noqa: PTH100
+    return None if inside else f"outside the folder of the {named_by} that names it"
 
 
 def printable(text: str) -> str:
@@ -66,10 +74,10 @@ class Fingerprint:
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256")
         self._digest: Future[tuple[str, int]] = self._pool.submit(_sha256, path, self._stop.is_set)
 
-    def result(self, integrity: Integrity) -> InputFile:
+    def result(self, integrity: Integrity, note: str | None = None) -> InputFile:
         """Wait for the digest and return the record."""
         digest, size = self._digest.result()
-        return InputFile(printable(str(self._path)), digest, size, integrity)
+        return InputFile(printable(str(self._path)), digest, size, integrity, note)
 
     def __enter__(self) -> Fingerprint:
         return self

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from tdfscal.errors import UsageError
-from tdfscal.files.outputs import check_link, identity, protect, replaces_input
+from tdfscal.files.outputs import check_link, check_protection, identity, protect, replaces_input
 
 #: Of report pages.
 PAGE_SUFFIXES = (".html", ".htm")
@@ -81,10 +81,7 @@ def check_place(path: Path) -> None:
             where=str(path),
             hint="choose another folder",
         )
-    if path.is_file() and not path.stat().st_mode & 0o222:
-        raise UsageError(
-            "is write-protected", where=str(path), hint="choose another name for the result"
-        )
+    check_protection(path)
 
 
 def check_folder(path: Path) -> None:

@@ -61,6 +61,7 @@ class Outputs:
         try:
             check_link(path)
             target = Path(os.path.realpath(path))
+            check_protection(path)
             if identity(target) in self.protected:
                 raise replaces_input(path)
             if any(other.target == target for other in self.staged):
@@ -223,6 +224,16 @@ def check_link(path: Path) -> None:
     """Raise UsageError for a link that leads to itself."""
     if Path(os.path.realpath(path)).is_symlink():
         raise UsageError("is a link that leads to itself", where=str(path), hint="remove the link")
+
+
+def check_protection(path: Path) -> None:
+    """Raise UsageError for a file that its mode protects, also from root."""
+    if path.is_file() and not path.stat().st_mode & 0o222:
+        raise UsageError(
+            "is write-protected",
+            where=str(path),
+            hint="choose another name for the result, or allow writing with `chmod u+w`",
+        )
 
 
 def replaces_input(path: Path) -> UsageError:

@@ -11,8 +11,8 @@ import numpy as np
 
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
-from tdfscal.files.hashing import Fingerprint, printable
-from tdfscal.logs.bag.rosbag2 import Bag
+from tdfscal.files.hashing import Fingerprint, note_outside, printable
+from tdfscal.logs.bag.rosbag2 import METADATA, Bag
 from tdfscal.logs.common.clock import Clock, apart, shown
 from tdfscal.logs.common.read_ahead import ahead
 from tdfscal.logs.common.request import (
@@ -190,7 +190,9 @@ def _campaign(
             warnings = [w for clock in clocks.values() for w in clock.finish()]
             warnings += apart(tuple(clocks.values()), str(path))
             _check_counts(count, request, path, outcome)
-            entry = fingerprint.result(outcome.integrity)
+            bag = bags[path]
+            note = None if bag is None else note_outside(path, bag.folder, METADATA)
+            entry = fingerprint.result(outcome.integrity, note)
         row += float(count[0])
         meter.finished(entry.bytes)
         meter.tell()

@@ -17,8 +17,12 @@ METHODS = {
 
 def inputs_table(inputs: Iterable[Input | InputFile], caption: str = "Input files") -> Table:
     """Files with their digests."""
-    rows = tuple((f.path, f.sha256, f"{f.bytes:,}", f.integrity) for f in inputs)
+    rows = tuple((f.path, f.sha256, f"{f.bytes:,}", _stated(f)) for f in inputs)
     return Table(caption, ("file", "SHA-256", "bytes", "integrity"), rows, left=2)
+
+
+def _stated(file: Input | InputFile) -> str:
+    return file.integrity if file.note is None else f"{file.integrity}; {file.note}"
 
 
 def probability(p: float) -> str:

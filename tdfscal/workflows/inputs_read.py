@@ -10,6 +10,7 @@ from tdfscal.errors import TdfscalError
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.logs import is_log
+from tdfscal.logs.bag.rosbag2 import read_bag
 
 
 def inputs_read(
@@ -38,15 +39,22 @@ def _of_campaign(path: Path) -> Iterator[Path]:
         if not path.is_dir():
             yield path
         elif is_log(path):
-            yield from path.rglob("*")
+            yield from _of_recording(path)
         else:
             for entry in path.iterdir():
                 if is_log(entry):
                     yield entry
                     if entry.is_dir():
-                        yield from entry.rglob("*")
+                        yield from _of_recording(entry)
         inside = path.is_dir() and not is_log(path)
         yield from _of_rig((path if inside else path.absolute().parent) / RIG_NAME)
+
+
+def _of_recording(folder: Path) -> Iterator[Path]:
+    """All that lies in a bag's folder, and what its metadata name elsewhere."""
+    yield from folder.rglob("*")
+    with contextlib.suppress(TdfscalError, OSError):
+        yield from read_bag(folder).files
 
 
 def _of_rig(path: Path) -> Iterator[Path]:

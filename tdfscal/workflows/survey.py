@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.hashing import input_file
+from tdfscal.files.hashing import input_file, note_outside
 from tdfscal.files.points import read_tracker_session
 from tdfscal.records import InputFile
 from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
@@ -46,4 +46,9 @@ def surveyed(
     result = calibrate_tracker(
         campaign.rig.rig, session, misalignment=files.misalignment, rng=rng, **options
     )
-    return result, [input_file(path, "verified") for path in files.paths], notes
+    folder = campaign.rig.path.parent
+    inputs = [
+        input_file(path, "verified", note_outside(path, folder, campaign.rig.path.name))
+        for path in files.paths
+    ]
+    return result, inputs, notes

@@ -102,6 +102,38 @@ def test_no_output_replaces_an_input(
     assert contents(home) == before
 
 
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("report own.yaml --figures C", "own.yaml"),
+        ("report own.yaml --figures FOLDER", "own.yaml"),
+        ("schema FOLDER", None),
+    ],
+)
+def test_folders_of_outputs_never_replace_an_input(
+    line: str, name: str | None, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The input is in the place of a figure, by each route."""
+    if name is None or "C" in line.split():
+        before = contents(home / "C")
+        run(capsys, *line.replace("FOLDER", "C").split())
+        after = contents(home / "C")
+        assert {key: after[key] for key in before} == before
+        for key in set(after) - set(before):
+            (home / "C" / key).unlink()
+        return
+    for route in (os.symlink, os.link):
+        folder = tmp_path / route.__name__
+        folder.mkdir()
+        route(Path(name).resolve(), folder / "angles.svg")
+        before = Path(name).read_bytes()
+        seen = run(capsys, *line.replace("FOLDER", str(folder)).split())
+        assert seen.status == 2
+        assert "replace an input" in seen.err
+        assert Path(name).read_bytes() == before
+        assert [p.name for p in folder.iterdir()] == ["angles.svg"]
+
+
 def test_a_study_does_not_write_over_the_log_in_its_folder(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -146,14 +178,56 @@ def test_a_name_ends_in_what_the_file_is(
     assert contents(home) == before
 
 
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("report own.yaml --html OUT/page.html", "page.html"),
+        ("report own.yaml --figures OUT", "angles.svg"),
+        ("schema OUT", "rig.schema.json"),
+        ("study sensitivity C -o OUT --squeeze 0", "sensitivity.csv"),
+    ],
+)
 def test_an_output_that_is_write_protected_stays(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    line: str, name: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    target = tmp_path / "page.html"
+    """Also from root, whom no mode stops."""
+    target = tmp_path / name
     target.write_text("kept")
     target.chmod(0o444)
-    assert run(capsys, "report", "own.yaml", "--html", target).status == 2
-    assert target.read_text() == "kept"
+    seen = run(capsys, *line.replace("OUT", str(tmp_path)).split())
+    assert seen.status == 2
+    assert "chmod u+w" in seen.err
+    assert contents(tmp_path) == {name: b"kept"}
+
+
+def test_files_named_outside_their_folder_are_noted_and_kept(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tests.files.logs.test_log_bag_kinds import sqlite_bag
+
+    shutil.copytree(SAMPLES / "csv", tmp_path / "C")
+    (tmp_path / "C" / "tracker" / "moves.csv").rename(tmp_path / "moves.csv")
+    rig = tmp_path / "C" / "rig.yaml"
+    rig.write_text(rig.read_text().replace("tracker/moves.csv", "../moves.csv"))
+    words = ("calibrate", tmp_path / "C", "--method", "tracker", "--trials", 0, "--json", "-q")
+    inputs = json.loads(run(capsys, *words).out)["inputs"]
+    notes = {Path(entry["path"]).name: entry.get("note") for entry in inputs}
+    assert notes.pop("moves.csv") == "outside the folder of the rig.yaml that names it"
+    assert set(notes.values()) == {None}
+
+    bag = sqlite_bag(tmp_path / "bag")
+    (bag / "bag.db3").rename(tmp_path / "elsewhere.db3")
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("- bag.db3", "- ../elsewhere.db3"))
+    from tdfscal.logs import iter_log
+    from tests.files.logs.log_making import MAPPING, SUPPORTS
+
+    (entry,) = {entry for log in iter_log([bag], MAPPING, SUPPORTS) for entry in log.inputs}
+    assert entry.note == "outside the folder of the metadata.yaml that names it"
+    kept = (tmp_path / "elsewhere.db3").read_bytes()
+    (tmp_path / "link.yaml").symlink_to("elsewhere.db3")
+    assert run(capsys, "init", bag, "-o", tmp_path / "link.yaml").status == 2
+    assert (tmp_path / "elsewhere.db3").read_bytes() == kept
 
 
 def test_simulate_replaces_only_what_it_wrote(
@@ -348,6 +422,9 @@ def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     assert (tmp_path / "a").read_text() == (tmp_path / "c").read_text() == "after"
 
 
+TARGETS = ("urdf", "ros", "csv", "c", "dcc")
+
+
 def test_results_that_lie_in_a_campaign_are_left_alone(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -361,9 +438,18 @@ def test_results_that_lie_in_a_campaign_are_left_alone(
         ("plan", folder, "-o", folder / "plan.csv", *FAST.split()),
         ("export", "own.yaml", "--to", "csv", "-o", folder / "rotations.csv"),
         ("study", "sensitivity", folder, "-o", folder, "--squeeze", 0, "--calibration", "own.yaml"),
+        ("study", "free-space", folder, "-o", folder, "--runs", 1),
+        ("study", "accuracy", folder, "-o", folder, "--runs", 2, "--postures", 6, "--workers", 1),
+        ("apply", "own.yaml", folder, "-o", folder / "w3.mcap"),
+        ("validate", "own.yaml", folder, "--html", folder / "v.html"),
+        ("report", "own.yaml", "--html", folder / "r.html", "--figures", folder),
+        ("monitor", "own.yaml", "turned", "--html", folder / "m.html"),
+        ("init", folder / "log.parquet", "-o", folder / "draft.yaml"),
+        ("schema", folder),
+        *(("export", "own.yaml", "--to", to, "-o", folder / f"x.{to}.txt") for to in TARGETS),
     ):
         seen = run(capsys, *words)
-        assert seen.status == 0, seen.err
+        assert seen.status == (words[0] == "monitor"), seen.err
     again = run(capsys, *line)
     assert again.status == 0, again.err
     assert json.loads(again.out)["inputs"] == first["inputs"]

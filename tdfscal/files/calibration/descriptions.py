@@ -104,6 +104,7 @@ DESCRIPTIONS: Final[dict[str, str]] = {
     "InertiaValue.value": "kg m²: about the LCS origin, 3 × 3",
     "Input.bytes": "size of the file",
     "Input.integrity": "verified by checksums, unverified, or salvaged from a damaged file",
+    "Input.note": "what is odd about where it lies: outside the folder of the file that names it",
     "Input.path": "as it was given",
     "Input.sha256": "of the file's bytes",
     "Interval.coverage": "probability that the interval holds the value",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self
 
@@ -110,8 +111,7 @@ def campaign_document(
         "name": name,
         "measured": None if measured is None else measured_document(measured),
         "inputs": [
-            {"path": f.path, "sha256": f.sha256, "bytes": f.bytes, "integrity": f.integrity}
-            for f in inputs
+            {key: value for key, value in asdict(f).items() if value is not None} for f in inputs
         ],
         "zero": state.zero,
         "zero_std": [finite(row) for row in std.zero],

@@ -84,10 +84,11 @@ class Input(Strict):
     sha256: Sha256
     bytes: Count
     integrity: Integrity
+    note: Text | None = None
 
     def record(self) -> InputFile:
         """Return it as a record."""
-        return InputFile(self.path, self.sha256, self.bytes, self.integrity)
+        return InputFile(self.path, self.sha256, self.bytes, self.integrity, self.note)
 
 
 class Interval(Strict):
