@@ -8,7 +8,7 @@ from tdfscal.errors import DataError
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block
 from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.streams import Slow
-from tdfscal.records import BoolArray, Rig
+from tdfscal.records import BoolArray, FloatArray, Rig
 
 _AXES = ("x", "y", "z")
 #: Share of the speed's power above the band at which a recording is too slow for the motion.
@@ -16,8 +16,9 @@ _FAST = 0.05
 #: Rounding of the recorded positions, over the positioners' own error, that is too coarse, and
 #: the error of positioners of which nothing is stated, m.
 _COARSE, _UNSTATED = 2.0, 1.0e-5
-#: Instants of one and the same reading after which a channel is frozen, s.
-_FROZEN = 1.0
+#: Time of one and the same reading after which a channel is frozen, s, what counts as the same,
+#: and the way of another NCP, m, meanwhile that shows that the terminal moves.
+_FROZEN, _SAME, _MOVES = 1.0, 1e-12, 1e-4
 
 
 def check_stream(rig: Rig, slow: Slow) -> None:
@@ -40,7 +41,8 @@ def check_stream(rig: Rig, slow: Slow) -> None:
             where="rig.yaml, supports",
             hint="calibrate from dwells (--samples static)",
         )
-    for i, j in np.argwhere(np.ptp(slow.force, axis=0) == 0.0):
+    still = np.ptp(slow.force, axis=0) <= _SAME * np.abs(slow.force).max(axis=0)
+    for i, j in np.argwhere(still):
         raise DataError(
             f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} reads "
             f"{slow.force[0, i, j]:.6g} N throughout: it is dead or not connected",
@@ -88,21 +90,35 @@ def check_blocks(slow: Slow, blocks: tuple[Block, ...]) -> None:
 
 
 def frozen(rig: Rig, slow: Slow) -> tuple[BoolArray, tuple[Stretch, ...]]:
-    """Mask (N,) of instants that stand apart from channels which froze for a while."""
-    keep = np.ones(len(slow.time), dtype=np.bool_)
+    """Mask (N,) of instants that stand apart from channels which froze for a while.
+
+    A force that stays the same to the last digit is frozen; an NCP's place is while others move.
+    """
     found = []
-    least = max(3, int(np.ceil(_FROZEN / slow.step)))
-    same = np.abs(np.diff(slow.force, axis=0)) <= 1e-12 * np.abs(slow.force[1:])
     for i, j in np.ndindex(slow.force.shape[1:]):
-        rows = np.flatnonzero(same[:, i, j])
-        for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
-            if len(run) < least:
-                continue
-            keep[run[0] : run[-1] + 2] = False
-            begin, end = slow.time[run[0]], slow.time[run[-1] + 1]
-            reason = f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} is frozen"
-            found.append(Stretch(float(begin), float(end), reason))
-    return keep, tuple(found)
+        reason = f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} is frozen"
+        found += [(run, reason) for run in _same(slow.force[:, i, j, None], slow.step)]
+    for i in range(rig.n):
+        reason = f"the position of {rig.supports[i]} is frozen while others move"
+        for run in _same(slow.position[:, i], slow.step):
+            if np.ptp(slow.position[run], axis=0).max() > _MOVES:
+                found.append((run, reason))
+    keep = np.ones(len(slow.time), dtype=np.bool_)
+    for run, _ in found:
+        keep[run] = False
+    return keep, tuple(
+        Stretch(float(slow.time[run][0]), float(slow.time[run][-1]), reason)
+        for run, reason in found
+    )
+
+
+def _same(value: FloatArray, step: float) -> list[slice]:
+    """Runs of instants at which values (N, c) stay the same for _FROZEN seconds or more."""
+    change = np.abs(np.diff(value, axis=0)) <= _SAME * np.abs(value[1:])
+    rows = np.flatnonzero(change.all(axis=1))
+    least = max(3, int(np.ceil(_FROZEN / step)))
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return [slice(int(run[0]), int(run[-1]) + 2) for run in runs if len(run) >= least]
 
 
 def clipped(rig: Rig, slow: Slow) -> tuple[Stretch, ...]:

@@ -80,3 +80,17 @@ def test_positions_that_fall_behind_from_the_middle_on_are_refused() -> None:
     position[half + lag :] = slow.position[half:-lag]
     with pytest.raises(DataError, match="delay"):
         calibrate_moving(campaign.rig, replace(slow, position=position), NOTHING)
+
+
+def test_a_dead_axis_and_a_frozen_position_are_named() -> None:
+    campaign, slow, _ = played(MINUTE, 5)
+    force, position = slow.force.copy(), slow.position.copy()
+    force[:, 1, 2] = force[0, 1, 2] * (1 + 3e-16 * (np.arange(len(force)) % 2))
+    with pytest.raises(DataError, match=r"z axis of the sensor of ncp2 .* dead"):
+        calibrate_moving(campaign.rig, replace(slow, force=force), NOTHING)
+    position[600:700, 1] = position[600, 1]
+    result = calibrate_moving(campaign.rig, replace(slow, position=position), NOTHING)
+    (stretch,) = result.rejected
+    assert "position of ncp2 is frozen" in stretch.reason
+    assert (stretch.begin, stretch.end) == pytest.approx((slow.time[600], slow.time[699]), abs=0.2)
+    assert within(campaign, result)
