@@ -26,12 +26,11 @@ def check_stream(rig: Rig, slow: Slow) -> None:
 
     Unfit: a component is dead, or positions are too coarse.
     """
-    if rig.drift.temperature > 0:
+    if rig.drift.temperature > 0 and slow.temperature is None:
         raise DataError(
-            "zeros that follow the temperature are declared, and a calibration in motion does not "
-            "know them",
+            "zeros that follow the temperature are declared, and the log has no temperature",
             where="rig.yaml, drift.temperature",
-            hint="calibrate from dwells (--samples static)",
+            hint="name the field in log.temperature, or take drift.temperature out",
         )
     if not rig.axes.all():
         i, j = np.argwhere(~rig.axes)[0]

@@ -102,7 +102,7 @@ def block_design(
 
 def drifting(rig: Rig, slow: Slow) -> ZeroMotion | None:
     """How the zeros may move over the instants; a random walk stands in the spectrum instead."""
-    return zero_motion(replace(rig.drift, walk=0.0), slow.time, None, rig.n)
+    return zero_motion(replace(rig.drift, walk=0.0), slow.time, slow.temperature, rig.n)
 
 
 def _subset(motion: ZeroMotion | None, rows: slice) -> ZeroMotion | None:

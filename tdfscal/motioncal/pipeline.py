@@ -30,6 +30,7 @@ from tdfscal.motioncal.estimator import (
 )
 from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
+from tdfscal.motioncal.score_tests import suspicions
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
@@ -38,6 +39,7 @@ from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.estimator import fit as quasi_static
 from tdfscal.selfcal.mounting_search import APART, apart, best_start, describe
 from tdfscal.selfcal.observability import Observability
+from tdfscal.selfcal.score_tests import Suspicion
 from tdfscal.selfcal.wiring import check_forces
 from tdfscal.significance import AMBIGUOUS_MOUNTING, CHANGED_RIG, MOST_REJECTED
 
@@ -55,11 +57,11 @@ _TOGETHER = 4.0
 class MotionCalibration:
     """The judged result of a calibration in motion.
 
-    begin : s, in the log's time, and seconds : length of what was used. rejected : stretches left
-    out, with their reasons. postures : moments of the motion, for figures. dwells : rests
-    within it. residual_power : frequencies (M,) in Hz and density (M,) of the residual force,
-    N²/Hz, with the nominal mounting and calibrated. residual : the residual wrench over time.
-    reasons : why the gate rejects; empty where it accepts.
+    begin : s, in the log's time, and seconds : length of what was used. suspicions : what the
+    residuals say was not declared. rejected : stretches left out, with their reasons. postures :
+    moments of the motion, for figures. dwells : rests within it. residual_power : frequencies (M,)
+    in Hz and density (M,) of the residual force, N²/Hz, with the nominal mounting and calibrated.
+    residual : the residual wrench over time. reasons : why the gate rejects; empty where accepted.
     """
 
     rig: Rig
@@ -68,6 +70,7 @@ class MotionCalibration:
     uncertainty: MovingUncertainty
     observability: Observability
     halves: Halves
+    suspicions: tuple[Suspicion, ...]
     conformity: Conformity | None
     validation: HeldOut | None
     rejected: tuple[Stretch, ...]
@@ -244,6 +247,7 @@ def _judged(
             f"the estimate did not settle in {fit.iterations} iterations",
             hint="check mass, hinges and nominal mounting in rig.yaml, and record a longer motion",
         )
+    doubts = suspicions(fit, uncertainty, stats, delay)
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, delay)
     if abs(halves.delay) > float(normal_quantile(1 - CHANGED_RIG / 2)) * halves.delay_std:
@@ -266,6 +270,7 @@ def _judged(
         uncertainty=uncertainty,
         observability=verdict,
         halves=halves,
+        suspicions=doubts,
         conformity=None,
         validation=hold_out(fit, keep, delay, start),
         rejected=rejected,
@@ -278,12 +283,19 @@ def _judged(
             rig, slow, fit.blocks, start.still, fit.state.still, fit.state.moving
         ),
         reasons=(),
-        warnings=_warnings(rig, fit, rejected, used.position),
+        warnings=_warnings(rig, rejected, used.position, doubts),
     )
     conformity = assess_stated(result.calibrated)
     lost = sum(s.end - s.begin for s in rejected)
     found = Rotations(rig.supports, fit.state.still.rotation, turns.covariance)
-    reasons = judge(rig, found, stats.birge, inputs=inputs, conformity=conformity)
+    reasons = judge(
+        rig,
+        found,
+        stats.birge,
+        inputs=inputs,
+        suspicions=[doubt.finding for doubt in result.suspicions if doubt.harmful],
+        conformity=conformity,
+    )
     if lost > MOST_REJECTED * (lost + seconds):
         reasons += (
             f"{lost:.0f} of {lost + seconds:.0f} s had to be left out, above the limit of "
@@ -334,9 +346,13 @@ def _unseen(seen: Observability) -> str:
 
 
 def _warnings(
-    rig: Rig, fit: MovingFit, rejected: tuple[Stretch, ...], position: FloatArray
+    rig: Rig,
+    rejected: tuple[Stretch, ...],
+    position: FloatArray,
+    doubts: tuple[Suspicion, ...],
 ) -> tuple[str, ...]:
     out = [f"{s.begin:.2f} to {s.end:.2f} s of the log were left out: {s.reason}" for s in rejected]
     if turned := log_against_rig.turned(rig, position):
         out.append(turned)
+    out += [doubt.text for doubt in doubts if not doubt.harmful]
     return tuple(out)

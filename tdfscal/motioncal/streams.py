@@ -34,7 +34,8 @@ class Slow:
     time : (N,), s, ascending; consecutive instants are `step` apart except across gaps.
     position : (N, n, 3), m, BCS. force : (N, n, 3), N, readings. step : s.
     rate : Hz, of the slowest stream as recorded. clipped : (N,), a reading near that instant
-    stands at its capacity. quantum : m, least step of the recorded positions.
+    stands at its capacity. quantum : m, least step of the recorded positions. temperature :
+    (N, n), °C, at each sensor; None where none is recorded.
     """
 
     supports: tuple[str, ...]
@@ -45,6 +46,7 @@ class Slow:
     rate: float
     clipped: BoolArray
     quantum: float = 0.0
+    temperature: FloatArray | None = None
 
 
 @dataclass(slots=True)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from tdfscal.model.parameters import layout, prior_std
 from tdfscal.model.statics import features_jacobian
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.records import ANGLES, FloatArray
+from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
 from tdfscal.selfcal.covariance import Quality, Uncertainty
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.noise_bias import noise_scores
@@ -68,38 +69,48 @@ def suspicions(
         known = parts.left.T @ columns
         apart = columns - parts.left @ known
         share = UNDECLARED_GRAVITY_SHARE if group == "tilt" else others
-        asked = _ask(apart, columns, residual, np.zeros(columns.shape[1]))
+        asked = ask(apart, columns, residual, np.zeros(columns.shape[1]))
         if asked is None or asked.p_value(stats) > UNDECLARED_ERROR * share:
             continue
         if group in _MADE_OF_READINGS:
             bias = noise_scores(fit, root) if bias is None else bias
             lean = _lean(bias, fit, group, index)
-            asked = _ask(apart, columns, residual, lean)
+            asked = ask(apart, columns, residual, lean)
             if asked is None or asked.p_value(stats) > UNDECLARED_ERROR * share:
                 continue
         amount, p_value = asked.amount, asked.p_value(stats)
         # The other parameters, angles among them, give way to the suspect's amount.
         move = -parts.root @ (known @ amount)
-        size = _rounded_up(float(np.abs(amount * unit).max()))
+        size = rounded_up(float(np.abs(amount * unit).max()))
         what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
-        doubt = _suspicion(fit, what, advice, p_value, move[angles] / std)
+        doubt = suspicion(fit, what, advice, p_value, move[angles] / std)
         support = None if group in OF_THE_RIG else index
-        weight, zero = asked.statistic - asked.unknowns * worth, _worst_zero(fit, move, uncertainty)
+        weight, zero = asked.statistic - asked.unknowns * worth, worst_zero(fit, move, uncertainty)
         found.append(replace(doubt, kind=group, support=support, weight=weight, zero=zero))
     p_value = _friction(parts, root, residual)
     if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE or stats.p_value < MISFIT:
         for scatter in scatters(fit, parts, root, residual):
-            name, size = fit.rig.supports[scatter.support or 0], _rounded_up(scatter.size)
+            name, size = fit.rig.supports[scatter.support or 0], rounded_up(scatter.size)
             what, advice = (words.format(name, size) for words in WORDS[scatter.kind])
             p_value = float(chi2_sf(scatter.gain, 1)) / 2  # without it θ stands at its bound
-            doubt = _suspicion(fit, what, advice, p_value, scatter.effect[angles] / std)
+            doubt = suspicion(fit, what, advice, p_value, scatter.effect[angles] / std)
             weight = scatter.gain - worth
             found.append(replace(doubt, kind=scatter.kind, support=scatter.support, weight=weight))
-    return _likeliest(found)
+    return likeliest(found)
+
+
+class Asking(Protocol):
+    """What a score test needs of a fit: its rig, and which parameters were free (P,)."""
+
+    @property
+    def rig(self) -> Rig: ...
+
+    @property
+    def active(self) -> BoolArray: ...
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
+class Asked:
     """How far the residuals go to meet a suspect: fall of χ², unknowns seen, their amount."""
 
     statistic: float
@@ -112,9 +123,9 @@ class _Asked:
         return float(chi2_sf(self.statistic / max(1.0, rest), self.unknowns))
 
 
-def _ask(
+def ask(
     apart: FloatArray, columns: FloatArray, residual: FloatArray, lean: FloatArray
-) -> _Asked | None:
+) -> Asked | None:
     """Score of columns, `apart` of them beyond the fit's; lean : the score that noise makes."""
     score, information = apart.T @ residual - lean, apart.T @ apart
     values, vectors = np.linalg.eigh(information)
@@ -123,7 +134,7 @@ def _ask(
         return None
     along = vectors[:, seen].T @ score
     amount = -vectors[:, seen] @ (along / values[seen])
-    return _Asked(float(np.sum(along**2 / values[seen])), int(seen.sum()), amount)
+    return Asked(float(np.sum(along**2 / values[seen])), int(seen.sum()), amount)
 
 
 def _lean(bias: FloatArray, fit: Fit, group: str, index: int) -> FloatArray:
@@ -138,27 +149,27 @@ def _lean(bias: FloatArray, fit: Fit, group: str, index: int) -> FloatArray:
     return np.asarray(own[:3].sum(keepdims=True) if group == "gain" else own)
 
 
-def _likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
+def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
     """The likeliest suspicion, and those that are about as likely."""
     ranked = sorted(found, key=lambda doubt: -doubt.weight)
     near = [doubt for doubt in ranked if ranked[0].weight - doubt.weight < CAUSES_APART]
     return tuple(replace(doubt, tied=k > 0) for k, doubt in enumerate(near))
 
 
-def _rounded_up(size: float) -> str:
+def rounded_up(size: float) -> str:
     """One significant digit, upwards."""
     step = 10.0 ** np.floor(np.log10(max(size, np.finfo(float).tiny)))
     return f"{float(f'{np.ceil(size / step) * step:.1g}'):g}"
 
 
-def _suspicion(fit: Fit, what: str, advice: str, p_value: float, shift: FloatArray) -> Suspicion:
+def suspicion(fit: Fit | Asking, what: str, advice: str, p_value: float, shift: FloatArray) -> Suspicion:
     """Name the angle that moves most; shift (3n,), in its standard uncertainties."""
     worst = int(np.argmax(np.abs(shift)))
     angle = f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}"
     return Suspicion(what, advice, p_value, float(np.abs(shift[worst])), angle)
 
 
-def _worst_zero(fit: Fit, move: FloatArray, uncertainty: Uncertainty) -> str:
+def worst_zero(fit: Fit | Asking, move: FloatArray, uncertainty: Uncertainty) -> str:
     """Words for the zero that a move of the free parameters harms most; none where none is."""
     place, full = layout(fit.rig.n)["zero"], np.zeros(len(fit.active))
     full[fit.active] = move
@@ -188,7 +199,7 @@ def largest_move(
     move = parts.root @ (parts.left[: len(white)].T @ white)
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std = np.sqrt(np.diagonal(uncertainty.covariance))
-    return _suspicion(fit, what, advice, p_value, move[angles] / std)
+    return suspicion(fit, what, advice, p_value, move[angles] / std)
 
 
 def _friction(parts: Spectrum, root: FloatArray, residual: FloatArray) -> float:
@@ -225,6 +236,20 @@ def _suspects(
     for row, parameter in enumerate(np.flatnonzero(held)):  # a value moved by one standard dev.
         below[row, parameter] = 1.0
     columns = np.concatenate([np.where(exact, data, 0.0), np.where(exact, 0.0, below)])
+    yield from stated_suspects(rig, columns, std, fit.state.motions)
+    for group, shape in _shapes(fit, time, temperature):
+        moved = J[:, :, place["zero"]].reshape(len(J), 6, n, 3) * shape[:, None, :, None]
+        size = 1.0 if group != "parabola" else float(np.sqrt(_HOUR / np.ptp(time)))
+        for i in range(n):
+            yield group, i, _padded(moved[:, :, i], below), size
+        yield f"all {group}", 0, _padded(moved, below), size
+
+
+def stated_suspects(
+    rig: Rig, columns: FloatArray, std: FloatArray, motions: int
+) -> Iterator[tuple[str, int, FloatArray, float | FloatArray]]:
+    """What a rig file states, group by group: columns (rows, P), prior's std (P,)."""
+    place, held = layout(rig.n, motions), np.isfinite(std) & (std > 0)
     for group, where in place.items():
         if group in ("rotation", "drift"):
             continue
@@ -239,12 +264,6 @@ def _suspects(
                 if group == "sensitivity":
                     alike = columns[:, start : start + 3].sum(axis=1, keepdims=True)
                     yield "gain", index, alike, unit[:1]
-    for group, shape in _shapes(fit, time, temperature):
-        moved = J[:, :, place["zero"]].reshape(len(J), 6, n, 3) * shape[:, None, :, None]
-        size = 1.0 if group != "parabola" else float(np.sqrt(_HOUR / np.ptp(time)))
-        for i in range(n):
-            yield group, i, _padded(moved[:, :, i], below), size
-        yield f"all {group}", 0, _padded(moved, below), size
 
 
 def _padded(columns: FloatArray, below: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from tdfscal.dwells import find_dwells
+from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError, UsageError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
@@ -104,7 +105,8 @@ def moving_samples(log: LogPass) -> Slow:
     """Read the logs once, for the slow streams alone. Raises DataError where there are none."""
     log.progress.stage("reading the log")
     decimator = Decimator(log.campaign.rig.rig.capacity)
-    for piece in log.pieces():
+    thermometer = Thermometer()
+    for piece in thermometer.passing(log.pieces()):
         if piece.rows == "postures":
             raise DataError(
                 "the log holds averaged postures and no motion",
@@ -112,7 +114,12 @@ def moving_samples(log: LogPass) -> Slow:
                 hint="use --samples static, or give the recording itself",
             )
         decimator.add(piece)
-    return decimator.finish()
+    return _warm(decimator.finish(), thermometer)
+
+
+def _warm(slow: Slow, thermometer: Thermometer) -> Slow:
+    """The streams with the temperatures of the log, where it has any."""
+    return replace(slow, temperature=thermometer.at(slow.time, slow.time, len(slow.supports)))
 
 
 def _static(

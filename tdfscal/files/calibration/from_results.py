@@ -66,6 +66,7 @@ def from_motion(
         method="self",
         estimator="ml",
         reasons=result.reasons,
+        advice=_advice(result),
         warnings=(*notes, *result.warnings),
         angles=Angles(
             state.rotation,
@@ -171,7 +172,7 @@ def from_joint(
     )
 
 
-def _advice(result: SelfCalibration) -> tuple[str, ...]:
+def _advice(result: SelfCalibration | MotionCalibration) -> tuple[str, ...]:
     """Cures of what the residuals say, each once, that of the surest finding first."""
     cures: dict[str, str] = {}
     for doubt in result.suspicions:  # one key of the rig file is one cure, whatever its size

@@ -1,0 +1,71 @@
+"""What a rig file does not say shows in a motion's residual, and is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import DataError
+from tdfscal.model.parameters import layout
+from tdfscal.motioncal.pipeline import calibrate_moving
+from tdfscal.motioncal.streams import slow_streams
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import Drift, FloatArray, Log, Rig, Series, UncertainValue
+from tdfscal.selfcal.score_tests import Suspicion
+from tdfscal.simulation.moving_options import MovingOptions
+from tests.motioncal.campaigns import DELAY, played, turn_error
+
+MINUTE = MovingOptions(rate=100.0, noise=1.1, slow_noise=0.3, stiffness=(2e8, 2e8, 2e8))
+
+
+def doubts(change: str) -> tuple[Suspicion, ...]:
+    """Suspicions of one minute whose second sensor, or whose rig file, is changed."""
+    campaign, _, _ = played(MINUTE, 21)
+    rig: Rig = campaign.rig
+    time, value = campaign.log.force[1].time, campaign.log.force[1].value
+    if change == "mass":
+        rig = replace(rig, mass=UncertainValue(rig.mass.value + 2.0, rig.mass.std))
+    elif change == "gain":
+        value = 1.01 * value
+    elif change == "drift":
+        course: FloatArray = time / time[-1]
+        value = value + np.outer(course, [3.0, -2.0, 4.0])
+    force = (campaign.log.force[0], Series(time, value), campaign.log.force[2])
+    log = Log(campaign.log.supports, campaign.log.position, force)
+    return calibrate_moving(rig, slow_streams([log], rig.capacity), DELAY).suspicions
+
+
+@pytest.mark.parametrize(
+    ("change", "support"), [("mass", None), ("gain", 1), ("drift", 1)], ids=lambda v: str(v)
+)
+def test_what_is_not_stated_is_named(change: str, support: int | None) -> None:
+    first = doubts(change)[0]
+    assert (first.kind, first.support) == (change, support)
+
+
+def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
+    """A hall that warms by 10 K and cools again; the truth moves the second sensor's zero."""
+    campaign, slow, _ = played(MINUTE, 21)
+    warmth = 10.0 * np.sin(np.pi * slow.time / slow.time[-1])
+    slope = np.array([0.3, -0.2, 0.4])
+    force = slow.force.copy()
+    force[:, 1] += np.outer(warmth, slope)
+    warm = replace(slow, force=force, temperature=np.repeat(20.0 + warmth[:, None], 3, axis=1))
+    asked = calibrate_moving(campaign.rig, warm, DELAY).suspicions
+    assert (asked[0].kind, asked[0].support) == ("temperature", 1)
+    declared = replace(campaign.rig, drift=Drift(temperature=1.0))
+    result = calibrate_moving(declared, warm, DELAY)
+    assert result.suspicions == ()
+    std = result.uncertainty.turns.parameter_std[layout(3, 1)["drift"]].reshape(3, 3)
+    assert np.all(np.abs(result.fit.state.still.drift[0, 1] - slope) < 4 * std[1])
+    error = turn_error(campaign, result.fit.state.still.rotation)
+    covariance = result.uncertainty.turns.covariance
+    assert error @ np.linalg.solve(covariance, error) < chi2_quantile(1 - 1e-3, 9)
+    with pytest.raises(DataError, match="no temperature"):
+        calibrate_moving(declared, slow, DELAY)
+
+
+def test_a_sound_rig_file_raises_no_suspicion() -> None:
+    assert doubts("nothing") == ()
