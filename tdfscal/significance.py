@@ -58,6 +58,11 @@ OVERSTATED_NOISE: Final = 1e-4
 #: too many costs data and puzzles the operator, and the contacts that spoil angles are far above.
 CONTACT_IN_MOTION: Final = 1e-4
 
+#: That a faultless moving log raises any suspicion of an undeclared error. Strict: what the errors
+#: of the positioners do along the way looks a little like offsets of their servos, and no spectrum
+#: tells it from them; an error that matters is beyond any doubt in a minute of motion.
+UNDECLARED_IN_MOTION: Final = 1e-4
+
 # Two calibrations, and a calibration on new data --------------------------------------------------
 
 #: Joint χ² of two calibrations less probable than this: not metrologically compatible.

@@ -27,7 +27,7 @@ from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray, UncertainValue
 from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.score_tests import Asked, Suspect, Suspicion, ask, likeliest, stated_suspects
-from tdfscal.significance import UNDECLARED_ERROR, UNDECLARED_GRAVITY_SHARE
+from tdfscal.significance import UNDECLARED_GRAVITY_SHARE, UNDECLARED_IN_MOTION
 
 
 def suspicions(
@@ -49,7 +49,7 @@ def suspicions(
     found = []
     for suspect in suspects:
         share = UNDECLARED_GRAVITY_SHARE if suspect[0] == "tilt" else others
-        if doubt := ask(asked, suspect, UNDECLARED_ERROR * share):
+        if doubt := ask(asked, suspect, UNDECLARED_IN_MOTION * share):
             found.append(doubt)
     return likeliest(found)
 

@@ -49,7 +49,7 @@ def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
     """A hall that warms by 10 K and cools again; the truth moves the second sensor's zero."""
     campaign, slow, _ = played(MINUTE, 21)
     warmth = 10.0 * np.sin(np.pi * slow.time / slow.time[-1])
-    slope = np.array([0.3, -0.2, 0.4])
+    slope = np.array([0.8, -0.6, 1.0])
     force = slow.force.copy()
     force[:, 1] += np.outer(warmth, slope)
     warm = replace(slow, force=force, temperature=np.repeat(20.0 + warmth[:, None], 3, axis=1))
