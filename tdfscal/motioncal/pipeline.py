@@ -39,7 +39,7 @@ from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.estimator import fit as quasi_static
 from tdfscal.selfcal.mounting_search import APART, apart, best_start, describe
 from tdfscal.selfcal.observability import Observability
-from tdfscal.selfcal.score_tests import Suspicion
+from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.selfcal.wiring import check_forces
 from tdfscal.significance import AMBIGUOUS_MOUNTING, CHANGED_RIG, MOST_REJECTED
 

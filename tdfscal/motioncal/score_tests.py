@@ -26,8 +26,19 @@ from tdfscal.motioncal.estimator import (
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray, UncertainValue
 from tdfscal.selfcal.covariance import Quality
-from tdfscal.selfcal.score_tests import Asked, Suspect, Suspicion, ask, likeliest, stated_suspects
+from tdfscal.selfcal.score_tests import (
+    ask,
+    likeliest,
+    rounded_up,
+    stated_suspects,
+    suspicion,
+    worst_zero,
+)
+from tdfscal.selfcal.suspicion import OF_THE_RIG, WORDS, Suspicion
 from tdfscal.significance import UNDECLARED_GRAVITY_SHARE, UNDECLARED_IN_MOTION
+
+#: Group, support, whitened columns (rows, g), and what they are per unit.
+Suspect = tuple[str, int, FloatArray, float | FloatArray]
 
 
 def suspicions(
@@ -35,23 +46,33 @@ def suspicions(
 ) -> tuple[Suspicion, ...]:
     """Ask for every suspect, and return the likeliest with those that are about as likely."""
     residual, jacobian = fit.whitened()
+    parts, turns = spectrum(jacobian), uncertainty.turns
     suspects = [*_stated(fit), *_drifts(fit, delay)]
-    asked = Asked(
-        rig=fit.rig,
-        active=fit.active,
-        parts=spectrum(jacobian),
-        residual=residual,
-        stats=stats,
-        uncertainty=uncertainty.turns,
-        worth=float(np.log(max(len(residual), 2))),
-    )
+    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
+    std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(max(len(residual), 2)))
     others = (1 - UNDECLARED_GRAVITY_SHARE) / max(1, len(suspects) - 1)
     found = []
-    for suspect in suspects:
-        share = UNDECLARED_GRAVITY_SHARE if suspect[0] == "tilt" else others
-        if doubt := ask(asked, suspect, UNDECLARED_IN_MOTION * share):
-            found.append(doubt)
-    return likeliest(found)
+    for group, index, columns, unit in suspects:
+        known = parts.left.T @ columns
+        asked = ask(columns - parts.left @ known, columns, residual, np.zeros(columns.shape[1]))
+        share = UNDECLARED_GRAVITY_SHARE if group == "tilt" else others
+        if asked is None or asked.p_value(stats) > UNDECLARED_IN_MOTION * share:
+            continue
+        # The other parameters, angles among them, give way to the suspect's amount.
+        move = -parts.root @ (known @ asked.amount)
+        size = rounded_up(float(np.abs(asked.amount * unit).max()))
+        what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
+        doubt = suspicion(fit, what, advice, asked.p_value(stats), move[angles] / std)
+        found.append(
+            replace(
+                doubt,
+                kind=group,
+                support=None if group in OF_THE_RIG else index,
+                weight=asked.statistic - asked.unknowns * worth,
+                zero=worst_zero(fit, move, turns),
+            )
+        )
+    return likeliest(found) if found else ()
 
 
 def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:

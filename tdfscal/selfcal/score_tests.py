@@ -103,10 +103,12 @@ class Asking(Protocol):
     """What a score test needs of a fit: its rig, and which parameters were free (P,)."""
 
     @property
-    def rig(self) -> Rig: ...
+    def rig(self) -> Rig:
+        """The rig."""
 
     @property
-    def active(self) -> BoolArray: ...
+    def active(self) -> BoolArray:
+        """Which parameters were free."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,14 +164,14 @@ def rounded_up(size: float) -> str:
     return f"{float(f'{np.ceil(size / step) * step:.1g}'):g}"
 
 
-def suspicion(fit: Fit | Asking, what: str, advice: str, p_value: float, shift: FloatArray) -> Suspicion:
+def suspicion(fit: Asking, what: str, advice: str, p_value: float, shift: FloatArray) -> Suspicion:
     """Name the angle that moves most; shift (3n,), in its standard uncertainties."""
     worst = int(np.argmax(np.abs(shift)))
     angle = f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}"
     return Suspicion(what, advice, p_value, float(np.abs(shift[worst])), angle)
 
 
-def worst_zero(fit: Fit | Asking, move: FloatArray, uncertainty: Uncertainty) -> str:
+def worst_zero(fit: Asking, move: FloatArray, uncertainty: Uncertainty) -> str:
     """Words for the zero that a move of the free parameters harms most; none where none is."""
     place, full = layout(fit.rig.n)["zero"], np.zeros(len(fit.active))
     full[fit.active] = move
