@@ -91,7 +91,7 @@ def test_yaml_blocks_are_rig_files() -> None:
     assert len(whole) == 1
     parse_rig(whole[0].encode(), "tutorial.md")
     parts = [yaml.safe_load(b.content) for b in blocks("howto") if b.language == "yaml"]
-    assert len(parts) == 3
+    assert len(parts) == 4
     for part in parts:
         merged = yaml.safe_load(whole[0]) | part
         parse_rig(yaml.safe_dump(merged).encode(), "howto.md")
