@@ -46,6 +46,10 @@ MAX_TRIALS = 20_000
 MOST_SIMULATED = 12
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
+_PARABOLA = (
+    "the residuals ask for more than a slope of the zeros in time: a parabola was estimated "
+    "beside it"
+)
 _NO_TRIALS = (
     "the linear intervals of {} sensors stand without a Monte Carlo, which takes minutes: ask for "
     "it by --trials"
@@ -146,6 +150,12 @@ def self_calibrate(
         doubts = suspicions(result, parts, uncertainty, held, stats, warmth)
         if not doubts and len(found) > MOST_REJECTED * len(index):
             doubts = _of_everyone(result, held, warmth)
+    if any(doubt.kind.endswith("parabola") for doubt in doubts):
+        bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
+        again = self_calibrate(
+            bent, dwells, rng=rng, max_trials=max_trials, inputs=inputs, progress=progress
+        )
+        return replace(again, warnings=(*again.warnings, _PARABOLA))
     if estimator == "ml":
         doubts = (*doubts, *frame_errors(result, parts, uncertainty))
         slip = find_slip(result, uncertainty, held, index + 1, noise_from_residuals=measured_noise)

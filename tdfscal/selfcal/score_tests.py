@@ -285,7 +285,7 @@ def _shapes(
     line = _centred(np.repeat(time[:, None], n, axis=1))
     if "time" not in declared:
         yield "drift", line
-    else:
+    elif "parabola" not in declared:
         yield "parabola", _centred(line**2)
     if temperature is not None and "temperature" not in declared:
         warm = _centred(temperature)

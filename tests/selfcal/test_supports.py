@@ -213,6 +213,22 @@ def test_share_of_a_drift_is_the_variance_that_knowing_it_takes_away() -> None:
     assert slopes.share.max() > 0.01
 
 
+def test_a_parabola_is_estimated_where_the_residuals_ask_for_it() -> None:
+    """Zeros that bend by a newton, of which a slope in time is declared; and zeros that stay."""
+    rig = replace(simulation.make_rig(3), drift=Drift(time=np.inf))
+    slope = ((0.3, -0.3, 0.3), (-0.3, 0.3, 0.3), (0.3, 0.3, -0.3))
+    for faults, bent in ((Faults(), False), (Faults(warming=Warming(10.0, slope)), True)):
+        options = replace(OPTIONS, faults=faults)
+        dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(10), 1).dwells(0)
+        found = self_calibrate(
+            rig, replace(dwells, temperature=None), rng=np.random.default_rng(0), max_trials=0
+        )
+        motion = found.fit.postures.motion
+        assert motion is not None
+        assert ("parabola" in motion.kind) is bent
+        assert any("parabola" in warning for warning in found.warnings) is bent
+
+
 def test_the_linear_method_needs_every_component() -> None:
     rig = lacking((1, 0))
     dwells = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(9), 1).dwells(0)

@@ -230,6 +230,7 @@ DESCRIPTIONS: Final[dict[str, str]] = {
     "WeakestAngle.std": "rad: standard uncertainty",
     "ComplianceResult.lateral": "sideways",
     "ComplianceResult.vertical": "along Z of the BCS",
+    "DriftResult.parabola": "where the residuals ask for it: N/h²",
     "DriftResult.temperature": "slopes in temperature, N/K",
     "DriftResult.time": "slopes in time, N/h",
     "DriftResult.walk": "what a random walk costs",

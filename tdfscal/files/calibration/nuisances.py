@@ -15,6 +15,7 @@ from tdfscal.selfcal.nuisances import Estimate, compliance_estimates, drift_esti
 from tdfscal.selfcal.pipeline import SelfCalibration
 
 Shares = tuple[OpenAngles, ...]
+_POWERS_OF_TIME = {"time": 1, "parabola": 2}
 
 
 class Slopes(Strict):
@@ -32,10 +33,11 @@ class WalkShare(Strict):
 
 
 class DriftResult(Strict):
-    """How the zeros moved within the campaign: slopes in time (N/h) and temperature (N/K)."""
+    """How the zeros moved: slopes in time (N/h) and temperature (N/K), a parabola (N/h²)."""
 
     time: Slopes | None = None
     temperature: Slopes | None = None
+    parabola: Slopes | None = None
     walk: WalkShare | None = None
 
 
@@ -62,7 +64,7 @@ def nuisance_documents(result: SelfCalibration) -> dict[str, Any]:
     for estimate in drift_estimates(fit, parts, found):
         drift[estimate.kind] = {"share": _shares(estimate, determined)}
         if estimate.value is not None and estimate.std is not None:
-            unit = HOUR if estimate.kind == "time" else 1.0
+            unit = HOUR ** _POWERS_OF_TIME.get(estimate.kind, 0)
             axes = fit.rig.axes
             drift[estimate.kind]["value"] = _channels(unit * estimate.value, axes)
             drift[estimate.kind]["std"] = _channels(unit * estimate.std, axes)
