@@ -13,7 +13,11 @@ import numpy as np
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.logs.common import units
-from tdfscal.records import BoolArray, FloatArray, Integrity, LogMapping, Rows
+from tdfscal.records import BoolArray, FloatArray, IntArray, Integrity, LogMapping, Rows
+
+_FEW_ROWS = 16
+_OFTEN = 0.1
+"""Share of the first rows that a slow stream leaves empty at least; a hole is rarer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,3 +309,31 @@ def _three(fields: tuple[str, ...], support: str) -> tuple[str, ...]:
             where=f"log.supports.{support}",
         )
     return fields
+
+
+def by_signal(
+    clock: str, time: FloatArray, value: Mapping[int, FloatArray], request: Request
+) -> Piece:
+    """Give each signal the rows (N,) in which it has values; NaN stands where it has none.
+
+    So a table is taken apart whose streams have times of their own.
+    """
+    parts = []
+    for number, vector in value.items():
+        there = ~np.isnan(vector[:, 0])
+        signal = request.signals[number]
+        name = f"{clock} for the {signal.quantity} of {signal.support}"
+        parts.append(Block(name, time[there], {number: vector[there]}))
+    return tuple(parts)
+
+
+def takes_turns(filled: IntArray) -> bool:
+    """Whether a table is of streams with times of their own, by the cells of its first rows.
+
+    filled : (signals, rows), how many of x, y, z are there. Two signals stand in for each other,
+    or one is absent from many rows. A signal that is absent now and then is a hole.
+    """
+    there, absent = filled == 3, filled == 0
+    alone = (there.astype(int) @ absent.T.astype(int)) > 0
+    often = filled.shape[1] >= _FEW_ROWS and bool(absent.mean(axis=1).max() >= _OFTEN)
+    return bool(np.any(alone & alone.T)) or often

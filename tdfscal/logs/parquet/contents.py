@@ -37,6 +37,7 @@ def parquet_contents(path: Path) -> Contents:
     """
     sample: dict[str, FloatArray] = {}
     first: dict[str, FloatArray] = {}
+    there: dict[str, FloatArray] = {}
     with damage(path, pa.ArrowException), open_parquet(path) as file:
         leaves = leaves_of(file)
         names = [leaf.path for leaf in leaves]
@@ -45,13 +46,12 @@ def parquet_contents(path: Path) -> Contents:
         for begin in range(0, len(small), _TOGETHER):
             portion = small[begin : begin + _TOGETHER]
             check_pages(path, file, portion)
-            opening, thinned = _sampled(file, portion)
-            for name in thinned.column_names:
-                if (values := _numbers(thinned.column(name))) is not None:
-                    sample[name] = values
-                    first[name] = _numbers(opening.column(name))  # type: ignore[assignment]
+            looked_at = _looked_at(file, portion)
+            for name in looked_at[0][1].column_names if looked_at else ():
+                if (found := _sampled(looked_at, name)) is not None:
+                    there[name], sample[name], first[name] = found
         fields, vectors, columns = table_contents(
-            names, [_kind(leaf) for leaf in leaves], [None] * len(names), sample, first
+            names, [_kind(leaf) for leaf in leaves], [None] * len(names), sample, first, there
         )
         rows = file.metadata.num_rows
     problems = (f"columns are there more than once: {', '.join(twice)}",) if twice else ()
@@ -61,18 +61,33 @@ def parquet_contents(path: Path) -> Contents:
     )  # fmt: skip
 
 
-def _sampled(file: pq.ParquetFile, names: list[str]) -> tuple[pa.Table, pa.Table]:
-    """The first rows, and some rows of some row groups."""
+def _looked_at(file: pq.ParquetFile, names: list[str]) -> list[tuple[int, pa.Table]]:
+    """The first rows of some row groups, and the number of the first."""
     groups = np.linspace(0, file.num_row_groups - 1, min(file.num_row_groups, _GROUPS))
     size = max(_OPENING, _LOOKED_AT // max(len(groups), 1))
-    tables = [next(batches(file, int(k), names, size), None) for k in np.unique(np.rint(groups))]
-    there = [table for table in tables if table is not None]
-    if not there:
-        return pa.table({}), pa.table({})
-    count = -(-_GROUPS * SAMPLES // len(there))
-    rows = [np.linspace(0, len(t) - 1, min(count, len(t))).astype(np.int64) for t in there]
-    thinned = [t.take(as_arrow(np.unique(r))) for t, r in zip(there, rows, strict=True)]
-    return there[0].slice(0, _OPENING), pa.concat_tables(thinned)
+    rows = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
+    chosen = np.unique(np.rint(groups)).astype(int).tolist()
+    tables = [(sum(rows[:k]), next(batches(file, k, names, size), None)) for k in chosen]
+    return [(begin, table) for begin, table in tables if table is not None]
+
+
+def _sampled(
+    looked_at: list[tuple[int, pa.Table]], name: str
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Some rows of a column that are not empty, its values there, and its first ones."""
+    count = -(-_GROUPS * SAMPLES // len(looked_at))
+    rows, values = [], []
+    for begin, table in looked_at:
+        column = table.column(name)
+        filled = np.flatnonzero(~column.is_null().to_numpy())
+        thin = np.linspace(0, len(filled) - 1, min(count, len(filled))).astype(np.int64)
+        chosen = filled[np.unique(thin)]
+        if (numbers := _numbers(column.take(as_arrow(chosen)))) is None:
+            return None
+        rows.append(begin + chosen.astype(np.float64))
+        values.append(numbers)
+    opening = _numbers(looked_at[0][1].column(name).slice(0, _OPENING).drop_null())
+    return np.concatenate(rows), np.concatenate(values), np.asarray(opening)
 
 
 def _kind(leaf: Any) -> str:

@@ -24,11 +24,13 @@ from tdfscal.logs.common.request import (
     Piece,
     Reached,
     Request,
+    by_signal,
     check_fields_differ,
     missing_fields,
+    takes_turns,
 )
 from tdfscal.logs.parquet.pages import look_at_pages
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 
 MAX_FOOTER: Final = 16 << 20
 """Longest text, in bytes, that a footer may state; that of a day at 1 kHz has a few MB in all."""
@@ -44,6 +46,7 @@ _WIDEST: Final = 32  # bytes
 _AT_ONCE: Final = 32 << 20
 """Largest row group, in bytes, whose columns are read in one go: faster."""
 _BUFFER: Final = 1 << 20
+_SEARCHED_ROWS: Final = 256
 TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -83,7 +86,7 @@ def read_parquet(
         verified &= not _is_duration(file, columns.time)
         paths = [leaf.path for leaf in leaves_of(file)]
         read_from = _Places(file.metadata, [paths.index(name) for name in columns.names])
-        first_row = 0
+        first_row, sparse = 0, False
         read = 0
         share = path.stat().st_size / max(rows, 1)
         for number in range(file.num_row_groups):
@@ -92,7 +95,10 @@ def read_parquet(
                 for batch in batches(file, number, columns.names):
                     if not in_group:
                         read_from.add(number)
-                    piece = _piece(batch, columns, request, first_row + in_group, where)
+                    if not first_row + in_group:
+                        sparse = _takes_turns(batch, columns)
+                    row = first_row + in_group
+                    piece = _piece(batch, columns, request, row, where, sparse=sparse)
                     in_group += batch.num_rows
                     reached(int((first_row + in_group) * share))
                     yield piece
@@ -290,21 +296,57 @@ def batches(
         yield table
 
 
+def _takes_turns(table: pa.Table, columns: _Columns) -> bool:
+    """Whether a table is of streams with times of their own; see `request.takes_turns`."""
+    if columns.time is None:
+        return False
+    opening = table.slice(0, _SEARCHED_ROWS)
+    filled = np.array(
+        [
+            sum(~opening.column(name).is_null().to_numpy() for name in three)
+            for three in columns.components
+        ]
+    )
+    return takes_turns(filled)
+
+
 def _piece(
-    table: pa.Table, columns: _Columns, request: Request, first_row: int, where: str
+    table: pa.Table,
+    columns: _Columns,
+    request: Request,
+    first_row: int,
+    where: str,
+    *,
+    sparse: bool,
 ) -> Piece:
     value: dict[int, FloatArray] = {}
     vectors = np.empty((len(request.signals), 3, table.num_rows))
     for number, signal in enumerate(request.signals):
+        three = [table.column(name) for name in columns.components[number]]
+        if sparse:
+            empty = np.logical_and.reduce([column.is_null().to_numpy() for column in three])
         for axis, name in enumerate(columns.components[number]):
-            column = _numbers(table.column(name), name, first_row, where)
+            whole = three[axis]
+            if sparse:
+                whole = _filled(whole, empty, name, first_row, where)
+            column = _numbers(whole, name, first_row, where)
             np.multiply(column, signal.factors[axis], out=vectors[number, axis])
+        if sparse:
+            vectors[number][:, empty] = np.nan
         value[number] = vectors[number].T
     if columns.time is None:
         time = np.arange(first_row, first_row + table.num_rows, dtype=np.float64)
         return (Block("row", time, value),)
     time = _time(table.column(columns.time), columns.time, request, first_row, where)
-    return (Block(f"column {columns.time}", time, value),)
+    clock = f"column {columns.time}"
+    return by_signal(clock, time, value, request) if sparse else (Block(clock, time, value),)
+
+
+def _filled(column: Any, empty: BoolArray, name: str, first_row: int, where: str) -> Any:
+    """The column with zeros in the rows that leave its signal out; others may not be empty."""
+    if (hole := column.is_null().to_numpy() & ~empty).any():
+        raise _empty(name, first_row + int(np.argmax(hole)), where)
+    return column.fill_null(0)
 
 
 def _time(column: Any, name: str, request: Request, first_row: int, where: str) -> FloatArray:
@@ -325,11 +367,7 @@ def _numbers(column: Any, name: str, first_row: int, where: str) -> FloatArray:
     if not is_number:
         raise _no_numbers(name, str(kind), where)
     if column.null_count:
-        row = first_row + int(np.argmax(column.is_null().to_numpy()))
-        raise DataError(
-            "the cell is empty", where=f"{where}, column {name}, row {row}",
-            hint="a log has no holes; rows count from 0",
-        )  # fmt: skip
+        raise _empty(name, first_row + int(np.argmax(column.is_null().to_numpy())), where)
     numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
     values = as_numpy(numbers)
     if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
@@ -340,6 +378,14 @@ def _numbers(column: Any, name: str, first_row: int, where: str) -> FloatArray:
             hint="each cell must be a finite number; rows count from 0",
         )
     return values
+
+
+def _empty(name: str, row: int, where: str) -> DataError:
+    return DataError(
+        "the cell is empty",
+        where=f"{where}, column {name}, row {row}",
+        hint="a log has no holes; rows count from 0",
+    )
 
 
 def _no_numbers(name: str, holds: str, where: str) -> DataError:

@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from tdfscal.errors import DataError
 from tdfscal.logs.common import units
-from tdfscal.logs.common.request import Request, Signal, check_fields_differ, missing_fields
+from tdfscal.logs.common.request import (
+    Request,
+    Signal,
+    check_fields_differ,
+    missing_fields,
+    takes_turns,
+)
 from tdfscal.logs.text.cells import (
     cut,
     fits_header,
@@ -154,18 +162,14 @@ def _head(
 def _takes_turns(
     rows: Sequence[str], separator: str, components: Sequence[tuple[int, int, int]]
 ) -> bool:
-    """Whether one of the first rows has all cells of some signals and none of another.
-
-    So a table is written of streams with times of their own. A table of whole rows has no holes.
-    """
+    """Whether a table is of streams with times of their own; see `request.takes_turns`."""
     if separator == " ":
         return False
-    for line in rows[:_SEARCHED_ROWS]:
-        cells = split_cells(line, separator)
-        filled = {sum(c < len(cells) and cells[c] != "" for c in three) for three in components}
-        if filled == {0, 3}:
-            return True
-    return False
+    cells = [split_cells(line, separator) for line in rows[:_SEARCHED_ROWS] if line.strip()]
+    filled = [
+        [sum(c < len(r) and r[c] != "" for c in three) for r in cells] for three in components
+    ]
+    return bool(cells) and takes_turns(np.array(filled))
 
 
 def _columns(

@@ -15,7 +15,15 @@ import zstandard
 from tdfscal.errors import DataError
 from tdfscal.logs.common.damage import damage, one_line
 from tdfscal.logs.common.read_ahead import mapped
-from tdfscal.logs.common.request import Block, Outcome, Piece, Reached, Request, split
+from tdfscal.logs.common.request import (
+    Block,
+    Outcome,
+    Piece,
+    Reached,
+    Request,
+    by_signal,
+    split,
+)
 from tdfscal.logs.text.header import Header, find_header
 from tdfscal.logs.text.rows import RowParser, Rows
 from tdfscal.records import FloatArray, Integrity
@@ -237,10 +245,4 @@ def _piece(rows: Rows, header: Header, request: Request, rows_before: int) -> Pi
     time, clock = rows.value[-1] * header.time_factor, f"column {request.time_field}"
     if not header.sparse:
         return (Block(clock, time, value),)
-    parts = []
-    for number, vector in value.items():
-        there = ~np.isnan(vector[:, 0])
-        signal = request.signals[number]
-        name = f"{clock} for the {signal.quantity} of {signal.support}"
-        parts.append(Block(name, time[there], {number: vector[there]}))
-    return tuple(parts)
+    return by_signal(clock, time, value, request)

@@ -14,6 +14,7 @@ import pytest
 
 from tdfscal.errors import DataError
 from tdfscal.logs import iter_log, read_log
+from tdfscal.logs.describe import describe_logs
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table
 
@@ -115,6 +116,31 @@ def test_null_vectors_are_refused(tmp_path: Path) -> None:
     vectors = [{"x": 1.0, "y": 2.0, "z": 3.0}, None]
     with pytest.raises(DataError, match=r"column p\.x, row 1"):
         read(tmp_path, {"time": [0.0, 1.0], "p": vectors, "f": [vectors[0]] * 2}, STRUCT)
+
+
+@pytest.mark.parametrize("size", [64, 1 << 20])
+def test_streams_that_take_turns(tmp_path: Path, size: int) -> None:
+    """Nulls in all cells of a signal leave it out of the row; a null in one of them is refused."""
+    count = 400
+    full = np.random.default_rng(0).normal(size=(count, 6))
+    columns: dict[str, Any] = {"time": np.arange(count) * 0.01}
+    for k, name in enumerate(DEFAULT):
+        turn = np.arange(count) % 4 == 0 if k < 3 else np.ones(count, dtype=bool)
+        columns[name] = pa.array(full[:, k], mask=~turn)
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table(columns), path, row_group_size=size)
+    log = read_log([path], None, ONE)
+    np.testing.assert_array_equal(log.position[0].value, full[::4, :3])
+    np.testing.assert_array_equal(log.position[0].time, columns["time"][::4])
+    np.testing.assert_array_equal(log.force[0].value, full[:, 3:])
+    (vector, _) = describe_logs([path]).contents[0].vectors
+    np.testing.assert_array_equal(vector.value, full[vector.time.astype(int), :3])
+    hole = np.arange(count) % 4 != 0
+    hole[300] = True
+    columns[DEFAULT[1]] = pa.array(full[:, 1], mask=hole)
+    pq.write_table(pa.table(columns), path, row_group_size=size)
+    with pytest.raises(DataError, match=rf"column {DEFAULT[1]}, row 300: the cell is empty"):
+        read_log([path], None, ONE)
 
 
 def test_long_log_comes_in_pieces(tmp_path: Path) -> None:
