@@ -59,9 +59,9 @@ class _Columns:
 
     @property
     def names(self) -> list[str]:
-        """All paths to read."""
-        three = [name for signal in self.components for name in signal]
-        return ([self.time] if self.time is not None else []) + three
+        """All paths to read, each once: one may stand for an axis that is not measured."""
+        three = (name for signal in self.components for name in signal)
+        return [*dict.fromkeys([*([self.time] if self.time is not None else []), *three])]
 
 
 def read_parquet(
