@@ -9,6 +9,7 @@ import numpy as np
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, gravity
+from tdfscal.model.pose import register
 from tdfscal.model.statics import Balance, Postures
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
 from tdfscal.motioncal.blocks import Block, ComplexArray
@@ -150,7 +151,7 @@ def _residual(
     """E (F, 6) of one block with the poses shifted by another delay."""
     centre = state.barycentre
     position = shifted(slow, block.index, delay)
-    R, _ = statics.register(state.hinge, position - state.datum)
+    R, _ = register(state.hinge, position - state.datum)
     arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
     F = statics.forces(state, slow.force[block.index])
     e = np.zeros((len(F), 6))

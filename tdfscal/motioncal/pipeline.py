@@ -15,9 +15,8 @@ from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import State, nominal, parameter_count, starting_state, with_motions
 from tdfscal.model.postures import Postures
-from tdfscal.motioncal import checks
-from tdfscal.motioncal.blocks import Block, blocks, stretches
-from tdfscal.motioncal.contact import Stretch, merged, outside, touched
+from tdfscal.motioncal.blocks import stretches
+from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.covariance import MovingUncertainty, evaluate, quality
 from tdfscal.motioncal.design import drifting
 from tdfscal.motioncal.estimator import (
@@ -32,6 +31,7 @@ from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
 from tdfscal.motioncal.score_tests import suspicions
 from tdfscal.motioncal.streams import Slow
+from tdfscal.motioncal.usable import usable_samples, without_contacts
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
 from tdfscal.selfcal import observability
@@ -45,12 +45,8 @@ from tdfscal.significance import AMBIGUOUS_MOUNTING, CHANGED_RIG, MOST_REJECTED
 
 #: Instants at most that the quasi-static start is estimated from, and their noise, N and m.
 _START_ROWS, _START_FORCE, _START_PLACE = 400, 1.0, 1.0e-5
-#: Rounds in which contacts come to light.
-_ROUNDS = 6
 #: A mounting farther than this from the nominal one was not meant by it, rad.
 _MOUNTED_WITHIN = 0.3
-#: Left-out stretches closer than this are one, s.
-_TOGETHER = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,45 +146,6 @@ def calibrate_moving(
     )
     result = _judged(rig, fit, delay, usable.keep, usable.rejected, dwells, inputs, progress)
     return replace(result, warnings=(*result.warnings, *doubt))
-
-
-@dataclass(frozen=True, slots=True)
-class Usable:
-    """What of a log serves: its instants (a mask (N,)), their blocks, and what was left out."""
-
-    keep: BoolArray
-    blocks: tuple[Block, ...]
-    rejected: tuple[Stretch, ...]
-
-
-def usable_samples(rig: Rig, slow: Slow) -> Usable:
-    """Leave out what is frozen or clipped. Raises DataError where nothing serves."""
-    checks.check_stream(rig, slow)
-    keep, rejected = checks.frozen(rig, slow)
-    rejected += checks.clipped(rig, slow)
-    keep &= ~slow.clipped
-    cut = blocks(slow, keep)
-    checks.check_blocks(slow, cut)
-    return Usable(keep, cut, rejected)
-
-
-def without_contacts(
-    fit: MovingFit, usable: Usable, again: Callable[[tuple[Block, ...], MovingFit], MovingFit]
-) -> tuple[MovingFit, Usable]:
-    """Leave out what touches the terminal, and fit anew, until nothing does.
-
-    again : the fit of what is left, from the last one.
-    """
-    slow, rejected, cut = fit.slow, usable.rejected, usable.blocks
-    for _ in range(_ROUNDS):
-        found = touched(fit)
-        if not found:
-            break
-        rejected = merged([*rejected, *found], _TOGETHER)
-        cut = blocks(slow, usable.keep & outside(slow.time, rejected))
-        checks.check_blocks(slow, cut)
-        fit = again(cut, fit)
-    return fit, Usable(usable.keep & outside(slow.time, rejected), cut, rejected)
 
 
 def _first_fit(

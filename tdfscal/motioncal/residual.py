@@ -9,6 +9,7 @@ import numpy as np
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, gravity, symmetric
+from tdfscal.model.pose import register
 from tdfscal.motioncal.blocks import Block
 from tdfscal.motioncal.design import shifted, stuck
 from tdfscal.motioncal.streams import Slow
@@ -59,7 +60,7 @@ def residual_wrench(
 def _wrench(rig: Rig, slow: Slow, block: Block, state: State, moving: Moving) -> FloatArray:
     """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8)."""
     position = shifted(slow, block.index, moving.delay) - state.datum
-    R, _ = statics.register(state.hinge, position)
+    R, _ = register(state.hinge, position)
     centre = state.barycentre
     place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
     F = statics.forces(state, slow.force[block.index])

@@ -13,7 +13,7 @@ from tdfscal.planning.moving_information import MovingSight, forecast
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.planning.static_loads import internal_part
 from tdfscal.planning.trajectory import Course, Lines, Trajectory, brought_to_limits
-from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.records import FloatArray, IntArray, Rig, UncertainValue
 
 #: Fastest line, Hz: the carriages follow it quasi-statically, and inertia stays a correction.
 _FASTEST = 0.2
@@ -66,7 +66,7 @@ class MovingPlan:
     @property
     def time(self) -> FloatArray:
         """Instants (N,) of the time table, s."""
-        return np.arange(round(self.request.duration / TABLE) + 1) * TABLE
+        return np.asarray(np.arange(round(self.request.duration / TABLE) + 1) * TABLE)
 
     def displacement(self, course: Course) -> FloatArray | None:
         """What squeezes (N, n, 3), m; None where forces are servoed to."""
@@ -89,7 +89,7 @@ class MovingPlan:
         slack = max(_CLOSE_SHARE * limits.squeeze, 1e-3)
         for step in _WAYPOINTS:
             count = max(4, round(self.request.duration / step))
-            knot = np.linspace(0.0, self.request.duration, count + 1)
+            knot = np.asarray(np.linspace(0.0, self.request.duration, count + 1), dtype=np.float64)
             course = self.trajectory.at(knot)
             near = CubicSpline(knot, self.position(course), bc_type="clamped")(self.time)
             force = CubicSpline(knot, course.squeeze, bc_type="clamped")(self.time)
@@ -171,22 +171,17 @@ def _drawn(coordinates: int, most: int, rng: np.random.Generator) -> Lines:
     )
 
 
-def _exchanged(lines: Lines, choice: FloatArray, size: Callable[[Lines], float]) -> Lines:
+def _exchanged(lines: Lines, choice: IntArray, size: Callable[[Lines], float]) -> Lines:
     """Every coordinate in turn takes the line that is best with the others, or a smaller size."""
     least = size(lines)
     for c in range(len(lines.line)):
-        tried = [replace(lines, line=_put(lines.line, c, line)) for line in choice]
-        tried += [replace(lines, size=_put(lines.size, c, share)) for share in _SHARES]
+        here = np.arange(len(lines.line)) == c
+        tried = [replace(lines, line=np.where(here, line, lines.line)) for line in choice]
+        tried += [replace(lines, size=np.where(here, share, lines.size)) for share in _SHARES]
         sizes = [size(each) for each in tried]
         if min(sizes) < least:
             lines, least = tried[int(np.argmin(sizes))], min(sizes)
     return lines
-
-
-def _put(values: FloatArray, index: int, value: float) -> FloatArray:
-    out = values.copy()
-    out[index] = value
-    return out
 
 
 def _changed(

@@ -31,9 +31,9 @@ from tdfscal.motioncal.estimator import (
     stacked,
     weights,
 )
-from tdfscal.motioncal.pipeline import usable_samples, without_contacts
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
 from tdfscal.motioncal.streams import Slow
+from tdfscal.motioncal.usable import usable_samples, without_contacts
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import spectrum

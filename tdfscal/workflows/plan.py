@@ -138,8 +138,8 @@ class MovingPlanResult(Result):
         """Return the motion as plain JSON values, SI units."""
         from tdfscal.reporting.moving_plan import moving_plan_document
 
-        files = (None if path is None else str(path) for path in (self.output, self.waypoints))
-        return moving_plan_document(self.plan, *files, self.seed)
+        table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
+        return moving_plan_document(self.plan, table, spline, self.seed)
 
     def to_frame(self) -> pd.DataFrame:
         """One row per instant of the time table: s, hinge centres in m, squeezes in N, BCS."""

@@ -127,8 +127,9 @@ class ValidateResult(Result):
         from tdfscal.reporting.figures import validation, wrench_in_motion
 
         v = self.validation
-        moving = isinstance(v, MovingValidation)
-        return (wrench_in_motion.validation(v) if moving else validation.draw(v),)
+        if isinstance(v, MovingValidation):
+            return (wrench_in_motion.validation(v),)
+        return (validation.draw(v),)
 
 
 @together()
