@@ -20,7 +20,7 @@ from tdfscal.records import Rig
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
 
-FEW, LONG_SEARCHES, LONG_ROUNDS = 12, 4, 500
+FEW, LONG_SEARCHES, LONG_ROUNDS = 12, 3, 300
 TILT, POSTURES, NOISE, CAMPAIGNS = np.deg2rad(6.0), 24, 1.0, 200
 STIFF, SOFT = 2.0e7, 2.0e6
 #: Squeeze (N), the NCPs' stiffness (N/m) and repeatability (m): their product is the unplanned
@@ -76,15 +76,15 @@ def searched_long(rig: Rig, request: Request, plan: Plan) -> float:
     return best
 
 
-def against_long_searches() -> None:
-    """Print how far the plans are from the best that long searches find."""
+def against_long_searches(numbers: tuple[int, ...] = (3, 4, 5, 6)) -> None:
+    """Print how far the plans are from the best that long searches find, by number of supports."""
     print(
         f"\n# Against long searches\n\n{FEW} postures, squeeze 200 N, supports on a circle. Long: "
         f"the best of {LONG_SEARCHES} free searches of {LONG_ROUNDS} rounds, one from the pool's "
         "best, the others from\npostures anywhere; standard uncertainty of an angle, mean, mrad.\n"
     )
     print("| supports | plan | long | plan / long | CPU, s |\n|---|---|---|---|---|")
-    for n in (3, 4, 5, 6):
+    for n in numbers:
         rig = make_rig(n=n)
         limits = Limits(TILT, 200.0, np.full((n, 3), np.inf), np.zeros(3), stiffness=STIFF)
         request = Request(limits, noise=NOISE)
