@@ -286,6 +286,7 @@ def _one_clock(world: World, found: re.Match[str]) -> World:
 
 Act = Callable[[World, re.Match[str]], World]
 ACTS: tuple[tuple[str, Act], ...] = (
+    (r"widen the range of sensor and amplifier", _range),
     (r"see that forces and positions share one clock", _one_clock),
     (r"asten the sensor of (ncp\d)", _fasten),
     (r"ind what touched the terminal at postures ([\d, …]+)", _free),
@@ -294,7 +295,6 @@ ACTS: tuple[tuple[str, Act], ...] = (
     (r"queeze the NCPs against each other so that", _squeeze_at_all),
     (r"old eight or more postures", _hold),
     (r"heck the range of the sensor and of its amplifier", _range),
-    (r"widen the range of sensor and amplifier", _range),
     (r"positions were in (\w+) where m is declared", _unit("log.length_unit")),
     (r"as if they were in (\w+) where N is declared", _unit("log.force_unit")),
     (r"et log.force_on in rig.yaml to the other value", _other_sign),
@@ -318,10 +318,14 @@ def follow(world: World, advice: str) -> World | None:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A verdict, the first advice, and of an accepted result d² per angle and the largest error."""
+    """A verdict, the advice, and of an accepted result d² per angle and the largest error.
+
+    advice : the first one. further : what follows it, where the first was followed in vain.
+    """
 
     verdict: str
     advice: str
+    further: tuple[str, ...] = ()
     distance: float = np.nan
     worst: float = np.nan
     angles: int = 0
@@ -335,26 +339,31 @@ def calibrated(world: World, seed: int) -> Outcome:
             result = calibrate(Path(place) / "c", trials=0)
         except TdfscalError as error:
             return Outcome(f"refused ({error.exit_status})", str(error))
-    first = advise(result)[0]
+    first, *further = advise(result)
     if not result.accepted:
-        return Outcome("rejected", first)
+        return Outcome("rejected", first, tuple(further))
     known = result.determined
     keep = np.repeat(known, 3)
     d = so3.log(truth @ np.swapaxes(result.rotation, 1, 2)).ravel()[keep]
     C = result.rotation_covariance[np.ix_(keep, keep)]
     worst = float(np.abs(d / np.sqrt(np.diagonal(C))).max())
-    return Outcome("accepted", first, float(d @ np.linalg.solve(C, d) / len(d)), worst, len(d))
+    mean = float(d @ np.linalg.solve(C, d) / len(d))
+    return Outcome("accepted", first, (), mean, worst, len(d))
 
 
 def led(world: World, seed: int) -> list[Outcome]:
-    """Follow the first advice again and again; every outcome on the way."""
-    outcomes = [calibrated(world, seed)]
+    """Follow the first advice again and again, each once; every outcome on the way."""
+    outcomes, done = [calibrated(world, seed)], set[str]()
     for _ in range(ROUNDS):
-        if outcomes[-1].verdict == "accepted":
+        last = outcomes[-1]
+        if last.verdict == "accepted":
             break
-        after = follow(world, outcomes[-1].advice)
+        fresh = [said for said in (last.advice, *last.further) if said not in done]
+        after = follow(world, fresh[0]) if fresh else None
         if after is None:
             break
+        done.add(fresh[0])
+        outcomes[-1] = replace(last, advice=fresh[0])
         world = after
         outcomes.append(calibrated(world, seed))
     return outcomes
@@ -366,8 +375,9 @@ def main() -> None:
     print(
         "# Faults, the advice given, and the verdict after\n\n"
         f"`python -m benchmarks.advice {seed}`; reference rig, 24 postures, squeeze 100 N. The "
-        "first advice\nis followed to the letter, round by round. d²/m and the largest error, in "
-        "standard uncertainties, hold\nthe accepted angles against the truth; m is their number."
+        "first advice\nis followed to the letter, round by round, the next one where it was in vain. d²/m "
+        "and the largest\nerror, in standard uncertainties, hold the accepted angles against the truth; m "
+        "is their number."
         "\n\n"
         "| fault | verdict | first advice of each round | rounds | verdict after | d²/m "
         "| largest |\n|---|---|---|---|---|---|---|"

@@ -65,7 +65,7 @@ class SelfCalibration:
     dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
     index → reason. suspicions : what the residuals say was not declared. conformity : of the
     contact wrench, where the rig file limits it. reasons : why the gate rejects; empty where it
-    accepts.
+    accepts. set_aside : suspicions that a slip explains as well.
     """
 
     rig: Rig
@@ -84,6 +84,7 @@ class SelfCalibration:
     rejected: dict[int, str]
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
+    set_aside: tuple[Suspicion, ...] = ()
 
 
 def self_calibrate(
@@ -145,6 +146,7 @@ def self_calibrate(
     held = ((dwells.start + dwells.end) / 2)[index]
     steady = repeatability.examine(result, held)
     doubts: tuple[Suspicion, ...] = ()
+    set_aside: tuple[Suspicion, ...] = ()
     if estimator == "ml" and not measured_noise:
         warmth = None if dwells.temperature is None else dwells.temperature[index]
         doubts = suspicions(result, parts, uncertainty, held, stats, warmth)
@@ -161,7 +163,7 @@ def self_calibrate(
         slip = find_slip(result, uncertainty, held, index + 1, noise_from_residuals=measured_noise)
         # What spoils the whole campaign may look like a slip, and a slip like much that does.
         if slip is not None and all(_likelier(slip, doubt) for doubt in doubts):
-            doubts = (slip,)
+            doubts, set_aside = (slip,), doubts
     conformity = assess_stated(from_fit(result, uncertainty.covariance))
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
@@ -185,6 +187,7 @@ def self_calibrate(
         quality=stats,
         uncertainty=uncertainty,
         observability=seen,
+        set_aside=set_aside,
         suspicions=doubts,
         channels=channels,
         stability=steady,

@@ -175,7 +175,10 @@ def from_joint(
 def _advice(result: SelfCalibration | MotionCalibration) -> tuple[str, ...]:
     """Cures of what the residuals say, each once, that of the surest finding first."""
     cures: dict[str, str] = {}
-    for doubt in result.suspicions:  # one key of the rig file is one cure, whatever its size
+    for doubt in (
+        *result.suspicions,
+        *result.set_aside,
+    ):  # one key of the rig file is one cure, whatever its size
         act, _, rest = doubt.advice.partition(": ")
         cures.setdefault(act + rest.rpartition("`")[2], doubt.advice)
     return tuple(cures.values())
