@@ -375,10 +375,9 @@ def main() -> None:
     print(
         "# Faults, the advice given, and the verdict after\n\n"
         f"`python -m benchmarks.advice {seed}`; reference rig, 24 postures, squeeze 100 N. The "
-        "first advice\nis followed to the letter, round by round, the next one where it was in vain. d²/m "
-        "and the largest\nerror, in standard uncertainties, hold the accepted angles against the truth; m "
-        "is their number."
-        "\n\n"
+        "first advice\nis followed to the letter, round by round, the next one where it was in "
+        "vain. d²/m and the largest error,\nin standard uncertainties, hold the accepted angles "
+        "against the truth; m is their number.\n\n"
         "| fault | verdict | first advice of each round | rounds | verdict after | d²/m "
         "| largest |\n|---|---|---|---|---|---|---|"
     )
