@@ -140,7 +140,7 @@ class _Places:
 
         Not before: asking for the place of a column that it cannot read ends the process.
         """
-        for column in self.columns:
+        for column in dict.fromkeys(self.columns):  # two signals may share one
             chunk = self.known.row_group(group).column(column)
             # Pyarrow begins at the dictionary where that comes first.
             places = (chunk.data_page_offset, chunk.dictionary_page_offset)
