@@ -194,7 +194,7 @@ def docking(
     return _perform("docking", locals())
 
 
-@study.command()
+@study.command(epilog=example("tdfscal study success rig.yaml -o success"))
 def success(
     rig: Rig,
     output: Folder,
@@ -222,7 +222,7 @@ def success(
     return _perform("success", locals())
 
 
-@study.command()
+@study.command(epilog=example("tdfscal study paper rig.yaml -o paper"))
 def paper(
     rig: Rig,
     output: Folder,
@@ -242,7 +242,7 @@ def paper(
     return _perform("paper", locals())
 
 
-@study.command()
+@study.command(epilog=example("tdfscal study cost rig.yaml -o cost"))
 def cost(
     rig: Rig,
     output: Folder,
