@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.simulation import Recorder
+from tdfscal.simulation import Recorder, make_rig
 from tests.cli.running import rows, run
 
 
@@ -99,8 +99,11 @@ def test_calibrations_beside_the_studies(
     (found,) = json.loads(seen.out)["calibrations"]
     assert np.shape(found["rpy_std"]) == (3, 3)
     assert found["factor"] > 0.5
-    document = given.read_text(encoding="utf-8").replace("ncp1", "other")
-    (other := tmp_path / "other.yaml").write_text(document, encoding="utf-8")
+    heavier, other = tmp_path / "heavier", tmp_path / "other.yaml"
+    simulate_to_folder(
+        heavier, make_rig(mass=600.0), rows="postures", recorder=Recorder(mean_sd=0.1)
+    )
+    assert run(capsys, "calibrate", heavier, "--trials", "0", "-o", other).status == 0
     seen = run(capsys, "study", "sensitivity", rig, "-o", out, "--calibration", other)
     assert seen.status == 2
     assert "of another rig" in seen.err
