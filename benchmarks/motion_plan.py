@@ -44,7 +44,7 @@ def used(rig: Rig, options: MovingOptions, draws: int = 20) -> FloatArray:
         speed = np.linalg.norm(np.diff(place, axis=0), axis=2).max() / 0.1
         lean = np.arccos(pose.rotation[:, 2, 2]).max()
         found.append([lean, speed, np.linalg.norm(force, axis=2).max(), *away])
-    return np.mean(found, axis=0)
+    return np.asarray(np.mean(found, axis=0), dtype=np.float64)
 
 
 def row(

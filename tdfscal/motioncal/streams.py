@@ -7,7 +7,7 @@ balance of the filtered signals is the filtered balance.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -76,21 +76,39 @@ class Decimator:
         self._full = np.concatenate([np.full(capacity.size, np.inf), 0.999 * capacity.ravel()])
         self._held: list[_Held] = []
         self._columns: list[list[int]] = []
+        self._members: list[list[int]] = []
+        self._pending: list[Series] = []
         self._out = _Out()
         self._step = self._rate = self._start = 0.0
         self._cursor = 0
 
     def add(self, piece: Log) -> None:
         """Take the next piece. Raises DataError where streams part that shared their stamps."""
-        if not self._held:
+        streams = [*piece.position, *piece.force]
+        if self._pending:
+            streams = [_chained(p, more) for p, more in zip(self._pending, streams, strict=True)]
+        if not self._members:
+            if min(series.time.size for series in streams) < 2:
+                self._pending = streams
+                return
             self.supports = piece.supports
-            groups = list(_groups(piece))
-            self._columns = [c for c, _ in groups]
-            self._held = [_Held(s.time, s.value) for _, s in groups]
+            self._members = _groups(streams)
+            self._columns = [
+                [3 * i + c for i in group for c in range(3)] for group in self._members
+            ]
+            self._held = [_Held(np.empty(0), np.empty((0, len(c)))) for c in self._columns]
             self.quantum = min(_quantum(s.value) for s in piece.position)
-        else:
-            groups = list(_regrouped(piece, self._columns))
-            self._held = [_joined(h, s) for h, (_, s) in zip(self._held, groups, strict=True)]
+        parts = [_beside([streams[i] for i in group]) for group in self._members]
+        counts = {
+            i: len(part.time)
+            for group, part in zip(self._members, parts, strict=True)
+            for i in group
+        }
+        self._pending = [
+            Series(series.time[counts[i] :], series.value[counts[i] :])
+            for i, series in enumerate(streams)
+        ]
+        self._held = [_joined(h, part) for h, part in zip(self._held, parts, strict=True)]
         if self._step == 0.0:
             if min(h.time.size for h in self._held) < _FIRST:
                 return
@@ -157,40 +175,46 @@ def _quantum(value: FloatArray) -> float:
     return min(steps, default=0.0)
 
 
-def _groups(piece: Log) -> Iterator[tuple[list[int], Series]]:
-    """Streams that share their stamps, side by side: columns of all, and the joint series."""
-    streams = [*piece.position, *piece.force]
+def _groups(streams: list[Series]) -> list[list[int]]:
+    """Streams that share their stamps; a piece may end between the samples of one instant."""
     left = list(range(len(streams)))
+    groups = []
     while left:
-        first = streams[left[0]]
-        same = [
-            i
-            for i in left
-            if streams[i].time is first.time or np.array_equal(streams[i].time, first.time)
-        ]
+        first = streams[left[0]].time
+        same = [i for i in left if streams[i].time is first or _alike(first, streams[i].time)]
         left = [i for i in left if i not in same]
-        yield _beside(streams, same)
+        groups.append(same)
+    return groups
 
 
-def _regrouped(piece: Log, columns: list[list[int]]) -> Iterator[tuple[list[int], Series]]:
-    """The same groups as in the first piece; a group whose stamps differ now is an error."""
-    streams = [*piece.position, *piece.force]
-    for group in columns:
-        members = sorted({c // 3 for c in group})
-        first = streams[members[0]].time
-        if any(not np.array_equal(streams[i].time, first) for i in members):
-            raise DataError(
-                "streams that shared their time stamps no longer do",
-                where=f"log, near {first[0] if first.size else 0.0:.3f} s",
-                hint="calibrate the parts of the log apart",
-            )
-        yield _beside(streams, members)
+def _alike(first: FloatArray, other: FloatArray) -> bool:
+    count = min(len(first), len(other))
+    return np.array_equal(first[:count], other[:count])
 
 
-def _beside(streams: list[Series], members: list[int]) -> tuple[list[int], Series]:
-    columns = [3 * i + c for i in members for c in range(3)]
-    value = np.concatenate([streams[i].value for i in members], axis=1)
-    return columns, Series(streams[members[0]].time, value)
+def _beside(streams: list[Series]) -> Series:
+    """Streams of one group side by side, as far as all of them reach.
+
+    Raises DataError where their stamps part.
+    """
+    first = streams[0].time
+    count = min(len(series.time) for series in streams)
+    if any(not _alike(first, series.time) for series in streams):
+        raise DataError(
+            "streams that shared their time stamps no longer do",
+            where=f"log, near {first[0] if first.size else 0.0:.3f} s",
+            hint="calibrate the parts of the log apart",
+        )
+    value = np.concatenate([series.value[:count] for series in streams], axis=1)
+    return Series(first[:count], value)
+
+
+def _chained(before: Series, more: Series) -> Series:
+    if not before.time.size:
+        return more
+    return Series(
+        np.concatenate([before.time, more.time]), np.concatenate([before.value, more.value])
+    )
 
 
 def _joined(held: _Held, more: Series) -> _Held:
