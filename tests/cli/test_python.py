@@ -152,6 +152,7 @@ def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.chdir(home)
     monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
     monkeypatch.setattr(docking, "docking", once("docking", docking.docking))
     monkeypatch.setattr(free_space, "free_space", once("free space", free_space.free_space))
     shortened(monkeypatch, docking.Setup, gap=0.005, ramp=0.5)

@@ -82,6 +82,7 @@ def test_calibrations_beside_the_studies(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
     campaign, given = tmp_path / "campaign", tmp_path / "given.yaml"
     simulate_to_folder(campaign, rows="postures", recorder=Recorder(mean_sd=0.1))
     assert run(capsys, "calibrate", campaign, "--trials", "0", "-o", given).status == 0
