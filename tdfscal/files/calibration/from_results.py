@@ -174,11 +174,10 @@ def from_joint(
 
 def _advice(result: SelfCalibration | MotionCalibration) -> tuple[str, ...]:
     """Cures of what the residuals say, each once, that of the surest finding first."""
+    others = result.set_aside if isinstance(result, SelfCalibration) else ()
     cures: dict[str, str] = {}
-    for doubt in (
-        *result.suspicions,
-        *result.set_aside,
-    ):  # one key of the rig file is one cure, whatever its size
+    for doubt in (*result.suspicions, *others):
+        # One key of the rig file is one cure, whatever its size.
         act, _, rest = doubt.advice.partition(": ")
         cures.setdefault(act + rest.rpartition("`")[2], doubt.advice)
     return tuple(cures.values())
