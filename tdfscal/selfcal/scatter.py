@@ -35,6 +35,10 @@ _MANY = 300
 _ROUNDING = 1e-12
 
 
+#: Standard deviations of the likelihood's slope below which no variance is sought.
+_ASKED = 1.5
+
+
 @dataclass(frozen=True, slots=True)
 class Scatter:
     """A variance that the residuals ask for.
@@ -96,6 +100,10 @@ def likeliest(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple
     along = np.einsum("kab,ka->kb", vectors, white)
     turned = np.swapaxes(vectors, 1, 2) @ left
     flat = turned.reshape(turned.shape[0] * turned.shape[1], turned.shape[2])
+    # Slope of the likelihood at 0, against its own scatter: most sensors ask for nothing.
+    asked = float(np.sum(values.ravel() * (along.ravel() ** 2 + np.sum(flat**2, axis=1) - 1.0)))
+    if asked < _ASKED * np.sqrt(2.0 * float(np.sum(values**2))):
+        return 0.0, 0.0
     prior = np.eye(flat.shape[1]) - flat.T @ flat  # of the rows that are no posture's
 
     def cost(theta: float) -> float:
