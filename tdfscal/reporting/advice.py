@@ -15,6 +15,8 @@ from tdfscal.significance import INCOMPATIBLE, MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
 _TRIED = 3
+#: In the cure of noise that is more than stated.
+_NOISE = "uncertainty.force_noise"
 #: Postures named at most.
 _NAMED = 8
 #: Reasons of postures that a sensor spoilt.
@@ -84,14 +86,16 @@ def _cures(c: Calibration) -> tuple[str, ...]:
     """What each reason of the gate asks for, sentences without a full stop.
 
     Damage first, for it hides the rest; then sensors, which spoil postures; then what the
-    residuals say, which makes postures misfit; then what touched; precision last, for it is
-    judged with the noise that all of these add.
+    residuals say, which makes postures misfit; then what touched, which looks like noise; precision
+    last, for it is judged with the noise that all of these add.
     """
+    found = [f"{text[0].upper()}{text[1:]}" for text in c.quality.advice]
     return (
         *_of_the_files(c),
         *_of_the_sensors(c),
-        *(f"{text[0].upper()}{text[1:]}" for text in c.quality.advice),
+        *(text for text in found if _NOISE not in text),
         *_of_contact(c),
+        *(text for text in found if _NOISE in text),
         *_of_the_misfit(c),
         *_of_the_tracker(c),
         *_of_the_precision(c),
