@@ -100,12 +100,12 @@ def cases() -> Iterator[Case]:
         quiet = Options(
             squeeze=500.0, stiffness=np.array(stiffness), recorder=Recorder(mean_sd=0.03)
         )
-        stated = [
+        giving, firm = [
             replace(r, declared=replace(r.declared, force_noise=0.03)) for r in (_soft(1e-6), rig)
         ]
         title = f"1 N/µm {name}, 0.03 N, 500 N"
-        yield Case(f"{title}, declared", stated[0], stated[1], quiet)
-        yield Case(f"{title}, not declared", stated[1], stated[1], quiet, "give between")
+        yield Case(f"{title}, declared", giving, firm, quiet)
+        yield Case(f"{title}, not declared", firm, firm, quiet, "give between")
     turned = replace(plain, faults=Faults(frames=(Frame(1, (6e-4, -5e-4, 6e-4)),)))
     yield Case("a frame turned by 1 mrad", rig, rig, turned, "the positioner of ncp2 is turned")
 

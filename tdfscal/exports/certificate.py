@@ -142,13 +142,13 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool, li
             _doubled(real, std, univariate=univariate)
         elif std > 0:
             _expanded(real, half, half / std, interval.coverage, univariate=univariate)
-    for axis, value, open_std in zip("xyz", support.zero, support.zero_std, strict=True):
-        if value is None:
+    for axis, zero, open_std in zip("xyz", support.zero, support.zero_std, strict=True):
+        if zero is None:
             continue
         quantity = _add(data, "quantity")
         _named(quantity, f"zero {axis} of {support.name}")
         real = _si(quantity, "real")
-        _si(real, "value", number(value))
+        _si(real, "value", number(zero))
         _si(real, "unit", "\\newton")
         if open_std:
             _doubled(real, open_std, univariate=univariate)

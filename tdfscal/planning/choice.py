@@ -73,7 +73,7 @@ class Planner:
 
     def _open(self) -> BoolArray:
         """Sensors (n,) without all axes that all candidates together leave undetermined."""
-        lacking = ~self.rig.axes.all(axis=1)
+        lacking = np.asarray((~self.rig.axes).any(axis=1))
         if not lacking.any():
             return lacking
         seen = np.einsum("kmp,kmq->pq", self.rows, self.rows)

@@ -75,11 +75,11 @@ def _fields(fields: Sequence[Field]) -> Iterator[str]:
         known = field.low is not None and field.high is not None
         span = f"{field.low:.6g} … {field.high:.6g}" if known else ""
         rows.append((label, _short(field.kind), span))
-    name, kind, span = (max((len(row[k]) for row in rows), default=0) for k in range(3))
-    whole = name + kind + span + 6 <= width()
+    widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
+    whole = sum(widths) + 6 <= width()
     for row in rows:
         if whole:
-            yield f"  {row[0]:<{name}}  {row[1]:<{kind}}  {row[2]}".rstrip()
+            yield f"  {row[0]:<{widths[0]}}  {row[1]:<{widths[1]}}  {row[2]}".rstrip()
         else:
             yield f"  {row[0]}"
             yield f"      {row[1]}  {row[2]}".rstrip()

@@ -118,7 +118,7 @@ def _leaning(rig: Rig, postures: Postures, near: Fit) -> list[Fit]:
     Two load cells that press against each other change the balance by how much they lean, and by
     the ratio of their leans: about an upright start there are as many minima as directions.
     """
-    rng, lacks = np.random.default_rng(0), ~rig.axes.all(axis=1)
+    rng, lacks = np.random.default_rng(0), np.asarray((~rig.axes).any(axis=1))
     tried: list[Fit] = []
     for _ in range(_LEANS):
         lean = np.where(lacks[:, None], _LEAN * rng.standard_normal((rig.n, 3)), 0.0)
@@ -236,7 +236,7 @@ def wide_starts(rig: Rig, postures: Postures) -> FloatArray:
     n, rng = rig.n, np.random.default_rng(0)
     base, linear = nominal(rig).rotation, linear_start(rig, postures).rotation
     if n > _MANY:
-        alike = _yaw(np.pi / 2 * np.arange(4))[:, None] @ _upright(rig, postures)
+        alike = _yaw(np.pi / 2 * np.arange(4.0))[:, None] @ _upright(rig, postures)
         drawn = so3.project(rng.standard_normal((_DRAWN // 4, n, 3, 3)))
         return np.concatenate([base[None], linear[None], _CUBE[:, None] @ base, alike, drawn])
     singles = np.repeat(base[None], 24 * n, axis=0)

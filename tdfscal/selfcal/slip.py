@@ -221,7 +221,7 @@ def _most_likely(
 
 def _spread(among: IntArray) -> IntArray:
     """At most `_SPLITS` of them, evenly spread."""
-    return among[np.linspace(0, len(among) - 1, min(_SPLITS, len(among))).astype(int)]
+    return np.asarray(among[np.linspace(0, len(among) - 1, min(_SPLITS, len(among))).astype(int)])
 
 
 def _suspicion(

@@ -126,11 +126,11 @@ def test_folders_of_outputs_never_replace_an_input(
         folder = tmp_path / route.__name__
         folder.mkdir()
         route(Path(name).resolve(), folder / "angles.svg")
-        before = Path(name).read_bytes()
+        own = Path(name).read_bytes()
         seen = run(capsys, *line.replace("FOLDER", str(folder)).split())
         assert seen.status == 2
         assert "replace an input" in seen.err
-        assert Path(name).read_bytes() == before
+        assert Path(name).read_bytes() == own
         assert [p.name for p in folder.iterdir()] == ["angles.svg"]
 
 

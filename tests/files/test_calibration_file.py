@@ -47,7 +47,10 @@ def found(content: dict[str, Any]) -> Calibration:
 @pytest.fixture(scope="module")
 def made() -> dict[str, Any]:
     """What stands in a file that `calibrate` wrote."""
-    return json.loads(json.dumps(file_content(calibrate(SAMPLES / "csv", trials=50))))
+    content: dict[str, Any] = json.loads(
+        json.dumps(file_content(calibrate(SAMPLES / "csv", trials=50)))
+    )
+    return content
 
 
 @pytest.mark.parametrize("suffix", [".json", ".yaml", ".yml", ".JSON"])

@@ -13,7 +13,7 @@ from tdfscal.files.calibration.life import MeasuredResult
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.reporting.as_found import as_found
-from tdfscal.reporting.layout import Table
+from tdfscal.reporting.layout import Facts, Table
 from tdfscal.reporting.traceability import campaign
 from tests.cli.running import run
 from tests.reporting.samples import sample
@@ -66,7 +66,9 @@ def test_residuals_of_each_axis_are_as_uncertain_as_is_said() -> None:
 
 
 def _due(c: Calibration) -> str:
-    said = dict(campaign(c)[0].blocks[0].rows)  # type: ignore[union-attr]
+    block = campaign(c)[0].blocks[0]
+    assert isinstance(block, Facts)
+    said = dict(block.rows)
     return str(said.get("Next due", ""))
 
 

@@ -57,7 +57,7 @@ def _paint(c: Calibration, table: PostureTable, rejected: list[RejectedPosture])
             if r.start is not None and r.end is not None]  # fmt: skip
     _lanes(panels[0], table, gone, lanes, width, time.origin)
     if c.dwells is not None:
-        _forces(panels[1:], c, c.dwells, gone, width, time.origin)
+        _forces(list(panels[1:]), c, c.dwells, gone, width, time.origin)
         columns = min(len(c.supports), 4)
         fig.legend(*panels[1].get_legend_handles_labels(), loc="outside upper left", ncols=columns)
     panels[-1].set_xlabel(time.label)
