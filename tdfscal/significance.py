@@ -42,6 +42,10 @@ UNDECLARED_FRICTION_SHARE: Final = 0.15
 FRAME_MISFIT: Final = 1e-3
 #: Standard uncertainties of an angle: an undeclared error that moves it farther spoils the result.
 HARMFUL_SHIFT: Final = 2.0
+#: Where chance gives as much with less than this probability, one that moves it by so many already:
+#: what is certainly undeclared passes for noise too, and widens the uncertainties themselves.
+CERTAINLY_UNDECLARED: Final = 1e-6
+CERTAIN_SHIFT: Final = 1.0
 #: That noise alone is reported as drift, hysteresis or lack of repeatability, per test.
 CHANGED_RIG: Final = 1e-3
 #: That a faultless campaign is said to hold a sensor that turned or a zero that jumped on the way.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tdfscal.numerics.distributions import p_text
-from tdfscal.significance import HARMFUL_SHIFT
+from tdfscal.significance import CERTAIN_SHIFT, CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
 #: Groups without an entry per support.
 OF_THE_RIG = (
@@ -117,8 +117,9 @@ class Suspicion:
 
     @property
     def harmful(self) -> bool:
-        """It would move an angle by more than twice its standard uncertainty."""
-        return self.shift > HARMFUL_SHIFT
+        """It would move an angle by more than its uncertainty bears; less, where it is certain."""
+        certain = self.p_value < CERTAINLY_UNDECLARED
+        return self.shift > (CERTAIN_SHIFT if certain else HARMFUL_SHIFT)
 
     @property
     def finding(self) -> str:
