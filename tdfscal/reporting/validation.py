@@ -281,13 +281,18 @@ def validation_report(
         warnings=tuple(warnings),
         advice=KEEP if v.holds else RENEW,
     )
+    return with_origin(report, v, origin, f"{len(v.used)} postures")
+
+
+def with_origin(report: Report, v: Verdict, origin: Origin | None, extent: str) -> Report:
+    """Say of which calibration it is, on how much of a log, and what went into it."""
     if origin is None:
         return report
     c = origin.calibration
     return replace(
         report,
         subtitle=f"validation of {origin.name}, a {METHODS[c.method]} of {c.created[:10]}, on "
-        f"{len(v.used)} postures",
+        f"{extent}",
         created=origin.created,
         sections=(*report.sections, provenance(v, origin)),
     )

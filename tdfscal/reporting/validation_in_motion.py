@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdfscal.reporting.calibration import RESIDUAL_HEADER
 from tdfscal.reporting.layout import Items, Report, Section, Table, illustrated
-from tdfscal.reporting.phrases import METHODS
 from tdfscal.reporting.validation import (
     KEEP,
     RENEW,
@@ -18,9 +16,9 @@ from tdfscal.reporting.validation import (
     causes_document,
     describe,
     power,
-    provenance,
     sure,
     verdict_document,
+    with_origin,
 )
 from tdfscal.validation.in_motion import MovingValidation
 
@@ -112,16 +110,7 @@ def moving_validation_report(
         warnings=tuple(warnings),
         advice=KEEP if v.holds else RENEW,
     )  # fmt: skip
-    if origin is None:
-        return report
-    c = origin.calibration
-    return replace(
-        report,
-        subtitle=f"validation of {origin.name}, a {METHODS[c.method]} of {c.created[:10]}, on "
-        f"{v.seconds:.0f} s of motion",
-        created=origin.created,
-        sections=(*report.sections, provenance(v, origin)),
-    )
+    return with_origin(report, v, origin, f"{v.seconds:.0f} s of motion")
 
 
 def _totals(v: MovingValidation) -> Table:
