@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize_scalar
 
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
@@ -27,14 +29,12 @@ from tdfscal.selfcal.estimator import Fit
 
 Kind = Literal["hinge friction", "force noise", "sensor noise", "position noise"]
 
-#: Variances that are tried, in units of what equals the stated noise along the columns, and how
-#: finely about the best.
-_RATIO, _FINE = np.geomspace(1e-2, 1e5, 36), np.geomspace(0.6, 1.6, 9)
+#: Variances that are tried, in units of what equals the stated noise along the columns, before the
+#: best is sought between the neighbours of the likeliest, by its logarithm to this tolerance.
+_RATIO, _FINE = np.geomspace(1e-2, 1e5, 13), 0.03
 #: Postures from which on the parameters follow next to none of the noise.
 _MANY = 300
 _ROUNDING = 1e-12
-
-
 #: Standard deviations of the likelihood's slope below which no variance is sought.
 _ASKED = 1.5
 
@@ -97,29 +97,34 @@ def likeliest(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple
     size = float(values.sum(axis=1).mean())
     if size <= 0:
         return 0.0, 0.0
-    along = np.einsum("kab,ka->kb", vectors, white)
-    turned = np.swapaxes(vectors, 1, 2) @ left
-    flat = turned.reshape(turned.shape[0] * turned.shape[1], turned.shape[2])
+    along = np.einsum("kab,ka->kb", vectors, white).ravel()
+    turned = (np.swapaxes(vectors, 1, 2) @ left).reshape(len(along), -1)
+    each = values.ravel()
+    heard = each > _ROUNDING * each.max()  # what has no such variance stays as it is
+    each, along, turned = each[heard], along[heard], turned[heard]
     # Slope of the likelihood at 0, against its own scatter: most sensors ask for nothing.
-    asked = float(np.sum(values.ravel() * (along.ravel() ** 2 + np.sum(flat**2, axis=1) - 1.0)))
-    if asked < _ASKED * np.sqrt(2.0 * float(np.sum(values**2))):
+    asked = float(each @ (along**2 + np.sum(turned**2, axis=1) - 1.0))
+    if asked < _ASKED * np.sqrt(2.0 * float(each @ each)):
         return 0.0, 0.0
-    prior = np.eye(flat.shape[1]) - flat.T @ flat  # of the rows that are no posture's
+    whole = (1.0 + _ROUNDING) * np.eye(turned.shape[1])
 
-    def cost(theta: float) -> float:
-        grown = 1.0 + theta * values
+    def cost(logarithm: float) -> float:
+        grown = 1.0 + np.exp(logarithm) * each
         total = float(np.sum(np.log(grown) + along**2 / grown))
         if len(values) > _MANY:
             return total
-        # At the estimate the pull of all rows is 0: the prior's is minus the postures' own.
-        change = (along * (1.0 / grown - 1.0)).ravel() @ flat
-        information = prior + (flat / grown.reshape(-1, 1)).T @ flat
-        lower = np.linalg.cholesky(information + _ROUNDING * np.eye(len(prior)))
-        half = np.linalg.solve(lower, change)
-        return total - float(half @ half) + 2.0 * float(np.sum(np.log(np.diagonal(lower))))
+        # At the estimate the pull of all rows is 0, and their information is 1.
+        lost = 1.0 - 1.0 / grown
+        change, half = (along * lost) @ turned, np.sqrt(lost)[:, None] * turned
+        lower = np.linalg.cholesky(whole - half.T @ half)
+        pulled = solve_triangular(lower, change, lower=True, check_finite=False)
+        return total - float(pulled @ pulled) + 2.0 * float(np.sum(np.log(np.diagonal(lower))))
 
-    start = cost(0.0)
-    theta = min(_RATIO / size, key=cost)
-    theta = float(min(theta * _FINE, key=cost))
-    gain = start - cost(theta)
-    return (theta, gain) if gain > 0 else (0.0, 0.0)
+    tried = np.log(_RATIO / size)
+    step = tried[1] - tried[0]
+    near = min(tried, key=cost)
+    best = minimize_scalar(
+        cost, bounds=(near - step, near + step), method="bounded", options={"xatol": _FINE}
+    )
+    gain = float(along @ along) - float(best.fun)
+    return (float(np.exp(best.x)), gain) if gain > 0 else (0.0, 0.0)
