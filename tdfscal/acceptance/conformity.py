@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
-from scipy.optimize import brentq
 
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, sensing
@@ -155,6 +154,8 @@ def coverage_radius(cov: FloatArray, coverage: float = EXPANDED_COVERAGE) -> flo
 
     def short(radius: float) -> float:
         return within(unit, np.zeros(3), radius) - coverage
+
+    from scipy.optimize import brentq  # slow to import, seldom needed
 
     # One direction needs the smallest radius, three alike the largest; both only to rounding.
     if short(low) >= 0:

@@ -20,8 +20,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.optimize import minimize_scalar
 
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
@@ -92,6 +90,9 @@ def likeliest(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple
 
     left : (K, 6, r), orthonormal with the prior's rows: what the parameters do to the residuals.
     """
+    from scipy.linalg import solve_triangular  # slow to import, seldom needed
+    from scipy.optimize import minimize_scalar
+
     values, vectors = np.linalg.eigh(columns @ np.swapaxes(columns, 1, 2))
     values = np.maximum(values, 0.0)
     size = float(values.sum(axis=1).mean())

@@ -9,8 +9,6 @@ from itertools import permutations
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
 from tdfscal.errors import DataError
 from tdfscal.numerics import so3
@@ -232,6 +230,9 @@ def relabellings(measured: FloatArray, reference: FloatArray, sigma: float) -> l
     if count <= _ALL_PERMUTATIONS_UP_TO:
         candidates = np.array(list(permutations(range(count))))
     else:
+        from scipy.optimize import linear_sum_assignment  # slow to import, seldom needed
+        from scipy.spatial.distance import cdist
+
         # Each point's sorted distances to the others know nothing of names.
         cost = cdist(np.sort(Dr), np.sort(Dm), "sqeuclidean")
         candidates = linear_sum_assignment(cost)[1][None, :]
@@ -254,7 +255,7 @@ def _rigid_gap(measured: FloatArray, reference: FloatArray) -> float:
 
 
 def _distances(xyz: FloatArray) -> FloatArray:
-    return np.asarray(cdist(xyz, xyz))
+    return np.asarray(np.linalg.norm(xyz[:, None] - xyz, axis=2))
 
 
 def _listed(names: tuple[str, ...] | list[str], most: int = 8) -> str:
