@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.records import FloatArray
 from tdfscal.reporting import stakes, studies
+from tdfscal.reporting.studies import Row
 from tdfscal.simulation import Options
 from tdfscal.studies.accuracy import Accuracy, Setup
 from tdfscal.studies.accuracy import accuracy as simulate_accuracy
@@ -22,28 +22,24 @@ from tdfscal.workflows.arguments import at_least, one
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import calibrations_named, rig_named, survey_of
-from tdfscal.workflows.study.result import frame_of, write_study
+from tdfscal.workflows.study.result import StudyResult, processes
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tdfscal.reporting.figures.style import Drawing
     from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class AccuracyResult(Result):
+class AccuracyResult(StudyResult):
     """Errors of both methods over simulated campaigns.
 
     stated : (n, 3), rad, standard uncertainties that given calibrations state, by name.
-    files : that were written.
+
     """
 
     study: Accuracy
     stated: dict[str, FloatArray]
-    files: tuple[str, ...] = ()
 
     def to_report(self) -> Report:
         """Return Table 2, and how given calibrations compare with it."""
@@ -55,9 +51,13 @@ class AccuracyResult(Result):
         found = studies.accuracy_document(self.study, list(self.files))
         return found | {"calibrations": stakes.stated_document(self.study, self.stated)}
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the rows of `accuracy.csv`."""
-        return frame_of(studies.accuracy_rows(self.study))
+    def tables(self) -> dict[str, Iterable[Row]]:
+        """Return standard deviations, histograms and every error."""
+        return {
+            "accuracy.csv": studies.accuracy_rows(self.study),
+            "histograms.csv": studies.histogram_rows(self.study),
+            "errors.csv": studies.error_rows(self.study),
+        }
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the histograms of each sensor, and all standard deviations together."""
@@ -106,11 +106,10 @@ def accuracy(
     """
     folder = one(output)
     protect(inputs_read(rigs=[Path(rig)], files=paths_of(sources_of(calibration))))
-    for option, value, least in (
-        ("--runs", runs, 2), ("--postures", postures, 1), ("--seed", seed, 0),
-        ("--workers", 1 if workers is None else workers, 1),
-    ):  # fmt: skip
-        at_least(option, value, least)
+    at_least("--runs", runs, 2)
+    at_least("--postures", postures, 1)
+    at_least("--seed", seed, 0)
+    shared_by = processes(workers)
     loaded = rig_named(rig)
     named = calibrations_named(sources_of(calibration), loaded)
     stated = {name: c.rpy_std for name, c in named.items()}
@@ -127,17 +126,7 @@ def accuracy(
         check_folder(folder)
     study = simulate_accuracy(
         setup,
-        workers=workers or os.cpu_count() or 1,
+        workers=shared_by,
         progress=lambda done: progress.count(f"{done} of {runs} campaigns"),
     )
-    result = AccuracyResult(study, stated)
-    if folder is None:
-        return result
-    tables = {
-        "accuracy.csv": studies.accuracy_rows(study),
-        "histograms.csv": studies.histogram_rows(study),
-        "errors.csv": studies.error_rows(study),
-    }
-    return replace(
-        result, files=tuple(write_study(folder, tables, result.drawings(), result.to_report()))
-    )
+    return AccuracyResult(study, stated).saved(folder)

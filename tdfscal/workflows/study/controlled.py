@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, get_args
+from typing import Any, Self, get_args
 
 import numpy as np
 
@@ -26,12 +25,8 @@ from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_o
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.progress import Progress
 from tdfscal.workflows.rigs import calibrations_named, survey_of
-from tdfscal.workflows.study.result import write_study
+from tdfscal.workflows.study.result import StudyResult, processes
 from tdfscal.wrench.filtering import Walk, checked_walk
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 #: Rows of a lane in traces.csv at most, about.
 _TRACE_ROWS = 600
@@ -135,15 +130,10 @@ class Choices:
         at_least("--runs", self.runs, 1)
         at_least("--drift", self.drift, 0)
         at_least("--seed", self.seed, 0)
-        at_least("--workers", 1 if self.workers is None else self.workers, 1)
+        processes(self.workers)
         one_of("--filter", self.filter, FILTERS)
         if self.logs is not None:
             one_of("--logs", self.logs, get_args(LogFormat))
-
-    @property
-    def processes(self) -> int:
-        """How many share the lanes."""
-        return self.workers or os.cpu_count() or 1
 
     def controller(self, rig: Rig, gears: GearPair) -> Controller:
         """Return the controller that they ask for. Raises UsageError."""
@@ -224,38 +214,28 @@ def files_of(
     return paths_of([*sources_of(calibration), *([] if truth is None else [truth])])
 
 
-class Controlled(Protocol):
-    """A result of a study of the controlled rig."""
+class ControlledResult(StudyResult):
+    """Base of the results of the controlled rig, whose motion can be written."""
 
-    @property
-    def study(self) -> data.Study:
-        """Return what was simulated."""
+    __slots__ = ()
 
-    def to_report(self) -> Report:
-        """Return it in data."""
+    study: data.Study
 
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return its figures."""
+    def traces(self) -> dict[str, Iterable[data.Row]]:
+        """Return the rows of `traces.csv`."""
+        each = -(-len(self.study.result.traces.time) // _TRACE_ROWS)
+        return {"traces.csv": data.trace_rows(self.study, each)}
 
-
-def write_controlled(
-    folder: Path,
-    tables: Mapping[str, Iterable[data.Row]],
-    result: Controlled,
-    logs: LogFormat | None,
-) -> tuple[str, ...]:
-    """Write tables, traces, figures, page and, where asked, each run's log; return their names."""
-    study = result.study
-    each = -(-len(study.result.traces.time) // _TRACE_ROWS)
-    traces = {"traces.csv": data.trace_rows(study, each)}
-    files = write_study(folder, {**tables, **traces}, result.drawings(), result.to_report())
-    return (*files, *_logs(folder, study.setup.rig, study, logs))
+    def with_logs(self, folder: Path | None, form: LogFormat | None) -> Self:
+        """Write each run's log in this format into the folder's `logs`; None writes none."""
+        if folder is None or form is None:
+            return self
+        return replace(self, files=(*self.files, *_logs(folder, self.study, form)))
 
 
-def _logs(folder: Path, rig: Rig, study: data.Study, form: LogFormat | None) -> list[str]:
+def _logs(folder: Path, study: data.Study, form: LogFormat) -> list[str]:
     """One log per lane in the folder's `logs`."""
-    if form is None:
-        return []
+    rig = study.setup.rig
     traces = study.result.traces
     lanes = traces.contact.shape[1]
     per = lanes // len(study.names)

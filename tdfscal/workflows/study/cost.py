@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,30 +14,27 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.files.yaml.reading import read_document
 from tdfscal.reporting import cost as words
+from tdfscal.reporting.studies import Row
 from tdfscal.simulation import Options
 from tdfscal.studies import cost as study_of
 from tdfscal.studies.cost import Assumptions
 from tdfscal.workflows.arguments import at_least, one
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named, survey_of
-from tdfscal.workflows.study.result import frame_of, write_study
+from tdfscal.workflows.study.result import StudyResult
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tdfscal.reporting.figures.style import Drawing
     from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class CostResult(Result):
-    """Effort and error of each way to calibrate. files : that were written."""
+class CostResult(StudyResult):
+    """Effort and error of each way to calibrate."""
 
     study: study_of.CostStudy
     seed: int
-    files: tuple[str, ...] = ()
 
     def to_report(self) -> Report:
         """Return effort, error and the assumptions."""
@@ -46,9 +44,9 @@ class CostResult(Result):
         """Return the study as plain JSON values."""
         return words.cost_document(self.study, self.seed, list(self.files))
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the rows of `cost.csv`."""
-        return frame_of(words.cost_rows(self.study))
+    def tables(self) -> dict[str, Iterable[Row]]:
+        """Return one row per way to calibrate."""
+        return {"cost.csv": words.cost_rows(self.study)}
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return error against cost."""
@@ -87,12 +85,9 @@ def cost(
     """
     folder, given = one(output), one(assumptions)
     protect(inputs_read(rigs=[Path(rig)], files=[] if given is None else [given]))
-    for option, value, least in (
-        ("--runs", runs, 1),
-        ("--seed", seed, 0),
-        ("--squeeze", squeeze, 0),
-    ):
-        at_least(option, value, least)
+    at_least("--runs", runs, 1)
+    at_least("--seed", seed, 0)
+    at_least("--squeeze", squeeze, 0)
     assumed = Assumptions() if given is None else read_assumptions(given)
     loaded = rig_named(rig)
     if folder is not None:
@@ -106,12 +101,7 @@ def cost(
         survey=survey_of(loaded, distance),
         progress=progress.count,
     )
-    result = CostResult(study, seed)
-    if folder is None:
-        return result
-    tables = {"cost.csv": words.cost_rows(study)}
-    files = write_study(folder, tables, result.drawings(), result.to_report())
-    return replace(result, files=tuple(files))
+    return CostResult(study, seed).saved(folder)
 
 
 def read_assumptions(path: Path) -> Assumptions:

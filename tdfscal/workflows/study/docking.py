@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,29 +13,32 @@ from tdfscal.files.outputs import protect, together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.reporting import controldata as data
 from tdfscal.reporting import controlstudies as words
+from tdfscal.reporting.studies import Row
 from tdfscal.studies import docking as study_of
 from tdfscal.workflows.arguments import Numbers, one
 from tdfscal.workflows.calibration import CalibrationSource, sources_of
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
-from tdfscal.workflows.study.controlled import Cell, Choices, files_of, steps_of, write_controlled
-from tdfscal.workflows.study.result import frame_of
+from tdfscal.workflows.study.controlled import (
+    Cell,
+    Choices,
+    ControlledResult,
+    files_of,
+    steps_of,
+)
+from tdfscal.workflows.study.result import processes
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tdfscal.reporting.figures.style import Drawing
     from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class DockingResult(Result):
-    """Contact while docking. files : that were written."""
+class DockingResult(ControlledResult):
+    """Contact while docking."""
 
     study: study_of.DockingStudy
-    files: tuple[str, ...] = ()
 
     def to_report(self) -> Report:
         """Return largest contact forces and torques, and their ratios, beside the paper's."""
@@ -45,9 +48,9 @@ class DockingResult(Result):
         """Return the study as plain JSON values."""
         return data.docking_document(self.study, list(self.files))
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the rows of `maxima.csv`."""
-        return frame_of(data.docking_rows(self.study))
+    def tables(self) -> dict[str, Iterable[Row]]:
+        """Return largest contact forces and torques, and the traces."""
+        return {"maxima.csv": data.docking_rows(self.study), **self.traces()}
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures."""
@@ -135,11 +138,6 @@ def docking(
     arms, study_seed = choices.arms(loaded, progress)
     told = steps_of(progress, f"docking, {runs} runs × {len(arms.arms)} calibrations")
     study = study_of.docking(
-        setup, arms, study_seed, seed, workers=choices.processes, progress=told
+        setup, arms, study_seed, seed, workers=processes(workers), progress=told
     )
-    result = DockingResult(study)
-    if folder is None:
-        return result
-    tables = {"maxima.csv": data.docking_rows(result.study)}
-    files = write_controlled(folder, tables, result, logs)
-    return replace(result, files=files)
+    return DockingResult(study).saved(folder).with_logs(folder, logs)

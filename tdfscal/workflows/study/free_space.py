@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,19 +18,23 @@ from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.records import FloatArray
 from tdfscal.reporting import controldata as data
 from tdfscal.reporting import controlstudies as words
+from tdfscal.reporting.studies import Row
 from tdfscal.studies import free_space as study_of
 from tdfscal.workflows.arguments import Numbers, one
 from tdfscal.workflows.calibration import CalibrationSource, sources_of
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
-from tdfscal.workflows.study.controlled import Cell, Choices, files_of, steps_of, write_controlled
-from tdfscal.workflows.study.result import frame_of
+from tdfscal.workflows.study.controlled import (
+    Cell,
+    Choices,
+    ControlledResult,
+    files_of,
+    steps_of,
+)
+from tdfscal.workflows.study.result import processes
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tdfscal.reporting.figures.style import Drawing
     from tdfscal.reporting.layout import Report
 
@@ -40,11 +44,10 @@ _MOVES_HINT = (
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class FreeSpaceResult(Result):
-    """Deviations in free space. files : that were written."""
+class FreeSpaceResult(ControlledResult):
+    """Deviations in free space."""
 
     study: study_of.FreeSpaceStudy
-    files: tuple[str, ...] = ()
 
     def to_report(self) -> Report:
         """Return deviations and their ratios beside the paper's."""
@@ -54,9 +57,9 @@ class FreeSpaceResult(Result):
         """Return the study as plain JSON values."""
         return data.free_space_document(self.study, list(self.files))
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the rows of `deviations.csv`."""
-        return frame_of(data.free_space_rows(self.study))
+    def tables(self) -> dict[str, Iterable[Row]]:
+        """Return deviations, and the traces."""
+        return {"deviations.csv": data.free_space_rows(self.study), **self.traces()}
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures."""
@@ -138,14 +141,9 @@ def free_space(
     arms, study_seed = choices.arms(loaded, progress)
     told = steps_of(progress, f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")
     study = study_of.free_space(
-        setup, arms, study_seed, seed, workers=choices.processes, progress=told
+        setup, arms, study_seed, seed, workers=processes(workers), progress=told
     )
-    result = FreeSpaceResult(study)
-    if folder is None:
-        return result
-    tables = {"deviations.csv": data.free_space_rows(result.study)}
-    written = write_controlled(folder, tables, result, logs)
-    return replace(result, files=written)
+    return FreeSpaceResult(study).saved(folder).with_logs(folder, logs)
 
 
 def read_moves(path: Path) -> FloatArray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,36 +12,30 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.reporting import paper as words
 from tdfscal.reporting.paper import Item
+from tdfscal.reporting.studies import Row
 from tdfscal.workflows.arguments import one
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
 from tdfscal.workflows.study.accuracy import AccuracyResult, accuracy
 from tdfscal.workflows.study.docking import DockingResult, docking
 from tdfscal.workflows.study.free_space import FreeSpaceResult, free_space
-from tdfscal.workflows.study.result import frame_of, write_study
+from tdfscal.workflows.study.result import StudyResult
 from tdfscal.workflows.study.sensitivity import SensitivityResult, sensitivity
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tdfscal.reporting.figures.style import Drawing
     from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class PaperResult(Result):
-    """The paper's numbers beside this rig's, and the studies that they come from.
-
-    files : that were written.
-    """
+class PaperResult(StudyResult):
+    """The paper's numbers beside this rig's, and the studies that they come from."""
 
     sensitivity: SensitivityResult
     accuracy: AccuracyResult
     free_space: FreeSpaceResult
     docking: DockingResult
     seed: int
-    files: tuple[str, ...] = ()
 
     @property
     def items(self) -> tuple[Item, ...]:
@@ -64,9 +59,9 @@ class PaperResult(Result):
         name, files = self.sensitivity.rig.name, list(self.files)
         return words.paper_document(name, self.seed, *self._counts(), self.items, files)
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the rows of `paper.csv`."""
-        return frame_of(words.paper_rows(self.items))
+    def tables(self) -> dict[str, Iterable[Row]]:
+        """Return one row per number of the paper."""
+        return {"paper.csv": words.paper_rows(self.items)}
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of all four studies."""
@@ -109,15 +104,10 @@ def paper(
     if folder is not None:
         check_folder(folder)
     shared: dict[str, Any] = {"seed": seed, "workers": workers, "progress": progress}
-    result = PaperResult(
+    return PaperResult(
         sensitivity(rig),
         accuracy(rig, runs=campaigns, **shared),
         free_space(rig, runs=runs, **shared),
         docking(rig, runs=runs, engagement=engagement, **shared),
         seed,
-    )
-    if folder is None:
-        return result
-    tables = {"paper.csv": words.paper_rows(result.items)}
-    files = write_study(folder, tables, result.drawings(), result.to_report())
-    return replace(result, files=tuple(files))
+    ).saved(folder)

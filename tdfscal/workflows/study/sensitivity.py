@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.records import Rig
 from tdfscal.reporting import stakes, studies
+from tdfscal.reporting.studies import Row
 from tdfscal.studies.sensitivity import Sweep
 from tdfscal.studies.sensitivity import sensitivity as sweep
 from tdfscal.studies.wrench_error import stake
@@ -21,28 +22,24 @@ from tdfscal.workflows.arguments import Numbers, at_least, one, triple
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import calibrations_named, rig_named
-from tdfscal.workflows.study.result import frame_of, write_study
+from tdfscal.workflows.study.result import StudyResult
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tdfscal.reporting.figures.style import Drawing
     from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SensitivityResult(Result):
+class SensitivityResult(StudyResult):
     """Contact wrench error against each angle. sweeps : by posture and squeeze.
 
-    worth : what the given calibrations leave of it. files : that were written.
+    worth : what the given calibrations leave of it.
     """
 
     rig: Rig
     sweeps: list[Sweep]
     worth: stakes.Stakes
-    files: tuple[str, ...] = ()
 
     def to_report(self) -> Report:
         """Return errors at the end of the sweep."""
@@ -56,9 +53,15 @@ class SensitivityResult(Result):
         )
         return found | {"calibrations": stakes.stakes_document(self.worth)}
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the rows of `sensitivity.csv`."""
-        return frame_of(studies.sensitivity_rows(self.rig.supports, self.sweeps))
+    def tables(self) -> dict[str, Iterable[Row]]:
+        """Return the sweeps, and what given calibrations are worth."""
+        supports = self.rig.supports
+        tables: dict[str, Iterable[Row]] = {
+            "sensitivity.csv": studies.sensitivity_rows(supports, self.sweeps)
+        }
+        if self.worth:
+            tables["calibrations.csv"] = stakes.stake_rows(supports, self.worth)
+        return tables
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return one figure per posture and squeeze."""
@@ -123,14 +126,7 @@ def sensitivity(
                for s in sweeps]
         for name, c in named.items()
     }  # fmt: skip
-    result = SensitivityResult(record, sweeps, worth)
-    if folder is None:
-        return result
-    tables = {"sensitivity.csv": studies.sensitivity_rows(record.supports, sweeps)}
-    if worth:
-        tables["calibrations.csv"] = stakes.stake_rows(record.supports, worth)
-    files = write_study(folder, tables, result.drawings(), result.to_report())
-    return replace(result, files=tuple(files))
+    return SensitivityResult(record, sweeps, worth).saved(folder)
 
 
 def _name(found: Sweep) -> str:

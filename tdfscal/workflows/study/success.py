@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from os import PathLike, cpu_count
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.reporting import success as words
+from tdfscal.reporting.studies import Row
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking
 from tdfscal.studies import success as study_of
 from tdfscal.workflows.arguments import Numbers, at_least, numbers, one
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
 from tdfscal.workflows.study.controlled import Cell, steps_of
-from tdfscal.workflows.study.result import frame_of, write_study
+from tdfscal.workflows.study.result import StudyResult, processes
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tdfscal.reporting.figures.style import Drawing
     from tdfscal.reporting.layout import Report
 
@@ -34,11 +32,10 @@ ENGAGEMENT = 60.0
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class SuccessResult(Result):
-    """Assemblies that succeed. files : that were written."""
+class SuccessResult(StudyResult):
+    """Assemblies that succeed."""
 
     study: study_of.SuccessStudy
-    files: tuple[str, ...] = ()
 
     def to_report(self) -> Report:
         """Return probabilities with their intervals, forces and jams."""
@@ -48,9 +45,9 @@ class SuccessResult(Result):
         """Return the study as plain JSON values."""
         return words.success_document(self.study, list(self.files))
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the rows of `success.csv`."""
-        return frame_of(words.success_rows(self.study))
+    def tables(self) -> dict[str, Iterable[Row]]:
+        """Return one row per angle error and stiffness."""
+        return {"success.csv": words.success_rows(self.study)}
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the probability against the angle error."""
@@ -101,9 +98,9 @@ def success(
     """
     folder = one(output)
     protect(inputs_read(rigs=[Path(rig)]))
-    for option, value, least in (("--runs", runs, 1), ("--seed", seed, 0)):
-        at_least(option, value, least)
-    at_least("--workers", 1 if workers is None else workers, 1)
+    at_least("--runs", runs, 1)
+    at_least("--seed", seed, 0)
+    shared_by = processes(workers)
     deviations: Sequence[float] = study_of.DEVIATIONS
     if errors is not None:
         deviations = tuple(1e-3 * v for v in numbers("--errors", errors))
@@ -122,12 +119,7 @@ def success(
         runs,
         seed,
         deviations=deviations,
-        workers=workers or cpu_count() or 1,
+        workers=shared_by,
         progress=steps_of(progress, f"docking, {runs} runs of each angle error and stiffness"),
     )
-    result = SuccessResult(study)
-    if folder is None:
-        return result
-    tables = {"success.csv": words.success_rows(study)}
-    files = write_study(folder, tables, result.drawings(), result.to_report())
-    return replace(result, files=tuple(files))
+    return SuccessResult(study).saved(folder)
