@@ -15,9 +15,10 @@ from tdfscal.reporting.figures import drawings, several_drawings, validation, wr
 from tdfscal.reporting.figures.style import Drawing, to_svg
 from tdfscal.reporting.layout import Facts, Items, Report, Section, Table, legible
 from tdfscal.reporting.several import put_side_by_side, several_report
-from tdfscal.reporting.validation import Origin, Verdict, validation_report
+from tdfscal.reporting.validation import Origin, validation_report
 from tdfscal.reporting.validation_in_motion import moving_validation_report
 from tdfscal.validation.in_motion import MovingValidation
+from tdfscal.validation.residual_wrench import Validation
 
 
 def render(report: Report) -> str:
@@ -34,7 +35,9 @@ def render_page(calibration: Calibration, more: tuple[Section, ...] = ()) -> str
     return render(calibration_report(calibration, drawings(calibration), more))
 
 
-def render_validation(v: Verdict, warnings: Sequence[str], origin: Origin) -> str:
+def render_validation(
+    v: Validation | MovingValidation, warnings: Sequence[str], origin: Origin
+) -> str:
     """Return the page of a validation."""
     if isinstance(v, MovingValidation):
         figures = (wrench_in_motion.validation(v),)

@@ -10,15 +10,15 @@ import numpy as np
 
 from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.log_time import origin_of
 from tdfscal.records import FloatArray, InputFile
 from tdfscal.reporting.calibration import RESIDUAL_HEADER
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, inputs_table
+from tdfscal.reporting.validation_causes import REMEDIES, describe, lengths, start_of
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
-from tdfscal.validation.causes import Cause, Kind
-from tdfscal.validation.in_motion import MovingValidation
+from tdfscal.validation.causes import Cause
 from tdfscal.validation.residual_wrench import Validation
+from tdfscal.validation.verdict import Verdict
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 _LISTED = 12
 
 _LISTED_ON_PAGE = 40
-Verdict = Validation | MovingValidation
+#: Units of the wrench's two parts.
+_UNITS = {"force": "N", "moment": "N·m"}
 KEEP = (
     "Keep this calibration in use.",
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
@@ -37,21 +38,6 @@ RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
 )
-
-
-#: What to do first about the likeliest cause.
-_REMEDIES: dict[Kind, str] = {
-    "sensor turned": "Look at the mounting of this sensor, then calibrate again.",
-    "zero drifted": "Tare, and validate again; if it returns, calibrate again.",
-    "gain changed": "Have this sensor, its amplifier and its cable checked; calibrate again with "
-    "uncertainty.force_sensitivity declared until then.",
-    "load changed": "Correct the load, or the rig file and calibrate again.",
-    "base tilted": "Level the base, or calibrate again with gravity.tilt_std declared.",
-    "contact": "Free these postures and record them again before anything else.",
-    "hinges stick": "See whether the hinges move freely, or state uncertainty.hinge_moment.",
-    "noise grown": "Look for what shakes or hums, at cables and amplifiers, or state "
-    "uncertainty.force_noise, and validate again.",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +49,6 @@ class Origin:
     command: str
     created: str
     inputs: tuple[InputFile, ...]
-
-
-def lengths(wrench: FloatArray) -> FloatArray:
-    """Lengths (K, 2) of force and moment of wrenches (K, 6)."""
-    return np.asarray(np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2))
 
 
 def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
@@ -86,7 +67,7 @@ def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
             for row, k in enumerate(v.used)
         ],
         "left_out": [{"index": k, "reason": reason} for k, reason in sorted(v.left_out.items())],
-        **{name: _residual(v, column) for column, name in enumerate(("force", "moment"))},
+        **_of_postures(v),
         **causes_document(v),
         "warnings": list(warnings),
     }
@@ -120,14 +101,42 @@ def causes_document(v: Verdict) -> dict[str, Any]:
     }
 
 
-def _residual(v: Validation, column: int) -> dict[str, float]:
-    before, after = lengths(v.nominal)[:, column], lengths(v.calibrated)[:, column]
+def residual(before: FloatArray, after: FloatArray) -> dict[str, dict[str, float]]:
+    """RMS and largest force (N) and moment (N·m) of lengths (K, 2), uncalibrated and calibrated."""
     return {
-        "rms_before": float(np.sqrt(np.mean(before**2))),
-        "rms_after": float(np.sqrt(np.mean(after**2))),
-        "max_before": float(before.max()),
-        "max_after": float(after.max()),
+        name: {
+            "rms_before": float(np.sqrt(np.mean(before[:, c] ** 2))),
+            "rms_after": float(np.sqrt(np.mean(after[:, c] ** 2))),
+            "max_before": float(before[:, c].max()),
+            "max_after": float(after[:, c].max()),
+        }
+        for c, name in enumerate(("force", "moment"))
     }
+
+
+def residual_table(found: dict[str, dict[str, float]], caption: str) -> Table:
+    """Residual wrench, as `residual`, without and with the calibration."""
+    rows = tuple(
+        (name, *(f"{value:.3g} {unit}" for value in found[name].values()))
+        for name, unit in _UNITS.items()
+    )
+    return Table(caption, RESIDUAL_HEADER, rows)
+
+
+def residual_tiles(found: dict[str, dict[str, float]]) -> tuple[Row, ...]:
+    """The same as tiles of a page."""
+    return tuple(
+        (
+            f"residual contact {name}",
+            f"{found[name]['rms_after']:.2g} {unit}",
+            f"uncalibrated {found[name]['rms_before']:.3g} {unit}",
+        )
+        for name, unit in _UNITS.items()
+    )
+
+
+def _of_postures(v: Validation) -> dict[str, dict[str, float]]:
+    return residual(lengths(v.nominal), lengths(v.calibrated))
 
 
 def _axes(turn: FloatArray) -> dict[str, float | None]:
@@ -149,69 +158,6 @@ def _cause(v: Verdict, cause: Cause) -> dict[str, Any]:
     }
 
 
-def describe(v: Verdict, cause: Cause) -> str:
-    """One cause in words, with its size."""
-    value, std = cause.value, cause.std
-    if cause.kind == "sensor turned":
-        assert cause.support is not None
-        turn = _pairs(1e3 * value, 1e3 * std)
-        return (
-            f"the sensor of {v.rig.supports[cause.support]} has turned by "
-            f"{1e3 * np.linalg.norm(value):.2f} mrad: {turn} mrad about x, y, z of the BCS"
-        )
-    if cause.kind == "zero drifted":
-        assert cause.support is not None
-        return (
-            f"the zero of {v.rig.supports[cause.support]} has drifted by {_pairs(value, std)} N "
-            "along x, y, z of the sensor"
-        )
-    if cause.kind == "load changed":
-        return (
-            f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
-            f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
-        )
-    if cause.kind == "gain changed":
-        assert cause.support is not None
-        return f"the gain of {v.rig.supports[cause.support]} has changed by {_gain(cause)}"
-    if cause.kind == "base tilted":
-        return (
-            f"the base is no longer level as it was: {_pairs(1e3 * value, 1e3 * std)} mrad about "
-            "x, y of the BCS"
-        )
-    if cause.kind == "noise grown":
-        whose = "all sensors" if cause.support is None else v.rig.supports[cause.support]
-        return (
-            f"the forces of {whose} scatter by {value[0]:.2g} N per axis and posture more than log "
-            "and rig file state"
-        )
-    if cause.kind == "hinges stick":
-        return f"the moments scatter as friction of {value[0]:.2g} N·m in the hinges makes them"
-    assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
-    named = ", ".join(f"{v.used[k] + 1} ({_start(v, int(v.used[k]))} s)" for k in cause.postures)
-    largest = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
-    return (
-        f"contact in posture{'s' if len(cause.postures) > 1 else ''} {named}: "
-        f"{largest[0]:.2g} N, {largest[1]:.2g} N·m"
-    )
-
-
-def _gain(cause: Cause) -> str:
-    """Change of a gain, %, by the shape that was fitted."""
-    value, std = 100 * cause.value, 100 * cause.std
-    moved = np.flatnonzero(std > 0)
-    if cause.unknowns == 1:
-        where = "on all axes" if len(moved) == 3 else f"along {'xyz'[moved[0]]} of the sensor"
-        return f"{value[moved[0]]:+.3f} ± {std[moved[0]]:.3f} % {where}"
-    words = "along x, y, z of the sensor" if cause.unknowns == 3 else (
-        "along x, y, z of the sensor, with crosstalk yz, xz, xy"
-    )  # fmt: skip
-    return ", ".join(f"{value[k]:+.3f} ± {std[k]:.3f}" for k in moved) + f" % {words}"
-
-
-def _pairs(value: FloatArray, std: FloatArray) -> str:
-    return ", ".join(f"{a:+.2f} ± {s:.2f}" for a, s in zip(value, std, strict=True))
-
-
 def reasons(v: Validation) -> list[str]:
     """Sentences: the reason, and what to do."""
     if v.holds:
@@ -230,7 +176,7 @@ def reasons(v: Validation) -> list[str]:
             "changed, another load, a tilted base, contact in a few postures, or more noise."
         )
         return found
-    found.append(_REMEDIES[v.suspected[0].kind])
+    found.append(REMEDIES[v.suspected[0].kind])
     if len(v.suspected) > 1:
         found.append(
             "The postures do not tell the causes below apart, the likeliest first; more of them, "
@@ -251,11 +197,6 @@ def sure(v: Verdict, where: str = "in these postures") -> str:
     return f"{text}, about the vertical by more than {1e3 * twist:.2g} mrad."
 
 
-def _start(v: Validation, k: int) -> str:
-    """Seconds at which a dwell begins; those of a date count from the first dwell."""
-    return f"{v.dwells.start[k] - origin_of(float(v.dwells.start[0])):.1f}"
-
-
 def validation_report(
     v: Validation,
     warnings: Sequence[str],
@@ -264,7 +205,8 @@ def validation_report(
 ) -> Report:
     """Lay out a verdict; origin and drawings are those of a page."""
     why = tuple(reasons(v))
-    postures = (_totals(v), _postures(v, _LISTED_ON_PAGE if drawings else _LISTED))
+    totals = residual_table(_of_postures(v), "Residual contact wrench, LCS, about its origin")
+    postures = (totals, _postures(v, _LISTED_ON_PAGE if drawings else _LISTED))
     left_out = tuple(f"posture {k + 1}: {reason}" for k, reason in sorted(v.left_out.items()))
     report = Report(
         title=v.rig.name,
@@ -298,23 +240,13 @@ def with_origin(report: Report, v: Verdict, origin: Origin | None, extent: str) 
     )
 
 
-def _totals(v: Validation) -> Table:
-    """Residual wrench over all postures, without and with the calibration."""
-    names = ("rms_before", "rms_after", "max_before", "max_after")
-    rows = tuple(
-        (name, *(f"{_residual(v, column)[key]:.3g} {unit}" for key in names))
-        for column, (name, unit) in enumerate((("force", "N"), ("moment", "N·m")))
-    )
-    return Table("Residual contact wrench, LCS, about its origin", RESIDUAL_HEADER, rows)
-
-
 def _postures(v: Validation, most: int) -> Table:
     """The postures with the largest residual force, in the order of the log."""
     order = np.sort(np.argsort(lengths(v.calibrated)[:, 0])[::-1][:most])
     rows = tuple(
         (
             str(v.used[k] + 1),
-            _start(v, int(v.used[k])),
+            start_of(v, int(v.used[k])),
             *(f"{v.calibrated[k, c]:.2f}" for c in range(6)),
             f"{np.max(np.abs(v.calibrated[k]) / v.std[k]):.1f}",
         )
@@ -327,17 +259,9 @@ def _postures(v: Validation, most: int) -> Table:
 
 
 def _tiles(v: Validation) -> tuple[Row, ...]:
-    wrench = [
-        (
-            f"residual contact {name}",
-            f"{_residual(v, column)['rms_after']:.2g} {unit}",
-            f"uncalibrated {_residual(v, column)['rms_before']:.3g} {unit}",
-        )
-        for column, (name, unit) in enumerate((("force", "N"), ("moment", "N·m")))
-    ]
     return (
         ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test"),
-        *wrench,
+        *residual_tiles(_of_postures(v)),
         ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
     )
 

@@ -39,43 +39,24 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 from tdfscal.validation import causes
-from tdfscal.validation.causes import Cause, Causes
-from tdfscal.validation.residual_wrench import detectable_turns, within_level
+from tdfscal.validation.residual_wrench import detectable_turns
+from tdfscal.validation.verdict import Verdict
 from tdfscal.validation.whitening import Whitened, whiten
 
 
-@dataclass(frozen=True, slots=True)
-class MovingValidation:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovingValidation(Verdict):
     """Verdict on a calibration by a log in motion.
 
     begin : s, in the log's time; seconds : length of what was tested. rejected : stretches left
     out, contacts among them. residual : lengths of the residual wrench over time, without and
-    with the calibration. chi2, dof, p_value : of the residual along all that may change.
-    search_p, causes, detectable : as of a validation by postures.
+    with the calibration. chi2 and dof are those of the residual along all that may change.
     """
 
-    rig: Rig
     begin: float
     seconds: float
     rejected: tuple[Stretch, ...]
     residual: ResidualWrench
-    chi2: float
-    dof: int
-    p_value: float
-    search_p: float
-    causes: Causes
-    detectable: FloatArray
-    warnings: tuple[str, ...]
-
-    @property
-    def holds(self) -> bool:
-        """The residual wrench is what the stated uncertainties explain."""
-        return within_level(self.p_value, self.search_p)
-
-    @property
-    def suspected(self) -> tuple[Cause, ...]:
-        """Where it does not hold: the causes that explain it and cannot be told apart."""
-        return () if self.holds else self.causes.suspected
 
 
 def validate_moving(

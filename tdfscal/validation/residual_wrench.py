@@ -21,7 +21,8 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation import causes
-from tdfscal.validation.causes import NOISE, Cause, Causes
+from tdfscal.validation.causes import NOISE
+from tdfscal.validation.verdict import Verdict
 from tdfscal.validation.whitening import Whitened, whiten
 from tdfscal.wrench.contact_wrench import contact_wrench, to_lcs
 
@@ -29,49 +30,22 @@ from tdfscal.wrench.contact_wrench import contact_wrench, to_lcs
 _REACHED = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Validation:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Validation(Verdict):
     """Verdict on a calibration by K postures without contact.
 
     dwells : those found. used : (K,), indices of the dwells in the test. left_out : dwell index →
     reason. nominal, calibrated : (K, 6), residual contact wrench in the LCS about its origin, N
     and N·m, without and with the calibration; std : (K, 6), its predicted standard uncertainty.
-    chi2, dof, p_value : of all calibrated wrenches together, with their full covariance.
-    search_p : the smallest probability that chance looks so much like one single cause, corrected
-    for the number of causes tried. causes : held against each other. detectable : (n, 3), rad,
-    smallest turn of one sensor about x, y, z of the BCS found with 95 % probability; ∞ where none
-    is.
+    chi2 and dof are those of all calibrated wrenches together.
     """
 
-    rig: Rig
     dwells: Dwells
     used: IntArray
     left_out: dict[int, str]
     nominal: FloatArray
     calibrated: FloatArray
     std: FloatArray
-    chi2: float
-    dof: int
-    p_value: float
-    search_p: float
-    causes: Causes
-    detectable: FloatArray
-    warnings: tuple[str, ...]
-
-    @property
-    def holds(self) -> bool:
-        """The residual wrenches are what the stated uncertainties explain."""
-        return within_level(self.p_value, self.search_p)
-
-    @property
-    def suspected(self) -> tuple[Cause, ...]:
-        """Where it does not hold: the causes that explain it and cannot be told apart."""
-        return () if self.holds else self.causes.suspected
-
-
-def within_level(p_value: float, search_p: float) -> bool:
-    """Neither all residuals together nor the likeliest single cause are beyond chance."""
-    return p_value >= VALIDATION_ALARM / 2 and search_p >= VALIDATION_ALARM / 2
 
 
 def validate(

@@ -16,7 +16,7 @@ from tdfscal.files.saving import write_text
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting import validation_in_motion
-from tdfscal.reporting.validation import Origin, Verdict, document, validation_report
+from tdfscal.reporting.validation import Origin, document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.residual_wrench import Validation
@@ -51,7 +51,7 @@ class ValidateResult(Result):
     warnings : of the calibration, the log and the test. inputs : the logs.
     """
 
-    validation: Verdict
+    validation: Validation | MovingValidation
     calibration: Calibration
     warnings: tuple[str, ...]
     inputs: tuple[InputFile, ...]
@@ -190,7 +190,7 @@ def validate(
     return verdict
 
 
-def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Verdict:
+def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | MovingValidation:
     """Test by the dwells where there are enough, else by the motion."""
     if samples == "moving":
         return _by_motion(use, log, moving_samples(log))

@@ -1,0 +1,98 @@
+"""What may have changed since a calibration, in words with its size, and what to do about it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.files.calibration.log_time import origin_of
+from tdfscal.records import FloatArray
+from tdfscal.validation.causes import Cause, Kind
+from tdfscal.validation.residual_wrench import Validation
+from tdfscal.validation.verdict import Verdict
+
+#: What to do first about the likeliest cause.
+REMEDIES: dict[Kind, str] = {
+    "sensor turned": "Look at the mounting of this sensor, then calibrate again.",
+    "zero drifted": "Tare, and validate again; if it returns, calibrate again.",
+    "gain changed": "Have this sensor, its amplifier and its cable checked; calibrate again with "
+    "uncertainty.force_sensitivity declared until then.",
+    "load changed": "Correct the load, or the rig file and calibrate again.",
+    "base tilted": "Level the base, or calibrate again with gravity.tilt_std declared.",
+    "contact": "Free these postures and record them again before anything else.",
+    "hinges stick": "See whether the hinges move freely, or state uncertainty.hinge_moment.",
+    "noise grown": "Look for what shakes or hums, at cables and amplifiers, or state "
+    "uncertainty.force_noise, and validate again.",
+}
+
+
+def describe(v: Verdict, cause: Cause) -> str:
+    """One cause in words, with its size."""
+    value, std = cause.value, cause.std
+    if cause.kind == "sensor turned":
+        assert cause.support is not None
+        turn = _pairs(1e3 * value, 1e3 * std)
+        return (
+            f"the sensor of {v.rig.supports[cause.support]} has turned by "
+            f"{1e3 * np.linalg.norm(value):.2f} mrad: {turn} mrad about x, y, z of the BCS"
+        )
+    if cause.kind == "zero drifted":
+        assert cause.support is not None
+        return (
+            f"the zero of {v.rig.supports[cause.support]} has drifted by {_pairs(value, std)} N "
+            "along x, y, z of the sensor"
+        )
+    if cause.kind == "load changed":
+        return (
+            f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
+            f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
+        )
+    if cause.kind == "gain changed":
+        assert cause.support is not None
+        return f"the gain of {v.rig.supports[cause.support]} has changed by {_gain(cause)}"
+    if cause.kind == "base tilted":
+        return (
+            f"the base is no longer level as it was: {_pairs(1e3 * value, 1e3 * std)} mrad about "
+            "x, y of the BCS"
+        )
+    if cause.kind == "noise grown":
+        whose = "all sensors" if cause.support is None else v.rig.supports[cause.support]
+        return (
+            f"the forces of {whose} scatter by {value[0]:.2g} N per axis and posture more than log "
+            "and rig file state"
+        )
+    if cause.kind == "hinges stick":
+        return f"the moments scatter as friction of {value[0]:.2g} N·m in the hinges makes them"
+    assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
+    named = ", ".join(f"{v.used[k] + 1} ({start_of(v, int(v.used[k]))} s)" for k in cause.postures)
+    largest = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
+    return (
+        f"contact in posture{'s' if len(cause.postures) > 1 else ''} {named}: "
+        f"{largest[0]:.2g} N, {largest[1]:.2g} N·m"
+    )
+
+
+def _gain(cause: Cause) -> str:
+    """Change of a gain, %, by the shape that was fitted."""
+    value, std = 100 * cause.value, 100 * cause.std
+    moved = np.flatnonzero(std > 0)
+    if cause.unknowns == 1:
+        where = "on all axes" if len(moved) == 3 else f"along {'xyz'[moved[0]]} of the sensor"
+        return f"{value[moved[0]]:+.3f} ± {std[moved[0]]:.3f} % {where}"
+    words = "along x, y, z of the sensor" if cause.unknowns == 3 else (
+        "along x, y, z of the sensor, with crosstalk yz, xz, xy"
+    )  # fmt: skip
+    return ", ".join(f"{value[k]:+.3f} ± {std[k]:.3f}" for k in moved) + f" % {words}"
+
+
+def _pairs(value: FloatArray, std: FloatArray) -> str:
+    return ", ".join(f"{a:+.2f} ± {s:.2f}" for a, s in zip(value, std, strict=True))
+
+
+def start_of(v: Validation, k: int) -> str:
+    """Seconds at which a dwell begins; those of a date count from the first dwell."""
+    return f"{v.dwells.start[k] - origin_of(float(v.dwells.start[0])):.1f}"
+
+
+def lengths(wrench: FloatArray) -> FloatArray:
+    """Lengths (K, 2) of force and moment of wrenches (K, 6)."""
+    return np.asarray(np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2))
