@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, draw
-from tdfscal.planning.exchange import choose, gains, inverse
+from tdfscal.planning.exchange import choose, gains, information, inverse, objective
 from tdfscal.planning.limits import check_limits, check_reach
 from tdfscal.planning.ordering import approaches, distances, short_tour, with_returns
 from tdfscal.planning.plan import Plan, Request, hinge_radius
@@ -76,7 +76,7 @@ class Planner:
         lacking = np.asarray((~self.rig.axes).any(axis=1))
         if not lacking.any():
             return lacking
-        seen = np.einsum("kmp,kmq->pq", self.rows, self.rows)
+        seen = information(self.rows)
         C, L = inverse(self.held + seen + len(self.pool) * self.scatter), angle_rows(self.sight)
         std = np.sqrt(np.einsum("rp,pq,rq->r", L, C, L)).reshape(-1, 3)
         prior = _PRIOR_SHARE * self.rig.rpy_std
@@ -130,7 +130,7 @@ class Planner:
         if self._usual is None:
             index, _ = self.select(min(_PER_RETURN, len(self.pool)))
             J = self.rows[index]
-            self._usual = np.einsum("kmp,kmq->pq", J, J) / len(index) + self.scatter
+            self._usual = information(J) / len(index) + self.scatter
         C = inverse(self.held + count * self._usual)
         L = angle_rows(self.sight)
         return float(np.sqrt(np.einsum("rp,pq,rq->r", L, C, L).max()))
@@ -146,11 +146,10 @@ class Planner:
         found = [
             refine(self.sight, limits, start, base, self.objective, self.rng) for start in starts
         ]
-        values = []
-        for postures in found:
-            J = self.sight.rows(postures)
-            C = inverse(base + np.einsum("kmp,kmq->pq", J, J))
-            values.append(np.einsum("rp,pq,rq->", self.objective, C, self.objective))
+        values = [
+            objective(inverse(base + information(self.sight.rows(postures))), self.objective)
+            for postures in found
+        ]
         return found[int(np.argmin(values))], returns
 
     def plan(self, count: int) -> Plan:
@@ -211,12 +210,11 @@ class Planner:
 
     def _refuse_unmeasured(self, postures: Candidates) -> None:
         """Raise where the wrench's variance is what ignorance was taken to be."""
-        J = self.sight.rows(postures)
-        seen = np.einsum("kmp,kmq->pq", J, J)
+        seen = information(self.sight.rows(postures))
         seen += self.sight.scatter(postures, self.request.limits).sum(axis=0)
         L = self.objective
         values = [
-            float(np.einsum("rp,pq,rq->", L, inverse(self._held(sight) + seen), L))
+            objective(inverse(self._held(sight) + seen), L)
             for sight in (self.sight, widened(self.sight, 2.0))
         ]
         if values[1] > values[0] * (1 + _FOLLOWS):

@@ -22,11 +22,21 @@ class Choice:
     covariance: FloatArray
 
 
-def inverse(information: FloatArray) -> FloatArray:
+def inverse(matrix: FloatArray) -> FloatArray:
     """Inverse of a symmetric positive definite matrix."""
-    d = 1.0 / np.sqrt(np.diagonal(information))
-    half = np.linalg.inv(np.linalg.cholesky(d[:, None] * information * d))
+    d = 1.0 / np.sqrt(np.diagonal(matrix))
+    half = np.linalg.inv(np.linalg.cholesky(d[:, None] * matrix * d))
     return np.asarray(d[:, None] * (half.T @ half) * d)
+
+
+def information(J: FloatArray) -> FloatArray:
+    """Information Σ JᵀJ (p, p) of candidates' rows J (N, m, p)."""
+    return np.asarray(np.einsum("kmp,kmq->pq", J, J))
+
+
+def objective(C: FloatArray, L: FloatArray) -> float:
+    """Return tr(L C Lᵀ) for a covariance C (p, p) and L (r, p)."""
+    return float(np.einsum("rp,pq,rq->", L, C, L))
 
 
 def gains(J: FloatArray, C: FloatArray, L: FloatArray) -> FloatArray:
@@ -66,12 +76,12 @@ def choose(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> Choice
     """
     chosen = greedy(J, base, L, count)
     for _ in range(_SWEEPS):
-        C = inverse(base + np.einsum("kmp,kmq->pq", J[chosen], J[chosen]))
-        value = float(np.einsum("rp,pq,rq->", L, C, L))
+        C = inverse(base + information(J[chosen]))
+        value = objective(C, L)
         swapped = False
         for place, old in enumerate(chosen):
             without = updated(C, J[old], -1.0)
-            held = float(np.einsum("rp,pq,rq->", L, without, L))
+            held = objective(without, L)
             gain = gains(J, without, L)
             gain[chosen] = -1.0
             new = int(np.argmax(gain))
@@ -80,5 +90,5 @@ def choose(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> Choice
                 value, swapped = held - float(gain[new]), True
         if not swapped:
             break
-    C = inverse(base + np.einsum("kmp,kmq->pq", J[chosen], J[chosen]))
-    return Choice(np.array(chosen), float(np.einsum("rp,pq,rq->", L, C, L)), C)
+    C = inverse(base + information(J[chosen]))
+    return Choice(np.array(chosen), objective(C, L), C)

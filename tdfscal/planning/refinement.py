@@ -11,7 +11,7 @@ import numpy as np
 
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, Commanded, realised
-from tdfscal.planning.exchange import gains, inverse, updated
+from tdfscal.planning.exchange import gains, information, inverse, updated
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.predicted_information import Sight
 from tdfscal.records import FloatArray
@@ -56,7 +56,7 @@ def refine(
             break
         owner = np.repeat(np.arange(len(chosen)), each)[proposals.kept]
         offered = sight.rows(proposals.postures)
-        C = inverse(base + np.einsum("kmp,kmq->pq", rows, rows))
+        C = inverse(base + information(rows))
         picked = np.full(len(chosen), -1)
         for k in range(len(chosen)):
             mine = np.flatnonzero(owner == k)

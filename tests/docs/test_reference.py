@@ -21,7 +21,7 @@ from tdfscal.errors import (
 )
 from tdfscal.logs.common import clock
 from tdfscal.logs.mcap.chunk import MAX_CHUNK
-from tdfscal.logs.parquet.reader import MAX_FOOTER, MAX_PAGES
+from tdfscal.logs.parquet.footer import MAX_FOOTER, MAX_PAGES
 from tests.docs.pages import DOCS, key_paths, section, table, text
 
 #: The calibration file embeds a whole rig file, which has a table of its own.

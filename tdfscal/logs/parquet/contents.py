@@ -12,14 +12,8 @@ import pyarrow.parquet as pq
 from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.logs.common.contents import SAMPLES, Contents, Stream, table_contents
 from tdfscal.logs.common.damage import damage
-from tdfscal.logs.parquet.reader import (
-    TICKS,
-    batches,
-    check_pages,
-    is_no_number,
-    leaves_of,
-    open_parquet,
-)
+from tdfscal.logs.parquet.footer import check_pages, is_no_number, leaves_of, open_parquet
+from tdfscal.logs.parquet.reader import TICKS, batches
 from tdfscal.records import FloatArray
 
 _OPENING: Final = 4096

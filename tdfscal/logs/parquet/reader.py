@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-from bisect import bisect_right
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,23 +26,18 @@ from tdfscal.logs.common.request import (
     missing_fields,
     takes_turns,
 )
-from tdfscal.logs.parquet.pages import look_at_pages
+from tdfscal.logs.parquet.footer import (
+    Places,
+    check_pages,
+    is_duration,
+    is_no_number,
+    leaves_of,
+    open_parquet,
+    stated_twice,
+)
 from tdfscal.records import BoolArray, FloatArray
 
-MAX_FOOTER: Final = 16 << 20
-"""Longest text, in bytes, that a footer may state; that of a day at 1 kHz has a few MB in all."""
-MAX_LIST: Final = 1 << 20
-"""Longest list in a footer."""
-MAX_PAGES: Final = 640 << 20
-"""Bytes that the largest page may take, times the columns that are read together."""
-
 _MAX_SAMPLES: Final = 1 << 16
-_ROWS_PER_BYTE: Final = 4
-_VALUE: Final = 8  # bytes
-_WIDEST: Final = 32  # bytes
-_AT_ONCE: Final = 32 << 20
-"""Largest row group, in bytes, whose columns are read in one go: faster."""
-_BUFFER: Final = 1 << 20
 _SEARCHED_ROWS: Final = 256
 TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
@@ -81,11 +73,11 @@ def read_parquet(
         rows = file.metadata.num_rows
         columns = _resolve(file, request, where)
         verified = check_pages(path, file, columns.names)
-        if verified and (what := _stated_twice(file, columns.names)):
+        if verified and (what := stated_twice(file, columns.names)):
             raise DataError(what, where=where)
-        verified &= not _is_duration(file, columns.time)
+        verified &= not is_duration(file, columns.time)
         paths = [leaf.path for leaf in leaves_of(file)]
-        read_from = _Places(file.metadata, [paths.index(name) for name in columns.names])
+        read_from = Places(file.metadata, [paths.index(name) for name in columns.names])
         first_row, sparse = 0, False
         read = 0
         share = path.stat().st_size / max(rows, 1)
@@ -123,98 +115,6 @@ def read_parquet(
     return Outcome("verified" if verified else "unverified")
 
 
-@dataclass(slots=True)
-class _Places:
-    """Which bytes the columns of these indices are read from; no two may share any.
-
-    No checksum covers the footer: a page that it has taken for another column's is a sound one.
-    """
-
-    known: pq.FileMetaData
-    columns: Sequence[int]
-    begins: list[int] = field(default_factory=list)
-    ends: list[int] = field(default_factory=list)
-
-    def add(self, group: int) -> None:
-        """Note a row group of which pyarrow has begun to read.
-
-        Not before: asking for the place of a column that it cannot read ends the process.
-        """
-        for column in dict.fromkeys(self.columns):  # two signals may share one
-            chunk = self.known.row_group(group).column(column)
-            # Pyarrow begins at the dictionary where that comes first.
-            places = (chunk.data_page_offset, chunk.dictionary_page_offset)
-            begin = min((place for place in places if place), default=0)
-            end = begin + chunk.total_compressed_size
-            k = bisect_right(self.begins, begin)
-            after = self.begins[k] if k < len(self.begins) else end
-            if end > after or (k and self.ends[k - 1] > begin):
-                raise ValueError("the footer contradicts itself about where its columns lie")
-            self.begins.insert(k, begin)
-            self.ends.insert(k, end)
-
-
-@contextmanager
-def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a file such that checksums are verified and no absurd length is believed.
-
-    Raises
-    ------
-    ValueError : its footer is absurd, or contradicts itself.
-    """
-    size = path.stat().st_size
-    limits = {"thrift_string_size_limit": MAX_FOOTER, "thrift_container_size_limit": MAX_LIST}
-    with path.open("rb") as stream:
-        known = pq.ParquetFile(stream, pre_buffer=False, **limits).metadata
-        groups = [known.row_group(k) for k in range(known.num_row_groups)]
-        if known.num_rows != sum(group.num_rows for group in groups):
-            raise ValueError("the footer contradicts itself about the number of rows")
-        if known.num_rows > _ROWS_PER_BYTE * size:
-            raise ValueError(f"{known.num_rows} rows are stated in a file of {size} bytes")
-        largest = max((group.total_byte_size for group in groups), default=0)
-        with pq.ParquetFile(
-            path if _is_utf8(path) else stream,
-            metadata=known,
-            page_checksum_verification=True,
-            pre_buffer=False,
-            buffer_size=_BUFFER if largest > _AT_ONCE else 0,
-            **limits,
-        ) as file:
-            yield file
-
-
-def check_pages(path: Path, file: pq.ParquetFile, names: Sequence[str]) -> bool:
-    """Tell whether every page of a file has a checksum; names : of the columns to be read.
-
-    Raises
-    ------
-    DataError : pages that need too much memory.
-    """
-    known = file.metadata
-    pages = look_at_pages(path)
-    complete = pages.values >= known.num_rows * known.num_columns
-    # Without all page headers, as if each column of a row group were one page.
-    longest = max((known.row_group(k).num_rows for k in range(known.num_row_groups)), default=0)
-    largest = pages.largest if complete else max(pages.largest, _VALUE * longest)
-    if largest * len(names) > MAX_PAGES:
-        raise DataError(
-            f"a page states {largest} bytes; one of each of the {len(names)} columns needs more "
-            f"than {MAX_PAGES >> 20} MiB",
-            where=str(path),
-            hint="write the file again with row groups of a million rows at most",
-        )
-    return complete and pages.checked
-
-
-def _is_utf8(path: Path) -> bool:
-    """Pyarrow takes no other names; Python opens any."""
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return False
-    return True
-
-
 def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:
     check_fields_differ(request, where=where)
     leaves = leaves_of(file)
@@ -237,52 +137,6 @@ def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:
     return _Columns(
         request.time_field if timed else None, tuple(s.components for s in request.signals)
     )
-
-
-def leaves_of(file: pq.ParquetFile) -> list[Any]:
-    """Columns of the schema, structs taken apart, as pyarrow's `ColumnSchema`."""
-    return [file.schema.column(k) for k in range(len(file.schema))]
-
-
-def is_no_number(leaf: Any) -> str | None:
-    """What a column holds whose rows cannot be numbers of a few bytes each; None of numbers."""
-    if leaf.max_repetition_level:
-        return "a list"
-    match leaf.physical_type:
-        case "BOOLEAN":
-            return "bool"
-        case "BYTE_ARRAY":
-            return "string"
-        case "FIXED_LEN_BYTE_ARRAY" if leaf.length > _WIDEST:
-            return "bytes"
-    return None
-
-
-def _stated_twice(file: pq.ParquetFile, names: Sequence[str]) -> str | None:
-    """What is wrong where Parquet and Arrow state different types of a column in the footer.
-
-    No checksum covers these. A writer that coerces times leaves them different too, so only a file
-    that claims to be intact is to be refused for it.
-    """
-    encoded = (file.metadata.metadata or {}).get(b"ARROW:schema")
-    if encoded is None:
-        return None
-    written = pa.ipc.read_schema(pa.py_buffer(base64.b64decode(encoded)))
-    there = file.schema_arrow.names
-    for name in (n if n in there else n.partition(".")[0] for n in names):
-        if (written.names.count(name), there.count(name)) != (1, 1):
-            return f"the footer contradicts itself about column {name}"
-        read, known = (schema.field(name).type for schema in (file.schema_arrow, written))
-        # Parquet knows no seconds; Arrow writes ms for them.
-        if read != known and (read, known) != (pa.timestamp("ms"), pa.timestamp("s")):
-            return f"the footer states the type of column {name} twice, as {read} and as {known}"
-    return None
-
-
-def _is_duration(file: pq.ParquetFile, time: str | None) -> bool:
-    """Whether the time's unit stands in the Arrow schema alone, which no checksum covers."""
-    schema = file.schema_arrow
-    return time in schema.names and pa.types.is_duration(schema.field(time).type)
 
 
 def batches(

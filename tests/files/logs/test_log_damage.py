@@ -266,6 +266,6 @@ def test_a_page_that_states_too_much_is_refused(
     path = tmp_path / "a.parquet"
     pq.write_table(pa.Table.from_pandas(table(make_truth(3000))), path)
     assert len(read_log([path], None, SUPPORTS).force[0].time) == 3000
-    monkeypatch.setattr("tdfscal.logs.parquet.reader.MAX_PAGES", 1 << 12)
+    monkeypatch.setattr("tdfscal.logs.parquet.footer.MAX_PAGES", 1 << 12)
     with pytest.raises(DataError, match=r"a page states .* bytes"):
         read_log([path], None, SUPPORTS)
