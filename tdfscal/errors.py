@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Self
 
 
 def visible(text: str) -> str:
@@ -26,15 +26,34 @@ class TdfscalError(Exception):
     what : what is wrong, a sentence without its full stop.
     where : file, field, line or time; put in front of the sentence.
     hint : what to do, a sentence without its full stop.
+    evidence : records of what was seen until then, for a page about it.
     """
 
     exit_status: ClassVar[int] = 3
 
-    def __init__(self, what: str, *, where: str | None = None, hint: str | None = None) -> None:
-        self.what, self.where, self.hint = what, where, hint
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | None = None,
+        hint: str | None = None,
+        evidence: object = None,
+    ) -> None:
+        self.what, self.where, self.hint, self.evidence = what, where, hint, evidence
         place = f"{where}: " if where else ""
         advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
         super().__init__(visible(f"{place}{what}.{advice}"))
+
+    def restated(
+        self, *, what: str | None = None, where: str | None = None, hint: str | None = None
+    ) -> Self:
+        """The same error, with its evidence, in other words; those not given stay."""
+        return type(self)(
+            what or self.what,
+            where=where or self.where,
+            hint=hint or self.hint,
+            evidence=self.evidence,
+        )
 
 
 class UsageError(TdfscalError):

@@ -47,6 +47,7 @@ def update(
     options = locals()
     result = cast("Calibration", perform("update", options, dash={"output": "content"}))
     if not result.accepted:
-        what = "it was written as rejected" if allow_rejected else "nothing was written"
+        nothing = "nothing was written" if html is None else "only its page was written"
+        what = "it was written as rejected" if allow_rejected else nothing
         say(f"tdfscal: the quality gate rejects this result; {what}")
     return result.exit_status

@@ -175,6 +175,13 @@ def together(outputs: Outputs | None = None) -> Iterator[Outputs]:
         outputs.vanish()
 
 
+def appear_now() -> None:
+    """Let what is written already appear, although an error is to follow."""
+    outputs = _current.get()
+    if outputs is not None:
+        outputs.appear()
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a path beside `path` to write to; at a clean end it takes the place of `path`.

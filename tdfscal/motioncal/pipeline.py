@@ -95,6 +95,21 @@ class MotionCalibration:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class UndeterminedMotion:
+    """A motion whose angles do not stand, and what can be looked at beside them.
+
+    keep : (N,), which instants were used. rejected : stretches left out, with their reasons.
+    """
+
+    rig: Rig
+    slow: Slow
+    keep: BoolArray
+    rejected: tuple[Stretch, ...]
+    quality: Quality
+    observability: Observability
+
+
 def calibrate_moving(
     rig: Rig,
     slow: Slow,
@@ -197,12 +212,16 @@ def _judged(
     stats = quality(fit)
     turns = uncertainty.turns
     verdict = observability.verdict(rig, fit.state.still, used, turns.covariance, moving=True)
+    open_ends = UndeterminedMotion(rig, slow, keep, rejected, stats, verdict)
     if not verdict.identified:
-        raise NotIdentifiableError(_unseen(verdict), hint=verdict.weak[0].advice)
+        raise NotIdentifiableError(
+            _unseen(verdict), hint=verdict.weak[0].advice, evidence=open_ends
+        )
     if not fit.converged:
         raise NotConvergedError(
             f"the estimate did not settle in {fit.iterations} iterations",
             hint="check mass, hinges and nominal mounting in rig.yaml, and record a longer motion",
+            evidence=open_ends,
         )
     doubts = suspicions(fit, uncertainty, stats, delay)
     progress("checking the halves of the log against each other")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
@@ -64,10 +65,16 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["svg"] = _inline
+    environment.filters["words"] = _words
     environment.filters["minus"] = lambda text: str(text).replace("-", "−")
     for kind in (Table, Facts, Items):
         environment.tests[kind.__name__.lower()] = lambda block, kind=kind: isinstance(block, kind)
     return environment
+
+
+def _words(text: str) -> Markup:
+    """A sentence, what stands between backquotes as code."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _inline(drawing: Drawing) -> Markup:

@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import log_against_rig
-from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
+from tdfscal.errors import RigError
 from tdfscal.model.earlier import loosened
 from tdfscal.model.parameters import State, nominal
 from tdfscal.model.statics import Postures
@@ -26,7 +26,7 @@ from tdfscal.selfcal.estimator import Fit, fit
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import MonteCarlo, simulate
-from tdfscal.selfcal.mounting_search import Rival, describe
+from tdfscal.selfcal.mounting_search import Rival
 from tdfscal.selfcal.noise_components import ChannelNoise, channel_noise, scaled
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.outliers import Rejection, RobustFit, fit_robust
@@ -35,6 +35,7 @@ from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.selfcal.slip import find_slip
 from tdfscal.selfcal.suspicion import Suspicion
+from tdfscal.selfcal.undetermined import Undetermined, check_determined
 from tdfscal.significance import MISFIT, MOST_REJECTED, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
@@ -133,16 +134,8 @@ def self_calibrate(
         stats = quality(result, parts)
         uncertainty = evaluate_linear(result, rng, max_trials or LINEAR_TRIALS)
     seen = observability.verdict(rig, result.state, result.postures, uncertainty.covariance)
-    if not seen.determined.any():
-        raise NotIdentifiableError(_unseen(seen), hint=seen.lacking[0].advice)
-    if not seen.identified:
-        raise NotIdentifiableError(_unseen(seen), hint=seen.weak[0].advice)
-    if not result.converged:
-        raise NotConvergedError(
-            f"the estimate did not settle in {result.iterations} iterations",
-            hint="check mass, hinges and nominal mounting in rig.yaml, and record more postures",
-        )
-    _check_rivals(rig, result, near)
+    rejected = dict(usable.reasons) | {int(index[r.index]): r.reason for r in found}
+    check_determined(Undetermined(rig, dwells, result, stats, seen, rejected), near)
     held = ((dwells.start + dwells.end) / 2)[index]
     steady = repeatability.examine(result, held)
     doubts: tuple[Suspicion, ...] = ()
@@ -178,7 +171,6 @@ def self_calibrate(
             max_trials or MAX_TRIALS,
             known=seen.determined,
         )
-    rejected = dict(usable.reasons) | {int(index[r.index]): r.reason for r in found}
     return SelfCalibration(
         rig=rig,
         estimator=estimator,
@@ -254,28 +246,6 @@ def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
     if rig.earlier is None:
         return robust
     return replace(robust, fit=fit(rig, observed, robust.fit.state, robust.fit.weight))
-
-
-def _check_rivals(rig: Rig, result: Fit, near: tuple[Rival, ...]) -> None:
-    """Raise NotIdentifiableError where another mounting explains the postures as well."""
-    if not near or not near[0].as_likely:
-        return
-    rival = near[0]
-    raise NotIdentifiableError(
-        "two mountings explain the log about equally well (χ² apart by "
-        f"{abs(rival.gap):.2g}): {describe(rig, result.state, rival.state)}",
-        hint="state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or "
-        "squeeze harder, tilt more and record more postures",
-    )
-
-
-def _unseen(seen: Observability) -> str:
-    """Name the angles without a number; the first cause stands for all."""
-    names = ", ".join(weakness.angle.name for weakness in seen.weak)
-    if len(seen.weak) + len(seen.lacking) == len(seen.angles):
-        names = "any angle of any sensor"
-    first = (*seen.weak, *seen.lacking)[0]
-    return f"the data do not determine {names}; for {first.angle.name}, {first.cause}"
 
 
 def _turned_sensors(rig: Rig, state: State) -> list[str]:

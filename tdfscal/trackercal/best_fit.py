@@ -202,9 +202,7 @@ def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
     except TdfscalError as error:
         if not fit_one_by_one(points, noise):
             raise
-        raise type(error)(
-            error.what,
-            where=error.where,
+        raise error.restated(
             hint=f"each of the groups {', '.join(dict.fromkeys(points.group))} fits by itself: "
             "register one at a time, or calibrate sensors with targets by --method tracker",
         ) from error

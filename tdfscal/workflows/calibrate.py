@@ -36,6 +36,7 @@ from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.samples import Own, Samples, calibrate_samples, check_samples
 from tdfscal.workflows.several_campaigns import calibrate_several, campaign_folders
 from tdfscal.workflows.survey import surveyed
+from tdfscal.workflows.undetermined import pages_of_failure
 
 Method = Literal["self", "tracker", "joint"]
 #: Lines to be confirmed that a warning names at most.
@@ -109,27 +110,24 @@ def calibrate(
     groups = campaign_folders(files, rig_file)
     if len(groups) > 1:
         _check_several(method, samples, estimator)
-        result = calibrate_several(
-            groups,
-            trials=trials,
-            seed=seed,
-            salvage=salvage,
-            part=part,
-            command=command,
-            progress=progress,
-        )
-    else:
-        campaign = resolve(groups[0], rig_file)
-        result = _calibrated(
-            campaign,
-            method or ("self" if campaign.logs else "tracker"),
-            samples,
-            estimator,
-            trials,
-            seed,
-            LogPass(campaign, progress, salvage, part),
-            command,
-        )
+    campaign = resolve(groups[-1], rig_file)
+    log = LogPass(campaign, progress, salvage, part) if len(groups) == 1 else None
+    with pages_of_failure(files, campaign, log, page, figures, command, progress):
+        if log is None:
+            result = calibrate_several(
+                groups,
+                trials=trials,
+                seed=seed,
+                salvage=salvage,
+                part=part,
+                command=command,
+                progress=progress,
+            )
+        else:
+            chosen_method = method or ("self" if campaign.logs else "tracker")
+            result = _calibrated(
+                campaign, chosen_method, samples, estimator, trials, seed, log, command
+            )
     drawn = ""
     if page is not None:
         from tdfscal.reporting.html import render_page

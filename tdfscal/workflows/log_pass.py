@@ -90,7 +90,7 @@ class LogPass:
             more = f"; and {rest} more" if rest > 0 else ""
             look = f"look first at the log: {'; '.join(messages[:_REPEATED])}{more}"
             advice = f"{look}. {error.hint[0].upper()}{error.hint[1:]}" if error.hint else look
-            raise type(error)(error.what, where=error.where, hint=advice) from error
+            raise error.restated(hint=advice) from error
 
 
 def _lost_stops(dwells: Dwells, rig: Rig) -> str:

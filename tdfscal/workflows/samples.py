@@ -77,7 +77,7 @@ def calibrate_motion(
 def neither(dwells: Dwells, error: TdfscalError) -> TdfscalError:
     """The error of a log that serves neither at rest nor in motion."""
     few = f"{len(dwells)} static dwells are too few" if len(dwells) else "there is no dwell"
-    return type(error)(f"{few}, and in motion: {error.what}", where=error.where, hint=error.hint)
+    return error.restated(what=f"{few}, and in motion: {error.what}")
 
 
 def read_samples(log: LogPass) -> tuple[Dwells, Slow | None]:

@@ -101,7 +101,7 @@ def _naming(campaign: str) -> Iterator[None]:
         yield
     except TdfscalError as error:
         where = f"{campaign}: {error.where}" if error.where else campaign
-        raise type(error)(error.what, where=where, hint=error.hint) from error
+        raise error.restated(where=where) from error
 
 
 def recorded(read: Read) -> Recorded:

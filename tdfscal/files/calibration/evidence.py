@@ -12,6 +12,7 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.observability import load_directions
 from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.selfcal.undetermined import Undetermined
 from tdfscal.trackercal import TrackerCalibration
 
 #: Dwells that a file keeps for a figure, at most.
@@ -20,7 +21,7 @@ _LOOKED_AT = 2000
 _EDGES = np.linspace(-4.0, 4.0, 33)
 
 
-def postures(result: SelfCalibration) -> dict[str, Any]:
+def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
     """Time and residual wrench of each posture in the fit, in LCS axes."""
     dwells, check = result.dwells, result.validation
     used = [k for k in range(len(dwells)) if k not in result.rejected]
@@ -50,7 +51,7 @@ def _in_lcs(pose: FloatArray, vectors: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("kba,kb->ka", pose, vectors))
 
 
-def dwells(result: SelfCalibration) -> dict[str, Any] | None:
+def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
     """Mean readings of all dwells, where they are few enough to be looked at."""
     found = result.dwells
     if len(found) > _LOOKED_AT:

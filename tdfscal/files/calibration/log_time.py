@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.evidence_model import PostureTable
+from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.files.rig.model import RigFile
 
 #: Seconds beyond which a time is no duration of a campaign but a date: three years.
 _DATE = 1e8
@@ -26,14 +30,25 @@ class Clock:
 
 
 def clock(c: Calibration) -> Clock:
+    """The clock of a calibration's log."""
+    return log_clock(c.rig, c.postures, c.fit.rejected if c.fit is not None else ())
+
+
+def log_clock(
+    rig: RigFile, table: PostureTable | None, rejected: Sequence[RejectedPosture]
+) -> Clock:
     """Times count as in the log; dates (epoch seconds) from the first dwell in whole seconds."""
-    if c.rig.log is not None and c.rig.log.rows == "postures":
+    if rig.log is not None and rig.log.rows == "postures":
         return Clock(0.0, "row of the log", "row")
-    rejected = c.fit.rejected if c.fit is not None else ()
     starts = [r.start for r in rejected if r.start is not None]
-    if c.postures is not None:
-        starts += [*c.postures.start, *(s.start for s in c.postures.left_out or ())]
-    if (origin := origin_of(min(starts, default=0.0))) == 0.0:
+    if table is not None:
+        starts += [*table.start, *(s.start for s in table.left_out or ())]
+    return clock_from(min(starts, default=0.0))
+
+
+def clock_from(first: float) -> Clock:
+    """The clock of a log whose first time is this."""
+    if (origin := origin_of(first)) == 0.0:
         return Clock(0.0, "time in the log, s", "s")
     return Clock(origin, "time since the log's start, s", "s")
 

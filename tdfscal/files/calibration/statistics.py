@@ -11,7 +11,7 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity
 from tdfscal.files.calibration import evidence
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import FloatArray
+from tdfscal.records import Dwells, FloatArray
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.pipeline import SelfCalibration
@@ -31,17 +31,21 @@ def terminal(
 
 def fit(result: SelfCalibration) -> dict[str, Any]:
     """Residuals, rejected postures, iterations."""
-    dwells = result.dwells
     return {
-        "postures": len(dwells) - len(result.rejected),
-        "rejected": [
-            {"index": k, "start": dwells.start[k], "end": dwells.end[k], "reason": reason}
-            for k, reason in sorted(result.rejected.items())
-        ],
+        "postures": len(result.dwells) - len(result.rejected),
+        "rejected": rejected(result.dwells, result.rejected),
         **asdict(result.quality),
         "iterations": result.fit.iterations,
         "converged": result.fit.converged,
     }
+
+
+def rejected(dwells: Dwells, reasons: Mapping[int, str]) -> list[dict[str, Any]]:
+    """Postures left out, dwell index → reason, with their times."""
+    return [
+        {"index": k, "start": dwells.start[k], "end": dwells.end[k], "reason": reason}
+        for k, reason in sorted(reasons.items())
+    ]
 
 
 def totals(campaigns: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -30,8 +30,12 @@ _TINY = 1e-300
 
 def draw(c: Calibration) -> Drawing | None:
     """Force and moment of each leave-one-out posture, axis by axis."""
-    table = c.postures
-    if table is None or not table.index or table.force_std is None or table.moment_std is None:
+    return None if c.postures is None else of(c.postures)
+
+
+def of(table: PostureTable) -> Drawing | None:
+    """The same of a table."""
+    if not table.index or table.force_std is None or table.moment_std is None:
         return None
     score = _scores(table, table.force_std, table.moment_std)
     inside = float(np.mean(np.abs(score) <= _BAND))

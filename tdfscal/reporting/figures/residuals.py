@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.evidence_model import PostureTable
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures.style import (
     BLUE,
@@ -22,8 +23,12 @@ from tdfscal.reporting.figures.style import (
 
 def draw(c: Calibration) -> Drawing | None:
     """Length of the residual force and moment, posture by posture."""
-    table = c.postures
-    if table is None or not table.index:
+    return None if c.postures is None else of(c.postures)
+
+
+def of(table: PostureTable) -> Drawing | None:
+    """The same of a table."""
+    if not table.index:
         return None
     before, after = _rms(_length(table.force_before)), _rms(_length(table.force_after))
     m_before, m_after = _rms(_length(table.moment_before)), _rms(_length(table.moment_after))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,8 +11,9 @@ from matplotlib.figure import Figure
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
-from tdfscal.files.calibration.log_time import clock
+from tdfscal.files.calibration.log_time import Clock, log_clock
 from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.files.rig.model import RigFile
 from tdfscal.reporting.figures.style import (
     FILLS,
     GREY,
@@ -29,26 +31,48 @@ _PANEL = 0.85
 _MARKERS = "osD^vPX*"
 
 
+@dataclass(frozen=True, slots=True)
+class DwellLog:
+    """The dwells of a log: in the fit, rejected, and all with their readings where kept."""
+
+    rig: RigFile
+    postures: PostureTable
+    rejected: tuple[RejectedPosture, ...]
+    dwells: DwellTable | None
+
+    @property
+    def clock(self) -> Clock:
+        """How its time counts."""
+        return log_clock(self.rig, self.postures, self.rejected)
+
+
 def draw(c: Calibration) -> Drawing | None:
-    """Lanes over the time of the log, and the forces below."""
-    table = c.postures
-    if table is None or not table.index:
+    """The log behind a calibration."""
+    if c.postures is None:
         return None
-    rejected = [r for r in (c.fit.rejected if c.fit else ()) if r.start is not None]
+    return of(DwellLog(c.rig, c.postures, c.fit.rejected if c.fit else (), c.dwells))
+
+
+def of(log: DwellLog) -> Drawing | None:
+    """Lanes over the time of the log, and the forces below."""
+    table = log.postures
+    if not table.index:
+        return None
+    rejected = [r for r in log.rejected if r.start is not None]
     total = len(table.index) + len(rejected)
     averaged = float(np.sum(np.array(table.end) - np.array(table.start)))
     said = f"{len(table.index)} of {total} dwells are in the fit"
-    if clock(c).unit == "s":
+    if log.clock.unit == "s":
         said += f", {averaged:.0f} s of force readings in all"
     said += f"; {len(rejected)} had to be rejected." if rejected else "; none had to be rejected."
-    return Drawing("timeline", "The log and its dwells", said, lambda: _paint(c, table, rejected))
+    return Drawing("timeline", "The log and its dwells", said, lambda: _paint(log, rejected))
 
 
-def _paint(c: Calibration, table: PostureTable, rejected: list[RejectedPosture]) -> Figure:
-    time = clock(c)
+def _paint(log: DwellLog, rejected: list[RejectedPosture]) -> Figure:
+    time, table = log.clock, log.postures
     width = 0.9 if time.unit == "row" else 0.0
     lanes = ["in the fit", "rejected"] + (["no dwell"] if table.left_out else [])
-    heights = [0.34 * len(lanes)] + ([_PANEL] * 3 if c.dwells is not None else [])
+    heights = [0.34 * len(lanes)] + ([_PANEL] * 3 if log.dwells is not None else [])
     fig = figure(0.75 + sum(heights))
     panels = np.atleast_1d(
         fig.subplots(len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights})
@@ -56,9 +80,9 @@ def _paint(c: Calibration, table: PostureTable, rejected: list[RejectedPosture])
     gone = [(r.start - time.origin, max(r.end - r.start, width), r.index + 1) for r in rejected
             if r.start is not None and r.end is not None]  # fmt: skip
     _lanes(panels[0], table, gone, lanes, width, time.origin)
-    if c.dwells is not None:
-        _forces(list(panels[1:]), c, c.dwells, gone, width, time.origin)
-        columns = min(len(c.supports), 4)
+    if log.dwells is not None:
+        _forces(list(panels[1:]), log.rig, log.dwells, gone, width, time.origin)
+        columns = min(len(log.rig.supports), 4)
         fig.legend(*panels[1].get_legend_handles_labels(), loc="outside upper left", ncols=columns)
     panels[-1].set_xlabel(time.label)
     return fig
@@ -114,7 +138,7 @@ def _lanes(
 
 def _forces(
     panels: Sequence[Axes],
-    c: Calibration,
+    rig: RigFile,
     dwells: DwellTable,
     gone: list[tuple[float, float, int]],
     width: float,
@@ -127,8 +151,8 @@ def _forces(
     for k, ax in enumerate(panels):
         for x, w, _ in gone:
             ax.axvspan(x, x + w, facecolor="white", edgecolor=RED, hatch="////", linewidth=0.4)
-        for i, support in enumerate(c.supports):
-            if "xyz"[k] not in c.rig.supports[i].axes:
+        for i, support in enumerate(rig.supports):
+            if "xyz"[k] not in support.axes:
                 continue
             (line,) = ax.plot(
                 middle, force[i, :, k], linewidth=0.7, color=FILLS[i % len(FILLS)],

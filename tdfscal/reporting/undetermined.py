@@ -1,0 +1,238 @@
+"""The report of a calibration that ended without angles: what is weak, what was seen, what next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import PurePath
+
+import numpy as np
+
+from tdfscal import __version__
+from tdfscal.errors import NotConvergedError, TdfscalError
+from tdfscal.files.calibration import evidence
+from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
+from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.files.calibration.statistics import rejected
+from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
+from tdfscal.motioncal.pipeline import UndeterminedMotion
+from tdfscal.records import InputFile
+from tdfscal.reporting.figures import components, determined, forces_in_motion, residuals, timeline
+from tdfscal.reporting.figures.style import Drawing
+from tdfscal.reporting.figures.timeline import DwellLog
+from tdfscal.reporting.layout import LISTED, Facts, Items, Report, Row, Section, Table, illustrated
+from tdfscal.reporting.phrases import inputs_table, probability, utc
+from tdfscal.selfcal.undetermined import Undetermined
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """A calibration that ended without angles.
+
+    rig : the last campaign's. inputs : files that were read. messages : of the log. paths : as
+    they were given.
+    """
+
+    error: TdfscalError
+    rig: LoadedRig
+    inputs: tuple[InputFile, ...]
+    messages: tuple[str, ...]
+    paths: tuple[str, ...]
+    command: str
+
+    @property
+    def seen(self) -> Undetermined | UndeterminedMotion | None:
+        """What there is to be looked at."""
+        found = self.error.evidence
+        return found if isinstance(found, Undetermined | UndeterminedMotion) else None
+
+    @property
+    def log(self) -> DwellLog | None:
+        """The dwells of the log; None where none had been looked at."""
+        seen = self.seen
+        if not isinstance(seen, Undetermined):
+            return None
+        held = evidence.dwells(seen)
+        return DwellLog(
+            EmbeddedRig.model_validate({**self.rig.document, "sha256": self.rig.sha256}),
+            PostureTable.model_validate(evidence.postures(seen)),
+            tuple(map(RejectedPosture.model_validate, rejected(seen.dwells, seen.rejected))),
+            None if held is None else DwellTable.model_validate(held),
+        )
+
+
+def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
+    """Return every figure for which there is evidence."""
+    seen, log = attempt.seen, attempt.log
+    if seen is None:
+        return ()
+    found: list[Drawing | None] = [
+        determined.draw(seen.observability, seen.rig.acceptance.identifiable)
+    ]
+    if isinstance(seen, UndeterminedMotion):
+        found.append(forces_in_motion.draw(seen.slow, seen.rejected))
+    elif log is not None:
+        found.append(timeline.of(log))
+        if seen.quality.dof > 0:
+            said = (
+                "What the fit leaves of forces and moments, each posture predicted from the "
+                "others: it says how well log and rig file agree, and nothing of turns that are "
+                "not determined."
+            )
+            left = residuals.of(log.postures)
+            found += [left and replace(left, reading=said), components.of(log.postures)]
+    return tuple(drawing for drawing in found if drawing is not None)
+
+
+def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) -> Report:
+    """Lay out what is weak, the log and its residuals, and what to do next; no angle is given."""
+    error, seen, log = attempt.error, attempt.seen, attempt.log
+    left_out = _left_out(attempt, log)
+    beside = (Items("Left out", left_out),) if left_out else ()
+    names = ", ".join(PurePath(entry.path).name for entry in attempt.inputs)
+    return Report(
+        title=attempt.rig.rig.name,
+        subtitle="calibration of "
+        f"{len(attempt.rig.rig.supports)} sensors from {names or ', '.join(attempt.paths)}",
+        verdict="NOT CONVERGED" if isinstance(error, NotConvergedError) else "NOT IDENTIFIABLE",
+        accepted=False,
+        claim="No angle is given, and no calibration file was written.",
+        reasons=(f"{error.where}: {error.what}" if error.where else error.what,),
+        tiles=_tiles(seen) if seen is not None else (),
+        sections=(
+            *illustrated(
+                drawings,
+                {
+                    "determined": _turns(seen) if seen is not None else (),
+                    "timeline": beside if log is not None else (),
+                    "forces": beside if log is None else (),
+                    "residuals": (),
+                    "components": (),
+                },
+            ),
+            *((Section("Statistics", (Facts(_statistics(seen)),)),) if seen is not None else ()),
+            Section(
+                "Where this comes from",
+                (Facts(_provenance(attempt)), *_inputs(attempt)),
+                page_only=True,
+            ),
+            *_absent(attempt, {drawing.name for drawing in drawings}),
+        ),
+        warnings=attempt.messages,
+        advice=tuple(_advice(attempt)),
+        created=utc(datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")),
+    )
+
+
+def _advice(attempt: Attempt) -> Iterator[str]:
+    """The error's own first, then what each other weak turn asks for, then which way to find it."""
+    told, seen = attempt.error.hint or "", attempt.seen
+    if told:
+        yield _sentence(told)
+    if seen is None:
+        return
+    open_turns = (*seen.observability.weak, *seen.observability.lacking)
+    # One cure for several turns differs by its numbers only, which stand in brackets.
+    cures = {weakness.advice.split(" (")[0]: weakness.advice for weakness in open_turns}
+    yield from (_sentence(advice) for cure, advice in cures.items() if cure not in told)
+    if open_turns:
+        given = " --given LOG" if isinstance(seen, Undetermined) else " --motion"
+        yield (
+            f"`tdfscal plan RIG{given} -o plan.csv` chooses what to drive next, so that every turn "
+            "is determined."
+        )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _tiles(seen: Undetermined | UndeterminedMotion) -> tuple[Row, ...]:
+    angles, limit = seen.observability.angles, seen.rig.acceptance.identifiable
+    worst = max(angle.std for angle in angles)
+    known = sum(angle.identified for angle in angles)
+    tiles = [
+        ("turns determined", f"{known} of {len(angles)}", "by the data"),
+        ("weakest turn", determined.words(worst),
+         f"limit {1e3 * limit:.3g} mrad"),
+    ]  # fmt: skip
+    if isinstance(seen, Undetermined):
+        total = len(seen.dwells)
+        tiles.append(("postures", f"{total - len(seen.rejected)} of {total}", "in the fit"))
+    else:
+        tiles.append(("in motion", f"{seen.keep.sum() * seen.slow.step:.0f} s", "of the log used"))
+    if seen.quality.dof > 0:
+        said = f"limit {seen.rig.acceptance.birge_max:.2g}"
+        tiles.append(("Birge ratio", f"{seen.quality.birge:.2f}", said))
+    return tuple(tiles)
+
+
+def _turns(seen: Undetermined | UndeterminedMotion) -> tuple[Table | Items, ...]:
+    """What each weak turn lacks, and how far the loads on each sensor point apart."""
+    causes: dict[str, list[str]] = {}
+    for weakness in (*seen.observability.weak, *seen.observability.lacking):
+        causes.setdefault(weakness.cause, []).append(weakness.angle.name)
+    said = tuple(f"{', '.join(names)}: {cause}" for cause, names in causes.items())
+    spread = np.degrees(seen.observability.spread)
+    rows = tuple(
+        (name, f"{angle:.2g}") for name, angle in zip(seen.rig.supports, spread, strict=True)
+    )
+    table = Table("", ("sensor", "directions of its loads within, degrees"), rows)
+    return (*((Items("Not determined", said),) if said else ()), table)
+
+
+def _left_out(attempt: Attempt, log: DwellLog | None) -> tuple[str, ...]:
+    seen = attempt.seen
+    if isinstance(seen, UndeterminedMotion):
+        said = [f"{s.begin:.2f} to {s.end:.2f} s: {s.reason}" for s in seen.rejected]
+        more = [f"… and {len(said) - LISTED} more"] if len(said) > LISTED else []
+        return (*said[:LISTED], *more)
+    if log is None:
+        return ()
+    time = log.clock
+    postures = (
+        f"posture {r.index + 1} ({time.stretch(r.start or 0.0, r.end or 0.0)}): {r.reason}"
+        for r in log.rejected
+    )
+    pieces = (f"{time.stretch(s.start, s.end)}: {s.reason}" for s in log.postures.left_out or ())
+    return (*postures, *pieces)
+
+
+def _statistics(seen: Undetermined | UndeterminedMotion) -> tuple[tuple[str, str], ...]:
+    q = seen.quality
+    fit = f"χ² = {q.chi2:.4g} for {q.dof} degrees of freedom, p = {probability(q.p_value)}"
+    facts = [("Fit", fit if q.dof > 0 else "no residual is left to judge it by")]
+    if isinstance(seen, Undetermined):
+        facts.append(("Settled", "yes" if seen.fit.converged else "no"))
+    close = [f"{c.a} and {c.b} {c.value:+.2f}" for c in seen.observability.correlations[:3]]
+    if close:
+        facts.append(("Correlation", "; ".join(close)))
+    return tuple(facts)
+
+
+def _provenance(attempt: Attempt) -> tuple[tuple[str, str], ...]:
+    limits = attempt.rig.rig.acceptance
+    return (
+        ("Command", attempt.command),
+        ("Software", f"tdfscal {__version__}"),
+        ("Rig file", f"{attempt.rig.path}, SHA-256 {attempt.rig.sha256}"),
+        ("Decision rule", f"determined where a turn's standard uncertainty is below "
+         f"{1e3 * limits.identifiable:.3g} mrad (acceptance.identifiable) and at most half of what "
+         "was stated before"),
+    )  # fmt: skip
+
+
+def _inputs(attempt: Attempt) -> tuple[Table, ...]:
+    return (inputs_table(attempt.inputs),) if attempt.inputs else ()
+
+
+def _absent(attempt: Attempt, drawn: set[str]) -> tuple[Section, ...]:
+    """What a page does not show, and why."""
+    if attempt.seen is None:
+        note = "The calibration ended before there was a fit; so nothing of the log can be drawn."
+    elif "residuals" not in drawn and isinstance(attempt.seen, Undetermined):
+        note = "There are as many unknowns as readings: all residuals are zero, and say nothing."
+    else:
+        return ()
+    return (Section("What this page does not show", (Items("", (note,)),), page_only=True),)

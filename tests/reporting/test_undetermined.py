@@ -1,0 +1,161 @@
+"""The page of a calibration without angles: what is weak, the log, what next; never an angle."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.files.writers.campaign import write_campaign
+from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.pipeline import UndeterminedMotion
+from tdfscal.motioncal.streams import Slow
+from tdfscal.numerics import so3
+from tdfscal.records import InputFile
+from tdfscal.reporting.figures.style import to_svg
+from tdfscal.reporting.html import render
+from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.undetermined import Undetermined
+from tdfscal.simulation import Options, reference_rig, simulate_campaign, simulate_dwells
+from tests.reporting.samples import rig_of, run
+from tests.reporting.test_page import read
+
+FLOATING = Options(postures=16, stiffness=np.array([1e3, 1e3, 2e7]))
+TOUCHED = 5
+
+
+@cache
+def attempt() -> Attempt:
+    """Carriages that give way sideways and no squeeze; something pushes at one posture."""
+    loaded = rig_of(3, "Test rig")
+    dwells = simulate_dwells(loaded.rig, FLOATING, np.random.default_rng(1), 1).dwells(0)
+    force = dwells.force.copy()
+    force[TOUCHED - 1, 0] += [0.0, 0.0, 60.0]
+    with pytest.raises(NotIdentifiableError) as caught:
+        self_calibrate(
+            loaded.rig, replace(dwells, force=force), rng=np.random.default_rng(0), max_trials=0
+        )
+    log = InputFile("campaign/log <1>.csv", "ab" * 32, 1234, "verified")
+    return Attempt(
+        caught.value, loaded, (log,), ("a gap of 3 s",), ("campaign",), "tdfscal calibrate"
+    )
+
+
+def words(page: str) -> str:
+    return " ".join(" ".join(read(page).words).split())
+
+
+@pytest.fixture(autouse=True, scope="module")
+def plain() -> Iterator[None]:
+    """Pages without their figures, which take the time; two tests draw them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
+        yield
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return render(undetermined_report(attempt(), undetermined_drawings(attempt())))
+
+
+def test_what_cannot_be_seen_is_named_and_what_can_is_not(page: str) -> None:
+    """Under vertical loads alone a sensor's turn about the vertical is free, its others are not."""
+    said = words(page)
+    assert "✗ NOT IDENTIFIABLE" in said
+    assert "6 of 9 turns are determined" in said
+    why = said[said.index("Why") : said.index("What next")]
+    assert all(f"yaw of support_{k}" in why for k in (1, 2, 3))
+    assert "roll of" not in why
+    assert said.index("Squeeze the NCPs") < said.index("tdfscal plan RIG --given LOG -o plan.csv")
+    assert "tdfscal plan RIG --given LOG -o plan.csv" in read(page).words  # as code
+
+
+def test_no_angle_is_given(page: str) -> None:
+    seen = attempt().error.evidence
+    assert isinstance(seen, Undetermined)
+    numbers = set(re.findall(r"\d+\.\d+", words(page)))
+    angles = 1e3 * np.abs(so3.to_rpy(seen.fit.state.rotation).ravel())
+    assert not {f"{angle:.{digits}f}" for angle in angles for digits in (2, 3)} & numbers
+
+
+def test_the_log_is_shown_with_what_was_rejected(page: str) -> None:
+    said = words(page)
+    assert "15 of 16 dwells are in the fit" in said
+    assert f"posture {TOUCHED} (" in said
+    assert "a gap of 3 s" in said
+    assert "campaign/log <1>.csv" in said
+    assert [d.name for d in undetermined_drawings(attempt())] == [
+        "determined",
+        "timeline",
+        "residuals",
+        "components",
+    ]
+
+
+def test_where_no_residual_is_left_the_page_says_so() -> None:
+    error = attempt().error
+    assert isinstance(error.evidence, Undetermined)
+    few = replace(error.evidence, quality=replace(error.evidence.quality, dof=0))
+    bare = replace(attempt(), error=NotConvergedError("it wanders", evidence=few))
+    drawings = undetermined_drawings(bare)
+    assert [d.name for d in drawings] == ["determined", "timeline"]
+    report = undetermined_report(bare, drawings)
+    assert report.verdict == "NOT CONVERGED"
+    assert "all residuals are zero" in words(render(replace(report, tiles=())))
+
+
+def test_an_error_without_evidence_has_a_page_of_words() -> None:
+    bare = replace(attempt(), error=NotIdentifiableError("three points on a line", where="points"))
+    assert undetermined_drawings(bare) == ()
+    said = words(render(undetermined_report(bare)))
+    assert "points: three points on a line" in said
+    assert "ended before there was a fit" in said
+
+
+def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
+    still = attempt().error.evidence
+    assert isinstance(still, Undetermined)
+    time = np.arange(0.0, 20.0, 0.05)
+    force = np.sin(time)[:, None, None] * np.ones((1, 3, 3))
+    slow = Slow(
+        still.rig.supports, time, force, force, 0.05, 100.0, np.zeros(len(time), dtype=np.bool_)
+    )
+    touched = (Stretch(4.0, 6.0, "contact"),)
+    seen = UndeterminedMotion(
+        still.rig, slow, (time < 4) | (time > 6), touched, still.quality, still.observability
+    )
+    moving = replace(attempt(), error=NotIdentifiableError("the motion …", evidence=seen))
+    drawings = undetermined_drawings(moving)
+    assert [d.name for d in drawings] == ["determined", "forces"]
+    svg = to_svg(drawings[1])
+    assert "<title>contact</title>" in svg
+    assert "support_2 Fy: −1.0 to 1.0 N" in svg.replace("-", "−")
+    said = words(render(undetermined_report(moving, drawings)))
+    assert "4.00 to 6.00 s: contact" in said
+    assert "plan RIG --motion" in said
+
+
+def test_calibrate_writes_page_and_figures_but_no_calibration(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = replace(FLOATING, rows="postures", postures=8)
+    campaign = simulate_campaign(reference_rig(), options, np.random.default_rng(1))
+    write_campaign(campaign, tmp_path / "c", format="csv")
+    (tmp_path / "kept.yaml").write_text("kept")
+    seen = run(
+        capsys, "calibrate", "c", "-o", "kept.yaml", "--html", "p.html", "--figures", "f", "--json"
+    )
+    assert (seen.status, seen.out) == (4, "")
+    assert "p.html shows what is weak" in seen.err
+    assert {p.name for p in tmp_path.iterdir()} == {"c", "f", "kept.yaml", "p.html"}
+    assert (tmp_path / "kept.yaml").read_text() == "kept"
+    assert "NOT IDENTIFIABLE" in (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert {p.stem for p in (tmp_path / "f").iterdir()} >= {"determined", "timeline"}
