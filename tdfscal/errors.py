@@ -62,6 +62,12 @@ class UsageError(TdfscalError):
     exit_status = 2
 
 
+class MemoryShortError(TdfscalError):
+    """The memory that this run may use does not suffice."""
+
+    exit_status = 2
+
+
 class RigError(TdfscalError):
     """The rig file is wrong."""
 

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
+from tdfscal import memory
 from tdfscal.cli.streams import Signalled, prepare, reporting, say
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
 #: Signals that end a run as an interruption does, with all cleaning up.
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
-#: What the loader says where the memory does not suffice for a library.
-_TOO_LITTLE = ("failed to map segment", "cannot allocate memory")
 
 
 @dataclass(slots=True)
@@ -61,18 +60,17 @@ def _judged(fault: BaseException) -> tuple[int, str]:
     """Status and words for what no command foresees."""
     if os.environ.get("TDFSCAL_TRACEBACK") or isinstance(fault, SystemExit):
         raise fault
-    said = str(fault)
-    if isinstance(fault, MemoryError) or (
-        isinstance(fault, ImportError) and any(words in said.lower() for words in _TOO_LITTLE)
-    ):
-        return 2, "the memory does not suffice. Close other programs, or allow this one more."
+    if memory.is_short(fault):
+        error = memory.shortage()
+        return error.exit_status, str(error)
     if isinstance(fault, OSError):
         return 2, (
             f"{fault.filename or 'a file or folder'} cannot be read or written: "
             f"{fault.strerror or fault}. Make room, or choose another place."
         )
+    said = " ".join(str(fault).split())
     return INTERNAL_ERROR, (
-        f"internal error, {type(fault).__name__}: {' '.join(said.split())}. This is a fault of "
+        f"internal error, {type(fault).__name__}: {said}. This is a fault of "
         "tdfscal, not of your data; run again with TDFSCAL_TRACEBACK=1 and report the output."
     )
 

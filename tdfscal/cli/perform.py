@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tdfscal.cli.progress import on_stderr
 from tdfscal.cli.streams import Signalled, hand_over, leave_stdout, reporting, say
 from tdfscal.errors import UsageError, visible
+from tdfscal.memory import check_room
 
 if TYPE_CHECKING:
     from tdfscal.workflows.result import Result
@@ -35,6 +36,7 @@ def perform(
     TdfscalError
         By cause.
     """
+    check_room()
     from tdfscal.files.outputs import Outputs, together
 
     json, output = options.pop("json"), options.get("output")

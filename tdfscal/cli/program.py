@@ -11,6 +11,7 @@ from typing import Any
 import typer
 import typer.main
 
+from tdfscal import memory
 from tdfscal.cli import (  # noqa: F401 - each module registers its command
     apply,
     calibrate,
@@ -52,6 +53,8 @@ def run() -> int:
     try:
         status: int = command()(standalone_mode=False, prog_name="tdfscal") or 0
     except TdfscalError as error:
+        if memory.is_short(error):  # what else it says was judged without a look at that
+            error = memory.shortage()
         say(f"tdfscal: {error}")
         return error.exit_status
     except misuse() as error:

@@ -498,24 +498,6 @@ def test_a_working_folder_that_is_gone(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    "fault", [MemoryError(), ImportError("failed to map segment from shared object")]
-)
-def test_too_little_memory(
-    fault: Exception,
-    home: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def fail(*arguments: object) -> None:
-        raise fault
-
-    monkeypatch.setattr("tdfscal.workflows.report.read_sources", fail)
-    seen = run(capsys, "report", "own.yaml")
-    assert seen.status == 2
-    assert "memory" in seen.err
-
-
 def test_truth_says_what_was_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     import hashlib
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tdfscal.errors import DataError, UsageError
+from tdfscal.memory import is_short_for, shortage
 
 
 @contextmanager
@@ -21,6 +22,7 @@ def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
 
     Raises
     ------
+    MemoryShortError : the memory does not suffice for a file of this size.
     UsageError : the file is not there, or is not to be read by this user.
     DataError : everything else that a file's content can cause.
     """
@@ -32,16 +34,23 @@ def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
         OverflowError,
         struct.error,
     )
+    doubtful = (*caught, MemoryError, RuntimeError)
     try:
         yield
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
         reason = error.strerror or str(error)
         raise UsageError(f"the file cannot be opened ({reason})", where=str(path)) from error
-    except MemoryError as error:
-        raise DataError(
-            "the file declares lengths that do not fit in memory; it is damaged", where=str(path)
-        ) from error
-    except caught as error:
+    except doubtful as error:
+        short = is_short_for(path, error)
+        if short:
+            raise shortage() from error
+        if short is False:
+            raise DataError(
+                "the file declares lengths that do not fit in memory; it is damaged",
+                where=str(path),
+            ) from None
+        if not isinstance(error, caught):
+            raise
         raise DataError(
             f"the file is damaged ({one_line(error).rstrip('.')})",
             where=str(path),
