@@ -4,7 +4,8 @@
 
 Each run calibrates on a campaign of 16 postures and applies it to 8 further ones of the same rig,
 every second one under a known contact. Counted are the samples of all dwells of those 8, from
-0.8 s after the stop.
+0.8 s after the stop. Both logs carry a wall clock where nothing else is said; without one, zeros
+are of unknown age.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ from tdfscal.simulation import (
 
 USED, HELD = 16, 8
 RATE = 100.0
+#: s since 1970, a day in 2025.
+CLOCK = 1.76e9
 FORCE, MOMENT = (60.0, -40.0, 80.0), (12.0, -9.0, 5.0)
 CONTACTS = tuple(Contact(k, FORCE, MOMENT) for k in range(USED, USED + HELD, 2))
 RECORDER = Recorder(
@@ -60,13 +63,19 @@ def correlated(rng: np.random.Generator, count: int) -> FloatArray:
     return np.asarray(2.0 * lfilter([1.0], [1.0, -0.95], noise, axis=0)[200:])
 
 
-def flicker(rng: np.random.Generator, count: int) -> FloatArray:
-    """1/f from the whole log to half the sampling rate, 2 N in all."""
-    size = 1 << (count - 1).bit_length()
-    f = np.fft.rfftfreq(size)[1:, None, None]
-    wave = rng.standard_normal((len(f), 3, 3)) + 1j * rng.standard_normal((len(f), 3, 3))
-    noise = np.fft.irfft(np.concatenate([np.zeros((1, 3, 3)), wave / np.sqrt(f)]), axis=0)[:count]
-    return np.asarray(2.0 * noise / noise.std(axis=0))
+def flicker(longer: int) -> Noise:
+    """1/f, 2 N over both logs together, from so many times their length to half the rate."""
+
+    def noise(rng: np.random.Generator, count: int) -> FloatArray:
+        size = longer << (count - 1).bit_length()
+        f = np.fft.rfftfreq(size)[1:]
+        out = np.empty((count, 9))
+        for channel in out.T:
+            wave = rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))
+            channel[:] = np.fft.irfft(np.append(0.0, wave / np.sqrt(f)))[:count]
+        return np.asarray(2.0 * out / out.std(axis=0).mean()).reshape(count, 3, 3)
+
+    return noise
 
 
 def hum(frequency: float) -> Noise:
@@ -83,7 +92,11 @@ def hum(frequency: float) -> Noise:
 
 @dataclass(frozen=True)
 class Case:
-    """What disturbs, and what the rig file declares of it; step: N, resolution of the readings."""
+    """What disturbs, and what the rig file declares of it.
+
+    step : N, resolution of the readings. drift : N, std of a slope of the zeros over both logs.
+    clock : the logs carry one.
+    """
 
     name: str
     noise: Noise = white
@@ -91,16 +104,17 @@ class Case:
     real: Rig | None = None
     faults: Faults = NONE
     step: float = 0.0
-    whole: bool = False
     filter: str = "none"
+    drift: float = 0.0
+    clock: bool = True
 
 
 def declared(**changes: float) -> Rig:
     return replace(RIG, declared=replace(RIG.declared, **changes))
 
 
-def slopes(rng: np.random.Generator) -> tuple[Drift, ...]:
-    return tuple(Drift(i, tuple(rng.normal(0.0, 3.0, 3).tolist())) for i in range(3))
+def slopes(size: float, rng: np.random.Generator) -> tuple[Drift, ...]:
+    return tuple(Drift(i, tuple(rng.normal(0.0, size, 3).tolist())) for i in range(3))
 
 
 CASES = (
@@ -109,8 +123,11 @@ CASES = (
     Case("white, filter smooth", filter="smooth"),
     Case("AR(0.95), 2 N", correlated),
     Case("AR(0.95), filter smooth", correlated, filter="smooth"),
-    Case("1/f, 2 N", flicker),
-    Case("1/f, filter smooth", flicker, filter="smooth"),
+    Case("1/f from 1/160 s, 2 N", flicker(1)),
+    Case("1/f from 1/160 s, smooth", flicker(1), filter="smooth"),
+    Case("1/f from 1/80 min, 2 N", flicker(32)),
+    Case("1/f from 1/80 min, smooth", flicker(32), filter="smooth"),
+    Case("1/f from 1/80 min, no clock", flicker(32), clock=False),
     Case("hum of 3 N near 50 Hz", hum(49.2)),
     Case("hum of 3 N near 50 Hz, smooth", hum(49.2), filter="smooth"),
     Case("resolution 0.5 N, noise 0.05 N", lambda r, n: 0.025 * white(r, n), step=0.5),
@@ -122,19 +139,21 @@ CASES = (
     Case("quiet, force noise 1 N a posture", lambda r, n: 0.1 * white(r, n),
          declared(force_noise=1.0)),
     Case("quiet, gain 0.2 %", lambda r, n: 0.1 * white(r, n), declared(force_sensitivity=2e-3)),
-    Case("quiet, zeros drift by 3 N", lambda r, n: 0.1 * white(r, n), whole=True),
+    Case("quiet, zeros drift by 3 N", lambda r, n: 0.1 * white(r, n), drift=3.0),
+    Case("the same, no clock", lambda r, n: 0.1 * white(r, n), drift=3.0, clock=False),
 )  # fmt: skip
 
 
 def campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, Rig]:
     """A campaign with its noise, and the rig as its file states it."""
     rig, faults = case.rig, replace(case.faults, contacts=CONTACTS)
-    if case.whole:
-        faults = replace(faults, drifts=slopes(rng))
-        span = 6.2 * (USED + HELD)
-        rig = replace(rig, drift=DeclaredDrift(time=3.0 / span))
+    if case.drift:
+        faults = replace(faults, drifts=slopes(case.drift, rng))
     options = Options(postures=USED + HELD, squeeze=300.0, recorder=RECORDER, faults=faults)
     plain = simulate_campaign(case.real or case.rig, options, rng)
+    if case.drift:
+        span = plain.log.force[0].time[-1] - plain.log.force[0].time[0]
+        rig = replace(rig, drift=DeclaredDrift(time=case.drift / float(span)))
     noise = case.noise(rng, len(plain.log.force[0].time))
     force = []
     for i, series in enumerate(plain.log.force):
@@ -153,13 +172,22 @@ def cut(log: Log, start: float, end: float) -> Log:
     return replace(log, position=tuple(map(part, log.position)), force=tuple(map(part, log.force)))
 
 
+def moved(log: Log, by: float) -> Log:
+    position, force = (
+        tuple(Series(s.time + by, s.value) for s in streams)
+        for streams in (log.position, log.force)
+    )
+    return replace(log, position=position, force=force)
+
+
 def run(case: Case, seed: int, home: Path) -> dict[str, Any]:
     """Errors (N, 6) and standard uncertainties of the samples at rest, contact-free and not."""
     c, _ = campaign(case, np.random.default_rng(seed))
     middle = 0.5 * (c.end[USED - 1] + c.start[USED])
-    write_campaign(replace(c, log=cut(c.log, 0.0, middle)), home / "used", format="parquet")
-    log = c.log if case.whole else cut(c.log, middle, np.inf)
-    write_campaign(replace(c, log=log), home / "held", format="parquet")
+    used, log = cut(c.log, 0.0, middle), cut(c.log, middle, np.inf)
+    for part, place in ((used, "used"), (log, "held")):
+        stamped = moved(part, CLOCK) if case.clock else part
+        write_campaign(replace(c, log=stamped), home / place, format="parquet")
     found = tdfscal.calibrate([home / "used"], trials=0)
     result = tdfscal.apply(found, [home / "held"], filter=case.filter)  # type: ignore[arg-type]
     columns = result.columns

@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.model.parameters import State, sensing
 from tdfscal.model.pose import approach, register
-from tdfscal.model.zero_motion import ZeroMotion, zero_motion
+from tdfscal.model.zero_motion import ZeroAge, ZeroMotion, zero_motion
 from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
 
 
@@ -48,11 +48,14 @@ class Postures:
         return replace(self, motion=motion, **{name: getattr(self, name)[keep] for name in arrays})
 
 
-def postures(rig: Rig, dwells: Dwells) -> Postures:
-    """Dwells with the rig's declared uncertainties added to those of their means."""
+def postures(rig: Rig, dwells: Dwells, age: ZeroAge | None = None) -> Postures:
+    """Dwells with the rig's declared uncertainties added to those of their means.
+
+    age : of the zeros at the first dwell; default none, they hold there.
+    """
     eye = np.eye(3)
     time = (dwells.start + dwells.end) / 2
-    motion = zero_motion(rig.drift, time, dwells.temperature, rig.n)
+    motion = zero_motion(rig.drift, time, dwells.temperature, rig.n, age)
     excess = rig.declared.force_noise**2 + (0.0 if motion is None else motion.remainder)
     both = rig.axes[:, :, None] & rig.axes[:, None, :]
     return Postures(

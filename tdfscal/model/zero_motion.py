@@ -1,9 +1,10 @@
 """How the zeros of the sensors move over a campaign (theory, section 11).
 
 The zero of a channel at posture k is z + Σ_g a_g φ_g(k): z holds at the first posture, and every
-φ_g vanishes there, as a tare just before the campaign has it. The functions are a slope in time,
-a slope in temperature, a parabola in time where a test asked for it, and the modes of a random
-walk (Karhunen–Loève). The amplitudes a_g are parameters with a prior, per channel.
+φ_g vanishes there, as a tare just before the campaign has it; zeros of an earlier campaign held at
+its first posture, and φ_g counts from there. The functions are a slope in time, a slope in
+temperature, a parabola in time where a test asked for it, and the modes of a random walk
+(Karhunen–Loève). The amplitudes a_g are parameters with a prior, per channel.
 """
 
 from __future__ import annotations
@@ -40,23 +41,42 @@ class ZeroMotion:
         return replace(self, value=self.value[keep])
 
 
+@dataclass(frozen=True, slots=True)
+class ZeroAge:
+    """How long before a log's first time its zeros held, and what has changed since.
+
+    seconds : negative where the log begins before. warming : K, of the sensors' mean.
+    known : by the clocks of both; else the least that is possible.
+    """
+
+    seconds: float = 0.0
+    warming: float = 0.0
+    known: bool = True
+
+
 def zero_motion(
-    drift: Drift, time: FloatArray, temperature: FloatArray | None, n: int
+    drift: Drift,
+    time: FloatArray,
+    temperature: FloatArray | None,
+    n: int,
+    age: ZeroAge | None = None,
 ) -> ZeroMotion | None:
     """Build the functions for what a rig file declares; None where its zeros stay.
 
-    time : (K,), s, of the postures. temperature : (K, n), °C, at each sensor.
+    time : (K,), s, of the postures. temperature : (K, n), °C, at each sensor. age : of the zeros
+    at the first posture; default none, they hold there.
     """
+    age = age or ZeroAge()
     kinds: list[Kind] = []
     values, std = [], []
-    elapsed = np.repeat((time - time[0])[:, None], n, axis=1)
+    elapsed = np.repeat((time - time[0] + age.seconds)[:, None], n, axis=1)
     if drift.time > 0:
         kinds.append("time")
         values.append(elapsed)
         std.append(drift.time)
     if drift.temperature > 0 and temperature is not None:
         kinds.append("temperature")
-        values.append(temperature - temperature[0])
+        values.append(temperature - temperature[0] + age.warming)
         std.append(drift.temperature)
     if drift.parabola > 0:
         kinds.append("parabola")
@@ -65,7 +85,8 @@ def zero_motion(
     remainder = 0.0
     if drift.walk > 0:
         modes, remainder = walk_modes(drift.walk, time)
-        for mode in modes.T:
+        before = np.full((len(time), 1), drift.walk * np.sqrt(abs(age.seconds)))
+        for mode in (np.hstack([before, modes]) if age.seconds else modes).T:
             kinds.append("walk")
             values.append(np.repeat(mode[:, None], n, axis=1))
             std.append(1.0)

@@ -38,6 +38,7 @@ def summary_report(summary: dict[str, Any]) -> Report:
                 (
                     table,
                     _noise(summary["noise"]),
+                    *_zeros(summary["zeros"]),
                     f"largest: force {largest['force']:.3g} N, torque {largest['torque']:.3g} N·m",
                 ),
             ),
@@ -45,6 +46,8 @@ def summary_report(summary: dict[str, Any]) -> Report:
     )
 
 
+#: Units of time, s, from where they are used.
+_UNITS = ((86400.0, "days"), (3600.0, "h"), (60.0, "min"))
 #: Share of the noise from which on a filter is said to do nothing.
 _IDLE = 0.95
 
@@ -75,6 +78,22 @@ def _noise(noise: dict[str, Any] | None) -> str:
         f"noise of a sample: measured in {noise['windows']} short windows, for the beginning of "
         "the log holds no static dwell; slower noise is not in it"
     )
+
+
+def _zeros(zeros: dict[str, Any]) -> tuple[str, ...]:
+    moved = zeros["moved"]
+    if moved == 0.0:
+        return ()
+    size = "by an unknown amount" if moved is None else f"by {moved:.2g} N (std)"
+    since = f"held {_span(zeros['age'])} the log began"
+    if not zeros["age_known"]:
+        since = "are of unknown age, here as if the log followed the calibration's"
+    return (f"zeros of the calibration: {since}; by the log's end they may have moved {size}",)
+
+
+def _span(seconds: float) -> str:
+    size, unit = next(((size, unit) for size, unit in _UNITS if abs(seconds) >= size), (1.0, "s"))
+    return f"{abs(seconds) / size:.2g} {unit} {'before' if seconds >= 0 else 'after'}"
 
 
 def _number(value: float | None, form: str) -> str:

@@ -17,6 +17,7 @@ from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, prior_std, with_motions
 from tdfscal.model.statics import Postures, balance, features_jacobian, postures
+from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
@@ -54,11 +55,13 @@ def validate(
     *,
     rig: Rig | None = None,
     noise: float | None = None,
+    age: ZeroAge | None = None,
 ) -> Validation:
     """Test a calibration on static dwells without contact.
 
     rig : the rig of this log, for what it declares; default the calibration's.
     noise : N, standard uncertainty of a reading per axis where neither log nor rig state one.
+    age : of the calibration's zeros at the first dwell, from which on they move as is declared.
 
     Raises
     ------
@@ -76,7 +79,7 @@ def validate(
         raise DataError(
             f"no dwell can be used: {next(iter(screened.reasons.values()))}", where="log forces"
         )
-    observed, warnings = _with_noise(postures(rig, dwells).subset(used), noise)
+    observed, warnings = _with_noise(postures(rig, dwells, age).subset(used), noise)
     seen = _see(given, observed)
     white = seen.white
     found = causes.causes(white)

@@ -23,6 +23,7 @@ from tdfscal.files.writers.wrenches import (
     write_wrenches,
 )
 from tdfscal.model.calibrated import about_point
+from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
 from tdfscal.workflows.arguments import Numbers, PathLikes, listed, one, one_of, triple
@@ -34,18 +35,15 @@ from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.wrench_summary import Totals, filter_effect, left_out, metadata, summary_of
+from tdfscal.workflows.zero_age import zeros_since
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
-from tdfscal.wrench.log_head import LogHead, coloured_noise, take_head
+from tdfscal.wrench.log_head import coloured_noise, take_head
 from tdfscal.wrench.resampling import Tally, aligned
-from tdfscal.wrench.sample_noise import (
-    SampleNoise,
-    ZeroVariance,
-    moved_zeros,
-    with_sample_noise,
-)
+from tdfscal.wrench.sample_noise import SampleNoise, with_sample_noise
 from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
+from tdfscal.wrench.zero_wander import ZeroVariance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -179,13 +177,15 @@ def apply(
     if walk is not None:
         samples = filtered(samples, filter, walk, models.append, noise)
     wrenches = in_motion(given, samples) if moving else at_rest(given, samples)
+    age, moved = ZeroAge(), None
     if head is not None:
+        age, moved = zeros_since(use, head, thermometer, _posture_std(use))
         wrenches = with_sample_noise(
             wrenches,
             head,
             given,
             posture_std=_posture_std(use),
-            zero_variance=_moved_zeros(use, head, thermometer),
+            zero_variance=moved,
             tell=noises.append,
         )
     envelope = None if figures is None else Envelope()
@@ -212,6 +212,7 @@ def apply(
     summary = summary_of(use, target, rows, tally, totals, notes, moving=moving)
     summary["about"] = point.tolist()
     summary["noise"] = _noise(noises[0], use) if noises else None
+    summary["zeros"] = _zeros(age, moved, summary["end"])
     summary["filter"] = filter_effect(filter, walk, models[0], noise) if walk is not None else None
     result = ApplyResult(summary, target, columns, envelope)
     result.save_figures(figures, progress)
@@ -244,14 +245,14 @@ def _posture_std(use: InUse) -> float:
     return float(fit.rms_force * np.sqrt(max(spent, 1.0) / (3 * use.given.rig.n)))
 
 
-def _moved_zeros(use: InUse, head: LogHead, thermometer: Thermometer) -> ZeroVariance | None:
-    """By how much zeros may have moved since the log's first sample, by what its rig declares."""
-    rig = use.campaign.rig.rig
-
-    def temperature(time: FloatArray) -> FloatArray | None:
-        return thermometer.at(time, time, rig.n)
-
-    return moved_zeros(rig.drift, float(head.samples.time[0]), temperature)
+def _zeros(age: ZeroAge, moved: ZeroVariance | None, end: float) -> dict[str, Any]:
+    """How old the zeros are at the log's end, s, and by how much they may have moved, N."""
+    variance = 0.0 if moved is None else float(moved(np.array([end])).max())
+    return {
+        "age": age.seconds,
+        "age_known": age.known,
+        "moved": float(np.sqrt(variance)) if np.isfinite(variance) else None,
+    }
 
 
 def _noise(noise: SampleNoise, use: InUse) -> dict[str, Any]:

@@ -24,7 +24,7 @@ def measured(log: LogPass) -> Measured:
     DataError, RigError
         The log's clock, or the rig file's date, lies in the future.
     """
-    if _WALL_CLOCK[0] <= log.begin <= log.end <= _WALL_CLOCK[1]:
+    if by_wall_clock(log.begin, log.end):
         found = Measured(log.begin, log.end, "log")
         if found.end > time.time() + _DAY:
             raise DataError(
@@ -35,12 +35,12 @@ def measured(log: LogPass) -> Measured:
             )
         return found
     rig = log.campaign.rig
-    stated = rig.rig.campaign.date
-    if stated is not None:
-        found = _stated(stated)
+    date = rig.rig.campaign.date
+    if date is not None:
+        found = stated(date)
         if found.begin > time.time() + _DAY:
             raise RigError(
-                f"the campaign's date, {stated}, is in the future",
+                f"the campaign's date, {date}, is in the future",
                 where=f"{rig.path}: campaign.date",
                 hint="write the day on which the log was recorded",
             )
@@ -48,7 +48,13 @@ def measured(log: LogPass) -> Measured:
     return _of_files(log.campaign.logs or (rig.path,))
 
 
-def _stated(date: str) -> Measured:
+def by_wall_clock(*times: float) -> bool:
+    """Tell whether a log's times, s, are those of a wall clock."""
+    return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
+
+
+def stated(date: str) -> Measured:
+    """Tell when a campaign was recorded by the date in its rig file."""
     begin = datetime.fromisoformat(date)
     begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)
     end = begin + timedelta(days=1, seconds=-1) if len(date) == len("2026-01-01") else begin

@@ -29,6 +29,7 @@ from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.samples import moving_samples, neither, read_samples, stated_delay
+from tdfscal.workflows.zero_age import zero_age
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:
@@ -214,8 +215,11 @@ def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
 
 def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
     log.progress.stage(f"testing the calibration on {len(dwells)} dwells")
-    rig = use.campaign.rig.rig
-    return residual_wrench.validate(use.given, dwells, rig=rig, noise=_fit_noise(use))
+    rig, age = use.campaign.rig.rig, None
+    if len(dwells):
+        warm = None if dwells.temperature is None else dwells.temperature[0]
+        age = zero_age(use, float(dwells.start[0]), warm)
+    return residual_wrench.validate(use.given, dwells, rig=rig, noise=_fit_noise(use), age=age)
 
 
 def _used_before(use: InUse, log: LogPass) -> list[str]:

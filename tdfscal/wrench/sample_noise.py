@@ -18,9 +18,10 @@ import numpy as np
 
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import wrench
-from tdfscal.records import Drift, FloatArray
+from tdfscal.records import FloatArray
 from tdfscal.wrench.log_head import LogHead
 from tdfscal.wrench.stream import WrenchPiece
+from tdfscal.wrench.zero_wander import ZeroVariance
 
 #: Where nothing rests: windows whose scatter about a parabola counts, s and samples at least.
 _WINDOW, _FEWEST = 0.5, 32
@@ -39,9 +40,6 @@ class SampleNoise:
     windows: int
 
 
-ZeroVariance = Callable[[FloatArray], FloatArray]
-
-
 def with_sample_noise(
     pieces: Iterator[WrenchPiece],
     head: LogHead,
@@ -54,7 +52,7 @@ def with_sample_noise(
     """Add the noise of a sample, and zeros that move, to the standard uncertainties.
 
     posture_std : N per axis, by which the calibration's own postures scattered beyond the
-    calibration. zero_variance : N², (N, n or 1) at times (N,), s, by which zeros have moved.
+    calibration. zero_variance : N², (N, n or 1) at times (N,), s, by which zeros have moved since.
     tell : is told the noise before the first piece comes.
     """
     held = list[WrenchPiece]()
@@ -112,31 +110,3 @@ def _scatter_in_windows(time: FloatArray, value: FloatArray) -> tuple[FloatArray
     # Wilson and Hilferty: the median of χ² over its degrees of freedom.
     median = (1.0 - 2.0 / (9.0 * freedom)) ** 3
     return np.median(np.sum(rest**2, axis=1), axis=0) / freedom / median, count
-
-
-def moved_zeros(
-    drift: Drift, start: float, temperature: Callable[[FloatArray], FloatArray | None] | None
-) -> ZeroVariance | None:
-    """Variance by which zeros have moved since the first sample; None where they stay.
-
-    start : s, of that sample. temperature : °C, (N, n) at times (N,).
-    """
-    if not (drift.time > 0 or drift.walk > 0 or (drift.temperature > 0 and temperature)):
-        return None
-
-    def variance(time: FloatArray) -> FloatArray:
-        elapsed = (time - start)[:, None]
-        out = _square(drift.time, elapsed) + drift.walk**2 * elapsed
-        if drift.temperature > 0 and temperature is not None:
-            now, first = temperature(time), temperature(np.array([start]))
-            if now is not None and first is not None:
-                out = out + _square(drift.temperature, now - first)
-        return np.asarray(out)
-
-    return variance
-
-
-def _square(slope: float, change: FloatArray) -> FloatArray:
-    """(slope · change)², 0 where nothing has changed, however unknown the slope."""
-    moved = change != 0
-    return np.square(np.multiply(slope, change, where=moved, out=np.zeros(change.shape)))

@@ -1,4 +1,4 @@
-"""The uncertainty of a single sample: noise of whatever colour, resolution, zeros that move."""
+"""The uncertainty of a single sample: noise of whatever colour, resolution."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import pytest
 from scipy.signal import lfilter
 
 from tdfscal.model.calibrated import about_point
-from tdfscal.records import Drift, FloatArray, Log, Series, UncertainValue
+from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_campaign
 from tdfscal.wrench.contact_wrench import wrenches
 from tdfscal.wrench.filtering import Causal, Smoother, Walk, filtered
 from tdfscal.wrench.log_head import ColouredNoise, coloured_noise, take_head
 from tdfscal.wrench.resampling import Tally, aligned
-from tdfscal.wrench.sample_noise import SampleNoise, moved_zeros, with_sample_noise
+from tdfscal.wrench.sample_noise import SampleNoise, with_sample_noise
 from tdfscal.wrench.stream import at_rest
 
 from .held_out import RIG, world
@@ -148,21 +148,6 @@ def test_without_the_noise_samples_would_not() -> None:
     rows = (piece.time > start[0] + 0.8) & (piece.time < end[0])
     inside = np.abs(piece.wrench.value) < 1.96 * piece.wrench.calibration_std
     assert np.mean(inside[rows]) < 0.5
-
-
-def test_zeros_that_move_count_by_what_is_declared() -> None:
-    drift = Drift(time=2e-3, temperature=0.1, walk=0.05)
-    warm = lambda time: 20.0 + 0.01 * np.repeat(time[:, None], 3, axis=1)  # noqa: E731
-    variance = moved_zeros(drift, 100.0, warm)
-    assert variance is not None
-    at = np.array([100.0, 700.0])
-    expected = (2e-3 * 600) ** 2 + 0.05**2 * 600 + (0.1 * 6.0) ** 2
-    np.testing.assert_allclose(variance(at), [[0.0] * 3, [expected] * 3], rtol=1e-12)
-    unknown = moved_zeros(Drift(time=np.inf), 100.0, None)
-    assert unknown is not None
-    assert unknown(at)[0].tolist() == [0.0]
-    assert np.isinf(unknown(at)[1]).all()
-    assert moved_zeros(Drift(), 0.0, warm) is None
 
 
 def test_moments_about_a_point_are_those_about_the_origin_carried_over() -> None:
