@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.motioncal.blocks import Block
+from tdfscal.motioncal.blocks import Block, ComplexArray
+from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.motioncal.rows import bins_of, independent
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import BoolArray, FloatArray, IntArray
@@ -23,6 +25,8 @@ from tdfscal.significance import CONTACT_IN_MOTION
 WINDOW, _STRIDE = 2.0, 0.5
 #: A window under the taper's ramp shows nothing: least share of its weight.
 _LEAST = 0.2
+#: Blocks above which no fit takes up half of what a window shows.
+_MANY, _HALF = 4, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +52,15 @@ def touched(fit: MovingFit, level: float = CONTACT_IN_MOTION) -> tuple[Stretch, 
 
     level : probability that a log without any contact has one named.
     """
-    scores = [_scores(fit, index) for index in range(len(fit.designs))]
-    tests = max(1, sum(len(s.middle) for s in scores))
+    shapes = _Shapes()
+    tests = max(1, sum(len(shapes.of(block)[1]) for block in fit.blocks))
     limit = float(chi2_quantile(1 - level / tests, 6))
+    root = spectrum(fit.whitened()[1]).root
+    floor = _HALF * limit if len(fit.designs) > _MANY else 0.0
+    scores = [
+        _scores(fit, item, e, *shapes.of(item.block), root, floor)
+        for item, e in zip(fit.designs, fit.wrenches(), strict=True)
+    ]
     out: list[Stretch] = []
     for score in scores:
         hit: IntArray = np.flatnonzero(score.statistic > limit)
@@ -72,42 +82,68 @@ def _stretch(score: _Scores, rows: IntArray) -> Stretch:
     )
 
 
-def _scores(fit: MovingFit, index: int) -> _Scores:
-    """Score statistics of all windows of one block."""
-    item, place = fit.designs[index], fit.rows.place[index]
-    block, mixing = item.block, fit.rows.mixing[index]
-    shape, middle = _windows(block)
-    d = block.transform(shape.T).T  # (W, F)
-    bins = fit.rows.bins
-    weight = (bins.count / fit.noise.variance(bins))[place].reshape(-1, 6)
-    r = fit.residual[place].reshape(-1, 6) * weight
-    J = fit.jacobian[place].reshape(*weight.shape, -1) * weight[..., None]
-    _, whole = fit.whitened()
-    root = spectrum(whole).root
+class _Shapes:
+    """Windows of blocks, worked out once for all that are alike."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[ComplexArray, FloatArray]] = {}
+
+    def of(self, block: Block) -> tuple[ComplexArray, FloatArray]:
+        """Coefficients (W, F) of the windows' shapes, and their middles (W,), s from the begin."""
+        N = block.taper.shape[1]
+        if N not in self._known:
+            shape, middle = _windows(block)
+            self._known[N] = block.transform(shape.T).T, middle
+        return self._known[N]
+
+
+def _scores(
+    fit: MovingFit,
+    item: BlockDesign,
+    e: ComplexArray,
+    d: ComplexArray,
+    middle: FloatArray,
+    root: FloatArray,
+    floor: float,
+) -> _Scores:
+    """Score statistics of all windows of one block.
+
+    e : (F, 6), residual. d : (W, F), shapes. root : (p, r), of the parameters' covariance. Where
+    the fit can take up half of a statistic at most, one below the floor is not worked out.
+    """
+    mixing, ratio = independent(item)
+    bins = bins_of(item, ratio)
+    weight = (bins.count / fit.noise.variance(bins)).reshape(-1, 6)
     # In the components that are independent: u = Σ d* r / s, G = Σ |d|² / s, L = Σ d* J / s.
-    u = (d.conj() @ r).real
+    u = (d.conj() @ (e @ mixing.T * weight)).real
     G = np.abs(d) ** 2 @ weight
-    L = (d.conj() @ J.reshape(len(weight), -1)).real.reshape(len(d), 6, -1) @ root
-    info = -(L @ np.swapaxes(L, 1, 2))
-    info[:, np.arange(6), np.arange(6)] += G
-    # What the fit takes up whole leaves no information; a trace of it keeps the matrix regular.
-    info[:, np.arange(6), np.arange(6)] += 1e-6 * G
-    amplitude = -np.linalg.solve(info, u[..., None])[..., 0]
-    statistic = -np.sum(u * amplitude, axis=1)
+    statistic = np.asarray(np.sum(u**2 / G, axis=1))
+    amplitude = -u / G
+    some = statistic >= floor
+    if some.any():
+        J = (mixing @ (item.design @ fit.slope)) * weight[..., None]
+        L = d[some].conj() @ J.reshape(len(weight), -1)
+        taken = L.real.reshape(len(L), 6, -1) @ root
+        info = -(taken @ np.swapaxes(taken, 1, 2))
+        info[:, np.arange(6), np.arange(6)] += G[some]
+        # What the fit takes up whole leaves no information; a trace of it keeps the matrix regular.
+        info[:, np.arange(6), np.arange(6)] += 1e-6 * G[some]
+        amplitude[some] = -np.linalg.solve(info, u[some, :, None])[..., 0]
+        statistic[some] = -np.sum(u[some] * amplitude[some], axis=1)
     # e = … + wrench of the contact: what acts is minus what the balance lacks.
     wrench = -np.linalg.solve(mixing, amplitude[..., None])[..., 0]
-    return _Scores(middle, statistic, wrench)
+    return _Scores(np.asarray(item.block.begin + middle), statistic, np.asarray(wrench))
 
 
 def _windows(block: Block) -> tuple[FloatArray, FloatArray]:
-    """Shapes (W, N), smooth and of height 1, and their middles (W,) in s."""
+    """Shapes (W, N), smooth and of height 1, and their middles (W,), s from the block's begin."""
     N, step = block.taper.shape[1], block.step
     time = step * np.arange(N)
     middle = np.arange(WINDOW / 2, time[-1] - WINDOW / 2 + 1e-9, _STRIDE)
     u = (time - middle[:, None]) / (WINDOW / 2)
     shape = np.where(np.abs(u) < 1, np.cos(np.pi * u / 2) ** 2, 0.0)
     seen = shape @ block.taper[0] >= _LEAST * shape.sum(axis=1)
-    return shape[seen], block.begin + middle[seen]
+    return shape[seen], middle[seen]
 
 
 def merged(stretches: Sequence[Stretch], apart: float) -> tuple[Stretch, ...]:

@@ -9,9 +9,10 @@ import numpy as np
 from tdfscal.model import dynamics
 from tdfscal.model.parameters import layout, sensing
 from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.motioncal.rows import bins_of, independent
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
-from tdfscal.numerics.least_squares import Spectrum, spectrum
+from tdfscal.numerics.least_squares import Spectrum, gram_root, spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import PRIORS, Quality, Uncertainty, blind_turns, without_faked
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -35,7 +36,7 @@ class MovingUncertainty:
     moving_std: FloatArray
 
 
-def posterior(fit: MovingFit, parts: Spectrum, residual: FloatArray) -> tuple[FloatArray, ...]:
+def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:
     """Covariance (p, p) of the active parameters at the spectrum, and what its error adds.
 
     By the law of total covariance over the spectrum's parameters θ, E[C(θ)] + Cov[x̂(θ)], to the
@@ -49,8 +50,8 @@ def posterior(fit: MovingFit, parts: Spectrum, residual: FloatArray) -> tuple[Fl
         ends = []
         for sign in (1.0, -1.0):
             r, j = fit.whitened(fit.noise.log_density + sign * step)
-            other = spectrum(j)
-            ends.append((other.root @ other.root.T, other.solve(r)))
+            root = gram_root(j)
+            ends.append((root @ root.T, -root @ (root.T @ (j.T @ r))))
         (up, x_up), (down, x_down) = ends
         shift = (x_up - x_down) / 2
         added += (up + down) / 2 - C + np.outer(shift, shift)
@@ -62,9 +63,8 @@ def posterior(fit: MovingFit, parts: Spectrum, residual: FloatArray) -> tuple[Fl
 def evaluate(fit: MovingFit) -> MovingUncertainty:
     """Posterior covariance, budget and coverage factors."""
     n = fit.rig.n
-    residual, jacobian = fit.whitened()
-    parts = spectrum(jacobian)
-    C, added = posterior(fit, parts, residual)
+    parts = spectrum(fit.whitened()[1])
+    C, added = posterior(fit, parts)
     turns = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
     shares = {name: s[np.ix_(turns, turns)] for name, s in _shares(fit, C).items()}
     shares[SPECTRUM] = added[np.ix_(turns, turns)]
@@ -123,11 +123,11 @@ def faked_information(fit: MovingFit) -> FloatArray:
     n = fit.rig.n
     M = sensing(fit.state.still)
     axes = [so3.hat(M[:, :, a]) for a in range(3)]
-    variance = fit.noise.variance(fit.rows.bins)
     faked = np.zeros((3 * n, 3 * n))
-    for item, mixing, place in zip(fit.designs, fit.rows.mixing, fit.rows.place, strict=True):
-        f = fit.rows.bins.frequency[place]
-        gain = fit.rows.bins.count[place] * fit.noise.density(f)[0] / variance[place]
+    for item in fit.designs:
+        mixing, ratio = independent(item)
+        bins = bins_of(item, ratio)
+        gain = bins.count * fit.noise.density(bins.frequency)[0] / fit.noise.variance(bins)
         # Σ_f S_F S⁻¹ in the wrench's own components, (6, 6).
         W = mixing.T @ np.diag(gain.reshape(-1, 6).sum(axis=0)) @ mixing
         C = np.einsum("nrasb,rs->nab", item.lever, W)
@@ -147,8 +147,7 @@ def quality(fit: MovingFit) -> Quality:
     chi2 = fit.cost
     rms = [0.0, 0.0]
     total = sum(design.block.taper.shape[1] for design in fit.designs)
-    for item, mixing, place in zip(fit.designs, fit.rows.mixing, fit.rows.place, strict=True):
-        e = np.linalg.solve(mixing, fit.residual[place].reshape(-1, 6).T).T
+    for item, e in zip(fit.designs, fit.wrenches(), strict=True):
         both = np.where(np.arange(len(e)) > 0, 2.0, 1.0)[:, None]
         length = item.block.taper.shape[1] * item.block.step
         power = np.sum(both * np.abs(e) ** 2, axis=0) / length

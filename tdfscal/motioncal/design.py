@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,18 +10,19 @@ import numpy as np
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, gravity
-from tdfscal.model.pose import register
 from tdfscal.model.statics import Balance, Postures
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig
-from tdfscal.wrench.kinematics import Motion, Poses, motion
+from tdfscal.wrench.kinematics import Motion, Poses, motion, rotations
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
 _STICK = 5.0e-4
 #: Instants on either side that a local cubic takes in for angular speeds.
 _HALF = 3
+#: One of so many instants is enough for mean covariances: they change as the loads do.
+_EVERY = 4
 #: Shift of the poses for the derivative by the delay, s.
 _SHIFT = 5.0e-3
 
@@ -29,8 +31,9 @@ _SHIFT = 5.0e-3
 class BlockDesign:
     """One block at one linearisation.
 
-    design : (F, 6, q + 12) complex, e = design · (statics' and motion's features); its first
-    three rows in N/√Hz, the others in N·m/√Hz.
+    design : (F, 6, q + 12 + s) complex, e = design · (statics' and motion's features, s zeros);
+    its first three rows in N/√Hz, the others in N·m/√Hz. The last s columns are suspects: zeros
+    that move, where none are declared to.
     unit_force, unit_turn : (6, 6), mean covariance of e for white noise of 1 N on every force
     component, and of 1 m on every servo coordinate through the registered pose.
     lever : (n, 6, 3, 6, 3), mean of B_i ⊗ B_i, B_i the wrench of a unit force.
@@ -45,14 +48,16 @@ class BlockDesign:
 
 def shifted(slow: Slow, rows: slice, delay: float) -> FloatArray:
     """Servo positions (N, n, 3) at the instants at which the forces of these rows were felt."""
-    position = slow.position[rows]
-    if delay == 0.0:
-        return position
+    return slow.position[rows] if delay == 0.0 else _course(slow, rows)(delay)
+
+
+def _course(slow: Slow, rows: slice) -> Callable[[float], FloatArray]:
+    """Servo positions (N, n, 3) of these rows as a function of the delay, s."""
     from scipy.interpolate import CubicSpline
 
     time = slow.time[rows]
-    moved = CubicSpline(time, position)(np.clip(time - delay, time[0], time[-1]))
-    return np.asarray(moved)
+    course = CubicSpline(time, slow.position[rows])
+    return lambda delay: np.asarray(course(np.clip(time - delay, time[0], time[-1])))
 
 
 def block_design(
@@ -63,51 +68,85 @@ def block_design(
     Returns its design, and the static balance of one instant, which holds what the features
     count from.
     """
-    centre = state.barycentre
-    position = shifted(slow, block.index, moving.delay)
-    force = slow.force[block.index]
-    N, n = force.shape[:2]
-    unit = np.broadcast_to(np.eye(3), (N, n, 3, 3))
-    observed = Postures(
+    centre, rows = state.barycentre, block.index
+    course = _course(slow, rows)
+    position = course(moving.delay) if moving.delay else slow.position[rows]
+    motion = drifting(rig, slow)
+    observed = _still(
+        rig, position, slow.force[rows], None if motion is None else motion.subset(rows)
+    )
+    at = statics.balance(observed, state, centre, rig.gravity)
+    moved = _moving_columns(block, at.rotation, position, state, centre)
+    before, after = (
+        _residual(rig, slow, block, course(moving.delay + shift), state, moving)
+        for shift in (-_SHIFT, _SHIFT)
+    )
+    delayed = ((after - before) / (2 * _SHIFT))[..., None]
+    some = slice(None, None, _EVERY)
+    weight = block.taper[0, some] ** 2 / np.sum(block.taper[0, some] ** 2)
+    turn = at.noise_turn[some] @ at.turn_cov[some] @ np.swapaxes(at.noise_turn[some], 1, 2)
+    own, B = at.noise_force[some], at.wrench[some]
+    columns = [_sparse(block, at.design), moved, delayed]
+    suspects = suspected(rig, slow)
+    if suspects is not None:
+        columns.append(_sparse(block, _zeros_moving(at, suspects.subset(rows))))
+    result = BlockDesign(
+        block=block,
+        design=np.concatenate(columns, axis=2),
+        unit_force=np.einsum("k,knab,kncb->ac", weight, own, own, optimize=True),
+        unit_turn=np.einsum("k,kab->ab", weight, turn),
+        lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
+    )
+    return result, statics.balance(observed.subset(slice(0, 1)), state, centre, rig.gravity)
+
+
+def _still(
+    rig: Rig, position: FloatArray, force: FloatArray, motion: ZeroMotion | None
+) -> Postures:
+    """Instants as postures, with unit noise and without friction: a feature of its own here."""
+    unit = np.broadcast_to(np.eye(3), (*force.shape, 3))
+    return Postures(
         position=position,
         force=force,
         position_cov=unit,
         force_cov=unit,
         moment_var=0.0,
-        approach=np.zeros((N, 3)),  # friction in motion is a feature of its own
+        approach=np.zeros((len(force), 3)),
         measured=rig.axes,
-        motion=_subset(drifting(rig, slow), block.index),
+        motion=motion,
     )
-    g = rig.gravity
-    at = statics.balance(observed, state, centre, g)
-    plain = block.transform(at.design)
-    moved = _moving_columns(block, at.rotation, position, state, centre)
-    before, after = (
-        _residual(rig, slow, block, state, moving, moving.delay + shift)
-        for shift in (-_SHIFT, _SHIFT)
+
+
+def _sparse(block: Block, columns: FloatArray) -> ComplexArray:
+    """Coefficients (F, 6, c) of columns (N, 6, c), most of which are zero."""
+    out = np.zeros((len(block.frequency), *columns.shape[1:]), dtype=np.complex128)
+    there = columns.any(axis=0)
+    out[:, there] = block.transform(columns[:, there])
+    return out
+
+
+def suspected(rig: Rig, slow: Slow) -> ZeroMotion | None:
+    """How zeros may move that no declaration lets move."""
+    drift = rig.drift
+    if drifting(rig, slow) is not None or drift.walk > 0:
+        return None
+    warm = float(slow.temperature is not None)
+    return zero_motion(
+        replace(drift, time=1.0, temperature=warm), slow.time, slow.temperature, rig.n
     )
-    delayed = ((after - before) / (2 * _SHIFT))[..., None]
-    weight = block.taper[0] ** 2 / np.sum(block.taper[0] ** 2)
-    B = at.wrench
-    turn = at.noise_turn @ at.turn_cov @ np.swapaxes(at.noise_turn, 1, 2)
-    through = np.einsum("k,knab,kncb->ac", weight, at.noise_force, at.noise_force)
-    result = BlockDesign(
-        block=block,
-        design=np.concatenate([plain, moved, delayed], axis=2),
-        unit_force=through,
-        unit_turn=np.einsum("k,kab->ab", weight, turn),
-        lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
-    )
-    return result, statics.balance(observed.subset(slice(0, 1)), state, centre, g)
+
+
+def _zeros_moving(at: Balance, motion: ZeroMotion) -> FloatArray:
+    """Columns (N, 6, 3 n G) of the amplitudes of zeros that move."""
+    N = len(at.arm)
+    own = -np.moveaxis(at.noise_force, 1, 2)[:, :, None]  # (N, 6, 1, n, 3)
+    value = np.moveaxis(motion.value, 1, 2)[:, None, :, :, None]
+    return np.asarray((own * value).reshape(N, 6, -1))
 
 
 def drifting(rig: Rig, slow: Slow) -> ZeroMotion | None:
     """How the zeros may move over the instants; a random walk stands in the spectrum instead."""
     return zero_motion(replace(rig.drift, walk=0.0), slow.time, slow.temperature, rig.n)
-
-
-def _subset(motion: ZeroMotion | None, rows: slice) -> ZeroMotion | None:
-    return None if motion is None else motion.subset(rows)
 
 
 def _moving_columns(
@@ -146,18 +185,22 @@ def _kinematics(
 
 
 def _residual(
-    rig: Rig, slow: Slow, block: Block, state: State, moving: Moving, delay: float
-) -> FloatArray:
-    """E (F, 6) of one block with the poses shifted by another delay."""
+    rig: Rig, slow: Slow, block: Block, position: FloatArray, state: State, moving: Moving
+) -> ComplexArray:
+    """E (F, 6) of one block with its poses at other servo positions."""
     centre = state.barycentre
-    position = shifted(slow, block.index, delay)
-    R, _ = register(state.hinge, position - state.datum)
+    R = rotations(state.hinge, position - state.datum)
     arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
     F = statics.forces(state, slow.force[block.index])
     e = np.zeros((len(F), 6))
     e[:, :3] = F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
     e[:, 3:] = np.cross(arm, F).sum(axis=1)
-    values = dynamics.features(state, moving, centre, moving.delay)[:11]
-    return np.asarray(
-        block.transform(e) + _moving_columns(block, R, position, state, centre) @ values
-    )
+    m, *rest = dynamics.features(state, moving, centre, moving.delay)[:11]
+    lever, inertia, friction = np.array(rest[:3]), np.array(rest[3:9]), rest[9]
+    place, turning, speed_up = _kinematics(block, R, position, state, centre)
+    e[:, 3:] -= np.cross(R @ lever, speed_up) + state.n * friction * stuck(turning)
+    out = block.transform(e)
+    out[:, :3] -= block.transform(m * place + R @ lever, derivative=2)
+    spin = dynamics.spin_momentum(R, turning) @ inertia
+    out[:, 3:] -= block.transform(spin, derivative=1)
+    return np.asarray(out)

@@ -18,12 +18,15 @@ from tdfscal.model.statics import Balance, features, features_jacobian
 from tdfscal.motioncal import noise
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.design import BlockDesign, block_design, drifting
-from tdfscal.motioncal.noise import Bins, NoiseModel
+from tdfscal.motioncal.noise import NoiseModel
+from tdfscal.motioncal.rows import Rows, bins_of, gather, independent, stacked, weights
 from tdfscal.motioncal.streams import Slow
-from tdfscal.numerics.least_squares import Solution, gauss_newton, spectrum
+from tdfscal.numerics.least_squares import Solution, gauss_newton, gram_root, triangular
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Priors
 
+#: Blocks that a long log is first fitted on, and those that a linearisation is checked on.
+_FEW, _PROBES = 4, 2
 #: Looks from a new linearisation at most, and the change, in standard deviations, that ends them.
 _LOOKS, _SETTLED = 12, 0.01
 #: Steps of the spectrum per look, and the change of a logarithm that ends them.
@@ -69,25 +72,13 @@ class MovingPriors:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
-    """All blocks' Fourier coefficients in their independent components, M rows.
-
-    design : (M, q + 12), complex. bins : their frequencies and weights. mixing : per block, the
-    (6, 6) matrix that brings e to the independent components. place : per block, its rows.
-    """
-
-    design: ComplexArray
-    bins: Bins
-    mixing: tuple[FloatArray, ...]
-    place: tuple[slice, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class MovingFit:
     """An estimate with all that its uncertainty needs.
 
+    psi : (q + 12 + s,), features. slope : (q + 12 + s, p), their slopes by the active parameters.
     residual : (M,), jacobian : (M, p), complex, of the rows at the estimate, not whitened.
     prior_residual (m,), prior_jacobian (m, p) : whitened. origin : what the features count from.
+    delay : s, by which the poses of the designs are shifted.
     """
 
     rig: Rig
@@ -95,9 +86,12 @@ class MovingFit:
     designs: tuple[BlockDesign, ...]
     rows: Rows
     origin: Balance
+    delay: float
     state: MovingState
     active: BoolArray
     noise: NoiseModel
+    psi: FloatArray
+    slope: FloatArray
     residual: ComplexArray
     jacobian: ComplexArray
     prior_residual: FloatArray
@@ -112,14 +106,20 @@ class MovingFit:
 
     def whitened(self, log_density: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
         """Residual and Jacobian as real rows of unit variance, priors last."""
-        r, j = stacked(
+        bins = self.rows.bins
+        real = stacked(
             np.concatenate([self.residual[:, None], self.jacobian], axis=1),
-            weights(self.rows.bins, self.noise.variance(self.rows.bins, log_density)),
+            weights(bins, self.noise.variance(bins, log_density)),
         )
         return (
-            np.concatenate([r, self.prior_residual]),
-            np.concatenate([j, self.prior_jacobian]),
+            np.concatenate([real[:, 0], self.prior_residual]),
+            np.concatenate([real[:, 1:], self.prior_jacobian]),
         )
+
+    def wrenches(self, step: FloatArray | None = None) -> list[ComplexArray]:
+        """Residual wrench (F, 6) of every block; step (p,) : of the active parameters."""
+        psi = self.psi if step is None else self.psi + self.slope @ step
+        return [item.design @ psi for item in self.designs]
 
     @property
     def cost(self) -> float:
@@ -128,87 +128,53 @@ class MovingFit:
         return float(r @ r)
 
 
-def force_power(fit: MovingFit) -> FloatArray:
-    """Density (M / 6,) of the residual force, N²/Hz, of every coefficient of every block."""
-    parts = []
-    for mixing, place in zip(fit.rows.mixing, fit.rows.place, strict=True):
-        e = np.linalg.solve(mixing, fit.residual[place].reshape(-1, 6).T)
-        parts.append(np.sum(np.abs(e[:3]) ** 2, axis=0))
-    return np.concatenate(parts)
-
-
-def weights(bins: Bins, variance: FloatArray) -> FloatArray:
-    """Factor (M,) that whitens each row's real and imaginary part."""
-    return np.sqrt(bins.count / variance)
-
-
-def stacked(rows: ComplexArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """First column, and the others, of complex rows (M, c) as real ones (2M, c), weighted."""
-    both = rows * weight[:, None]
-    real = np.concatenate([both.real, both.imag])
-    return real[:, 0], real[:, 1:]
-
-
-def gather(designs: tuple[BlockDesign, ...]) -> Rows:
-    """Diagonalise the two parts of each block's noise and stack the blocks."""
-    rows, frequency, ratio, count, mixing, place = [], [], [], [], [], []
-    start = 0
-    for item in designs:
-        block = item.block
-        inverse = np.linalg.inv(np.linalg.cholesky(item.unit_force))
-        ratios, axes = np.linalg.eigh(inverse @ item.unit_turn @ inverse.T)
-        mix = axes.T @ inverse
-        f = block.frequency.copy()
-        f[0] = 0.5 * f[1]  # what the mean sees
-        rows.append((mix @ item.design).reshape(-1, item.design.shape[2]))
-        frequency.append(np.repeat(f, 6))
-        ratio.append(np.tile(np.maximum(ratios, 0.0), len(f)))
-        # A complex coefficient holds two values; the mean, which is real, one.
-        both = np.where(np.arange(len(f)) > 0, 2.0, 1.0) * block.share
-        count.append(np.repeat(both, 6))
-        mixing.append(mix)
-        place.append(slice(start, start + 6 * len(f)))
-        start += 6 * len(f)
-    bins = Bins(np.concatenate(frequency), np.concatenate(ratio), np.concatenate(count))
-    return Rows(np.concatenate(rows), bins, tuple(mixing), tuple(place))
-
-
-def _features(rig: Rig, state: MovingState, origin: Balance, delay: float) -> FloatArray:
+def _features(rig: Rig, state: MovingState, origin: Balance, delay: float, size: int) -> FloatArray:
     still = features(state.still, origin, rig.gravity)
     more = dynamics.features(state.still, state.moving, origin.centre, delay)
-    return np.concatenate([still, more])
-
-
-def slope_of(rig: Rig, state: MovingState, origin: Balance) -> FloatArray:
-    """∂ features / ∂ all parameters, (q + 12, P + 8)."""
-    still = features_jacobian(state.still, origin, rig.gravity)
-    more = dynamics.features_jacobian(state.still, origin.centre)
-    out = np.zeros((len(still) + len(more), more.shape[1]))
-    out[: len(still), : still.shape[1]] = still
-    out[len(still) :] = more
+    out = np.zeros(size)
+    out[: len(still) + len(more)] = np.concatenate([still, more])
     return out
 
 
-def _solve(
-    rig: Rig,
-    rows: Rows,
-    variance: FloatArray,
-    origin: Balance,
-    delay: float,
-    start: MovingState,
-    priors: MovingPriors,
-) -> Solution[MovingState]:
-    """Gauss–Newton on the statistic of all rows, and the priors."""
-    _, real = stacked(
-        np.concatenate([rows.design[:, :1], rows.design], axis=1), weights(rows.bins, variance)
+def slope_of(rig: Rig, state: MovingState, origin: Balance, size: int) -> FloatArray:
+    """∂ features / ∂ all parameters, (size, P + 8); suspects have none."""
+    still = features_jacobian(state.still, origin, rig.gravity)
+    more = dynamics.features_jacobian(state.still, origin.centre)
+    out = np.zeros((size, more.shape[1]))
+    out[: len(still), : still.shape[1]] = still
+    out[len(still) : len(still) + len(more)] = more
+    return out
+
+
+def moved_to(fit: MovingFit, state: MovingState, priors: MovingPriors) -> MovingFit:
+    """The fit at another state near by, by the same linearised balance."""
+    size = fit.rows.design.shape[1]
+    psi = _features(fit.rig, state, fit.origin, fit.delay, size)
+    slope = slope_of(fit.rig, state, fit.origin, size)[:, fit.active]
+    prior_r, prior_j = priors(state)
+    return replace(
+        fit,
+        state=state,
+        psi=psi,
+        slope=slope,
+        residual=fit.rows.design @ psi,
+        jacobian=fit.rows.design @ slope,
+        prior_residual=prior_r,
+        prior_jacobian=prior_j,
     )
-    compressed = np.linalg.qr(real, mode="r")
-    active = priors.active
+
+
+def _solve(fit: MovingFit, priors: MovingPriors) -> Solution[MovingState]:
+    """Gauss–Newton on the statistic of all rows, and the priors."""
+    rig, rows, active = fit.rig, fit.rows, fit.active
+    real = stacked(rows.design, weights(rows.bins, fit.noise.variance(rows.bins)))
+    compressed = triangular(real)
+    size = compressed.shape[1]
 
     def model(state: MovingState) -> tuple[FloatArray, FloatArray]:
         prior_r, prior_j = priors(state)
-        r = compressed @ _features(rig, state, origin, delay)
-        j = compressed @ slope_of(rig, state, origin)[:, active]
+        r = compressed @ _features(rig, state, fit.origin, fit.delay, size)
+        j = compressed @ slope_of(rig, state, fit.origin, size)[:, active]
         return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
 
     def move(state: MovingState, step: FloatArray) -> MovingState:
@@ -216,7 +182,7 @@ def _solve(
         full[active] = step
         return state.moved(full)
 
-    return gauss_newton(model, move, start)
+    return gauss_newton(model, move, fit.state)
 
 
 def at_state(
@@ -230,9 +196,10 @@ def at_state(
     """Linearise at a state; without a noise model, with one that is flat."""
     pairs = [block_design(rig, slow, b, state.still, state.moving) for b in blocks]
     designs = tuple(design for design, _ in pairs)
-    origin, rows = pairs[0][1], gather(designs)
-    psi = _features(rig, state, origin, state.moving.delay)
-    slope = slope_of(rig, state, origin)[:, priors.active]
+    origin, rows, delay = pairs[0][1], gather(designs, model), state.moving.delay
+    size = rows.design.shape[1]
+    psi = _features(rig, state, origin, delay, size)
+    slope = slope_of(rig, state, origin, size)[:, priors.active]
     residual, jacobian = rows.design @ psi, rows.design @ slope
     if model is None:
         longest = max(b.step * b.taper.shape[1] for b in blocks)
@@ -245,9 +212,12 @@ def at_state(
         designs=designs,
         rows=rows,
         origin=origin,
+        delay=delay,
         state=state,
         active=priors.active,
         noise=model,
+        psi=psi,
+        slope=slope,
         residual=residual,
         jacobian=jacobian,
         prior_residual=prior_r,
@@ -262,11 +232,11 @@ def estimate_noise(fit: MovingFit) -> MovingFit:
     model = fit.noise
     for _ in range(_SCORES):
         r, j = fit.whitened(model.log_density)
-        parts = spectrum(j)
-        step = parts.solve(r)
+        root = gram_root(j)
+        step = -root @ (root.T @ (j.T @ r))
         variance = model.variance(fit.rows.bins)
         left = fit.residual + fit.jacobian @ step
-        fitted = np.sum(np.abs(fit.jacobian @ parts.root) ** 2, axis=1)
+        fitted = np.sum(np.abs(fit.jacobian @ root) ** 2, axis=1)
         power = np.abs(left) ** 2 + fitted
         # A row stands for `count` values and is fitted as one: its share of them is used up.
         model, change = noise.improve(model, fit.rows.bins, power, fitted / variance)
@@ -283,28 +253,46 @@ def fit_moving(
     delay: UncertainValue,
     model: NoiseModel | None = None,
 ) -> MovingFit:
-    """Maximum-likelihood estimate of state and spectrum from one start."""
+    """Maximum-likelihood estimate of state and spectrum from one start.
+
+    A long log is first fitted on a few of its blocks, then linearised there once as a whole.
+    """
     priors = MovingPriors(rig, slow, delay)
     state, iterations, converged = start, 0, False
+    few = blocks[:: -(-len(blocks) // _FEW)]
+    if len(few) < len(blocks):
+        first = fit_moving(rig, slow, few, start, delay, model)
+        state, model, iterations = first.state, first.noise, first.iterations
     for look in range(_LOOKS):
-        fit = at_state(rig, slow, blocks, state, priors, model)
-        fit = estimate_noise(fit)
+        fit = estimate_noise(at_state(rig, slow, blocks, state, priors, model))
         model = fit.noise
-        solution = _solve(
-            rig,
-            fit.rows,
-            model.variance(fit.rows.bins),
-            fit.origin,
-            state.moving.delay,
-            state,
-            priors,
-        )
+        solution = _solve(fit, priors)
         iterations += solution.iterations
-        _, j = fit.whitened()
-        step = spectrum(j).solve(fit.whitened()[0])
+        r, j = fit.whitened()
+        root = gram_root(j)
+        step = np.linalg.norm(root.T @ (j.T @ r))
         state = solution.state
-        converged = bool(np.linalg.norm(j @ step) < _SETTLED * np.sqrt(j.shape[1]))
-        if look > 0 and (converged or not solution.converged):
+        fit = moved_to(fit, state, priors)
+        settled = _SETTLED * np.sqrt(j.shape[1])
+        converged = bool(step < settled)
+        if not converged and len(few) < len(blocks):
+            converged = _bent(fit, few[:_PROBES], priors) < settled
+        if converged or (look > 0 and not solution.converged):
             break
-    fit = estimate_noise(at_state(rig, slow, blocks, state, priors, model))
     return replace(fit, iterations=iterations, converged=converged)
+
+
+def _bent(fit: MovingFit, some: tuple[Block, ...], priors: MovingPriors) -> float:
+    """How far the balance at the fit's state is from its linearisation, in standard deviations
+    of the whole; looked at on some of its blocks.
+    """
+    index = [fit.blocks.index(block) for block in some]
+    anew = at_state(fit.rig, fit.slow, some, fit.state, priors, fit.noise)
+    wrenches = fit.wrenches()
+    square = 0.0
+    for k, item, e in zip(index, anew.designs, anew.wrenches(), strict=True):
+        mix, ratio = independent(item)
+        bins = bins_of(item, ratio)
+        gap = ((e - wrenches[k]) @ mix.T).ravel()
+        square += float(np.sum(np.abs(gap) ** 2 * bins.count / fit.noise.variance(bins)))
+    return float(np.sqrt(square * len(fit.blocks) / len(some)))

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.model import dynamics
-from tdfscal.motioncal.blocks import SHORTEST, Block, ComplexArray, blocks
-from tdfscal.motioncal.estimator import (
-    MovingFit,
-    MovingPriors,
-    MovingState,
-    at_state,
-    stacked,
-    weights,
-)
+from tdfscal.motioncal.blocks import SHORTEST, ComplexArray, blocks
+from tdfscal.motioncal.estimator import MovingFit, MovingPriors, MovingState, at_state, moved_to
+from tdfscal.motioncal.rows import rows_of, stacked, weights
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import spectrum
+from tdfscal.numerics.least_squares import spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray, UncertainValue
 
 #: Length of the stretches that are held out in turn, s, and how many at least and at most.
 _FOLD, _FEWEST, _MOST = 15.0, 2, 8
+#: Blocks per span from which a log's own blocks part it evenly enough.
+_LONG = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,44 +52,33 @@ class HeldOut:
     after_max: FloatArray
 
 
-def _cut(fit: MovingFit, keep: BoolArray, parts: int) -> list[tuple[Block, ...]]:
-    """Blocks of `parts` equal spans of time."""
-    time = fit.slow.time
-    edges = np.linspace(time[0], time[-1] + fit.slow.step, parts + 1)
-    return [
-        blocks(fit.slow, keep & (time >= edges[k]) & (time < edges[k + 1])) for k in range(parts)
-    ]
-
-
 def compare_halves(fit: MovingFit, keep: BoolArray, delay: UncertainValue) -> Halves:
     """Estimate the turn of every sensor between the halves, all else common to both."""
     n = fit.rig.n
     none = Halves(np.zeros((n, 3)), np.full((n, 3), np.inf), 1.0)
-    first, second = _cut(fit, keep, 2)
-    if not first or not second:
+    both = _parted(fit, keep, delay, 2)
+    if both is None:
         return none
-    priors = MovingPriors(fit.rig, fit.slow, delay)
-    both = at_state(fit.rig, fit.slow, first + second, fit.state, priors, fit.noise)
-    later = np.zeros((len(both.residual), 1))
-    later[both.rows.place[len(first)].start :] = 1.0
-    timed = both.jacobian[:, -1:] if priors.free[dynamics.DELAY] else later[:, :0]
-    turned = np.concatenate([timed, both.jacobian[:, : 3 * n]], axis=1) * later
-    weight = weights(both.rows.bins, both.noise.variance(both.rows.bins))
-    _, extra = stacked(np.concatenate([both.residual[:, None], turned], axis=1), weight)
-    r, j = both.whitened()
-    j = np.concatenate([j, np.pad(extra, ((0, len(j) - len(extra)), (0, 0)))], axis=1)
-    parts = spectrum(j)
-    change = parts.solve(r)[-3 * n :]
+    at, (first, second) = both
+    r1, j1 = _factor(at, first)
+    r2, j2 = _factor(at, second)
+    timed = j2[:, -1:] if at.active[-1] else j2[:, :0]
+    extra = np.concatenate([timed, j2[:, : 3 * n]], axis=1)
+    blank = np.zeros((len(j1), extra.shape[1]))
+    priors = np.pad(at.prior_jacobian, ((0, 0), (0, extra.shape[1])))
+    parts = spectrum(np.concatenate([np.block([[j1, blank], [j2, extra]]), priors]))
+    change = parts.solve(np.concatenate([r1, r2, at.prior_residual]))
     cov = (parts.root @ parts.root.T)[-3 * n :, -3 * n :]
     if np.abs(parts.null[:, -3 * n :]).max(initial=0.0) > 1e-6:
         return none
     column = -3 * n - 1
-    p = float(chi2_sf(change @ np.linalg.solve(cov, change), 3 * n))
-    turns = Halves(change.reshape(n, 3), np.sqrt(np.diag(cov)).reshape(n, 3), p)
+    turn = change[-3 * n :]
+    p = float(chi2_sf(turn @ np.linalg.solve(cov, turn), 3 * n))
+    turns = Halves(turn.reshape(n, 3), np.sqrt(np.diag(cov)).reshape(n, 3), p)
     if not timed.shape[1] or np.abs(parts.null[:, column]).max(initial=0.0) > 1e-6:
         return turns
     spread = float(np.sqrt(parts.root[column] @ parts.root[column]))
-    return replace(turns, delay=float(parts.solve(r)[column]), delay_std=spread)
+    return replace(turns, delay=float(change[column]), delay_std=spread)
 
 
 def hold_out(
@@ -102,27 +87,19 @@ def hold_out(
     """Predict stretches of the log from all the others; start : the nominal state."""
     seconds = float(keep.sum()) * fit.slow.step
     count = int(np.clip(seconds / max(_FOLD, 2 * SHORTEST), _FEWEST, _MOST))
-    folds = [cut for cut in _cut(fit, keep, count) if cut]
-    if len(folds) < _FEWEST:
+    parted = _parted(fit, keep, delay, count)
+    if parted is None:
         return None
-    priors = MovingPriors(fit.rig, fit.slow, delay)
-    cut = tuple(block for fold in folds for block in fold)
-    at = at_state(fit.rig, fit.slow, cut, fit.state, priors, fit.noise)
-    nominal = at_state(fit.rig, fit.slow, cut, start, priors, fit.noise)
-    r, j = at.whitened()
-    rows = len(at.residual)
+    at, folds = parted
+    nominal = moved_to(at, start, MovingPriors(fit.rig, fit.slow, delay)).wrenches()
+    factors = [_factor(at, fold) for fold in folds]
     before, after = [], []
-    index = 0
-    for fold in folds:
-        mine = range(index, index + len(fold))
-        index += len(fold)
-        span = slice(at.rows.place[mine[0]].start, at.rows.place[mine[-1]].stop)
-        others = np.ones(len(r), dtype=np.bool_)
-        others[span] = others[span.start + rows : span.stop + rows] = False
-        step = spectrum(j[others]).solve(r[others])
-        predicted = at.residual + at.jacobian @ step
-        after.append(_rms(at, predicted, mine))
-        before.append(_rms(nominal, nominal.residual, mine))
+    for k, fold in enumerate(folds):
+        others = [(at.prior_residual, at.prior_jacobian), *factors[:k], *factors[k + 1 :]]
+        r, j = (np.concatenate(part) for part in zip(*others, strict=True))
+        predicted = at.wrenches(spectrum(j).solve(r))
+        after.append(_rms(at, predicted, fold))
+        before.append(_rms(at, nominal, fold))
     b, a = np.array(before), np.array(after)
     return HeldOut(
         len(folds),
@@ -133,12 +110,46 @@ def hold_out(
     )
 
 
-def _rms(fit: MovingFit, residual: ComplexArray, which: range) -> FloatArray:
+def _parted(
+    fit: MovingFit, keep: BoolArray, delay: UncertainValue, count: int
+) -> tuple[MovingFit, list[range]] | None:
+    """A fit whose blocks fall into `count` equal spans of time, and the blocks of each span.
+
+    None where fewer than two spans hold a block. The blocks of a long log serve as they are;
+    those of a short one are cut anew.
+    """
+    time = fit.slow.time
+    edges = np.linspace(time[0], time[-1] + fit.slow.step, count + 1)
+    at = fit
+    if len(fit.blocks) < _LONG * count:
+        spans = [(time >= a) & (time < b) for a, b in pairwise(edges)]
+        cut = tuple(block for span in spans for block in blocks(fit.slow, keep & span))
+        if not cut:
+            return None
+        priors = MovingPriors(fit.rig, fit.slow, delay)
+        at = at_state(fit.rig, fit.slow, cut, fit.state, priors, fit.noise)
+    middle = [b.begin + b.step * b.taper.shape[1] / 2 for b in at.blocks]
+    place = np.searchsorted(middle, edges)
+    parts = [range(a, b) for a, b in pairwise(place) if b > a]
+    return (at, parts) if len(parts) >= _FEWEST else None
+
+
+def _factor(fit: MovingFit, which: range) -> tuple[FloatArray, FloatArray]:
+    """Residual and Jacobian of some blocks, white, as one triangular factor."""
+    rows = []
+    for k in which:
+        own = rows_of(fit.designs[k])
+        both = own.design @ np.concatenate([fit.psi[:, None], fit.slope], axis=1)
+        rows.append(stacked(both, weights(own.bins, fit.noise.variance(own.bins))))
+    factor = triangular(np.concatenate(rows))
+    return factor[:, 0], factor[:, 1:]
+
+
+def _rms(fit: MovingFit, wrenches: list[ComplexArray], which: range) -> FloatArray:
     """Quadratic means (2,) over time, N and N·m about the barycentre, of some blocks."""
     power, total = np.zeros(2), 0.0
     for k in which:
-        block = fit.designs[k].block
-        e = np.linalg.solve(fit.rows.mixing[k], residual[fit.rows.place[k]].reshape(-1, 6).T).T
+        block, e = fit.blocks[k], wrenches[k]
         both = np.where(np.arange(len(e)) > 0, 2.0, 1.0)[:, None]
         sums = np.sum(both * np.abs(e) ** 2, axis=0)
         power += [sums[:3].sum(), sums[3:].sum()]

@@ -92,7 +92,10 @@ def initial(bins: Bins, power: FloatArray, positioner: float, longest: float) ->
     H = max(3, 1 + int(np.ceil((high - low) / np.log(_KNOT_RATIO))))
     knot = np.asarray(np.linspace(low, high, H), dtype=np.float64)
     flat = bins.ratio <= np.median(bins.ratio)
-    level = np.log(np.median(power[flat]) / np.log(2) + 1e-12)
+    # Rows of one band share its power among them as they please.
+    _, band = np.unique(bins.frequency[flat] + 1j * bins.ratio[flat], return_inverse=True)
+    mean = np.bincount(band, (power * bins.count)[flat]) / np.bincount(band, bins.count[flat])
+    level = np.log(np.median(mean) / np.log(2) + 1e-12)
     std = max(positioner, _UNSTATED)
     f = np.exp(knot)
     log_place = np.log(std**2 / (2 * _POSITION_CORNER)) - np.log1p((f / _POSITION_CORNER) ** 4)

@@ -23,9 +23,8 @@ from tdfscal.motioncal.estimator import (
     MovingFit,
     MovingPriors,
     MovingState,
-    at_state,
     fit_moving,
-    force_power,
+    moved_to,
 )
 from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
@@ -223,7 +222,7 @@ def _judged(
             hint="check mass, hinges and nominal mounting in rig.yaml, and record a longer motion",
             evidence=open_ends,
         )
-    doubts = suspicions(fit, uncertainty, stats, delay)
+    doubts = suspicions(fit, uncertainty, stats)
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, delay)
     if abs(halves.delay) > float(normal_quantile(1 - CHANGED_RIG / 2)) * halves.delay_std:
@@ -291,10 +290,13 @@ def _residual_power(
     fit: MovingFit, start: MovingState, delay: UncertainValue
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Frequencies, and the residual force's density before and after; start : nominal."""
-    priors = MovingPriors(fit.rig, fit.slow, delay)
-    nominal_fit = at_state(fit.rig, fit.slow, fit.blocks, start, priors, fit.noise)
-    before, after = (force_power(each) for each in (nominal_fit, fit))
-    return fit.rows.bins.frequency[::6], before, after
+    nominal_fit = moved_to(fit, start, MovingPriors(fit.rig, fit.slow, delay))
+    before, after = (
+        np.concatenate([np.sum(np.abs(e[:, :3]) ** 2, axis=1) for e in each.wrenches()])
+        for each in (nominal_fit, fit)
+    )
+    frequency = [np.maximum(b.frequency, 0.5 * b.frequency[1]) for b in fit.blocks]
+    return np.concatenate(frequency), before, after
 
 
 def _moments(rig: Rig, slow: Slow, keep: BoolArray) -> Postures:

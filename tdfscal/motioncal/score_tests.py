@@ -11,20 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.model.parameters import layout, prior_std, with_motions
+from tdfscal.model.parameters import prior_std
 from tdfscal.motioncal.covariance import MovingUncertainty
-from tdfscal.motioncal.design import drifting
-from tdfscal.motioncal.estimator import (
-    MovingFit,
-    MovingPriors,
-    MovingState,
-    at_state,
-    slope_of,
-    stacked,
-    weights,
-)
+from tdfscal.motioncal.design import drifting, suspected
+from tdfscal.motioncal.estimator import MovingFit, slope_of
+from tdfscal.motioncal.rows import stacked, weights
 from tdfscal.numerics.least_squares import spectrum
-from tdfscal.records import FloatArray, UncertainValue
+from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.score_tests import (
     ask,
@@ -42,12 +35,12 @@ Suspect = tuple[str, int, FloatArray, float | FloatArray]
 
 
 def suspicions(
-    fit: MovingFit, uncertainty: MovingUncertainty, stats: Quality, delay: UncertainValue
+    fit: MovingFit, uncertainty: MovingUncertainty, stats: Quality
 ) -> tuple[Suspicion, ...]:
     """Ask for every suspect, and return the likeliest with those that are about as likely."""
     residual, jacobian = fit.whitened()
     parts, turns = spectrum(jacobian), uncertainty.turns
-    suspects = [*_stated(fit), *_drifts(fit, delay)]
+    suspects = [*_stated(fit), *_drifts(fit)]
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(max(len(residual), 2)))
     others = (1 - UNDECLARED_GRAVITY_SHARE) / max(1, len(suspects) - 1)
@@ -79,14 +72,14 @@ def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:
     """Columns (rows, c) of the features' slopes (q + 12, c), the priors' rows 0."""
     weight = weights(fit.rows.bins, fit.noise.variance(fit.rows.bins))
     columns = fit.rows.design @ slope
-    _, real = stacked(np.concatenate([columns[:, :1], columns], axis=1), weight)
+    real = stacked(columns, weight)
     return np.concatenate([real, np.zeros((len(fit.prior_residual), real.shape[1]))])
 
 
 def _stated(fit: MovingFit) -> Iterator[Suspect]:
     """What the rig file states: exact values as free columns, others as a shift of the prior."""
     std = prior_std(fit.rig, drifting(fit.rig, fit.slow))
-    slope = slope_of(fit.rig, fit.state, fit.origin)[:, : len(std)]
+    slope = slope_of(fit.rig, fit.state, fit.origin, len(fit.psi))[:, : len(std)]
     columns = _white(fit, slope)
     columns[:, std != 0] = 0.0
     held = np.flatnonzero(np.isfinite(std) & (std > 0))
@@ -95,19 +88,13 @@ def _stated(fit: MovingFit) -> Iterator[Suspect]:
     yield from stated_suspects(fit.rig, columns, std, fit.state.still.motions)
 
 
-def _drifts(fit: MovingFit, delay: UncertainValue) -> Iterator[Suspect]:
+def _drifts(fit: MovingFit) -> Iterator[Suspect]:
     """Zeros that move with time or temperature, where the rig file declares none that move."""
-    rig, n = fit.rig, fit.rig.n
-    if fit.state.still.motions or rig.drift.walk > 0:
+    motion, n = suspected(fit.rig, fit.slow), fit.rig.n
+    if motion is None:
         return
-    names = ["drift"] if fit.slow.temperature is None else ["drift", "temperature"]
-    sloping = replace(rig, drift=replace(rig.drift, time=1.0, temperature=float(len(names) - 1)))
-    state = MovingState(with_motions(fit.state.still, len(names)), fit.state.moving)
-    priors = MovingPriors(sloping, fit.slow, delay)
-    moved = at_state(sloping, fit.slow, fit.blocks, state, priors, fit.noise)
-    moved = replace(moved, prior_residual=fit.prior_residual)
-    place = layout(n, len(names))["drift"]
-    columns = _white(moved, slope_of(sloping, state, moved.origin)[:, place])
+    names = ["drift" if kind == "time" else kind for kind in motion.kind]
+    columns = _white(fit, np.eye(len(fit.psi))[:, -3 * n * len(names) :])
     for name, part in zip(names, np.split(columns, len(names), axis=1), strict=True):
         for i in range(n):
             yield name, i, part[:, 3 * i : 3 * i + 3], 1.0

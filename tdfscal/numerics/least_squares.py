@@ -74,6 +74,25 @@ def spectrum(jacobian: FloatArray) -> Spectrum:
     return Spectrum(scale, U[:, :rank], s[:rank], Vt[:rank], Vt[rank:])
 
 
+def gram_root(jacobian: FloatArray) -> FloatArray:
+    """G (p, r) with the pseudo-inverse of JᵀJ equal to G Gᵀ, by way of JᵀJ.
+
+    Many times faster than `spectrum` for tall J (m, p), and blind below the root of its rounding:
+    for weights that are iterated, not for what is stated.
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    part = jacobian / scale
+    values, vectors = np.linalg.eigh(part.T @ part)
+    kept = values > values[-1] * max(jacobian.shape) * np.finfo(float).eps
+    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None])
+
+
+def triangular(rows: FloatArray) -> FloatArray:
+    """R (min(m, p), p), upper triangular, with RᵀR equal to rowsᵀ rows (m, p)."""
+    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
 def gauss_newton(
     model: Callable[[S], tuple[FloatArray, FloatArray]],
     retract: Callable[[S, FloatArray], S],

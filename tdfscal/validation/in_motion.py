@@ -28,10 +28,9 @@ from tdfscal.motioncal.estimator import (
     at_state,
     estimate_noise,
     slope_of,
-    stacked,
-    weights,
 )
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
+from tdfscal.motioncal.rows import stacked, weights
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.usable import usable_samples, without_contacts
 from tdfscal.numerics import so3
@@ -148,6 +147,7 @@ def _best(fit: MovingFit) -> MovingFit:
     return replace(
         fit,
         state=fit.state.moved(moved),
+        psi=fit.psi + fit.slope @ step,
         residual=fit.residual + fit.jacobian @ step,
         prior_residual=fit.prior_residual + fit.prior_jacobian @ step,
     )
@@ -160,9 +160,10 @@ def _whitened(given: Calibrated, fit: MovingFit, delay: UncertainValue) -> White
     priors = MovingPriors(rig, slow, delay)
     state = MovingState(with_motions(given.state, motions), fit.state.moving)
     at = at_state(rig, slow, fit.blocks, state, priors, fit.noise)
-    slope = at.rows.design @ slope_of(rig, state, at.origin)
+    slope = at.rows.design @ slope_of(rig, state, at.origin, len(at.psi))
     weight = weights(at.rows.bins, fit.noise.variance(at.rows.bins))
-    r, J = stacked(np.concatenate([at.residual[:, None], slope], axis=1), weight)
+    real = stacked(np.concatenate([at.residual[:, None], slope], axis=1), weight)
+    r, J = real[:, 0], real[:, 1:]
     drift = drifting(rig, slow)
     width = np.concatenate([prior_std(rig, drift), priors.std])
     U, seen, _ = np.linalg.svd(J * np.where(np.isfinite(width), width, 1.0), full_matrices=False)
@@ -177,9 +178,7 @@ def _whitened(given: Calibrated, fit: MovingFit, delay: UncertainValue) -> White
 
 def _by_spectrum(fit: MovingFit, J: FloatArray) -> FloatArray:
     """What the spectrum's own uncertainty adds to the covariance of rows with the Jacobian J."""
-    _, jacobian = fit.whitened()
-    residual, _ = fit.whitened()
-    _, added = posterior(fit, spectrum(jacobian), residual)
+    _, added = posterior(fit, spectrum(fit.whitened()[1]))
     columns = J[:, fit.active]
     return np.asarray(columns @ added @ columns.T)
 

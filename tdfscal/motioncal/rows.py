@@ -1,0 +1,164 @@
+"""Fourier coefficients of all blocks as rows of independent noise, of bounded number.
+
+In the common eigenvectors of the two parts of its noise the six components of a block's wrench
+are independent. Rows of one component and of neighbouring frequencies, which a long log has
+many of, are brought to one scale by the spectrum as it was last seen and stand as one triangular
+factor with a common variance: a statistic whose size no log's length changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tdfscal.motioncal.blocks import ComplexArray
+from tdfscal.motioncal.design import BlockDesign
+from tdfscal.motioncal.noise import Bins, NoiseModel
+from tdfscal.numerics.least_squares import triangular
+from tdfscal.records import FloatArray
+
+#: Ratio of the frequencies of neighbouring bands.
+_BAND = 1.2
+#: Real rows of one band that are gathered before they are factored.
+_GATHERED = 512
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """All blocks in their independent components, M rows.
+
+    design : (M, q + 12), complex. bins : their frequencies and weights.
+    """
+
+    design: ComplexArray
+    bins: Bins
+
+
+def independent(item: BlockDesign) -> tuple[FloatArray, FloatArray]:
+    """Matrix (6, 6) that brings e to independent components, and their ratios λ (6,), N²/m²."""
+    inverse = np.linalg.inv(np.linalg.cholesky(item.unit_force))
+    ratio, axes = np.linalg.eigh(inverse @ item.unit_turn @ inverse.T)
+    return axes.T @ inverse, np.maximum(ratio, 0.0)
+
+
+def bins_of(item: BlockDesign, ratio: FloatArray) -> Bins:
+    """Bins (6 F) of one block, component by component within a frequency."""
+    f = item.block.frequency.copy()
+    f[0] = 0.5 * f[1]  # what the mean sees
+    # A complex coefficient holds two values; the mean, which is real, one.
+    both = np.where(np.arange(len(f)) > 0, 2.0, 1.0) * item.block.share
+    return Bins(np.repeat(f, 6), np.tile(ratio, len(f)), np.repeat(both, 6))
+
+
+def rows_of(item: BlockDesign) -> Rows:
+    """Rows (6 F) of one block, none of them joined."""
+    mix, ratio = independent(item)
+    return Rows((mix @ item.design).reshape(-1, item.design.shape[2]), bins_of(item, ratio))
+
+
+def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
+    """Rows of all blocks, joined where they are more than columns.
+
+    model : the spectrum as last seen, by which the rows of a band are brought to one scale.
+    """
+    parts = (rows_of(item) for item in designs)
+    lines = sum(len(item.block.frequency) for item in designs)
+    columns = designs[0].design.shape[2]
+    if len(designs) == 1 and 2 * lines * (1 - 1 / _BAND) <= columns:
+        return next(parts)
+    low = min(float(item.block.frequency[1]) for item in designs) / 2
+    bands: dict[tuple[int, int], _Band] = {}
+    for part in parts:
+        for key, own in _banded(part, low):
+            bands.setdefault(key, _Band(columns)).add(own, model)
+    return _stacked([band.rows(model) for _, band in sorted(bands.items())])
+
+
+def _banded(part: Rows, low: float) -> Iterator[tuple[tuple[int, int], Rows]]:
+    """Band and component, and the rows of both; bands count from a frequency, Hz."""
+    bins = part.bins
+    band = np.floor(np.log(bins.frequency[::6] / low) / np.log(_BAND) + 1e-9).astype(int)
+    first = np.flatnonzero(np.diff(band, prepend=-1))
+    for begin, end in zip(first, [*first[1:], len(band)], strict=True):
+        for a in range(6):
+            own = slice(6 * begin + a, 6 * end, 6)
+            yield (
+                (int(band[begin]), a),
+                Rows(part.design[own], Bins(bins.frequency[own], bins.ratio[own], bins.count[own])),
+            )
+
+
+def _stacked(parts: Sequence[Rows]) -> Rows:
+    bins = [part.bins for part in parts]
+    return Rows(
+        np.concatenate([part.design for part in parts]),
+        Bins(
+            np.concatenate([b.frequency for b in bins]),
+            np.concatenate([b.ratio for b in bins]),
+            np.concatenate([b.count for b in bins]),
+        ),
+    )
+
+
+@dataclass(slots=True)
+class _Band:
+    """Rows of one band and one component, as they come."""
+
+    columns: int
+    parts: list[Rows] = field(default_factory=list)
+    waiting: int = 0
+    #: Triangular factor of what was joined, per unit of the reference's variance.
+    factor: FloatArray | None = None
+    #: Sums over what was joined: of the counts, and of these times log f and times λ.
+    sums: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    def add(self, part: Rows, model: NoiseModel | None) -> None:
+        """Add rows of a block."""
+        self.parts.append(part)
+        self.waiting += 2 * len(part.design)
+        if self.waiting > max(_GATHERED, 2 * self.columns):
+            self._join(model)
+
+    def rows(self, model: NoiseModel | None) -> Rows:
+        """Rows as they came, or one triangular factor where they are more than columns."""
+        if self.factor is None and self.waiting <= self.columns:
+            return _stacked(self.parts)
+        if self.parts:
+            self._join(model)
+        assert self.factor is not None
+        count, log_frequency, ratio = self.sums
+        size = len(self.factor)
+        bins = Bins(
+            np.full(size, np.exp(log_frequency / count)),
+            np.full(size, ratio / count),
+            np.full(size, count / size),
+        )
+        scale = np.sqrt(_variance(bins, model) / bins.count)
+        return Rows((self.factor * scale[:, None]).astype(np.complex128), bins)
+
+    def _join(self, model: NoiseModel | None) -> None:
+        part = _stacked(self.parts)
+        count = part.bins.count
+        both = part.design * np.sqrt(count / _variance(part.bins, model))[:, None]
+        before = [] if self.factor is None else [self.factor]
+        self.factor = triangular(np.concatenate([*before, both.real, both.imag]))
+        self.parts, self.waiting = [], 0
+        own = np.stack([np.ones(len(count)), np.log(part.bins.frequency), part.bins.ratio])
+        self.sums = self.sums + own @ count
+
+
+def _variance(bins: Bins, model: NoiseModel | None) -> FloatArray:
+    return np.ones(len(bins.count)) if model is None else model.variance(bins)
+
+
+def weights(bins: Bins, variance: FloatArray) -> FloatArray:
+    """Factor (M,) that whitens each row's real and imaginary part."""
+    return np.sqrt(bins.count / variance)
+
+
+def stacked(rows: ComplexArray, weight: FloatArray) -> FloatArray:
+    """Complex rows (M, c) as real ones (2M, c), weighted."""
+    both = rows * weight[:, None]
+    return np.concatenate([both.real, both.imag])
