@@ -159,7 +159,7 @@ def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Ba
     noise_force = B @ sensing(state)
     noise_turn = np.zeros((K, 6, 3))
     noise_turn[:, 3:] = A
-    turn_cov = np.einsum("kiab,kibc,kidc->kad", P_turn, posture.position_cov, P_turn)
+    turn_cov = (P_turn @ posture.position_cov @ np.swapaxes(P_turn, 2, 3)).sum(axis=1)
     cov = _noise(posture, noise_force, noise_turn, turn_cov)
     return Balance(
         seen=posture,

@@ -26,7 +26,7 @@ from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Priors
 
 #: Blocks that a long log is first fitted on, and those that a linearisation is checked on.
-_FEW, _PROBES = 4, 2
+_FEW, _PROBES = 2, 1
 #: Looks from a new linearisation at most, and the change, in standard deviations, that ends them.
 _LOOKS, _SETTLED = 12, 0.01
 #: Steps of the spectrum per look, and the change of a logarithm that ends them.

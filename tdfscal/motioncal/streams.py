@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.records import BoolArray, FloatArray, IntArray, Log, Series
+from tdfscal.motioncal.held import EVEN, Held, Samples
+from tdfscal.records import BoolArray, FloatArray, Log, Series
 
 #: Rate of the even time base, Hz, or that of the slowest stream where it is lower.
 RATE = 20.0
@@ -23,9 +24,6 @@ _REACH, _CUT = 3.0, 0.4
 _HOLE = 1.5
 #: Output instants worked on at once.
 _CHUNK = 32
-#: Means of consecutive samples per step of the time base that the kernel works on, where a stream
-#: has at least twice as many samples: they weaken 1 Hz by 6e-5, and all streams alike.
-_BOXES = 8
 #: Rows read before the rate is known, and rows looked at for the step of the positions.
 _FIRST, _QUANTUM_SAMPLES = 16, 20_000
 
@@ -53,87 +51,6 @@ class Slow:
 
 
 @dataclass(slots=True)
-class _Held:
-    """Samples of one group of streams, or means of a few, that are still needed.
-
-    time : (M,). value : (M, C). clipped : (M,), one of the samples stands at its capacity.
-    tail : samples of a mean that is not complete. origin, box : s, where means begin, and their
-    length; 0 where samples stand for themselves.
-    """
-
-    time: FloatArray
-    value: FloatArray
-    clipped: BoolArray
-    tail: _Samples
-    origin: float = 0.0
-    box: float = 0.0
-
-    @classmethod
-    def empty(cls, columns: int) -> _Held:
-        """Nothing yet."""
-        none = _Samples(np.empty(0), np.empty((0, columns)), np.empty(0, dtype=np.bool_))
-        return cls(none.time, none.value, none.clipped, none)
-
-    def boxed(self, origin: float, step: float) -> None:
-        """Take means from now on, of a stream that is fast enough for it."""
-        box = step / _BOXES
-        if float(np.median(np.diff(self.time))) > 0.5 * box:
-            return
-        so_far = _Samples(self.time, self.value, self.clipped)
-        self.origin, self.box = origin, box
-        self.time, self.value, self.clipped = so_far.time[:0], so_far.value[:0], so_far.clipped[:0]
-        self.add(so_far)
-
-    def add(self, more: _Samples, last: bool = False) -> None:
-        """Append samples; last : none follow."""
-        if self.box and len(more.time) + len(self.tail.time):
-            samples = _joined(self.tail, more)
-            number = np.floor((samples.time - self.origin) / self.box)
-            first = np.flatnonzero(np.diff(number, prepend=-np.inf))
-            more, self.tail = _means(samples, first, last)
-        joined = _joined(_Samples(self.time, self.value, self.clipped), more)
-        self.time, self.value, self.clipped = joined.time, joined.value, joined.clipped
-
-    def forget(self, before: float) -> None:
-        """Drop what lies before a time."""
-        first = int(np.searchsorted(self.time, before))
-        self.time, self.value = self.time[first:].copy(), self.value[first:].copy()
-        self.clipped = self.clipped[first:].copy()
-
-
-@dataclass(frozen=True, slots=True)
-class _Samples:
-    time: FloatArray
-    value: FloatArray
-    clipped: BoolArray
-
-
-def _joined(before: _Samples, more: _Samples) -> _Samples:
-    if not len(before.time):
-        return more
-    return _Samples(
-        np.concatenate([before.time, more.time]),
-        np.concatenate([before.value, more.value]),
-        np.concatenate([before.clipped, more.clipped]),
-    )
-
-
-def _means(samples: _Samples, first: IntArray, last: bool) -> tuple[_Samples, _Samples]:
-    """Means of the samples from each of `first` to the next, and what is left of the last one."""
-    end = len(samples.time) if last else int(first[-1])
-    first = first[first < end]
-    rest = _Samples(samples.time[end:], samples.value[end:], samples.clipped[end:])
-    if not first.size:
-        return _Samples(samples.time[:0], samples.value[:0], samples.clipped[:0]), rest
-    count = np.diff(first, append=end)
-    return _Samples(
-        np.add.reduceat(samples.time[:end] - samples.time[0], first) / count + samples.time[0],
-        np.add.reduceat(samples.value[:end], first, axis=0) / count[:, None],
-        np.logical_or.reduceat(samples.clipped[:end], first),
-    ), rest
-
-
-@dataclass(slots=True)
 class _Out:
     time: list[FloatArray] = field(default_factory=list)
     value: list[FloatArray] = field(default_factory=list)
@@ -150,7 +67,7 @@ class Decimator:
         self.supports: tuple[str, ...] = ()
         self.quantum = 0.0
         self._full = np.concatenate([np.full(capacity.size, np.inf), 0.999 * capacity.ravel()])
-        self._held: list[_Held] = []
+        self._held: list[Held] = []
         self._columns: list[list[int]] = []
         self._members: list[list[int]] = []
         self._pending: list[Series] = []
@@ -172,7 +89,7 @@ class Decimator:
             self._columns = [
                 [3 * i + c for i in group for c in range(3)] for group in self._members
             ]
-            self._held = [_Held.empty(len(c)) for c in self._columns]
+            self._held = [Held.empty(len(c)) for c in self._columns]
             self.quantum = min(_quantum(s.value) for s in piece.position)
         parts = [_beside([streams[i] for i in group]) for group in self._members]
         counts = {
@@ -205,7 +122,7 @@ class Decimator:
                 hint="record at least a few seconds of every stream",
             )
         for held, columns in zip(self._held, self._columns, strict=True):
-            held.add(_Held.empty(len(columns)).tail, last=True)
+            held.add(Held.empty(len(columns)).tail, last=True)
         self._advance(int(np.floor((self._reach - self._start) / self._step)))
         n, out = len(self.supports), self._out
         value = np.concatenate(out.value) if out.value else np.empty((0, 6 * n))
@@ -299,11 +216,11 @@ def _chained(before: Series, more: Series) -> Series:
     )
 
 
-def _samples(part: Series, full: FloatArray) -> _Samples:
+def _samples(part: Series, full: FloatArray) -> Samples:
     """Samples (M, C) of a group, with those that stand at their capacity (C,) marked."""
     limited = np.isfinite(full)
     clipped = (np.abs(part.value[:, limited]) >= full[limited]).any(axis=1)
-    return _Samples(part.time, part.value, np.asarray(clipped))
+    return Samples(part.time, part.value, np.asarray(clipped))
 
 
 def _kernel(u: FloatArray) -> FloatArray:
@@ -314,7 +231,7 @@ def _kernel(u: FloatArray) -> FloatArray:
 
 
 def _emit(
-    held: list[_Held],
+    held: list[Held],
     columns: list[list[int]],
     start: float,
     step: float,
@@ -341,25 +258,18 @@ def _emit(
 
 
 def _smoothed(
-    stream: _Held, time: FloatArray, step: float
+    stream: Held, time: FloatArray, step: float
 ) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Kernel averages (J, C) at times (J,), where the stream covers them, and where it clips."""
-    low = np.searchsorted(stream.time, time - _REACH * step)
-    high = np.searchsorted(stream.time, time + _REACH * step, side="right")
+    reach = (_REACH + EVEN) * step
+    low = np.searchsorted(stream.time, time - reach)
+    high = np.searchsorted(stream.time, time + reach, side="right")
     if low[0] == high[-1]:
         no = np.zeros(len(time), dtype=np.bool_)
         return np.zeros((len(time), stream.value.shape[1])), no, no
     base = int(low[0])
     stretch = stream.time[base : int(high[-1])]
-    offset = (stretch - time[:, None]) / step
-    weight = _kernel(offset)
-    # A weight that is linear in time keeps straight lines straight, also at the log's ends.
-    moment = weight * offset
-    s0, s1, s2 = weight.sum(axis=1), moment.sum(axis=1), (moment * offset).sum(axis=1)
-    det = s0 * s2 - s1**2
-    fine = np.abs(det) > 1e-9 * np.maximum(s0 * s2, 1e-300)
-    det = np.where(fine, det, 1.0)[:, None]
-    weight = (s2[:, None] * weight - s1[:, None] * moment) / det
+    weight, fine = _weights((stretch - time[:, None]) / step, stream)
     values = stream.value[base : int(high[-1])]
     bad = ~np.isfinite(values).all(axis=1)
     whole = stream.clipped[base : int(high[-1])]
@@ -371,6 +281,27 @@ def _smoothed(
         covered &= ~(weight[:, bad] != 0.0).any(axis=1)
         values = np.where(np.isfinite(values), values, 0.0)
     return weight @ values, covered, clipped
+
+
+def _weights(offset: FloatArray, stream: Held) -> tuple[FloatArray, BoolArray]:
+    """Weights (J, M) of samples at offsets (J, M) in steps, and where they are enough (J,).
+
+    An even recording has the same offsets again and again.
+    """
+    known = stream.known
+    alike = known is not None and known[0].shape == offset.shape
+    if known is not None and alike and np.abs(known[0] - offset).max() < EVEN:
+        return known[1], known[2]
+    weight = _kernel(offset)
+    # A weight that is linear in time keeps straight lines straight, also at the log's ends.
+    moment = weight * offset
+    s0, s1, s2 = weight.sum(axis=1), moment.sum(axis=1), (moment * offset).sum(axis=1)
+    det = s0 * s2 - s1**2
+    fine = np.abs(det) > 1e-9 * np.maximum(s0 * s2, 1e-300)
+    det = np.where(fine, det, 1.0)[:, None]
+    weight = (s2[:, None] * weight - s1[:, None] * moment) / det
+    stream.known = offset, weight, fine
+    return weight, fine
 
 
 def _without_hole(stamp: FloatArray, time: FloatArray, step: float) -> BoolArray:
