@@ -422,7 +422,7 @@ def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     assert (tmp_path / "a").read_text() == (tmp_path / "c").read_text() == "after"
 
 
-TARGETS = ("urdf", "ros", "csv", "c", "dcc")
+TARGETS = ("urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc")
 
 
 def test_results_that_lie_in_a_campaign_are_left_alone(
@@ -446,10 +446,16 @@ def test_results_that_lie_in_a_campaign_are_left_alone(
         ("monitor", "own.yaml", "turned", "--html", folder / "m.html"),
         ("init", folder / "log.parquet", "-o", folder / "draft.yaml"),
         ("schema", folder),
-        *(("export", "own.yaml", "--to", to, "-o", folder / f"x.{to}.txt") for to in TARGETS),
+        *(
+            ("export", "own.yaml", "--to", to, "-o", folder / f"x.{to}{suffix}")
+            for to in TARGETS
+            for suffix in (".txt", ".csv", ".parquet", ".mcap")
+        ),
     ):
         seen = run(capsys, *words)
         assert seen.status == (words[0] == "monitor"), seen.err
+    for name in ("first.json", "draft.yaml", "r.html"):
+        shutil.copy(folder / name, folder / f"{name}.csv")
     again = run(capsys, *line)
     assert again.status == 0, again.err
     assert json.loads(again.out)["inputs"] == first["inputs"]
