@@ -44,6 +44,7 @@ def plan() -> MovingPlan:
     return plan_motion(RIG, REQUEST, np.random.default_rng(3))
 
 
+@pytest.mark.slow
 def test_every_limit_is_held_and_one_of_them_used() -> None:
     rng = np.random.default_rng(0)
     rig = replace(RIG, capacity=np.tile([150.0, 150.0, 2000.0], (3, 1)))

@@ -57,6 +57,7 @@ def test_planned_postures_beat_random_ones(reference: Plan) -> None:
     assert len(distinct) == 23
 
 
+@pytest.mark.slow
 def test_a_simulated_campaign_confirms_the_forecast(reference: Plan) -> None:
     campaigns = 56
     # Nine angles, about independent: the mean of their rms errors scatters by 3.2 %.
@@ -98,6 +99,7 @@ def test_recorded_postures_count_and_the_next_ones_add_to_them() -> None:
     assert plan.expected.rpy_std.mean() < alone.expected.rpy_std.mean()
 
 
+@pytest.mark.slow
 def test_a_target_takes_as_few_postures_as_it_needs() -> None:
     rig = reference_rig()
     request = Request(limits(rig, squeeze=800.0), candidates=100)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tdfscal.model.parameters import layout
 from tdfscal.model.statics import features_jacobian
@@ -14,6 +15,7 @@ from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
 RUNS = 24
 
 
+@pytest.mark.slow
 def test_scores_have_the_mean_that_noise_gives_them() -> None:
     rig = reference_rig()
     options = Options(squeeze=20.0, postures=120, recorder=Recorder(mean_sd=6.0))

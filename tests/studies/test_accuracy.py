@@ -47,6 +47,7 @@ def test_estimates_are_those_of_the_product() -> None:
         assert errors["ml"].stated[k] == pytest.approx(sigma, rel=0.2)  # before Birge
 
 
+@pytest.mark.slow
 def test_unbiased_and_as_accurate_as_stated(study: Accuracy) -> None:
     for method in ("ml", "tracker"):
         result = study.of(method)

@@ -58,7 +58,11 @@ SURVEYS = [
 ]
 
 
-@pytest.mark.parametrize("setting", SURVEYS, ids=["paper", "five", "drawing"])
+@pytest.mark.parametrize(
+    "setting",
+    [SURVEYS[0], *(pytest.param(s, marks=pytest.mark.slow) for s in SURVEYS[1:])],
+    ids=["paper", "five", "drawing"],
+)
 def test_error_is_within_the_stated_uncertainty(setting: dict[str, float]) -> None:
     total, dof, chi2, chi2_dof = 0.0, 0, 0.0, 0
     for seed in range(25):
