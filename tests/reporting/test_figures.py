@@ -21,7 +21,7 @@ from tdfscal.reporting.figures.rig import clear_view, magnification
 from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg
 from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
 
-SPATIAL = {"observability", "rig"}
+SPATIAL = {"rig"}
 SELF = {"angles", "residuals", "components", "budget", "timeline", "observability", "rig", "trials"}
 
 

@@ -15,10 +15,10 @@ from tdfscal.reporting.figures.style import (
     ORANGE,
     PALE,
     Drawing,
+    Tips,
     figure,
     legend_above,
     raster,
-    tip,
 )
 
 _MARKS = (("x", "o", BLUE), ("y", "s", ORANGE), ("z", "^", GREEN))
@@ -77,17 +77,15 @@ def _paint(number: IntArray, score: FloatArray, value: FloatArray) -> Figure:
             place = number + 0.18 * (k - 1)
             ax.plot(place, part, marker, color=colour, markersize=3, label=axis, rasterized=pixels)
         if not pixels:
-            for posture, row, size in zip(
-                number, score[:, columns], value[:, columns], strict=True
-            ):
-                (mark,) = ax.plot(
-                    [posture], [row[np.abs(row).argmax()]], "o", markersize=9, alpha=0
-                )
+            rows, words = score[:, columns], []
+            for posture, row, size in zip(number, rows, value[:, columns], strict=True):
                 parts = ", ".join(
                     f"{a} {v:.2g} {unit} ({s:+.1f} σ)"
                     for (a, *_), v, s in zip(_MARKS, size, row, strict=True)
                 )
-                tip(mark, f"posture {posture}: {parts}")
+                words.append(f"posture {posture}: {parts}")
+            largest = rows[np.arange(len(rows)), np.abs(rows).argmax(axis=1)]
+            Tips(ax, number, largest, words, radius=5)
         ax.set_ylabel(f"{what}, std. unc.")
     panels[1].set_xlabel("posture; pale: ±2 standard uncertainties")
     panels[1].xaxis.get_major_locator().set_params(integer=True)

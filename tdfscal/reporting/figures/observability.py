@@ -6,15 +6,31 @@ from math import ceil
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import BLUE, INK, ORANGE, Drawing, figure
+from tdfscal.reporting.figures.style import BLUE, GREY, INK, ORANGE, Drawing, figure, tip
 
 _COLUMNS = 3
+#: Size of a sensor's place in lengths of the axes of the BCS; those are of round length.
+_WIDE, _HIGH = 2.7, 3.1
+_ROUND = (1, 1.5, 2, 3, 4, 5, 7, 10)
+#: (2, 3): BCS directions as seen from azimuth −58° and elevation 18°, to the right and upwards.
+_AZIMUTH, _ELEVATION = np.radians(-58.0), np.radians(18.0)
+_VIEW = np.array(
+    [
+        [-np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0],
+        [
+            -np.sin(_ELEVATION) * np.cos(_AZIMUTH),
+            -np.sin(_ELEVATION) * np.sin(_AZIMUTH),
+            np.cos(_ELEVATION),
+        ],
+    ]
+)
 #: Axes closer than this to the load's line are called the load's own.
 _ALONG = np.radians(20.0)
 
@@ -66,41 +82,69 @@ def _about(axis: FloatArray) -> str:
 
 
 def _paint(c: Calibration) -> Figure:
+    """All sensors side by side on one pair of axes, seen from one side; one scale for all."""
     std, axes = principal(c)
     n = len(std)
     columns = min(n, _COLUMNS) if n != 4 else 2
-    rows = ceil(n / columns)
-    fig = figure(0.35 + 2.75 * rows)
-    reach = 1.25e3 * float(std.max())
+    fig = figure(0.6 + 2.35 * ceil(n / columns))
+    ax = fig.subplots()
+    scale = round_above(1e3 * float(std.max()))
+    loads = c.observability.loads if c.observability else None
+    rows = np.flatnonzero(c.determined)
     for i, support in enumerate(c.mounted):
-        ax: Any = fig.add_subplot(rows, columns, i + 1, projection="3d")
-        _ellipsoid(ax, 1e3 * std[i], axes[i])
-        weak = 1e3 * std[i, 2] * axes[i, :, 2]
-        ax.plot(*np.array([-weak, weak]).T, "o-", color=ORANGE, linewidth=2.2, markersize=4)
-        loads = c.observability.loads if c.observability else None
-        if loads:
-            line = reach * np.array(loads[np.flatnonzero(c.determined)[i]].axis)
-            ax.plot(*np.array([-line, line]).T, "--", color=INK, linewidth=1.2)
+        place = scale * np.array([_WIDE * (i % columns), -_HIGH * (i // columns)])
+        _axes(ax, place, scale)
+        wires = LineCollection(
+            [place + line for line in _ellipsoid(1e3 * std[i], axes[i])],
+            colors=BLUE, linewidths=0.45, alpha=0.8,
+        )  # fmt: skip
+        ax.add_collection(wires)
         sizes = " · ".join(f"{1e3 * s:.2g}" for s in std[i])
-        ax.set_title(f"{support.name}: {sizes} mrad", pad=0)
-        for axis, name in zip("xyz", "XYZ", strict=True):
-            getattr(ax, f"set_{axis}lim")(-reach, reach)
-            getattr(ax, f"{axis}axis").set_major_locator(MaxNLocator(3, symmetric=True))
-            getattr(ax, f"set_{axis}label")(
-                f"{name}, mrad", fontsize=7, labelpad=-4 if name != "Z" else -2
-            )
-        ax.tick_params(labelsize=6.5, pad=-3)
-        ax.tick_params(axis="z", pad=1)
-        ax.set_box_aspect((1, 1, 1), zoom=0.84)
-        ax.view_init(elev=18, azim=-58)
+        tip(wires, f"{support.name}: {sizes} mrad along its principal axes")
+        weak = 1e3 * std[i, 2] * axes[i, :, 2]
+        ax.plot(*_seen(weak, place), "o-", color=ORANGE, linewidth=2.2, markersize=4)
+        if loads:
+            line = 1.12 * scale * np.array(loads[rows[i]].axis)
+            ax.plot(*_seen(line, place), "--", color=INK, linewidth=1.2)
+        ax.text(
+            place[0], place[1] + 1.22 * scale, f"{support.name}\n{sizes} mrad", ha="center",
+            va="bottom", fontsize=8,
+        )  # fmt: skip
+    ax.set_aspect("equal")
+    ax.set_xlim(-0.5 * _WIDE * scale, (columns - 0.5) * _WIDE * scale)
+    ax.set_ylim((1.8 - _HIGH * ceil(n / columns)) * scale, 1.8 * scale)
+    ax.set_xticks([])
+    ax.set_yticks([])
+    ax.spines[:].set_visible(False)
+    ax.set_xlabel(f"X, Y, Z: axes of the BCS, {scale:g} mrad either way")
     handles = [
         _key("-", BLUE, "standard uncertainty of the turn about each direction of the BCS"),
         _key("o-", ORANGE, "weakest direction"),
     ]
-    if c.observability and c.observability.loads:
+    if loads:
         handles.append(_key("--", INK, "line of its loads"))
     fig.legend(handles=handles, loc="outside upper left", ncols=3)
     return fig
+
+
+def round_above(value: float) -> float:
+    """The smallest of `_ROUND` times a power of ten that is not below a positive value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(min(step * power for step in _ROUND if step * power >= value * (1 - 1e-9)))
+
+
+def _seen(vector: FloatArray, place: FloatArray) -> FloatArray:
+    """(2, 2), ends of a line from −vector to vector (3,) of the BCS, as seen about a place."""
+    return np.asarray((place + np.array([-vector, vector]) @ _VIEW.T).T)
+
+
+def _axes(ax: Axes, place: FloatArray, scale: float) -> None:
+    """Thin axes of the BCS with their names."""
+    for k, name in enumerate("XYZ"):
+        vector = scale * np.eye(3)[k]
+        ax.plot(*_seen(vector, place), color=GREY, linewidth=0.7)
+        x, y = place + 1.1 * _VIEW @ vector
+        ax.text(x, y, name, fontsize=7, color=GREY, ha="center", va="center")
 
 
 def _key(style: str, colour: str, label: str) -> Line2D:
@@ -109,7 +153,8 @@ def _key(style: str, colour: str, label: str) -> Line2D:
     return Line2D([], [], linestyle=line, marker=marker, color=colour, label=label)
 
 
-def _ellipsoid(ax: Any, std: FloatArray, axes: FloatArray) -> None:
+def _ellipsoid(std: FloatArray, axes: FloatArray) -> list[FloatArray]:
+    """Meridians and parallels (M, 2) of an ellipsoid, as seen."""
     u, v = np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13)
     ball = np.stack(
         [
@@ -118,5 +163,5 @@ def _ellipsoid(ax: Any, std: FloatArray, axes: FloatArray) -> None:
             np.outer(np.ones_like(u), np.cos(v)),
         ]
     )
-    shape = np.einsum("ab,b,buv->auv", axes, std, ball)
-    ax.plot_wireframe(*shape, rcount=13, ccount=7, color=BLUE, linewidth=0.45, alpha=0.8)
+    flat = np.einsum("xa,ab,b,buv->uvx", _VIEW, axes, std, ball)
+    return [*flat[::2], *np.swapaxes(flat, 0, 1)[2:-2:2]]

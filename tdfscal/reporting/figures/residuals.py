@@ -13,11 +13,11 @@ from tdfscal.reporting.figures.style import (
     BLUE,
     ORANGE,
     Drawing,
+    Tips,
     figure,
     legend_above,
     logarithmic,
     raster,
-    tip,
 )
 
 
@@ -85,9 +85,11 @@ def _panel(
     )
     if not pixels:
         unit = label.rpartition(" ")[2]
-        for k, b, a in zip(number, before, after, strict=True):
-            (mark,) = ax.plot([k], [a], "o", markersize=8, alpha=0.0)
-            tip(mark, f"posture {k}: {b:.3g} {unit} before, {a:.3g} {unit} after")
+        words = [
+            f"posture {k}: {b:.3g} {unit} before, {a:.3g} {unit} after"
+            for k, b, a in zip(number, before, after, strict=True)
+        ]
+        Tips(ax, number, after, words)
     if min(before.min(), after.min()) > 0:
         logarithmic(ax)
     ax.set_ylabel(label)
