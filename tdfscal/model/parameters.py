@@ -166,11 +166,10 @@ def nominal(rig: Rig, motions: int = 0) -> State:
 def starting_state(rig: Rig, motions: int = 0) -> State:
     """Return what is known before the postures: the constants by earlier campaigns, if any."""
     state = nominal(rig)
-    if rig.earlier is None:
-        return state
-    known = np.where(constants(rig.n), rig.earlier.vector - vector(state), 0.0)
-    known[: 3 * rig.n] = 0.0
-    return with_motions(replace(retract(state, known), rotation=rig.earlier.rotation), motions)
+    if rig.earlier is not None:
+        known = np.where(constants(rig.n), rig.earlier.vector - vector(state), 0.0)
+        state = replace(retract(state, known), rotation=rig.earlier.rotation)
+    return with_motions(state, motions)
 
 
 def prior_std(rig: Rig, motion: ZeroMotion | None = None) -> FloatArray:

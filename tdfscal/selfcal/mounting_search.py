@@ -88,7 +88,7 @@ def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
 
     mountings : search everywhere, or only about the nominal mounting and the linear solution.
     """
-    start = with_motions(starting_state(rig), postures.motions)
+    start = starting_state(rig, postures.motions)
     everyone, priors = np.ones(len(postures)), Priors(rig, postures.motion)
     at = balance(postures, start, rig.barycentre.value, rig.gravity)
     compressed = statistic(at, everyone)

@@ -1,0 +1,130 @@
+"""Which results the gate accepts, at its limits and on either side of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.acceptance.conformity import assess
+from tdfscal.acceptance.gate import judge
+from tdfscal.model.calibrated import independent
+from tdfscal.numerics import so3
+from tdfscal.records import (
+    DeclaredUncertainty,
+    FloatArray,
+    InputFile,
+    Integrity,
+    Rig,
+    Rotations,
+    UncertainValue,
+)
+
+RIG = replace(
+    simulation.make_rig(),
+    acceptance=replace(simulation.make_rig().acceptance, angle_std=2e-3, birge_max=1.5),
+)
+LEVEL = np.tile(np.eye(3), (3, 1, 1))
+
+
+def rotations(std: FloatArray) -> Rotations:
+    return Rotations(RIG.supports, LEVEL, np.diag(std.ravel() ** 2))
+
+
+FINE = rotations(np.full((3, 3), 1e-3))
+
+
+def test_a_result_at_its_limits_is_accepted() -> None:
+    at_limit = rotations(np.full((3, 3), 2e-3 * (1 - 1e-15)))
+    assert judge(RIG, at_limit, 1.5, used=9, rejected=1) == ()
+
+
+def test_each_turn_above_its_limit_is_a_reason_with_its_support() -> None:
+    std = np.full((3, 3), 1e-3)
+    std[0, 2] = std[2, 1] = 2.1e-3
+    first, second = judge(RIG, rotations(std), 1.0)
+    assert f"yaw of {RIG.supports[0]} has" in first
+    assert "2.1 mrad" in first
+    assert f"pitch of {RIG.supports[2]} has" in second
+
+
+def test_an_unknown_uncertainty_is_above_every_limit() -> None:
+    std = np.full((3, 3), 1e-3)
+    std[1, 0] = np.inf
+    with np.errstate(invalid="ignore"):
+        assert len(judge(RIG, rotations(std), 1.0)) == 1
+    std[1, 0] = np.nan
+    assert len(judge(RIG, rotations(std), 1.0)) == 1
+
+
+def test_sensors_that_are_not_determined_are_not_judged() -> None:
+    std = np.full((3, 3), 1e-3)
+    std[1] = 1.0
+    determined = np.array([True, False, True])
+    assert judge(RIG, rotations(std), 1.0, determined=determined) == ()
+    assert len(judge(RIG, rotations(std), 1.0, determined=~determined)) == 3
+
+
+@pytest.mark.parametrize(
+    ("birge", "used", "rejected", "reasons"),
+    [(1.51, 10, 0, 1), (0.3, 8, 1, 1), (1.0, 18, 2, 0), (1.6, 10, 5, 2), (1.0, 0, 0, 0)],
+)
+def test_residuals_and_rejected_postures(
+    birge: float, used: int, rejected: int, reasons: int
+) -> None:
+    assert len(judge(RIG, FINE, birge, used=used, rejected=rejected)) == reasons
+
+
+@pytest.mark.parametrize(("integrity", "reasons"), [("verified", 0), ("salvaged", 1)])
+def test_a_salvaged_log_is_a_reason(integrity: Integrity, reasons: int) -> None:
+    inputs = [InputFile("a.csv", "0", 1, "verified"), InputFile("b.csv", "0", 1, integrity)]
+    found = judge(RIG, FINE, 1.0, inputs=inputs)
+    assert len(found) == reasons
+    assert all("b.csv" in reason for reason in found)
+
+
+def exact() -> Rig:
+    """All but the angles is exactly what the rig file says."""
+    return replace(
+        RIG,
+        declared=DeclaredUncertainty(),
+        zero=UncertainValue.exact(np.zeros((3, 3))),
+        mass=UncertainValue.exact(RIG.mass.value),
+        barycentre=UncertainValue.exact(RIG.barycentre.value),
+        gravity_tilt_std=0.0,
+    )
+
+
+def test_all_reasons_stand_in_their_order() -> None:
+    std = np.full((3, 3), 1e-3)
+    std[1, 1] = 1.0
+    calibrated = independent(exact(), LEVEL, 1e-6 * np.eye(9))
+    loose, tight = (assess(calibrated, force=limit) for limit in (1e4, 1e-3))
+    damaged = InputFile("a.csv", "0", 1, "salvaged")
+    found = judge(
+        RIG,
+        rotations(std),
+        2.0,
+        used=1,
+        rejected=1,
+        inputs=[damaged],
+        suspicions=("slip", "drift"),
+        conformity=tight,
+    )
+    assert len(found) == 7
+    assert found[4:6] == ("slip", "drift")
+    assert found[6:] == tight.reasons
+    assert judge(RIG, FINE, 1.0, suspicions=("slip",)) == ("slip",)
+    assert judge(RIG, FINE, 1.0, conformity=tight) == tight.reasons
+    assert judge(RIG, FINE, 1.0, conformity=loose) == ()
+
+
+def test_turned_sensors_are_judged_about_the_axes_of_the_base() -> None:
+    """A yaw of 90° swaps what roll and pitch turn about; the covariance stands in the base."""
+    std = np.full((3, 3), 1e-3)
+    std[0, 0] = 3e-3
+    turned = replace(rotations(std), rotation=so3.from_rpy([[0, 0, np.pi / 2], [0] * 3, [0] * 3]))
+    (reason,) = judge(RIG, turned, 1.0)
+    assert f"turn about X of {RIG.supports[0]}" in reason

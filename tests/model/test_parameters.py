@@ -1,0 +1,212 @@
+"""Parameters by their definitions: order, priors, and how a state is moved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.model.parameters import (
+    EVEN_TURN,
+    State,
+    constants,
+    deviation,
+    gravity,
+    layout,
+    nominal,
+    parameter_count,
+    prior_std,
+    retract,
+    rpy_prior_std,
+    sensing,
+    starting_state,
+    symmetric,
+    unmixing,
+    vector,
+    with_motions,
+)
+from tdfscal.model.zero_motion import ZeroMotion
+from tdfscal.numerics import so3
+from tdfscal.records import DeclaredUncertainty, FloatArray, JointPrior, Rig, UncertainValue
+
+RNG = np.random.default_rng(17)
+DECLARED = DeclaredUncertainty(
+    positioner=1e-5,
+    hinge=2e-5,
+    datum=3e-5,
+    force_noise=0.1,
+    force_sensitivity=1e-3,
+    hinge_moment=0.05,
+    compliance_lateral=1e-9,
+    compliance_vertical=2e-9,
+)
+RIG = replace(
+    simulation.make_rig(4),
+    declared=DECLARED,
+    gravity_tilt_std=4e-4,
+    zero=UncertainValue(RNG.normal(size=(4, 3)), RNG.uniform(1, 2, (4, 3))),
+    nominal_rpy=RNG.normal(size=(4, 3)),
+)
+
+
+def state(motions: int = 2) -> State:
+    """A state of four supports away from every special value."""
+    return retract(nominal(RIG, motions), 0.1 * RNG.normal(size=parameter_count(4, motions)))
+
+
+def test_every_parameter_has_one_place() -> None:
+    place = layout(4, 2)
+    assert parameter_count(4, 2) == 18 * 4 + 9 + 3 * 4 * 2
+    assert parameter_count(4) == 18 * 4 + 9
+    covered = np.concatenate([np.arange(s.start, s.stop) for s in place.values()])
+    assert np.array_equal(covered, np.arange(parameter_count(4, 2)))
+
+
+def test_own_quantities_of_a_campaign_are_no_constants() -> None:
+    for motions in (0, 2):
+        own = ~constants(4, motions)
+        place = layout(4, motions)
+        expected = [
+            *range(12, 24),  # zeros
+            place["mass"].start,
+            *range(place["barycentre"].start, place["barycentre"].stop),
+            place["friction"].start,
+            *range(place["drift"].start, place["drift"].stop),
+        ]
+        assert np.array_equal(np.flatnonzero(own), expected)
+
+
+def test_a_step_moves_each_quantity_by_its_own_part() -> None:
+    base, step = state(), 0.1 * RNG.normal(size=parameter_count(4, 2))
+    moved, place = retract(base, step), layout(4, 2)
+    for i in range(4):
+        turn = step[3 * i : 3 * i + 3]
+        assert np.allclose(moved.rotation[i], so3.exp(turn) @ base.rotation[i], rtol=0, atol=1e-14)
+    for name in list(place)[1:]:
+        difference = np.ravel(getattr(moved, name) - getattr(base, name))
+        assert np.allclose(difference, step[place[name]], rtol=0, atol=1e-12), name
+    assert np.allclose(deviation(moved, base), step, rtol=0, atol=1e-11)
+    assert not vector(base)[:12].any()
+
+
+def test_many_steps_at_once_are_the_single_ones() -> None:
+    base, steps = state(), 0.1 * RNG.normal(size=(5, parameter_count(4, 2)))
+    many = retract(base, steps)
+    assert many.n == 4
+    assert many.motions == 2
+    for k, step in enumerate(steps):
+        assert np.allclose(sensing(many)[k], sensing(retract(base, step)), rtol=0, atol=1e-14)
+        one = gravity(retract(base, step), 9.81)
+        assert np.allclose(gravity(many, 9.81)[k], one, rtol=0, atol=1e-13)
+
+
+def test_amplitudes_are_added_once() -> None:
+    still = state(0)
+    assert with_motions(still, 0) is still
+    moving = with_motions(still, 3)
+    assert moving.drift.shape == (3, 4, 3)
+    assert not moving.drift.any()
+    kept = state(2)
+    assert with_motions(kept, 2) is kept
+
+
+def test_symmetric_matrices_in_voigts_order() -> None:
+    xx, yy, zz, yz, xz, xy = voigt = 0.1 * RNG.normal(size=6)
+    S = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    assert np.array_equal(symmetric(voigt), S)
+    assert np.allclose(unmixing(voigt) @ (np.eye(3) + S), np.eye(3), rtol=0, atol=1e-14)
+
+
+def test_gravity_is_turned_by_the_tilt() -> None:
+    """A base turned about x by t feels gravity turned: (0, g sin t, −g cos t)."""
+    base = nominal(RIG)
+    assert np.array_equal(gravity(base, 9.81), [0, 0, -9.81])
+    t = 0.01
+    about_x = gravity(replace(base, tilt=np.array([t, 0.0])), 9.81)
+    assert np.allclose(about_x, [0, 9.81 * np.sin(t), -9.81 * np.cos(t)], rtol=1e-14, atol=1e-14)
+    about_y = gravity(replace(base, tilt=np.array([0.0, t])), 9.81)
+    assert np.allclose(about_y, [-9.81 * np.sin(t), 0, -9.81 * np.cos(t)], rtol=1e-14, atol=1e-14)
+
+
+def stds(rig: Rig, motion: ZeroMotion | None = None) -> dict[str, FloatArray]:
+    motions = 0 if motion is None else len(motion.std)
+    return {k: prior_std(rig, motion)[place] for k, place in layout(rig.n, motions).items()}
+
+
+def test_priors_are_what_the_rig_file_declares() -> None:
+    std = stds(RIG)
+    assert np.isinf(std["rotation"]).all()
+    assert np.array_equal(std["zero"], RIG.zero.std.ravel())
+    assert (std["mass"], *std["barycentre"]) == (RIG.mass.std, *RIG.barycentre.std)
+    for name, value in (("hinge", 2e-5), ("datum", 3e-5), ("tilt", 4e-4)):
+        assert (std[name] == value).all(), name
+    assert np.array_equal(std["compliance"], [1e-9, 2e-9])
+    assert std["drift"].size == 0
+    # n hinges of one direction are as long as n independent moments per axis: (n τ)² = 3 · 0.05².
+    assert 4 * std["friction"][0] == pytest.approx(np.sqrt(3) * 0.05, rel=1e-14)
+
+
+def test_sensitivity_prior_is_that_of_a_symmetrised_matrix() -> None:
+    E = 1e-3 * np.random.default_rng(0).normal(size=(200_000, 3, 3))
+    S = (E + np.swapaxes(E, 1, 2)) / 2
+    drawn = S[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]].std(axis=0)
+    stated = stds(RIG)["sensitivity"].reshape(4, 6)
+    assert np.abs(drawn / stated - 1).max() < 5 / np.sqrt(2 * 200_000)
+
+
+def test_what_is_not_measured_has_no_zero() -> None:
+    axes = np.ones((4, 3), dtype=np.bool_)
+    axes[1, 2] = False
+    motion = ZeroMotion(("time", "walk"), np.zeros((5, 4, 2)), np.array([0.5, 1.0]))
+    std = stds(replace(RIG, axes=axes), motion)
+    zero, drift = std["zero"].reshape(4, 3), std["drift"].reshape(2, 4, 3)
+    assert np.array_equal(zero == 0, ~axes)
+    assert np.array_equal(drift[0], np.where(axes, 0.5, 0.0))
+    assert np.array_equal(drift[1], np.where(axes, 1.0, 0.0))
+
+
+def test_a_sensor_without_all_axes_has_a_turn_spread_over_the_circle() -> None:
+    axes = np.ones((4, 3), dtype=np.bool_)
+    axes[1, 2] = axes[2, 0] = False
+    stated = np.full((4, 3), np.inf)
+    stated[2, 1] = 0.01
+    std = rpy_prior_std(replace(RIG, axes=axes, rpy_std=stated))
+    uniform = np.random.default_rng(1).uniform(-np.pi, np.pi, 400_000).std()
+    assert pytest.approx(uniform, rel=5e-3) == EVEN_TURN
+    assert np.array_equal(std[1], np.full(3, EVEN_TURN))
+    assert np.array_equal(std[2], [EVEN_TURN, 0.01, EVEN_TURN])
+    assert np.isinf(std[[0, 3]]).all()
+
+
+def earlier() -> tuple[Rig, State]:
+    """A rig with knowledge of an earlier campaign, and that campaign's estimate."""
+    estimate = state(0)
+    size = parameter_count(4)
+    prior = JointPrior(estimate.rotation, vector(estimate), np.eye(size), 0.0, 0)
+    return replace(RIG, earlier=prior), estimate
+
+
+def test_constants_start_where_an_earlier_campaign_left_them() -> None:
+    rig, estimate = earlier()
+    start = starting_state(rig, 2)
+    assert np.allclose(start.rotation, estimate.rotation, rtol=0, atol=1e-14)
+    for name in ("sensitivity", "hinge", "datum", "tilt", "compliance"):
+        assert np.allclose(getattr(start, name), getattr(estimate, name), atol=1e-14), name
+    stated = nominal(rig)
+    for name in ("zero", "mass", "barycentre", "friction"):
+        assert np.array_equal(getattr(start, name), getattr(stated, name)), name
+    assert start.drift.shape == (2, 4, 3)
+    alone = starting_state(RIG, 2)
+    assert np.array_equal(alone.rotation, stated.rotation)
+    assert np.array_equal(vector(alone), vector(nominal(RIG, 2)))
+
+
+def test_constants_known_from_earlier_have_no_prior_of_their_own() -> None:
+    rig, _ = earlier()
+    own, known, place = prior_std(RIG), prior_std(rig), constants(4)
+    assert np.isinf(known[place]).all()
+    assert np.array_equal(known[~place], own[~place])
+    exact = prior_std(replace(rig, declared=replace(DECLARED, datum=0.0)))
+    assert not exact[layout(4)["datum"]].any()
