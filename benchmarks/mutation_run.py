@@ -19,6 +19,7 @@ import time
 import traceback
 from collections import defaultdict
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,7 @@ def _failed(which: str) -> list[str]:
 def _reached(file: str) -> tuple[list[str], set[str], float, list[str]]:
     """Failures, functions that a file reaches, its seconds, and the libraries that it loads."""
     reached: set[str] = set()
-    trampoline.record_trampoline_hit = lambda name, caller=None: reached.add(name)
+    vars(trampoline)["record_trampoline_hit"] = lambda name, caller=None: reached.add(name)
     trampoline.set_mutant_under_test("stats")
     begin = time.process_time()
     failed = _failed(file)
@@ -112,7 +113,7 @@ def _verdict(name: str, files: list[str], seconds: dict[str, float], known: list
 
     for which in [*known[:_ASKED_FIRST], *files]:
         limit = _SLOWER * seconds[which.partition("::")[0]] + _GRACE
-        failed = _forked(lambda which=which: task(which), limit)
+        failed = _forked(partial(task, which), limit)
         if failed is None:
             return {"verdict": "no end", "by": which}
         if failed:
@@ -129,7 +130,7 @@ def main() -> None:
         for given in sys.argv[1:]
         for path in (Path(given).rglob("test_*.py") if Path(given).is_dir() else [Path(given)])
     ):
-        failed, reached, seconds[file], loaded = _forked(lambda file=file: _reached(file))
+        failed, reached, seconds[file], loaded = _forked(partial(_reached, file))
         if failed:
             sys.exit(f"{failed[0]} fails without a mutant")
         print(f"  {file}: {seconds[file]:.1f} s", flush=True)

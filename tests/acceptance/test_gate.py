@@ -125,6 +125,6 @@ def test_turned_sensors_are_judged_about_the_axes_of_the_base() -> None:
     """A yaw of 90° swaps what roll and pitch turn about; the covariance stands in the base."""
     std = np.full((3, 3), 1e-3)
     std[0, 0] = 3e-3
-    turned = replace(rotations(std), rotation=so3.from_rpy([[0, 0, np.pi / 2], [0] * 3, [0] * 3]))
+    turned = replace(rotations(std), rotation=so3.from_rpy(np.diag([0, 0, np.pi / 2])[::-1]))
     (reason,) = judge(RIG, turned, 1.0)
     assert f"turn about X of {RIG.supports[0]}" in reason

@@ -113,3 +113,43 @@ def test_batches_keep_their_shape() -> None:
     assert so3.exp(v).shape == (4, 5, 3, 3)
     assert so3.log(so3.exp(v)).shape == so3.to_rpy(so3.exp(v)).shape == (4, 5, 3)
     assert np.allclose(so3.exp(v)[2, 3], so3.exp(v[2, 3]), rtol=0, atol=4 * EPS)
+
+
+def test_where_roll_and_yaw_are_one_turn_the_turns_stand_for_them() -> None:
+    """Less than 1.1° from a pitch of ±90° (cosine 0.02) jacobian and deviations are of turns."""
+    edge = np.arccos(0.02)
+    pitch = np.array([0.0, edge - 1e-6, edge + 1e-6, np.pi / 2, -np.pi / 2, -edge + 1e-6])
+    base = so3.from_rpy(np.stack([0.3 + 0 * pitch, pitch, -0.4 + 0 * pitch], axis=1))
+    stuck = np.array([False, False, True, True, True, False])
+    assert np.array_equal(so3.locked(base), stuck)
+    turn = 1e-3 * RNG.normal(size=(6, 3))
+    R = so3.exp(turn) @ base
+    found = so3.deviations(R, base)
+    assert np.allclose(found[stuck], turn[stuck], rtol=0, atol=1e-15)
+    angles = so3.to_rpy(R) - so3.to_rpy(base)
+    assert np.allclose(found[~stuck], angles[~stuck], rtol=0, atol=1e-12)
+    assert np.array_equal(so3.rpy_jacobian(base)[stuck], np.tile(np.eye(3), (3, 1, 1)))
+    cov = np.diag(np.arange(1.0, 19.0))
+    own = so3.rpy_variance(base, cov).ravel()[np.repeat(stuck, 3)]
+    assert np.array_equal(own, np.arange(1.0, 19.0)[np.repeat(stuck, 3)])
+
+
+def test_deviations_lose_whole_turns() -> None:
+    """From a yaw of 179° to −179° are 2°."""
+    rpy = np.radians([[0, 0, 179.0], [-179.0, 0, 0]])
+    other = np.radians([[0, 0, -179.0], [179.0, 0, 0]])
+    found = so3.deviations(so3.from_rpy(other), so3.from_rpy(rpy))
+    assert np.allclose(found, np.radians([[0, 0, 2], [-2, 0, 0]]), rtol=0, atol=1e-13)
+
+
+def test_whole_numbers_are_angles_and_vectors_too() -> None:
+    assert np.allclose(so3.exp([0, 0, 1]), so3.from_rpy([0, 0, 1]), rtol=0, atol=4 * EPS)
+    assert np.array_equal(so3.hat([1, 2, 3]) @ [4, 5, 6], np.cross([1, 2, 3], [4, 5, 6]))
+    assert so3.wrapped(7) == pytest.approx(7 - 2 * np.pi)
+    assert np.array_equal(so3.project(np.diag([2, 3, 4])), np.eye(3))
+    assert np.allclose(so3.to_rpy([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), [0, 0, np.pi / 2])
+
+
+def test_wrapped_lies_in_the_half_open_circle() -> None:
+    assert so3.wrapped(np.pi) == -np.pi
+    assert so3.wrapped(-np.pi) == -np.pi

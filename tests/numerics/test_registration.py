@@ -1,0 +1,214 @@
+"""Statistics of single points: statistics by leaving them out, probabilities by their laws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from tdfscal.errors import NotIdentifiableError
+from tdfscal.numerics.alignment import align
+from tdfscal.numerics.registration import (
+    LARGEST_MEANINGFUL_STD,
+    Registration,
+    extend,
+    outlier_p_beside,
+    register,
+)
+from tdfscal.records import FloatArray
+
+NOISE = 1e-5
+COV = np.diag([1.0, 2.0, 0.5]) * NOISE**2
+
+
+def points(seed: int, count: int = 7) -> tuple[FloatArray, FloatArray]:
+    """Measured and reference points of one rigid set, with noise."""
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-0.2, 0.2, size=(count, 3))
+    R = Rotation.random(random_state=seed)
+    noise = rng.multivariate_normal(np.zeros(3), COV, size=count)
+    return R.apply(x) + np.array([1.0, -2.0, 0.5]) + noise, x
+
+
+def stacked(cov: FloatArray, count: int) -> FloatArray:
+    return np.tile(cov, (count, 1, 1))
+
+
+def law(fit: Registration, dof: int | None = None, floor: float | None = None) -> FloatArray:
+    """Probability of each point's statistic, by scipy.stats.
+
+    χ² by the stated noise; where the others alone are worse than stated, F against these too.
+    Without stated noise F, and χ² against the least noise there can be.
+    """
+    others = (fit.dof if dof is None else dof) - fit.redundancy
+    rest = (fit.chi2 - fit.statistic) / others
+    against = stats.f.sf(fit.statistic / fit.redundancy / rest, fit.redundancy, others)
+    if floor is not None:
+        own = stats.chi2.sf(fit.statistic / floor, fit.redundancy)
+        return np.asarray(np.maximum(against, own))
+    own = stats.chi2.sf(fit.statistic, fit.redundancy)
+    return np.asarray(np.where(rest > 1, np.maximum(own, against), own))
+
+
+def test_statistic_of_a_point_is_the_fall_of_chi2_without_it() -> None:
+    y, x = points(1)
+    fit = register(y, x, stacked(COV, 7))
+    assert np.array_equal(fit.redundancy, np.full(7, 3))
+    for j in range(7):
+        keep = np.arange(7) != j
+        without = register(y[keep], x[keep], stacked(COV, 6))
+        assert fit.statistic[j] == pytest.approx(fit.chi2 - without.chi2, rel=1e-3)
+
+
+@pytest.mark.parametrize("off", [0.0, 4e-5, 1e-3])
+@pytest.mark.parametrize("worse", [1.0, 3.0])
+def test_outliers_have_the_probability_of_their_law(off: float, worse: float) -> None:
+    """Stated noise, right or three times too small; one point off by nothing to a hundred σ."""
+    y, x = points(2)
+    y[3] += [off, 0, 0]
+    fit = register(y, x, stacked(COV, 7) / worse**2)
+    assert np.allclose(fit.outlier_p, law(fit), rtol=1e-6, atol=1e-300)
+    if off == 1e-3:
+        assert fit.outlier_p.argmin() == 3
+        assert fit.outlier_p[3] < 1e-6
+
+
+def test_outliers_without_a_stated_noise_are_judged_by_the_others() -> None:
+    y, x = points(3)
+    y[3] += [1e-3, 0, 0]
+    fit = register(y, x)
+    assert fit.chi2 == pytest.approx(fit.dof, rel=1e-12)
+    tiny = np.finfo(float).eps ** 2 * np.abs(y).max() ** 2
+    assert fit.sigma is not None
+    assert np.allclose(fit.outlier_p, law(fit, floor=tiny / fit.sigma**2), rtol=1e-6)
+    assert fit.outlier_p[3] < 1e-6
+
+
+def test_a_point_off_by_less_than_the_least_noise_is_no_outlier() -> None:
+    """Residuals of rounding, one of them larger: 1e-4 of what an instrument resolves."""
+    _, x = points(4)
+    exact = Rotation.random(random_state=4).apply(x) + np.array([1.0, -2.0, 0.5])
+    exact[2] += [1e-9, 0, 0]
+    fit = register(exact, x, least=1e-5)
+    assert fit.sigma == pytest.approx(1e-5, rel=1e-6)
+    assert (fit.outlier_p > 0.5).all()
+    assert register(exact, x).outlier_p[2] < 1e-6
+
+
+def test_points_that_show_no_residual_are_no_outliers() -> None:
+    """Alone in its group, a point has its own translation: nothing is left of its error."""
+    y, x = points(5)
+    fit = register(y, x, stacked(COV, 7), None, np.array([0] * 6 + [1]))
+    assert fit.redundancy[6] == 0
+    assert fit.statistic[6] == 0.0
+    assert not fit.normalised[6].any()
+    assert fit.outlier_p[6] == 1.0
+
+
+def test_outliers_beside_further_parameters() -> None:
+    """Brute force: linear least squares with the columns, with and without each point."""
+    y, x = points(6, 9)
+    fit = register(y, x, stacked(COV, 9))
+    centred = x - x.mean(axis=0)
+    columns = np.einsum("ij,njq->niq", fit.rotation, centred[:, :, None] * np.eye(3))
+    y = y + np.einsum("niq,q->ni", columns, [1e-3, -2e-3, 3e-3])
+    y[4] += [0, 2e-4, 0]
+    fit = register(y, x, stacked(COV, 9))
+    found = outlier_p_beside(fit, columns)
+
+    root = np.linalg.cholesky(np.linalg.inv(COV)).T
+    J = root @ np.concatenate([fit.jacobian, -columns], axis=2)
+    e = (root @ fit.residual[..., None])[..., 0]
+
+    def chi2(keep: FloatArray) -> float:
+        rows, rest = J[keep].reshape(-1, 9), e[keep].ravel()
+        step = np.linalg.lstsq(rows, -rest, rcond=None)[0]
+        return float(np.sum((rest + rows @ step) ** 2))
+
+    whole, dof = chi2(np.ones(9, dtype=bool)), 3 * 9 - 9
+    for j in range(9):
+        statistic = whole - chi2(np.arange(9) != j)
+        rest = (whole - statistic) / (dof - 3)
+        own, against = stats.chi2.sf(statistic, 3), stats.f.sf(statistic / 3 / rest, 3, dof - 3)
+        expected = max(own, against) if rest > 1 else own
+        assert found[j] == pytest.approx(expected, rel=1e-5, abs=1e-30)
+    assert found.argmin() == 4
+    assert found[4] < 1e-6
+    # By itself the fit blames its points for the stretch.
+    assert fit.outlier_p.min() > found[4]
+
+
+def test_an_extension_is_the_joint_least_squares() -> None:
+    """Value, covariance and fall of χ² by brute force; the rigid part's covariance grows."""
+    y, x = points(7, 9)
+    fit = register(y, x, stacked(COV, 9))
+    centred = x - x.mean(axis=0)
+    columns = np.einsum("ij,njq->niq", fit.rotation, centred[:, :, None] * np.eye(3)[:, :2])
+    found = extend(fit, columns)
+    assert found is not None
+    root = np.linalg.cholesky(np.linalg.inv(COV)).T
+    J = (root @ np.concatenate([fit.jacobian, -columns], axis=2)).reshape(-1, 8)
+    e = (root @ fit.residual[..., None]).ravel()
+    step = np.linalg.lstsq(J, -e, rcond=None)[0]
+    cov = np.linalg.inv(J.T @ J)
+    assert np.allclose(found.value, step[6:], rtol=1e-6, atol=1e-12)
+    assert np.allclose(found.covariance, cov[6:, 6:], rtol=1e-6)
+    assert np.allclose(found.rigid_covariance, cov[:6, :6], rtol=1e-5)
+    drop = e @ e - np.sum((e + J @ step) ** 2)
+    assert found.chi2_drop == pytest.approx(drop, rel=1e-5)
+
+
+def test_gain_is_how_an_error_of_a_point_moves_the_answer() -> None:
+    y, x = points(8)
+    fit = register(y, x, stacked(COV, 7))
+    for j, i in ((0, 0), (3, 1), (6, 2)):
+        moved = y.copy()
+        moved[j, i] += 1e-6
+        other = register(moved, x, stacked(COV, 7))
+        turn = Rotation.from_matrix(other.rotation @ fit.rotation.T).as_rotvec()
+        shift = other.translation[0] - fit.translation[0]
+        expected = np.concatenate([turn, shift]) / 1e-6
+        assert np.allclose(fit.gain[:, j, i], expected, rtol=1e-3, atol=1e-3)
+
+
+def test_adjusted_points_lie_between_the_two_measurements() -> None:
+    """Equal isotropic noise of both sets: half way in the reference's frame."""
+    y, x = points(9)
+    cov = stacked(np.eye(3) * NOISE**2, 7)
+    fit = register(y, x, cov, cov)
+    back = (y - fit.translation[0]) @ fit.rotation
+    assert np.allclose(fit.adjusted, (x + back) / 2, rtol=0, atol=1e-12)
+    only = register(y, x, cov)
+    assert np.array_equal(only.adjusted, x)
+
+
+def test_a_rotation_of_no_meaning_is_refused_at_its_limit() -> None:
+    """Points beside a line by w know the turn about it to noise / (w √n)."""
+    count = 40
+    line = np.linspace(-1, 1, count)[:, None] * [1.0, 0, 0]
+    side = np.where(np.arange(count) % 2, 1.0, -1.0)[:, None] * [0, 1.0, 0]
+    side -= line * (line[:, 0] @ side[:, 1]) / (line[:, 0] @ line[:, 0])
+    for factor, refused in ((0.9, True), (1.1, False)):
+        width = factor * NOISE / (LARGEST_MEANINGFUL_STD * np.sqrt(count))
+        x = line + width * side
+        cov = stacked(np.eye(3) * NOISE**2, count)
+        if refused:
+            with pytest.raises(NotIdentifiableError):
+                register(x, x, cov)
+        else:
+            std = np.sqrt(register(x, x, cov).rotation_covariance[0, 0])
+            assert std == pytest.approx(LARGEST_MEANINGFUL_STD / factor, rel=0.02)
+
+
+def test_alignment_starts_where_it_is_told_and_converges_at_the_same_place() -> None:
+    y, x = points(10)
+    big = np.diag([3e-3, 1e-5, 1e-5]) ** 2
+    C, D = stacked(COV, 7), stacked(big, 7)
+    own = align(y, x, C, D)
+    start = Rotation.from_rotvec([0.02, -0.01, 0.03]).as_matrix() @ own.rotation
+    told = align(y, x, C, D, start=start)
+    assert own.converged
+    assert told.converged
+    assert np.allclose(own.rotation, told.rotation, rtol=0, atol=1e-10)
+    assert np.allclose(own.residual, y - x @ own.rotation.T - own.translation, rtol=0, atol=1e-14)

@@ -1,0 +1,364 @@
+"""The estimator's sums of squares by brute force, its priors row by row, its answers by oracles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tdfscal import simulation
+from tdfscal.model.earlier import joint_prior
+from tdfscal.model.parameters import (
+    EVEN_TURN,
+    constants,
+    layout,
+    nominal,
+    parameter_count,
+    prior_std,
+    retract,
+)
+from tdfscal.model.postures import postures
+from tdfscal.model.statics import balance, features
+from tdfscal.model.zero_motion import ZeroMotion
+from tdfscal.numerics import so3
+from tdfscal.numerics.information import Information
+from tdfscal.numerics.least_squares import spectrum
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
+from tdfscal.selfcal.covariance import (
+    EARLIER,
+    NOISE,
+    blind_turns,
+    evaluate,
+    faked_information,
+    information_root,
+    quality,
+    without_faked,
+)
+from tdfscal.selfcal.estimator import Priors, at_state, fit, spread, statistic
+from tdfscal.simulation import Options
+
+RNG = np.random.default_rng(41)
+RIG = replace(
+    simulation.reference_rig(),
+    declared=DeclaredUncertainty(1e-5, 2e-5, 5e-5, 0.1, 1e-3, 0.05),
+    gravity_tilt_std=2e-4,
+)
+BATCH = simulation.simulate_dwells(RIG, Options(squeeze=100.0), RNG, 1)
+SEEN = postures(RIG, BATCH.dwells(0))
+SIZE = parameter_count(3)
+
+
+@pytest.fixture(scope="module")
+def off() -> FloatArray:
+    """A step away from the nominal state, of some standard deviations."""
+    std = prior_std(RIG)
+    scale = np.where(np.isfinite(std), std, 0.01)
+    return np.asarray(scale * np.random.default_rng(2).normal(size=SIZE))
+
+
+def test_rows_of_the_priors_are_deviations_over_their_std(off: FloatArray) -> None:
+    std = prior_std(RIG)
+    state = retract(nominal(RIG), off)
+    priors = Priors(RIG)
+    residual, rows = priors(state)
+    held = np.isfinite(std) & (std > 0)
+    assert np.array_equal(priors.active, std > 0)
+    assert np.allclose(residual, (off / np.where(held, std, 1.0))[held], rtol=1e-9)
+    for j, unit in enumerate(np.eye(SIZE)[priors.active]):
+        more, less = (priors(retract(state, s * 1e-6 * unit))[0] for s in (1, -1))
+        assert np.allclose((more - less) / 2e-6, rows[:, j], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("pitch", [0.3, np.pi / 2])
+def test_a_prior_on_angles_is_about_the_nominal_mounting(pitch: float) -> None:
+    """Where roll and yaw are one turn it is on the turns about the axes of the base."""
+    rpy_std = np.full((3, 3), np.inf)
+    rpy_std[0], rpy_std[1, 1] = 0.02, 0.05
+    mounted = np.array([[0.1, pitch, -0.2], [0.2, 0.1, 0.4], [0.0, 0.0, 0.0]])
+    rig = replace(RIG, rpy_std=rpy_std, nominal_rpy=mounted)
+    step = np.zeros(SIZE)
+    step[:9] = turn = 0.01 * np.random.default_rng(5).normal(size=9)
+    state = retract(nominal(rig), step)
+    priors = Priors(rig)
+    residual, rows = priors(state)
+    angles = so3.to_rpy(state.rotation) - mounted
+    first = turn[:3] if pitch > 1 else angles[0]
+    assert np.allclose(residual[-4:-1], first / 0.02, rtol=1e-6, atol=1e-9)
+    assert residual[-1] == pytest.approx(angles[1, 1] / 0.05, rel=1e-9)
+    h = 1e-6
+    for j in range(9):
+        unit = h * np.eye(SIZE)[j]
+        more, less = (priors(retract(state, s * unit))[0][-4:] for s in (1, -1))
+        # A turn after a turn adds to the first order in both.
+        assert np.allclose((more - less) / (2 * h), rows[-4:, j], rtol=1e-4, atol=0.4)
+
+
+def earlier() -> tuple[Rig, FloatArray, FloatArray]:
+    """A rig with knowledge of its constants: estimate's step, information matrix."""
+    free = constants(3) & (prior_std(RIG) > 0)
+    size = int(free.sum())
+    scale = np.where(np.isfinite(prior_std(RIG)), prior_std(RIG), 1e-3)[free]
+    mix = np.eye(size) + 0.1 * np.random.default_rng(8).normal(size=(size, size))
+    matrix = (mix @ mix.T) / np.outer(scale, scale)
+    mean = scale * np.random.default_rng(9).normal(size=size)
+    prior = joint_prior(RIG, nominal(RIG), Information(matrix, matrix @ mean), 30.0, 25)
+    step = np.zeros(SIZE)
+    step[free] = mean
+    return replace(RIG, earlier=prior), step, matrix
+
+
+def test_earlier_campaigns_weigh_with_all_their_information(off: FloatArray) -> None:
+    rig, step, matrix = earlier()
+    estimate = retract(nominal(RIG), step)
+    priors = Priors(rig)
+    free = constants(3) & (prior_std(RIG) > 0)
+    away = np.where(free, off, 0.0)
+    state = retract(estimate, away)
+    residual, rows = priors(state)
+    own = len(priors.held)
+    assert residual[own:] @ residual[own:] == pytest.approx(away[free] @ matrix @ away[free])
+    assert len(residual) - own == int(free.sum())
+    for j, unit in enumerate(np.eye(SIZE)[priors.active]):
+        h = 1e-7
+        more, less = (priors(retract(state, s * h * unit))[0] for s in (1, -1))
+        scale = max(1.0, float(np.abs(rows[:, j]).max()))
+        assert np.abs((more - less) / (2 * h) - rows[:, j]).max() < 1e-5 * scale
+
+
+def test_zeros_that_move_do_not_belong_to_earlier_campaigns() -> None:
+    rig, _, _ = earlier()
+    motion = ZeroMotion(("time",), np.zeros((5, 3, 1)), np.array([0.1]))
+    priors = Priors(rig, motion)
+    state = replace(nominal(rig, 1), drift=np.full((1, 3, 3), 0.2))
+    moved, _ = priors(state)
+    still, _ = priors(replace(state, drift=np.zeros((1, 3, 3))))
+    change = moved - still
+    assert np.allclose(change[np.abs(change) > 0], 2.0, rtol=1e-12)
+    assert np.count_nonzero(change) == 9
+
+
+def test_statistic_is_the_weighted_sum_of_squares(off: FloatArray) -> None:
+    """|S ψ|² = Σ_k w_k e_kᵀ C_k⁻¹ e_k, posture by posture."""
+    state = retract(nominal(RIG), off)
+    at = balance(SEEN, state, RIG.barycentre.value, RIG.gravity)
+    weight = np.random.default_rng(1).uniform(0, 1, len(SEEN))
+    weight[2] = 0.0
+    psi = features(state, at, RIG.gravity)
+    e = at.design @ psi
+    each = np.array([e[k] @ np.linalg.solve(at.cov[k], e[k]) for k in range(len(SEEN))])
+    compressed = statistic(at, weight) @ psi
+    assert compressed @ compressed == pytest.approx(weight @ each, rel=1e-9)
+    found = at_state(RIG, SEEN, state, weight)
+    assert np.allclose(found.distance, each, rtol=1e-8)
+    prior = found.prior_residual
+    assert found.cost == pytest.approx(weight @ each + prior @ prior, rel=1e-9)
+    used = len(SEEN) - 1
+    assert found.rows == 6 * used
+    assert found.dof == 6 * used + len(prior) - int((prior_std(RIG) > 0).sum())
+    stated = quality(found, information_root(found))
+    assert stated.dof == found.dof
+    assert stated.chi2 == found.cost
+    assert stated.p_value == pytest.approx(stats.chi2.sf(found.cost, found.dof), abs=1e-12)
+    assert stated.birge == pytest.approx(np.sqrt(found.cost / found.dof))
+    kept = e[weight > 0]
+    assert stated.rms_force == pytest.approx(np.sqrt((kept[:, :3] ** 2).sum(axis=1).mean()))
+    assert stated.rms_moment == pytest.approx(np.sqrt((kept[:, 3:] ** 2).sum(axis=1).mean()))
+
+
+def test_jacobian_is_the_derivative_of_the_residual(off: FloatArray) -> None:
+    state = retract(nominal(RIG), off)
+    found = at_state(RIG, SEEN, state, np.ones(len(SEEN)))
+    place = layout(3)
+    active = np.flatnonzero(found.active)
+    for group in ("rotation", "zero", "mass", "barycentre"):
+        for j in range(place[group].start, place[group].stop):
+            h = 1e-5 * np.eye(SIZE)[j]
+            more, less = (
+                at_state(RIG, SEEN, retract(state, s * h), np.ones(len(SEEN))).residual
+                for s in (1, -1)
+            )
+            column = found.jacobian[:, :, int(np.searchsorted(active, j))]
+            difference = (more - less) / 2e-5
+            assert np.abs(difference - column).max() < 1e-5 * np.abs(column).max()
+
+
+def test_the_estimate_has_no_slope_and_no_neighbour_below_it() -> None:
+    result = fit(RIG, SEEN, nominal(RIG))
+    assert result.converged
+    assert 0 < result.iterations < 40
+    best = np.ones(len(SEEN))
+    assert np.array_equal(result.weight, best)
+    parts = information_root(result)
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        step = np.zeros(SIZE)
+        step[result.active] = 0.1 * parts.root @ rng.normal(size=parts.root.shape[1])
+        around = [at_state(RIG, SEEN, retract(result.state, s * step), best).cost for s in (1, -1)]
+        assert min(around) > result.cost
+        # A parabola: no slope to a thousandth of its height.
+        assert abs(around[0] - around[1]) < 0.05 * (sum(around) - 2 * result.cost)
+
+
+def test_postures_of_weight_zero_do_not_count() -> None:
+    weight = np.ones(len(SEEN))
+    weight[3:6] = 0.0
+    spoilt = replace(SEEN, force=SEEN.force.copy())
+    spoilt.force[3:6] += 500.0
+    left = fit(RIG, spoilt, nominal(RIG), weight)
+    none = fit(RIG, SEEN.subset(weight > 0), nominal(RIG))
+    turn = so3.log(left.state.rotation @ np.swapaxes(none.state.rotation, 1, 2))
+    assert np.abs(turn).max() < 1e-8
+    assert left.rows == none.rows
+    assert left.dof == none.dof
+    assert quality(left, information_root(left)).rms_force == pytest.approx(
+        quality(none, information_root(none)).rms_force, rel=1e-6
+    )
+
+
+def test_spread_of_chi_square_distances_is_one() -> None:
+    rng = np.random.default_rng(6)
+    for rows in (6, 4):
+        d2 = rng.chisquare(rows, 200_000)
+        assert spread(9 * d2, rows) == pytest.approx(9.0, rel=0.01)
+        assert spread(9 * d2, np.full(200_000, rows)) == pytest.approx(9.0, rel=0.01)
+    assert spread(rng.chisquare(6, 1000) / 100) == 1.0
+    assert spread(np.full(5, 10.0), np.zeros(5, dtype=np.int64)) > 1.0
+
+
+def test_covariance_sources_by_propagating_each() -> None:
+    """Gain times each source's covariance, written out; together the posterior covariance."""
+    result = fit(RIG, SEEN, nominal(RIG))
+    parts = information_root(result)
+    at, posterior = result.at, parts.root @ parts.root.T
+    gain = [
+        posterior @ J.T @ np.linalg.inv(C) for J, C in zip(result.jacobian, at.cov, strict=True)
+    ]
+    moment = np.diag([0, 0, 0, 1, 1, 1]) * RIG.declared.hinge_moment**2
+    by_moment = sum(g @ moment @ g.T for g in gain)[:9, :9]
+    R = result.state.rotation
+    spreads = evaluate(result, parts, 1.0)
+    assert np.allclose(
+        spreads.contributions["hinge friction"], so3.rpy_variance(R, by_moment), rtol=1e-6
+    )
+    by_place = sum(
+        g @ B @ C @ B.T @ g.T for g, B, C in zip(gain, at.noise_turn, at.turn_cov, strict=True)
+    )[:9, :9]
+    assert np.allclose(
+        spreads.contributions["positioner"], so3.rpy_variance(R, by_place), rtol=1e-6
+    )
+    rows = prior_std(RIG)[result.active]
+    inside = np.zeros(SIZE, dtype=bool)
+    inside[layout(3)["zero"]] = True
+    zero = posterior[:9, inside[result.active]] / rows[inside[result.active]]
+    assert np.allclose(spreads.contributions["zero"], so3.rpy_variance(R, zero @ zero.T), rtol=1e-6)
+    assert not spreads.contributions[EARLIER].any()
+    assert np.isinf(spreads.effective_dof).all()
+    assert np.allclose(spreads.coverage_factor, stats.norm.ppf(0.975), rtol=1e-6)
+
+
+def test_degrees_of_freedom_of_a_scaled_noise_are_welch_satterthwaites() -> None:
+    result = fit(RIG, SEEN, nominal(RIG))
+    parts = information_root(result)
+    dof = quality(result, parts).dof
+    for birge, own in ((2.0, False), (1.0, True)):
+        spreads = evaluate(result, parts, birge, noise_from_residuals=own)
+        total = spreads.rpy_std**2
+        noise = sum(spreads.contributions[name] for name in NOISE)
+        expected = dof / (noise / total) ** 2
+        assert np.allclose(spreads.effective_dof, expected, rtol=1e-9)
+        assert np.allclose(spreads.coverage_factor, stats.t.ppf(0.975, expected), rtol=1e-6)
+
+
+def test_an_earlier_campaign_adds_its_degrees_and_its_share() -> None:
+    rig, step, _ = earlier()
+    result = fit(rig, SEEN, retract(nominal(RIG), step))
+    parts = information_root(result)
+    own = quality(result, parts)
+    assert own.chi2 == result.cost
+    assert own.dof == result.rows + len(result.prior_residual) - len(parts.values)
+    assert own.birge == pytest.approx(np.sqrt((result.cost + 30.0) / (own.dof + 25)))
+    spreads = evaluate(result, parts, 2.0)
+    assert (spreads.contributions[EARLIER] > 0).all()
+    noise = sum(spreads.contributions[name] for name in NOISE)
+    expected = (own.dof + 25) / (noise / spreads.rpy_std**2) ** 2
+    assert np.allclose(spreads.effective_dof, expected, rtol=1e-9)
+    assert np.allclose(sum(spreads.contributions.values()), spreads.rpy_std**2, rtol=1e-9)
+
+
+def test_std_of_every_parameter_is_its_place_in_the_posterior() -> None:
+    result = fit(RIG, SEEN, nominal(RIG))
+    parts = information_root(result)
+    std = evaluate(result, parts, 1.0).parameter_std
+    normal = sum(
+        J.T @ np.linalg.solve(C, J) for J, C in zip(result.jacobian, result.at.cov, strict=True)
+    )
+    normal = normal + result.prior_jacobian.T @ result.prior_jacobian
+    scale = 1 / np.sqrt(np.diagonal(normal))
+    inverse = np.linalg.inv(normal * np.outer(scale, scale)) * np.outer(scale, scale)
+    assert np.allclose(std[result.active], np.sqrt(np.diagonal(inverse)), rtol=1e-5)
+    assert not std[~result.active].any()
+
+
+def test_faked_information_is_the_mean_of_what_noise_alone_shows() -> None:
+    """Σ [n]×ᵀ Bᵀ W B [n]× of drawn noise n, averaged."""
+    result = fit(RIG, SEEN, nominal(RIG))
+    result = replace(result, weight=np.where(np.arange(len(SEEN)) < 4, 0.0, 1.0))
+    W = result.at.information * result.weight[:, None, None]
+    draws, rng = 3000, np.random.default_rng(3)
+    total = np.zeros((draws, 9, 9))
+    S = result.state
+    for k in range(len(SEEN)):
+        for i in range(3):
+            X = S.rotation[i] @ np.linalg.inv(
+                np.eye(3) + S.sensitivity[i][[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+            )
+            n = rng.multivariate_normal(np.zeros(3), SEEN.force_cov[k, i], size=draws) @ X.T
+            B = np.concatenate([np.eye(3), so3.hat(result.at.arm[k, i])])
+            lever = B @ so3.hat(n)
+            block = np.swapaxes(lever, 1, 2) @ W[k] @ lever
+            total[:, 3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block
+    found = faked_information(result)
+    scale = np.sqrt(np.outer(np.diagonal(found), np.diagonal(found)))
+    error = np.abs(total.mean(axis=0) - found) / scale
+    assert error.max() < 5 * (total.std(axis=0) / scale).max() / np.sqrt(draws)
+
+
+def test_covariance_without_the_faked_information() -> None:
+    """(Λ − N)⁻¹ Λ (Λ − N)⁻¹, and never more than a turn spread over the circle."""
+    A = RNG.normal(size=(9, 9))
+    information = 1e6 * (A @ A.T + np.eye(9))
+    faked = 0.3 * information[0, 0] * np.diag([0, 0, 0.01, 0, 0.001, 0, 0, 0, 0])
+    C = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    none = np.zeros((0, 9))
+    left = np.linalg.inv(information - faked)
+    expected = left @ information @ left
+    assert np.allclose(without_faked(C, faked, none), expected, rtol=1e-8, atol=1e-14)
+    assert np.allclose(without_faked(C, 0 * faked, none), C, rtol=1e-8, atol=1e-16)
+    everything = without_faked(C, 2 * information, none)
+    assert np.allclose(everything, EVEN_TURN**2 * np.eye(9), rtol=1e-6, atol=1e-6)
+    blind = np.zeros((1, 9))
+    blind[0, 5] = 1.0
+    found = without_faked(C, 0 * faked, blind)
+    assert found[5, 5] == pytest.approx(EVEN_TURN**2, rel=1e-4)
+
+
+def test_blind_turns_are_in_radians_and_longest_one() -> None:
+    J = np.zeros((4, 4))
+    J[:, :2] = RNG.normal(size=(4, 2))
+    J[:, 3] = 100 * RNG.normal(size=4)
+    parts = spectrum(J)
+    blind = blind_turns(parts, np.array([0, 1, 2]))
+    assert np.allclose(np.abs(blind), [[0, 0, 1]], rtol=0, atol=1e-9)
+    seen = spectrum(RNG.normal(size=(6, 4)))
+    assert blind_turns(seen, np.array([0, 1, 2])).shape == (0, 3)
+
+
+def test_a_known_mass_is_no_parameter() -> None:
+    exact = replace(RIG, mass=UncertainValue.exact(RIG.mass.value))
+    result = fit(exact, SEEN, nominal(exact))
+    mass = layout(3)["mass"].start
+    assert not result.active[mass]
+    assert result.state.mass == RIG.mass.value
+    assert result.jacobian.shape[2] == int(result.active.sum())
