@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from tdfscal.model.parameters import State, nominal, starting_state, with_motions
+from tdfscal.model.parameters import State, nominal, starting_state
 from tdfscal.model.statics import Balance, Postures, balance
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
