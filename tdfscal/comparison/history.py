@@ -70,6 +70,11 @@ class Life:
     due: Due
 
     @property
+    def known(self) -> BoolArray:
+        """Sensors (n,) of which any check says anything; the others have no angles."""
+        return np.asarray(self.seen.any(axis=0))
+
+    @property
     def n(self) -> int:
         """Number of sensors."""
         return len(self.supports)
@@ -157,7 +162,7 @@ def live(
         due=_due(
             checks[-1].month,
             rig.acceptance.angle_std,
-            path_std[-1],
+            np.where(seen.any(axis=0)[:, None], path_std[-1], 0.0),
             _pace(watch.alarms, n),
             used,
             walk,

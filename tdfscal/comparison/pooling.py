@@ -30,6 +30,7 @@ from tdfscal.model.parameters import (
     nominal,
     prior_std,
     retract,
+    with_motions,
 )
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.information import Contrast, Information
@@ -235,7 +236,7 @@ def _first_round(
         result, rejected[k] = robust.fit, robust.rejections
         fits[k] = result
         if reference is None or known is None:
-            reference = result.state
+            reference = with_motions(result.state, 0)
             known = stated(Priors(item.rig), reference)
         known = known + eliminate(result, reference).information
     return fits, rejected
@@ -246,7 +247,8 @@ def _known_state(rig: Rig, ordered: Sequence[Recorded], fits: Sequence[Fit | Non
     sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
     largest = fits[int(np.argmax(sizes))]
     moving = [item.estimate.state for item in ordered if item.estimate is not None]
-    return largest.state if largest is not None else [*moving, nominal(rig)][0]
+    state = largest.state if largest is not None else [*moving, nominal(rig)][0]
+    return with_motions(state, 0)
 
 
 def _reduced(

@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.model.parameters import State, constants, prior_std, retract, vector
+from tdfscal.model.parameters import EVEN_TURN, State, constants, prior_std, retract, vector
 from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, JointPrior, Rig
 
 #: A sensor that was mounted anew turns by about this much, rad per axis. Postures are not called
 #: outliers for a turn that all of them share.
 REMOUNTED = 5e-3
+#: A spin known no better than this, rad, is open: nothing linear holds along it.
+_OPEN = 0.3
+#: And is held within this, rad, while the others are sought.
+_PIN = 1e-3
 
 
 def free_constants(rig: Rig) -> BoolArray:
@@ -23,13 +27,25 @@ def free_constants(rig: Rig) -> BoolArray:
 def joint_prior(
     rig: Rig, reference: State, known: Information, chi2: float = 0.0, dof: int = 0
 ) -> JointPrior:
-    """Gaussian of the free constants (C,) about a reference as the prior of a campaign's fit."""
+    """Gaussian of the free constants (C,) about a reference as the prior of a campaign's fit.
+
+    Estimates of a sensor that measures one axis have no common spin axis, and seem to say something
+    of the spin: that is taken from them.
+    """
     free = free_constants(rig)
     step = np.zeros(len(free))
-    step[free] = known.mean
+    mean = known.mean
+    for spin in _open_spins(rig, known, reference.rotation):
+        mean -= spin * (spin @ mean)
+    step[free] = mean
     estimate = retract(reference, step)
+    matrix = known.matrix
+    for spin in _open_spins(rig, known, estimate.rotation):
+        seen = matrix @ spin
+        matrix = matrix - np.outer(seen, seen) / (spin @ seen)
+        matrix += np.outer(spin, spin) / EVEN_TURN**2
     root = np.zeros((int(free.sum()), len(free)))
-    root[:, free] = np.linalg.cholesky(known.matrix).T
+    root[:, free] = np.linalg.cholesky(matrix).T
     return JointPrior(estimate.rotation, vector(estimate), root, chi2, dof)
 
 
@@ -37,6 +53,40 @@ def information_of(rig: Rig, prior: JointPrior) -> Information:
     """Information (C,) of a prior about its own estimate."""
     root = prior.root[:, free_constants(rig)]
     return Information(root.T @ root, np.zeros(root.shape[1]))
+
+
+def _open_spins(rig: Rig, known: Information, rotation: FloatArray) -> FloatArray:
+    """Directions (s, C) of the spins of sensors about the only axis that they measure, BCS.
+
+    Those that nothing knows; rotation : (n, 3, 3), the estimate.
+    """
+    covariance, found = known.covariance, []
+    for i in np.flatnonzero(rig.axes.sum(axis=1) == 1):
+        direction = np.zeros(len(covariance))
+        direction[3 * i : 3 * i + 3] = rotation[i][:, np.argmax(rig.axes[i])]
+        if direction @ covariance @ direction > _OPEN**2:
+            found.append(direction)
+    return np.array(found).reshape(-1, len(covariance))
+
+
+def pinned(rig: Rig) -> Rig:
+    """Return the rig with an earlier knowledge that holds the spins which no posture shows.
+
+    While the balance is linearised about a state, they seem to be shown and wander.
+    """
+    if rig.earlier is None or not np.any(rig.axes.sum(axis=1) == 1):
+        return rig
+    known = information_of(rig, rig.earlier)
+    spins = _open_spins(rig, known, rig.earlier.rotation)
+    return _with_matrix(rig, known.matrix + spins.T @ spins / _PIN**2)
+
+
+def _with_matrix(rig: Rig, matrix: FloatArray) -> Rig:
+    """Return the rig with another information (C, C) about the same earlier estimate."""
+    assert rig.earlier is not None
+    root = np.zeros_like(rig.earlier.root)
+    root[:, free_constants(rig)] = np.linalg.cholesky(matrix).T
+    return replace(rig, earlier=replace(rig.earlier, root=root))
 
 
 def turned(rig: Rig, std: float) -> FloatArray:
@@ -51,6 +101,4 @@ def loosened(rig: Rig) -> Rig:
     if rig.earlier is None:
         return rig
     wide = information_of(rig, rig.earlier).walked(turned(rig, REMOUNTED))
-    root = np.zeros_like(rig.earlier.root)
-    root[:, free_constants(rig)] = np.linalg.cholesky(wide.matrix).T
-    return replace(rig, earlier=replace(rig.earlier, root=root))
+    return _with_matrix(rig, wide.matrix)

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 
 #: Directions with less than this share of the largest information carry none.
 _ROUNDING = 1e-11
+#: Share of what is known of a direction below which nothing was added to it.
+_NEW = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,21 @@ class Information:
         matrix = keep @ self.matrix
         return Information((matrix + matrix.T) / 2, keep @ self.score)
 
+    def without(self, lost: BoolArray) -> Information:
+        """Return what is said of all others where nothing is known of the constants `lost` (C,)."""
+        if not lost.any():
+            return self
+        kept = ~lost
+        scale = np.sqrt(np.maximum(np.diagonal(self.matrix), np.finfo(float).tiny))
+        unit = self.matrix / scale[:, None] / scale
+        inner = np.linalg.pinv(unit[np.ix_(lost, lost)], rcond=_ROUNDING, hermitian=True)
+        give = unit[np.ix_(kept, lost)] @ inner
+        score, out = self.score / scale, nothing(len(lost))
+        rest = unit[np.ix_(kept, kept)] - give @ unit[np.ix_(lost, kept)]
+        out.matrix[np.ix_(kept, kept)] = (rest + rest.T) / 2 * scale[kept, None] * scale[kept]
+        out.score[kept] = (score[kept] - give @ score[lost]) * scale[kept]
+        return out
+
     def scaled(self, birge: float) -> Information:
         """Return the same with all standard deviations multiplied by birge."""
         return Information(self.matrix / birge**2, self.score / birge**2)
@@ -57,12 +74,22 @@ def inverse(matrix: FloatArray) -> FloatArray:
 
 
 def without(whole: Information, part: Information) -> Information:
-    """Take away what was known before; rounding leaves no negative information."""
-    rest = whole - part
-    scale = 1 / np.sqrt(np.diagonal(whole.matrix))
-    values, vectors = np.linalg.eigh(scale[:, None] * rest.matrix * scale)
-    kept = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    return Information(kept / scale[:, None] / scale, rest.score)
+    """Take away what was known before, and all of which next to nothing is new.
+
+    An estimate is settled to a small share of its uncertainty: more than that is no information,
+    and rounding leaves none that is negative.
+    """
+    here = np.diagonal(whole.matrix) > 0
+    scale = 1 / np.sqrt(np.diagonal(whole.matrix)[here])
+    rest, out = whole - part, nothing(len(here))
+    lower = np.linalg.cholesky(scale[:, None] * whole.matrix[np.ix_(here, here)] * scale)
+    half = np.linalg.solve(lower, scale[:, None] * rest.matrix[np.ix_(here, here)] * scale)
+    share, vectors = np.linalg.eigh(np.linalg.solve(lower, half.T))
+    new = share > _NEW
+    back = lower @ vectors[:, new] / scale[:, None]
+    out.matrix[np.ix_(here, here)] = (back * share[new]) @ back.T
+    out.score[here] = back @ (vectors[:, new].T @ np.linalg.solve(lower, scale * rest.score[here]))
+    return out
 
 
 def nothing(size: int) -> Information:

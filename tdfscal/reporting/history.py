@@ -132,7 +132,13 @@ def _angles(life: Life) -> Table:
             f"{1e3 * (life.path[-1, i, j] - life.path[0, i, j]):+.3f}".replace("-", "−"),
         )
         for i, name in enumerate(life.supports)
+        if life.known[i]
         for j in range(3)
+    )
+    rows += tuple(
+        (name, "undetermined", "", "")
+        for name, known in zip(life.supports, life.known, strict=True)
+        if not known
     )
     caption = f"Smoothed angles at the last check, mrad; expanded uncertainty, k = {k:g}"
     return Table(caption, ("sensor", "angle", "now", "since the first"), rows, left=2)
@@ -172,9 +178,9 @@ def document(life: Life, alarms: tuple[Alarm, ...]) -> dict[str, Any]:
                 "date": day(life.month[k]),
                 "rpy": _where(life.rpy[k], life.seen[k]),
                 "rpy_std": _where(life.rpy_std[k], life.seen[k]),
-                "path_rpy": life.path[k].tolist(),
-                "path_rpy_std": life.path_std[k].tolist(),
-                "mean_rpy": life.mean[k].tolist(),
+                "path_rpy": _where(life.path[k], life.known),
+                "path_rpy_std": _where(life.path_std[k], life.known),
+                "mean_rpy": _where(life.mean[k], life.known),
                 "limit_rpy": _where(life.limit[k], life.seen[k]),
                 "p_value": life.smallest[k].tolist(),
                 "level": float(life.level[k]),

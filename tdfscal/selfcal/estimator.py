@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.model.earlier import pinned
 from tdfscal.model.parameters import (
     State,
     constants,
@@ -218,7 +219,7 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     Whether it settled stands in the result: where the data leave a direction open the iteration
     may wander along it, and the verdict on what is observable has to come first.
     """
-    priors = Priors(rig, postures.motion)
+    priors = Priors(pinned(rig), postures.motion)
     weight = np.ones(len(postures)) if weight is None else weight
     state, iterations, converged = with_motions(start, postures.motions), 0, False
     for _ in range(_PASSES):

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.life import campaign_document, instant
@@ -18,7 +17,7 @@ from tdfscal.model.calibrated import with_rotations
 from tdfscal.model.earlier import free_constants, joint_prior, turned
 from tdfscal.model.parameters import State
 from tdfscal.numerics.information import Information
-from tdfscal.records import JointPrior, Measured, Rig
+from tdfscal.records import BoolArray, FloatArray, JointPrior, Measured, Rig
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.recorded_once import Recording
@@ -91,17 +90,10 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     Raises DataError, UsageError where it is none, or cannot be read.
     """
     name, file = read_source(source)
-    if not file.determined.all():
-        raise UsageError(
-            "leaves a sensor undetermined: nothing can stand on it",
-            where=name,
-            hint="give its campaigns to calibrate, or monitor, together",
-        )
     known = calibrated(file, name)
-    n = known.rig.n
     covariance = known.covariance
     if file.parameters is not None and file.parameters.unscaled is not None:
-        covariance = with_rotations(covariance, 3 * n, np.array(file.parameters.unscaled))
+        covariance = _unscaled(covariance, file.determined, np.array(file.parameters.unscaled))
     free = free_constants(known.rig)
     size = len(free)
     own = covariance[:size, :size][np.ix_(free, free)]
@@ -120,6 +112,16 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         chi2=sum(fit.chi2 for fit in fits),
         dof=sum(fit.dof for fit in fits),
     )
+
+
+def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:
+    """Covariance (P, P) with that of the determined sensors' turns replaced by their own."""
+    stand = np.zeros(len(covariance), dtype=np.bool_)
+    stand[: 3 * len(determined)] = np.repeat(determined, 3)
+    order = np.argsort(~stand, kind="stable")  # with_rotations replaces the first block
+    back = np.argsort(order)
+    moved = with_rotations(covariance[np.ix_(order, order)], int(stand.sum()), own)
+    return np.asarray(moved[np.ix_(back, back)])
 
 
 def _measured(file: CalibrationFile) -> Measured:
@@ -151,6 +153,7 @@ def _alone(earlier: Earlier) -> dict[str, Any]:
         [entry.record() for entry in file.inputs],
         earlier.state,
         replace(std, **stds),
+        earlier.rig.axes,
         postures=0 if file.fit is None else file.fit.postures,
         chi2=earlier.chi2,
         dof=earlier.dof,

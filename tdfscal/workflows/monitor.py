@@ -14,7 +14,7 @@ import numpy as np
 from tdfscal.comparison.control_chart import Alarm, Check
 from tdfscal.comparison.eliminated import stated
 from tdfscal.comparison.history import Life, live
-from tdfscal.comparison.pooling import pool
+from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
@@ -24,7 +24,7 @@ from tdfscal.logs import is_log
 from tdfscal.model.earlier import free_constants, turned
 from tdfscal.model.parameters import State, deviation
 from tdfscal.numerics.information import Information, without
-from tdfscal.records import ANGLES, Rig
+from tdfscal.records import ANGLES, BoolArray, Rig
 from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import one
@@ -109,6 +109,7 @@ class MonitorResult(Result):
             )
             for k, check in enumerate(life.names)
             for i, name in enumerate(life.supports)
+            if life.known[i]
             for j, angle in enumerate(ANGLES)
         ]  # fmt: skip
         names = ["check", "date", "support", "angle", "value", "std", "path", "path_std"]
@@ -177,7 +178,7 @@ def monitor(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
-        _warnings(known, reads),
+        _warnings(life, known, reads),
     )
     result.save_figures(figures, progress)
     if page is not None:
@@ -232,14 +233,17 @@ def _one_rig(known: Sequence[Earlier], reads: Sequence[Read]) -> Rig:
 def _life(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: float) -> Life:
     checks: list[Check] = []
     chi2, dof = 0.0, 0
+    reference: State | None = None
     if reads:
         pooled = pool([recorded(read) for read in reads])
-        reference = pooled.reference
-        checks += [Check(m.name, m.month, m.own) for m in pooled.members]
+        reference, told = pooled.reference, _determined(rig, pooled, reads)
+        lost = _turns_but(rig, told)
+        for m in pooled.members:
+            own = _said(m.own + pooled.prior, pooled.prior, lost) if lost.any() else m.own
+            checks.append(Check(m.name, m.month, own))
         chi2 += sum(m.within[0] for m in pooled.members)
         dof += sum(m.within[1] for m in pooled.members)
-    else:
-        reference = known[0].state
+    reference = _common(reference, told if reads else None, known)
     prior = stated(Priors(rig), reference)
     hashes = {e.sha256: e for e in known}
     for e in known:
@@ -250,13 +254,41 @@ def _life(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: float
     return live(rig, reference, prior, checks, rate=rate, fit=(chi2, dof))
 
 
+def _determined(rig: Rig, pooled: Pool, reads: Sequence[Read]) -> BoolArray:
+    """Sensors (n,) that campaigns together determine, or that lack no axis in any of them."""
+    whole = np.all([read.campaign.rig.rig.axes.all(axis=1) for read in reads], axis=0)
+    last = pooled.posterior(rig, len(pooled.members) - 1)
+    std = np.sqrt(np.diagonal(last.covariance)[: 3 * rig.n]).reshape(-1, 3)
+    return np.asarray(whole | (std.max(axis=1) < rig.acceptance.identifiable))
+
+
+def _turns_but(rig: Rig, determined: BoolArray) -> BoolArray:
+    """Places (C,) of the turns of sensors that nothing determines."""
+    lost = np.zeros(int(free_constants(rig).sum()), dtype=np.bool_)
+    lost[: 3 * rig.n] = np.repeat(~determined, 3)
+    return lost
+
+
+def _common(pooled: State | None, told: BoolArray | None, known: Sequence[Earlier]) -> State:
+    """Constants from which all checks count: each sensor's turns where something determines it."""
+    if pooled is None:
+        pooled, told, known = known[0].state, known[0].file.determined, known[1:]
+    assert told is not None
+    rotation, told = pooled.rotation.copy(), told.copy()
+    for e in known:
+        new = e.file.determined & ~told
+        rotation[new], told = e.state.rotation[new], told | new
+    return replace(pooled, rotation=rotation)
+
+
 def _own(
     rig: Rig, e: Earlier, known: dict[str, Earlier], reference: State, prior: Information
 ) -> Information:
     """What a calibration's own data say, without what was known before them."""
     here = _about(rig, e, reference)
+    told = e.file.determined
     if not e.file.history:
-        return without(here, prior)
+        return _said(here, prior, _turns_but(rig, told))
     base = known.get(e.file.history[-1].sha256)
     if base is None:
         if min(o.measured.month for o in known.values()) < e.measured.month:
@@ -265,10 +297,17 @@ def _own(
                 where=e.name,
                 hint="name every calibration since the first, or campaigns instead",
             )
-        return without(here, prior)
+        return _said(here, prior, _turns_but(rig, told))
     gap = max(e.measured.month - base.measured.month, 0.0)
     before = _about(rig, base, reference)
-    return without(here, before.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap)))))
+    lost = _turns_but(rig, told & base.file.determined)
+    before = before.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap))))
+    return _said(here, before, lost)
+
+
+def _said(now: Information, before: Information, lost: BoolArray) -> Information:
+    """What was added to what was known before, of all constants but those that are lost (C,)."""
+    return without(now.without(lost), before.without(lost))
 
 
 def _about(rig: Rig, e: Earlier, reference: State) -> Information:
@@ -288,7 +327,7 @@ def _papers(rig: Rig) -> tuple[str, ...]:
     )
 
 
-def _warnings(known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[str, ...]:
+def _warnings(life: Life, known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[str, ...]:
     found = [f"{e.name} was rejected by the quality gate" for e in known if not e.file.accepted]
     found += [
         f"{name}: nothing says when it was recorded; the date of its file stands for it"
@@ -298,4 +337,13 @@ def _warnings(known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[str, ...
         ]
         if source == "file"
     ]
+    never = [name for name, told in zip(life.supports, life.known, strict=True) if not told]
+    found += [
+        f"{name}: no check determines the mounting of its sensor, which lacks an axis; it has no "
+        "angles, and its turn raises no alarm"
+        for name in never
+    ]
+    for e in known:
+        if silent := [name for name in e.file.undetermined if name not in never]:
+            found.append(f"{e.name} leaves {', '.join(silent)} undetermined and says nothing of it")
     return tuple(found)

@@ -270,6 +270,7 @@ def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any]
                 read.inputs,
                 state,
                 std,
+                read.campaign.rig.rig.axes,
                 postures=used,
                 chi2=member.chi2,
                 dof=max(member.dof, 0),

@@ -164,6 +164,7 @@ def _updated(
         read.inputs,
         state,
         _as_state(state, std),
+        rig.axes,
         postures=own.dwells if isinstance(own, MotionCalibration) else int(sum(own.fit.weight > 0)),
         chi2=chi2,
         dof=dof,

@@ -210,7 +210,7 @@ def _self_parts(
         "validation": statistics.validation(result),
         "stability": result.stability,
         "conformity": statistics.conformity(result.conformity),
-        **({} if result.estimator == "linear" or origin.campaigns else nuisance_documents(result)),
+        **({} if result.estimator == "linear" else nuisance_documents(result)),
     }
 
 

@@ -10,19 +10,18 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, StringConstraints, model_validator
 
-from tdfscal.files.calibration.parts import Input, OpenStds, TerminalResult
+from tdfscal.files.calibration.parts import Input, OpenAngles, OpenStds, TerminalResult
 from tdfscal.files.field_types import (
     Count,
     NotNegative,
     Sha256,
     Strict,
     Text,
-    Vectors,
     fault,
     from_numpy,
 )
 from tdfscal.model.parameters import State
-from tdfscal.records import FloatArray, InputFile, Measured
+from tdfscal.records import BoolArray, FloatArray, InputFile, Measured
 
 Instant = Annotated[
     str,
@@ -50,12 +49,15 @@ class MeasuredResult(Strict):
 
 
 class CampaignResult(Strict):
-    """One of several campaigns: zeros in N and load are its own; χ² and dof that it added."""
+    """One of several campaigns: zeros in N and load are its own; χ² and dof that it added.
+
+    Zeros are null for axes that its sensors did not measure.
+    """
 
     name: Text
     measured: MeasuredResult | None = None
     inputs: tuple[Input, ...]
-    zero: Vectors
+    zero: tuple[OpenAngles, ...]
     zero_std: Annotated[tuple[OpenStds, ...], BeforeValidator(from_numpy)]
     terminal: TerminalResult
     postures: Count
@@ -97,12 +99,22 @@ def campaign_document(
     inputs: Sequence[InputFile],
     state: State,
     std: State,
+    axes: BoolArray,
     *,
     postures: int,
     chi2: float,
     dof: int,
 ) -> dict[str, Any]:
-    """The block of one campaign; std : standard uncertainties, ∞ where there is none."""
+    """The block of one campaign; std : standard uncertainties, ∞ where there is none.
+
+    axes : (n, 3), which it measured.
+    """
+
+    def measured_only(values: FloatArray) -> list[list[Any]]:
+        return [
+            [value if there else None for value, there in zip(finite(row), of, strict=True)]
+            for row, of in zip(values, axes, strict=True)
+        ]
 
     def finite(values: FloatArray) -> list[Any]:
         return [float(s) if np.isfinite(s) else None for s in values]
@@ -113,8 +125,8 @@ def campaign_document(
         "inputs": [
             {key: value for key, value in asdict(f).items() if value is not None} for f in inputs
         ],
-        "zero": state.zero,
-        "zero_std": [finite(row) for row in std.zero],
+        "zero": measured_only(state.zero),
+        "zero_std": measured_only(std.zero),
         "terminal": {
             "mass": {"value": float(state.mass), "std": finite(np.reshape(std.mass, 1))[0]},
             "barycenter": {"value": state.barycentre, "std": finite(std.barycentre)},

@@ -36,8 +36,8 @@ _CROWDED = 60
 
 
 def draw(life: Life) -> tuple[Drawing, ...]:
-    """One figure per sensor: three angles, and how surprising each check was."""
-    return tuple(_of(life, i) for i in range(life.n))
+    """One figure per sensor that is known: three angles, and how surprising each check was."""
+    return tuple(_of(life, int(i)) for i in np.flatnonzero(life.known))
 
 
 def date_of(month: float) -> datetime:

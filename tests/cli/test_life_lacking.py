@@ -1,0 +1,146 @@
+"""A rig whose channels die: calibrated, updated and monitored as users run it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.records import Drift, Rig
+from tdfscal.simulation import Recorder, reference_rig
+from tests.cli.running import run
+
+#: The scenario turns a sensor in the sixth.
+MONTHS = 8
+
+
+def lacking() -> Rig:
+    """The reference rig whose third sensor measures only along its axis."""
+    axes = np.ones((3, 3), dtype=np.bool_)
+    axes[2, :2] = False
+    return replace(reference_rig(), axes=axes)
+
+
+@pytest.fixture(scope="module")
+def months(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Path]]:
+    """The same months, read by all channels and by those that are left."""
+    found = {}
+    for name, rig in (("whole", reference_rig()), ("lacking", lacking())):
+        folder = tmp_path_factory.mktemp("rig") / name
+        simulate_to_folder(
+            folder, rig, "months", postures=8, months=MONTHS, seed=4, rows="postures",
+            recorder=Recorder(mean_sd=0.0),
+        )  # fmt: skip
+        found[name] = sorted(p for p in folder.iterdir() if p.is_dir())
+    return found
+
+
+def calibrated(capsys: pytest.CaptureFixture[str], path: Path, *folders: Path) -> dict[str, Any]:
+    done = run(capsys, "calibrate", *folders, "--trials", 0, "-o", path, "-q")
+    assert done.status == 0, done.out
+    content: dict[str, Any] = json.loads(path.read_text())
+    return content
+
+
+def monitored(capsys: pytest.CaptureFixture[str], status: int, *arguments: object) -> Any:
+    done = run(capsys, "monitor", *arguments, "--json", "-q")
+    assert done.status == status, done.out + done.err
+    return json.loads(done.out)
+
+
+def truth(folder: Path) -> list[Any]:
+    return [s["rpy"] for s in yaml.safe_load((folder / "truth.yaml").read_text())["supports"]]
+
+
+def test_an_undetermined_sensor_stays_null_in_pool_and_update(
+    months: dict[str, list[Path]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = months["lacking"][:3]
+    pooled = calibrated(capsys, tmp_path / "pooled.json", *folders)
+    last = tmp_path / "0.json"
+    calibrated(capsys, last, folders[0])
+    for k, folder in enumerate(folders[1:], 1):
+        new = tmp_path / f"{k}.json"
+        done = run(capsys, "update", last, folder, "--trials", 0, "-o", new, "-q")
+        assert done.status == 0, done.out
+        last = new
+    updated = json.loads(last.read_text())
+    true = truth(folders[-1])
+    for ours, theirs, real in zip(updated["supports"], pooled["supports"], true, strict=True):
+        if ours["name"] == "ncp3":
+            assert ours["rotation"] is None is theirs["rotation"]
+            continue
+        assert np.abs(np.array(ours["rpy"]) - theirs["rpy"]).max() < 1e-6
+        assert np.all(np.abs(np.array(ours["rpy"]) - real) < 4 * np.array(ours["rpy_std"]))
+    for campaign in (*pooled["campaigns"], *updated["campaigns"]):
+        for key in ("zero", "zero_std"):
+            assert [value is None for value in campaign[key][2]] == [True, True, False]
+    assert any("ncp3" in warning for warning in updated["warnings"])
+    (result,) = [monitored(capsys, 0, *(tmp_path / f"{k}.json" for k in range(3)))]
+    assert all(check["path_rpy"][2] is None for check in result["checks"])
+    assert any(warning.startswith("ncp3: no check") for warning in result["warnings"])
+
+
+def test_a_sensor_determined_in_one_campaign_keeps_its_angles(
+    months: dict[str, list[Path]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two channels die after the first campaign, which still tells how the sensor is mounted."""
+    mixed = [months["whole"][0], *months["lacking"][1:3]]
+    found = calibrated(capsys, tmp_path / "mixed.json", *mixed)
+    first = calibrated(capsys, tmp_path / "first.json", mixed[0])
+    third, alone = found["supports"][2], first["supports"][2]
+    assert np.all(np.array(third["rpy_std"]) <= 1.05 * np.array(alone["rpy_std"]))
+    away = np.abs(np.array(third["rpy"]) - truth(mixed[-1])[2])
+    assert np.all(away < 4 * np.array(third["rpy_std"]))
+    assert [value is None for value in found["campaigns"][0]["zero"][2]] == [False] * 3
+    assert [value is None for value in found["campaigns"][1]["zero"][2]] == [True, True, False]
+    calibrated(capsys, tmp_path / "second.json", mixed[1])
+    result = monitored(capsys, 0, tmp_path / "first.json", tmp_path / "second.json")
+    assert all(check["path_rpy"][2] is not None for check in result["checks"])
+    assert [check["rpy"][2] is None for check in result["checks"]] == [False, True]
+    assert any("leaves ncp3 undetermined" in warning for warning in result["warnings"])
+
+
+def test_the_others_are_watched(
+    months: dict[str, list[Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The scenario turns the second sensor in the sixth month."""
+    (alarm,) = monitored(capsys, 1, *months["lacking"])["alarms"]
+    assert (alarm["kind"], alarm["support"]) == ("step", "ncp2")
+
+
+def test_pooled_campaigns_say_how_zeros_drift_and_supports_give(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = reference_rig()
+    declared = replace(rig.declared, compliance_lateral=1e-7, compliance_vertical=1e-7)
+    rig = replace(rig, drift=Drift(time=0.5 / 3600), declared=declared)
+    simulate_to_folder(
+        tmp_path / "months", rig, "months", postures=8, months=6, seed=5, rows="postures",
+        recorder=Recorder(mean_sd=0.0),
+    )  # fmt: skip
+    folders = sorted(p for p in (tmp_path / "months").iterdir() if p.is_dir())[:2]
+    found = calibrated(capsys, tmp_path / "pooled.json", *folders)
+    assert np.shape(found["drift"]["time"]["value"]) == (3, 3)
+    one = calibrated(capsys, tmp_path / "one.json", folders[-1])
+    for way in ("lateral", "vertical"):
+        both, alone = (file["compliance"][way]["std"] for file in (found, one))
+        assert 0 < both < alone
+    done = run(capsys, "update", tmp_path / "one.json", folders[0], "--trials", 0, "-q")
+    assert done.status == 2  # it is older
+    calibrated(capsys, tmp_path / "first.json", folders[0])
+    new = tmp_path / "new.json"
+    done = run(
+        capsys, "update", tmp_path / "first.json", folders[1], "--trials", 0, "-o", new, "-q"
+    )
+    assert done.status == 0, done.out + done.err
+    updated = json.loads(new.read_text())
+    assert updated["compliance"]["lateral"]["std"] == pytest.approx(
+        found["compliance"]["lateral"]["std"], rel=0.01
+    )
