@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,10 +36,16 @@ def day(month: float) -> str:
     return f"{date_of(month):%Y-%m-%d}"
 
 
+def short(names: Sequence[str]) -> tuple[str, ...]:
+    """The files' names without their folders, where these still tell one from another."""
+    last = tuple(PurePath(name).name for name in names)
+    return last if len(set(last)) == len(last) else tuple(names)
+
+
 def sentence(life: Life, alarm: Alarm) -> str:
     """One alarm in words."""
     since, raised = day(life.month[alarm.onset]), day(life.month[alarm.raised])
-    tail = f"({life.names[alarm.onset]}; p = {probability(alarm.p_value)})"
+    tail = f"({short(life.names)[alarm.onset]}; p = {probability(alarm.p_value)})"
     if alarm.sensor is None:
         return (
             f"on {raised} the sensors together depart from all before, and the turn of no single "
@@ -146,7 +154,7 @@ def _angles(life: Life) -> Table:
 
 def _checks(life: Life) -> Table:
     rows = []
-    for k, name in enumerate(life.names):
+    for k, name in enumerate(short(life.names)):
         worst = int(np.argmin(life.smallest[k]))
         rows.append(
             (

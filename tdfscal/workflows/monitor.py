@@ -25,6 +25,7 @@ from tdfscal.model.earlier import free_constants, turned
 from tdfscal.model.parameters import State, deviation
 from tdfscal.numerics.information import Information, without
 from tdfscal.records import ANGLES, BoolArray, Rig
+from tdfscal.reporting.layout import LISTED
 from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import one
@@ -328,15 +329,22 @@ def _papers(rig: Rig) -> tuple[str, ...]:
 
 
 def _warnings(life: Life, known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[str, ...]:
-    found = [f"{e.name} was rejected by the quality gate" for e in known if not e.file.accepted]
-    found += [
-        f"{name}: nothing says when it was recorded; the date of its file stands for it"
+    rejected = [e.name for e in known if not e.file.accepted]
+    dated = [
+        name
         for name, source in [
             *((e.name, e.measured.source) for e in known),
             *((r.name, r.measured.source) for r in reads),
         ]
         if source == "file"
     ]
+    found = []
+    if rejected:
+        found.append(f"rejected by the quality gate: {_some(rejected)}")
+    if dated:
+        found.append(
+            f"nothing says when it was recorded, and the file's date stands for it: {_some(dated)}"
+        )
     never = [name for name, told in zip(life.supports, life.known, strict=True) if not told]
     found += [
         f"{name}: no check determines the mounting of its sensor, which lacks an axis; it has no "
@@ -347,3 +355,9 @@ def _warnings(life: Life, known: Sequence[Earlier], reads: Sequence[Read]) -> tu
         if silent := [name for name in e.file.undetermined if name not in never]:
             found.append(f"{e.name} leaves {', '.join(silent)} undetermined and says nothing of it")
     return tuple(found)
+
+
+def _some(names: Sequence[str]) -> str:
+    """Names, the first ones of many."""
+    more = len(names) - LISTED
+    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")

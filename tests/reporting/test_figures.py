@@ -16,7 +16,8 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.figures import drawings, style
+from tdfscal.files.calibration.motion import MotionSpectrum
+from tdfscal.reporting.figures import drawings, spectrum, style
 from tdfscal.reporting.figures.rig import clear_view, magnification
 from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg
 from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
@@ -190,6 +191,21 @@ def test_text_from_files_is_never_taken_for_mathematics() -> None:
     content["fit"]["rejected"][0]["reason"] = r"$\frac{1}{ <b>x_2$ \undefined"
     timeline = {d.name: d for d in drawings(Calibration.model_validate(content))}["timeline"]
     assert "<b>" not in to_svg(timeline)
+
+
+def test_logarithmic_axes_have_plain_numbers() -> None:
+    """Names are never taken for mathematics, so that matplotlib's own powers would be raw text."""
+    f = tuple(np.geomspace(0.01, 10, 20))
+    with look():
+        fig = spectrum._paint(
+            MotionSpectrum(frequency=f, before=f, after=f, force_noise=f, position_noise=f), 3
+        )
+        FigureCanvasAgg(fig).draw()  # type: ignore[no-untyped-call]
+        shown = [
+            t.get_text() for t in fig.axes[0].get_xticklabels() + fig.axes[0].get_yticklabels()
+        ]
+    assert {"0.1", "1", "10"} <= set(shown)
+    assert not any("$" in text for text in shown)
 
 
 def test_many_postures_stay_small() -> None:

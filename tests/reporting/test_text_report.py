@@ -14,6 +14,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.log_time import clock
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
+from tdfscal.reporting.history import short
 from tdfscal.reporting.html import render_page
 from tdfscal.reporting.terminal import show, show_on
 from tdfscal.reporting.text import render as as_text
@@ -151,3 +152,8 @@ def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPat
         assert re.search(rf"yaw +{1e3 * yaw:.3f} +\+20\.000 ", plain)
         assert max(map(len, plain.splitlines())) <= 80
     assert "+20.000" in render_page(changed(c, rig=rig))
+
+
+def test_a_history_names_files_by_what_tells_them_apart() -> None:
+    assert short(["2025/may.yaml", "2025/june.yaml"]) == ("may.yaml", "june.yaml")
+    assert short(["may/c.yaml", "june/c.yaml"]) == ("may/c.yaml", "june/c.yaml")

@@ -63,7 +63,7 @@ def _scores(table: PostureTable, *std: tuple[tuple[float, float, float], ...]) -
 
 
 def _paint(number: IntArray, score: FloatArray, value: FloatArray) -> Figure:
-    fig = figure(3.6)
+    fig = figure(3.1)
     pixels = raster(score.size // 2)
     panels = fig.subplots(2, 1, sharex=True)
     for ax, columns, what, unit in (

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import BLUE, GREY, INK, RED, Drawing, figure, tip
+from tdfscal.reporting.figures.style import BLUE, GREY, INK, RED, Drawing, figure, logarithmic, tip
 from tdfscal.selfcal.observability import Angle, Observability
 
 #: rad; a turn no better known than this is not known at all.
@@ -50,9 +50,8 @@ def _paint(seen: Observability, limit: float) -> Figure:
         f"limit {1e3 * limit:.3g} mrad", (1e3 * limit, 1.0), xycoords=("data", "axes fraction"),
         xytext=(3, 3), textcoords="offset points", fontsize=7.5,
     )  # fmt: skip
-    ax.set_xscale("log")
+    logarithmic(ax, "x")
     ax.set_xlim(left, 4e3 * _OPEN)
-    ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     ax.set_yticks(place, [angle.name for angle in angles])
     ax.tick_params(axis="y", length=0, labelcolor=INK)
     ax.invert_yaxis()

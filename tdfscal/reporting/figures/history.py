@@ -31,6 +31,8 @@ from tdfscal.significance import COVERAGE_FACTOR
 
 Dates = npt.NDArray[np.object_]
 _DAYS = 30.4375
+#: A path that moves by less is said to rest, mrad.
+_STILL = 1e-3
 #: From this many checks on their whiskers would be a hedge: points alone.
 _CROWDED = 60
 
@@ -58,6 +60,8 @@ def _of(life: Life, i: int) -> Drawing:
 
 def _calm(life: Life, i: int) -> str:
     change = 1e3 * float(np.abs(life.path[-1, i] - life.path[0, i]).max())
+    if change < _STILL:
+        return "No alarm; the path does not move between the first and the last check."
     return f"No alarm; between the first and the last check the path moves by {change:.2g} mrad."
 
 

@@ -49,7 +49,7 @@ def of(table: PostureTable) -> Drawing | None:
 
 def paint(number: IntArray, before: FloatArray, after: FloatArray, said: str) -> Figure:
     """Draw lengths (K, 2) of force and moment, N and N·m; said : what `after` is."""
-    fig = figure(4.0)
+    fig = figure(3.3)
     top, bottom = fig.subplots(2, 1, sharex=True)
     for k, (ax, label) in enumerate(((top, "force, N"), (bottom, "moment, N·m"))):
         _panel(ax, number, before[:, k], after[:, k], label, said)

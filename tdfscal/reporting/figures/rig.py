@@ -81,7 +81,7 @@ def _paint(c: Calibration, turn: FloatArray, factor: int) -> Figure:
     drawn = so3.exp(factor * turn) @ nominal
     middle = hinge.mean(axis=0)
     length = 0.4 * float(np.linalg.norm(hinge - middle, axis=1).mean())
-    fig = figure(4.4, arranged=False)
+    fig = figure(3.2, arranged=False)
     ax: Any = fig.add_axes((0.0, 0.04, 1.0, 0.98), projection="3d")
     around = np.argsort(np.arctan2(*(hinge - middle)[:, 1::-1].T))
     ring = hinge[np.append(around, around[0])]

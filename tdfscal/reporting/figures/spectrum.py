@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.motion import MotionSpectrum
-from tdfscal.reporting.figures.style import BLUE, ORANGE, Drawing, figure, legend_above
+from tdfscal.reporting.figures.style import BLUE, ORANGE, Drawing, figure, legend_above, logarithmic
 
 
 def draw(c: Calibration) -> Drawing | None:
@@ -31,10 +31,11 @@ def _paint(spectrum: MotionSpectrum, n: int) -> Figure:
     f = np.array(spectrum.frequency)
     # Force noise of n sensors in three components, as the residual has it.
     noise = np.sqrt(3.0 * n) * np.array(spectrum.force_noise)
-    ax.loglog(f, spectrum.before, "s", markersize=4, color=ORANGE, markerfacecolor="white",
+    ax.plot(f, spectrum.before, "s", markersize=4, color=ORANGE, markerfacecolor="white",
               label="before: nominal mounting, stated values")  # fmt: skip
-    ax.loglog(f, spectrum.after, "o", markersize=4, color=BLUE, label="after: calibrated")
-    ax.loglog(f, noise, "-", color=BLUE, linewidth=1, label="noise as estimated")
+    ax.plot(f, spectrum.after, "o", markersize=4, color=BLUE, label="after: calibrated")
+    ax.plot(f, noise, "-", color=BLUE, linewidth=1, label="noise as estimated")
+    logarithmic(ax, "xy")
     ax.set_xlabel("frequency, Hz")
     ax.set_ylabel("residual force, N/√Hz")
     legend_above(ax, 3)

@@ -86,11 +86,13 @@ def signed(value: float, form: str) -> str:
     return f"{value:{form}}".replace("-", "−")
 
 
-def logarithmic(ax: Axes) -> None:
-    """Logarithmic y axis with plain numbers at the decades."""
-    ax.set_yscale("log")
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+def logarithmic(ax: Axes, which: str = "y") -> None:
+    """Logarithmic axes, "x", "y" or "xy", with plain numbers at the decades."""
+    for name in which:
+        getattr(ax, f"set_{name}scale")("log")
+        axis = getattr(ax, f"{name}axis")
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def tip(artist: Artist, text: str) -> None:

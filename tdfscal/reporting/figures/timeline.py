@@ -27,7 +27,7 @@ from tdfscal.reporting.figures.style import (
 )
 
 #: Height of a panel of forces, inches.
-_PANEL = 0.85
+_PANEL = 0.72
 _MARKERS = "osD^vPX*"
 
 

@@ -42,7 +42,7 @@ def _paint(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
     """A place per angle on one pair of axes, a sensor in each row, in standard uncertainties."""
     known = np.flatnonzero(c.determined)
     n = len(known)
-    fig = figure(0.95 + 1.2 * n)
+    fig = figure(0.9 + 1.05 * n)
     ax = fig.subplots()
     edges = np.array(histogram.edges)
     width = float(edges[1] - edges[0])
