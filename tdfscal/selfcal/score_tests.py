@@ -282,18 +282,22 @@ def _shapes(
     if "walk" in declared:
         return
     n = fit.rig.n
-    line = _centred(np.repeat(time[:, None], n, axis=1))
+    line = np.repeat(time[:, None], n, axis=1)
     if "time" not in declared:
-        yield "drift", line
+        yield "drift", _away_from(line[0], line)
     elif "parabola" not in declared:
-        yield "parabola", _centred(line**2)
+        centred = _away_from(line.mean(axis=0), line) ** 2
+        yield "parabola", _away_from(centred.mean(axis=0), centred)
     if temperature is not None and "temperature" not in declared:
-        warm = _centred(temperature)
+        warm = _away_from(temperature[0], temperature)
         if np.any(warm):
             yield "temperature", warm
 
 
-def _centred(values: FloatArray) -> FloatArray:
-    """Values (K, n) about their mean, the largest of a column at 1."""
-    away = values - values.mean(axis=0)
+def _away_from(start: FloatArray, values: FloatArray) -> FloatArray:
+    """Values (K, n) from a start (n,), the largest of a column at 1.
+
+    A zero is stated where it was tared, so that it moves from the first posture on.
+    """
+    away = values - start
     return np.asarray(away / np.maximum(np.abs(away).max(axis=0), np.finfo(float).tiny))

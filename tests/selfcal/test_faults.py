@@ -71,6 +71,13 @@ def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: 
     assert sum(bool(names) and words in names[0] for names in found) >= 4
 
 
+def test_zeros_that_leave_where_they_were_tared_spoil_the_angles() -> None:
+    """Drift weighs as unequal noise of the channels, and pulls at zeros stated where it begins."""
+    drifts = (Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0)))
+    found = study(RIG, with_faults(Faults(drifts=drifts)), seed=5, trials=5).results
+    assert all(any("drift" in reason for reason in r.reasons) for r in found)
+
+
 def test_friction_of_the_hinges_is_named_with_its_size() -> None:
     """0.4 N·m in every posture; 60 degrees of freedom know it to a tenth."""
     rough = replace(RIG, declared=replace(RIG.declared, hinge_moment=0.4))
