@@ -1,6 +1,8 @@
 """Damaged and nonsensical files of every kind through the command line.
 
-    python -m benchmarks.fuzz [--cases 20000] [--seed 0] > benchmarks/fuzz.md
+    python -m benchmarks.fuzz [--cases 20000] [--seed 0] [--keep FOLDER] > benchmarks/fuzz.md
+
+With --keep the outcomes are appended to files, and a run goes on where an earlier one ended.
 
 A file of each kind is mutated and given to a command that reads it, in this process's `main`: bytes
 flipped, cut, doubled, put in and spliced with another file's; for text also its cells, words and
@@ -254,20 +256,27 @@ def work(kind: Kind, cases: range, seed: int) -> None:
             print(json.dumps(line), file=shown, flush=True)
 
 
-def count(kind: Kind, cases: int, seed: int) -> list[Outcome]:
+def count(kind: Kind, cases: int, seed: int, kept: Path) -> list[Outcome]:
     """Outcomes of so many cases; a process that ends is one, and the rest follows in another."""
-    seen: list[Outcome] = []
-    while len(seen) < cases:
+    place = kept / f"{kind.name}-{seed}.jsonl"
+    place.touch()
+
+    def outcomes() -> list[Outcome]:
+        return [Outcome(*json.loads(line)) for line in place.read_text().splitlines()]
+
+    while (begin := len(outcomes())) < cases:
         words = [sys.executable, "-m", "benchmarks.fuzz", "--worker", kind.name]
-        words += ["--cases", str(cases), "--seed", str(seed), "--begin", str(len(seen))]
-        ran = subprocess.run(words, capture_output=True, text=True, check=False)
-        before = len(seen)
-        seen += [Outcome(*json.loads(line)) for line in ran.stdout.splitlines() if line[:1] == "["]
-        if len(seen) < cases:
-            if len(seen) == before and ran.returncode > 0:
+        words += ["--cases", str(cases), "--seed", str(seed), "--begin", str(begin)]
+        with place.open("a") as sink:
+            ran = subprocess.run(words, stdout=sink, stderr=subprocess.PIPE, text=True, check=False)
+        reached = len(outcomes())
+        if reached < cases:
+            if reached == begin and ran.returncode > 0:
                 raise RuntimeError(ran.stderr)
-            seen.append(Outcome(ran.returncode, 0.0, f"the process ends: {ran.returncode}"))
-    return seen
+            ended = [ran.returncode, 0.0, f"the process ends: {ran.returncode}"]
+            with place.open("a") as sink:
+                print(json.dumps(ended), file=sink)
+    return outcomes()[:cases]
 
 
 def main() -> None:
@@ -276,6 +285,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=20_000, help="of all kinds together")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="*", help="names of kinds; default all")
+    parser.add_argument("--keep", type=Path, help="folder of outcomes so far")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     parser.add_argument("--begin", type=int, default=0, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -283,10 +293,12 @@ def main() -> None:
         kind = next(k for k in KINDS if k.name == options.worker)
         work(kind, range(options.begin, options.cases), options.seed)
         return
+    kept = options.keep or Path(tempfile.mkdtemp(prefix="fuzz-"))
+    kept.mkdir(exist_ok=True)
     total = sum(kind.weight for kind in KINDS)
     rows, faults, done = [], Counter[str](), 0
     for kind in (kind for kind in KINDS if not options.only or kind.name in options.only):
-        seen = count(kind, options.cases * kind.weight // total, options.seed)
+        seen = count(kind, options.cases * kind.weight // total, options.seed, kept)
         by = Counter(outcome.status for outcome in seen)
         bad = [outcome.fault for outcome in seen if outcome.fault]
         faults.update(f"{kind.name}: {fault}" for fault in bad)

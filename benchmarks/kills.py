@@ -1,7 +1,8 @@
 """Random kills over all commands: nothing of an earlier output is lost, nothing is left behind.
 
-    python -m benchmarks.kills [--kills 500] [--seed 0] > benchmarks/kills.md
+    python -m benchmarks.kills [--kills 500] [--seed 0] [--keep FILE] > benchmarks/kills.md
 
+With --keep the trials are appended to a file, and a run goes on where an earlier one ended.
 Every command line is made for two campaigns, and its results are known to the byte. Before each
 trial the results for the one lie in the folder; the run for the other is ended by a signal at a
 random moment. Afterwards every file must be one of the two, whole, and after a signal that can be
@@ -11,6 +12,7 @@ caught all of them must belong together.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
 import re
@@ -140,6 +142,8 @@ def trial(home: Path, results: Results, name: str, moment: float) -> set[str]:
     said = run.communicate()[1].decode(errors="replace")
     now = contents(out)
     found = faults(results, name, run.returncode, said, now)
+    if found:
+        print(f"{results.line}: {name}: {found}: {said}", file=sys.stderr, flush=True)
     if set(now) - set(results.files[0]):
         started(home, results.line, 1).communicate()
         if timeless(contents(out)) != timeless(results.files[1]):
@@ -152,29 +156,40 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--kills", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--keep", type=Path, help="file of trials so far")
     options = parser.parse_args()
-    rng = random.Random(options.seed)
     with tempfile.TemporaryDirectory(prefix="kills-") as folder:
-        home = Path(folder)
-        for campaign in (0, 1):
-            for line in ("simulate C@ --postures 10 --rate 20 --seed @",
-                         "calibrate C@ --trials 0 -o c@.yaml"):  # fmt: skip
-                started(home, line, campaign).communicate()
-        inputs = [contents(home / f"C{campaign}") for campaign in (0, 1)]
-        table = [known(home, line) for line in LINES]
-        runs, bad, ends = Counter[tuple[str, str]](), Counter[tuple[str, str]](), Counter[str]()
-        for _ in range(options.kills):
-            results, name = rng.choice(table), rng.choice(SIGNALS)
-            runs[results.line, name] += 1
-            for fault in trial(home, results, name, rng.uniform(0.05, 1.05) * results.seconds):
-                bad[results.line, fault] += 1
-                print(f"{results.line}: {name}: {fault}", file=sys.stderr, flush=True)
-            kept = contents(home / "out") == results.files[0]
-            ends["earlier outputs" if kept else "new ones"] += 1
-        same = inputs == [contents(home / f"C{campaign}") for campaign in (0, 1)]
-    if not same:
-        bad["", "an input is changed"] += 1
+        kept = options.keep or Path(folder) / "trials.jsonl"
+        kept.touch()
+        if len(kept.read_text().splitlines()) < options.kills:
+            _run(Path(folder), options.kills, options.seed, kept)
+        trials = [json.loads(line) for line in kept.read_text().splitlines()][: options.kills]
+    runs, bad, ends = Counter[tuple[str, str]](), Counter[tuple[str, str]](), Counter[str]()
+    for line, name, found, end in trials:
+        runs[line, name] += 1
+        bad.update((line, fault) for fault in found)
+        ends[end] += 1
     _print(options, runs, bad, ends)
+
+
+def _run(home: Path, kills: int, seed: int, kept: Path) -> None:
+    """Run the trials that are not in the file yet and append each: line, signal, faults, end."""
+    for campaign in (0, 1):
+        for line in ("simulate C@ --postures 10 --rate 20 --seed @",
+                     "calibrate C@ --trials 0 -o c@.yaml"):  # fmt: skip
+            started(home, line, campaign).communicate()
+    inputs = [contents(home / f"C{campaign}") for campaign in (0, 1)]
+    table = [known(home, line) for line in LINES]
+    with kept.open("a") as sink:
+        for number in range(len(kept.read_text().splitlines()), kills):
+            rng = random.Random(f"{seed} {number}")
+            results, name = rng.choice(table), rng.choice(SIGNALS)
+            found = trial(home, results, name, rng.uniform(0.05, 1.05) * results.seconds)
+            if inputs != [contents(home / f"C{campaign}") for campaign in (0, 1)]:
+                found.add("an input is changed")
+            earlier = timeless(contents(home / "out")) == timeless(results.files[0])
+            end = "earlier outputs" if earlier else "new ones"
+            print(json.dumps([results.line, name, sorted(found), end]), file=sink, flush=True)
 
 
 def _print(
@@ -200,9 +215,6 @@ KILL the next run must tidy up. The folder held the earlier outputs after
         counts = " | ".join(str(runs[line, name]) for name in SIGNALS)
         found = "; ".join(f"{n} × {what}" for (of, what), n in sorted(bad.items()) if of == line)
         print(f"| `{line}` | {counts} | {found or 'none'} |")
-    for (of, what), n in bad.items():
-        if not of:
-            print(f"\n{what}: {n}")
 
 
 if __name__ == "__main__":
