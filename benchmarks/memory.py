@@ -94,6 +94,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--step", type=int, default=50)
     parser.add_argument("--to", type=int, default=1100)
+    parser.add_argument("--only", help="command lines that begin so")
     options = parser.parse_args()
     limits = [25, *range(100, options.to + 1, options.step)]
     print("# Little memory\n")
@@ -108,7 +109,7 @@ def main() -> None:
         words = [sys.executable, "-m", "tdfscal", *LINES[2].replace("out.", "own.").split()]
         subprocess.run([w.replace("@", str(SAMPLES)) for w in words], cwd=home, check=True,
                        stdout=subprocess.DEVNULL)  # fmt: skip
-        for line in LINES:
+        for line in (one for one in LINES if one.startswith(options.only or "")):
             usual = run(line, home)
             columns = [
                 spans([(at, judged(run(line, home, kind, at), usual)) for at in limits])

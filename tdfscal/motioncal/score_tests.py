@@ -56,13 +56,15 @@ def suspicions(
         size = rounded_up(float(np.abs(asked.amount * unit).max()))
         what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
         doubt = suspicion(fit, what, advice, asked.p_value(stats), move[angles] / std)
+        zero_shift, zero = worst_zero(fit, move, turns)
         found.append(
             replace(
                 doubt,
                 kind=group,
                 support=None if group in OF_THE_RIG else index,
                 weight=asked.statistic - asked.unknowns * worth,
-                zero=worst_zero(fit, move, turns),
+                zero_shift=zero_shift,
+                zero=zero,
             )
         )
     return likeliest(found) if found else ()

@@ -13,9 +13,11 @@ import numpy as np
 
 from tdfscal.model.parameters import layout
 from tdfscal.model.statics import features_jacobian
+from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import information_root
+from tdfscal.selfcal.covariance import Uncertainty, information_root
 from tdfscal.selfcal.estimator import Fit
+from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +25,16 @@ class ExactQuantity:
     """A quantity taken as exact, and what an error of it does.
 
     error : typical, in `unit`, of each of its components. moves : (3n, c), rad, turns of all
-    sensors in the BCS by that error of each component by itself.
+    sensors in the BCS by that error of each component by itself. zeros : (3n, c), N, moves of the
+    zeros likewise. shows : (c,), χ² that such an error leaves in the residuals.
     """
 
     name: str
     error: float
     unit: str
     moves: FloatArray
+    zeros: FloatArray | None = None
+    shows: FloatArray | None = None
 
     @property
     def covariance(self) -> FloatArray:
@@ -48,6 +53,11 @@ _TYPICAL = (
     ("sensitivity", "gain, crosstalk", 1e-3, "relative"),
     ("zero", "zeros", 0.5, "N"),
 )
+#: What of these is the terminal's, a typical error in words, and the key of its uncertainty.
+_OF_THE_TERMINAL = {
+    "mass": ("an error of 0.1 %", "terminal.mass.std"),
+    "barycentre": ("an error of 1 mm", "terminal.barycenter.std"),
+}
 #: Share of its entry in S by which crosstalk is smaller than gain (theory, section 3).
 _CROSSTALK = np.sqrt(0.5)
 
@@ -70,6 +80,39 @@ def exact_quantities(fit: Fit) -> tuple[ExactQuantity, ...]:
         exact = ~fit.active[index]
         if not exact.any():
             continue
-        moved = parts.root @ (left.T @ (columns[:, index[exact]] * size[exact]))
-        found.append(ExactQuantity(name, error, unit, moved[angles]))
+        wrong = columns[:, index[exact]] * size[exact]
+        known = left.T @ wrong
+        moved = np.zeros((len(fit.active), wrong.shape[1]))
+        moved[fit.active] = parts.root @ known
+        shows = np.sum(wrong**2, axis=0) - np.sum(known**2, axis=0)
+        found.append(
+            ExactQuantity(name, error, unit, moved[fit.active][angles], moved[place["zero"]], shows)
+        )
     return tuple(found)
+
+
+def exact_caveats(fit: Fit, uncertainty: Uncertainty) -> list[str]:
+    """Warn of a mass or barycentre called exact whose errors go into the zeros unseen.
+
+    Along three directions zeros and these are exchangeable (theory, section 4), and the zeros are
+    as good as what is called exact: an error of typical size, or as small as the tests are certain
+    to show, moves a zero by far more than it would have to move a residual.
+    """
+    certain = np.sqrt(chi2_quantile(1.0 - CERTAINLY_UNDECLARED, 1))
+    std, found = uncertainty.parameter_std[layout(fit.rig.n)["zero"]], []
+    for quantity in exact_quantities(fit):
+        if quantity.name not in _OF_THE_TERMINAL or quantity.zeros is None:
+            continue
+        known = (std > 0) & np.isfinite(std)
+        size = np.abs(quantity.zeros) / np.where(known, std, np.inf)[:, None]
+        shown = np.sqrt(np.maximum(np.asarray(quantity.shows), certain**2)) / certain
+        i, j = np.unravel_index(int((size / shown).argmax()), size.shape)
+        if size[i, j] / shown[j] > HARMFUL_SHIFT * certain:
+            error, key = _OF_THE_TERMINAL[quantity.name]
+            found.append(
+                f"the {quantity.name} is called exact, and the zeros rest on it: {error} would "
+                f"move the zero {'xyz'[i % 3]} of {fit.rig.supports[i // 3]} by "
+                f"{abs(quantity.zeros[i, j]):.2g} N, {size[i, j]:.2g} of its standard "
+                f"uncertainties, and hardly a residual: write its own as `{key}`, or tare"
+            )
+    return found

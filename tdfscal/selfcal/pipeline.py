@@ -23,6 +23,7 @@ from tdfscal.selfcal.closure import frame_errors
 from tdfscal.selfcal.covariance import Quality, Uncertainty, evaluate, information_root, quality
 from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
 from tdfscal.selfcal.estimator import Fit, fit
+from tdfscal.selfcal.exact_quantities import exact_caveats
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import MonteCarlo, simulate
@@ -210,6 +211,7 @@ def self_calibrate(
             channels,
             measured_noise=measured_noise,
         )
+        + tuple(exact_caveats(result, uncertainty) if estimator == "ml" else ())
         + ((_NO_TRIALS.format(rig.n),) if unasked and estimator == "ml" else ()),
     )
 

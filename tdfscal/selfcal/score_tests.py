@@ -32,7 +32,6 @@ from tdfscal.selfcal.scatter import scatters
 from tdfscal.selfcal.suspicion import OF_THE_RIG, WORDS, Suspicion
 from tdfscal.significance import (
     CAUSES_APART,
-    HARMFUL_SHIFT,
     MISFIT,
     UNDECLARED_ERROR,
     UNDECLARED_FRICTION_SHARE,
@@ -85,8 +84,10 @@ def suspicions(
         what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
         doubt = suspicion(fit, what, advice, p_value, move[angles] / std)
         support = None if group in OF_THE_RIG else index
-        weight, zero = asked.statistic - asked.unknowns * worth, worst_zero(fit, move, uncertainty)
-        found.append(replace(doubt, kind=group, support=support, weight=weight, zero=zero))
+        zero_shift, zero = worst_zero(fit, move, uncertainty)
+        doubt = replace(doubt, zero_shift=zero_shift, zero=zero)
+        weight = asked.statistic - asked.unknowns * worth
+        found.append(replace(doubt, kind=group, support=support, weight=weight))
     p_value = _friction(parts, root, residual)
     if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE or stats.p_value < MISFIT:
         for scatter in scatters(fit, parts, root, residual):
@@ -171,18 +172,15 @@ def suspicion(fit: Asking, what: str, advice: str, p_value: float, shift: FloatA
     return Suspicion(what, advice, p_value, float(np.abs(shift[worst])), angle)
 
 
-def worst_zero(fit: Asking, move: FloatArray, uncertainty: Uncertainty) -> str:
-    """Words for the zero that a move of the free parameters harms most; none where none is."""
+def worst_zero(fit: Asking, move: FloatArray, uncertainty: Uncertainty) -> tuple[float, str]:
+    """Largest move of a zero in its standard uncertainties, by free parameters; and which one."""
     place, full = layout(fit.rig.n)["zero"], np.zeros(len(fit.active))
     full[fit.active] = move
     std = uncertainty.parameter_std[place]
     known = np.isfinite(std) & (std > 0)
     size = np.where(known, np.abs(full[place]) / np.where(known, std, 1.0), 0.0)
     worst = int(np.argmax(size))
-    if size[worst] <= HARMFUL_SHIFT:
-        return ""
-    name = f"{'xyz'[worst % 3]} of {fit.rig.supports[worst // 3]}"
-    return f" and the zero {name} by {size[worst]:.1f}"
+    return float(size[worst]), f"{'xyz'[worst % 3]} of {fit.rig.supports[worst // 3]}"
 
 
 def largest_move(

@@ -101,7 +101,7 @@ class Suspicion:
     suspect alone. shift : largest move of an angle in units of its standard uncertainty.
     angle : which one. kind, support : what it is, and of which support. weight : twice the
     logarithm of its likelihood, less what its unknowns are worth. tied : another one is likelier,
-    but not by much. zero : the zero that it moves most, in words, where that is harmful too.
+    but not by much. zero_shift, zero : largest move of a zero, likewise, and which one.
     """
 
     what: str
@@ -113,21 +113,29 @@ class Suspicion:
     support: int | None = None
     weight: float = 0.0
     tied: bool = False
+    zero_shift: float = 0.0
     zero: str = ""
 
     @property
     def harmful(self) -> bool:
-        """It would move an angle by more than its uncertainty bears; less, where it is certain."""
-        certain = self.p_value < CERTAINLY_UNDECLARED
-        return self.shift > (CERTAIN_SHIFT if certain else HARMFUL_SHIFT)
+        """It would move an angle by more than its uncertainty bears; less, where it is certain.
+
+        Then zeros count too, since a controller loads them. Before, chance alone moves them as far:
+        mass, barycentre and zeros are nearly exchangeable.
+        """
+        if self.p_value < CERTAINLY_UNDECLARED:
+            return max(self.shift, self.zero_shift) > CERTAIN_SHIFT
+        return self.shift > HARMFUL_SHIFT
 
     @property
     def finding(self) -> str:
         """What is wrong, how surely, and what it does."""
         said = "say about as well that" if self.tied else "say that"
+        zero = f" and the zero {self.zero} by {self.zero_shift:.1f}"
         return (
             f"the residuals {said} {self.what} ({p_text(self.p_value)}), which would move "
-            f"{self.angle} by {self.shift:.1f} of its standard uncertainties{self.zero}"
+            f"{self.angle} by {self.shift:.1f} of its standard uncertainties"
+            f"{zero if self.zero_shift > CERTAIN_SHIFT else ''}"
         )
 
     @property

@@ -119,9 +119,9 @@ def test_the_linear_method(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_a_barycentre_that_is_called_exact_and_is_not(tmp_path: Path) -> None:
-    """1 mm beside the truth, without an uncertainty: the zeros that give way are named.
+    """1 mm beside the truth, without an uncertainty: rejected for the zeros that give way.
 
-    The size stated is that of the zero's true error, within what noise adds.
+    A controller loads them too. The size stated is that of the zero's true error, within noise.
     """
     shutil.copytree(SAMPLES / "parquet", tmp_path, dirs_exist_ok=True)
     document = yaml.safe_load((tmp_path / "rig.yaml").read_text())
@@ -131,7 +131,10 @@ def test_a_barycentre_that_is_called_exact_and_is_not(tmp_path: Path) -> None:
     document["terminal"]["barycenter"] = {"value": value, "std": 0}
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(document))
     found = tdfscal.calibrate(tmp_path, trials=0)
-    (said,) = (text for text in found.warnings if "barycentre is not where it is stated" in text)
+    assert found.status == "rejected"
+    (said,) = (
+        text for text in found.quality.reasons if "barycentre is not where it is stated" in text
+    )
     name, size = re.search(r"zero (\w) of \w+ by ([\d.]+)", said).groups()  # type: ignore[union-attr]
     error = found.zero - [support["zero"] for support in truth["supports"]]
     off = np.abs(error / found.zero_std)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.model.parameters import layout
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.exact_quantities import exact_quantities
@@ -95,3 +96,29 @@ def test_without_internal_forces_a_level_turns_every_sensor_as_much() -> None:
     turns = quantity(result, "base level").reshape(3, 3, 2)
     for i in range(3):
         np.testing.assert_allclose(turns[i, :2], -np.eye(2), atol=0.2)
+
+
+def test_a_barycentre_taken_as_exact_moves_the_zeros_as_predicted_and_unseen() -> None:
+    """Sideways it goes into the zeros whole: no test shows it, so that a warning must."""
+    stated = make_rig(zero_std=np.inf, mass_std=0.0, barycentre_std=0.0, declared=QUIET)
+    real = make_rig(zero_std=20.0, mass_std=0.0, barycentre_std=0.0, declared=QUIET)
+    off = np.array([2e-4, 0.0, 0.0])
+    moved_real = replace(real, barycentre=UncertainValue.exact(real.barycentre.value + off))
+    right, _ = calibrated(stated, real, squeeze=100.0)
+    wrong, truth = calibrated(stated, moved_real, squeeze=100.0)
+    (found,) = (q for q in exact_quantities(right.fit) if q.name == "barycentre")
+    assert found.zeros is not None
+    predicted = (found.zeros @ off / found.error).reshape(3, 3)
+    assert np.abs(predicted).max() > 1.0
+    seen = wrong.fit.state.zero - right.fit.state.zero
+    np.testing.assert_allclose(seen, predicted, atol=0.02 * np.abs(predicted).max())
+    std = wrong.uncertainty.parameter_std[layout(3)["zero"]].reshape(3, 3)
+    assert np.abs((wrong.fit.state.zero - truth.zero[0]) / std).max() > 6
+    assert not wrong.suspicions
+    for result in (right, wrong):
+        (said,) = (
+            text for text in result.warnings if "the zeros rest on it" in text and "bary" in text
+        )
+        assert "terminal.barycenter.std" in said
+    declared, _ = calibrated(RIG, real)
+    assert not [text for text in declared.warnings if "the zeros rest on it" in text]
