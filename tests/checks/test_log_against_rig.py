@@ -1,0 +1,342 @@
+"""A log altered in one known way: refused or not, and the alteration is what is named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.checks.log_against_rig import (
+    check_geometry,
+    check_size,
+    check_weight,
+    orders,
+    renamed,
+    rewired,
+    turned,
+    weight_error,
+    weight_share,
+    weight_tolerance,
+)
+from tdfscal.errors import DataError
+from tdfscal.model.parameters import nominal
+from tdfscal.model.postures import postures
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.simulation import Options
+
+
+def lopsided() -> Rig:
+    """Three supports whose distances all differ, the middle of the hinges off the origin."""
+    rig = simulation.make_rig()
+    hinge = np.array([[0.7, 0.1, 0.02], [-0.3, 0.5, -0.03], [-0.2, -0.6, 0.05]])
+    return replace(rig, hinge=hinge)
+
+
+RIG = lopsided()
+RNG = np.random.default_rng(23)
+TURNS = 0.05 * RNG.normal(size=(9, 3))
+POSITION = np.asarray(
+    np.einsum("kab,nb->kna", so3.exp(TURNS), RIG.hinge) + RNG.normal(size=(9, 1, 3))
+)
+
+
+def refused(rig: Rig, position: FloatArray) -> DataError:
+    with pytest.raises(DataError) as error:
+        check_geometry(rig, position)
+    assert error.value.where == "log positions"
+    assert error.value.exit_status == 3
+    return error.value
+
+
+def test_the_rigs_own_log_fits() -> None:
+    check_geometry(RIG, POSITION)
+    check_size(RIG, POSITION)
+    assert turned(RIG, POSITION) is None
+
+
+@pytest.mark.parametrize("factor", [0.981, 1.019])
+def test_two_percent_of_size_may_be_an_old_drawing(factor: float) -> None:
+    middle = POSITION.mean(axis=1, keepdims=True)
+    check_size(RIG, middle + factor * (POSITION - middle))
+
+
+@pytest.mark.parametrize(
+    ("factor", "named", "absent"),
+    [
+        (1e3, ["mm where m", "um where mm"], ["cm"]),
+        (1e-3, ["m where mm", "mm where um"], ["cm"]),
+        (1e6, ["um where m "], ["cm"]),
+        (1e2, ["cm where m "], ["inches"]),
+        (0.1, ["cm where"], []),
+        (1 / 0.0254, ["inches where m "], ["cm"]),
+        (1.021, [], ["where"]),
+        (0.979, [], ["where"]),
+        (2.0, [], ["where"]),
+    ],
+)
+def test_lengths_in_another_unit(factor: float, named: list[str], absent: list[str]) -> None:
+    """A log in units of which a metre has `factor`: its numbers are that much larger."""
+    error = refused(RIG, factor * POSITION)
+    with pytest.raises(DataError):
+        check_size(RIG, factor * POSITION)
+    assert f"{factor:.4g} times as far apart" in error.what
+    said = error.what.replace("is declared", "")
+    assert all(words in said for words in named)
+    assert not any(words in said for words in absent)
+
+
+def test_the_postures_middle_decides_about_size() -> None:
+    """One posture with a wild position among nine is a jolt, no unit."""
+    wild = POSITION.copy()
+    wild[4] *= 1e3
+    check_size(RIG, wild)
+    check_geometry(RIG, wild)
+
+
+def test_shape_may_miss_by_what_is_declared_and_two_per_mill_of_the_radius() -> None:
+    radius = np.linalg.norm(RIG.hinge - RIG.hinge.mean(axis=0), axis=1).mean()
+    declared = replace(RIG.declared, hinge=1e-3, datum=2e-3, positioner=2e-3)
+    for rig, limit in (
+        (replace(RIG, declared=replace(declared, hinge=0.0, datum=0.0, positioner=0.0)), 0.0),
+        (replace(RIG, declared=declared), 6 * 3e-3),
+    ):
+        limit += 2e-3 * radius
+        # Stretched along the line of two hinges: registered, the misfit is known in closed form.
+        along = RIG.hinge - RIG.hinge.mean(axis=0)
+        strain = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 0]])
+        off = along @ strain
+        off -= np.cross(np.linalg.lstsq(*_turning(along, off), rcond=None)[0], along)
+        size = np.sqrt((off**2).sum(axis=1).mean())
+        for factor in (0.98, 1.02):
+            hinge = RIG.hinge + factor * limit / size * along @ strain
+            position = np.einsum("kab,nb->kna", so3.exp(TURNS), hinge)
+            if factor < 1:
+                check_geometry(rig, position)
+            else:
+                refused(rig, position)
+
+
+def _turning(arm: FloatArray, off: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rows and right side of the small rotation that takes most of a displacement."""
+    return -so3.hat(arm).reshape(-1, 3), off.ravel()
+
+
+def test_supports_exchanged_are_named() -> None:
+    for order in list(permutations(range(3)))[1:]:
+        error = refused(RIG, POSITION[:, list(np.argsort(order))])
+        assert f"the positions of {renamed(RIG, list(order))}" in error.what
+
+
+@pytest.mark.parametrize(
+    ("axes", "signs", "words"),
+    [
+        ([0, 1, 2], [-1, 1, 1], "-X, Y, Z"),
+        ([1, 0, 2], [1, 1, 1], "Y, X, Z"),
+        ([0, 2, 1], [1, 1, 1], "X, Z, Y"),
+    ],
+)
+def test_mirrored_axes_are_named(axes: list[int], signs: list[int], words: str) -> None:
+    altered = np.empty_like(POSITION)
+    altered[..., axes] = POSITION * np.array(signs, dtype=np.float64)[np.argsort(np.argsort(axes))]
+    # Reading the altered log's axes in that order and sign gives the log back.
+    assert np.allclose(altered[..., axes] * np.array(signs), POSITION)
+    error = refused(RIG, altered)
+    assert f"the axes read as {words}" in error.what
+
+
+def test_a_hinge_measured_wrongly_is_named_with_its_farthest_partner() -> None:
+    moved = RIG.hinge.copy()
+    moved[1] += 0.01 * (moved[1] - moved[2]) / np.linalg.norm(moved[1] - moved[2])
+    error = refused(replace(RIG, hinge=moved), POSITION)
+    assert "it would fit" not in error.what
+    first, second = RIG.supports[1], RIG.supports[2]
+    assert f"{first} to {second} is" in str(error.hint)
+    length = np.linalg.norm(RIG.hinge[1] - RIG.hinge[2])
+    assert f"is {length:.4f} m in the log and {length + 0.01:.4f} m in rig.yaml" in str(error.hint)
+
+
+def test_a_terminal_on_its_head_is_refused() -> None:
+    flip = np.diag([1.0, -1.0, -1.0])
+    error = refused(RIG, POSITION @ flip)
+    assert "its head" in error.what
+    four = simulation.make_rig(4)
+    position = np.einsum("kab,nb->kna", so3.exp(TURNS), four.hinge)
+    check_geometry(four, position)
+    assert "its head" in refused(four, position @ flip).what
+
+
+@pytest.mark.parametrize(
+    ("turn", "words"),
+    [
+        ([0, 0, 0.77], None),
+        ([0, 0, 0.80], "46° about Z of the BCS in every"),
+        ([0, 0, -1.5], "86° about -Z of the BCS in every"),
+        ([0.9, 0, 0], "about X of the BCS"),
+        ([0, -0.9, 0], "about -Y of the BCS"),
+        ([0.6, 0.6, 0.0], "49° in every"),  # about no single axis
+    ],
+)
+def test_a_terminal_far_from_the_axes_is_said(turn: list[float], words: str | None) -> None:
+    steady = np.einsum("ab,kbc,nc->kna", so3.exp(turn), so3.exp(1e-3 * TURNS), RIG.hinge)
+    note = turned(RIG, steady)
+    if words is None:
+        assert note is None
+    else:
+        assert words in str(note)
+
+
+def test_turned_in_most_postures_is_not_in_every() -> None:
+    angle = np.where(np.arange(9)[:, None] < 2, 0.1, 1.2) * np.array([0, 0, 1.0])
+    position = np.einsum("kab,nb->kna", so3.exp(angle), RIG.hinge)
+    assert "most postures" in str(turned(RIG, position))
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_names_in_a_circle_are_said_with_the_way_back(step: int) -> None:
+    """A symmetric rig renamed in a circle fits, turned by 120°."""
+    rig = simulation.make_rig()
+    position = np.einsum("kab,nb->kna", so3.exp(TURNS), rig.hinge)
+    order = [(i + step) % 3 for i in range(3)]
+    circled = position[:, order]
+    check_geometry(rig, circled)
+    back = [order.index(i) for i in range(3)]
+    assert f"upright with {renamed(rig, back)}" in str(turned(rig, circled))
+
+
+def test_ways_to_exchange_supports() -> None:
+    for n in (3, 4):
+        found = list(orders(n))
+        assert sorted(found) == sorted(list(p) for p in permutations(range(n)))[1:]
+    six = list(orders(6))
+    assert len(six) == len({tuple(order) for order in six}) == 15
+    for order in six:
+        assert sum(i != j for i, j in enumerate(order)) == 2
+    assert renamed(RIG, [1, 0, 2]) == (
+        f"{RIG.supports[0]} taken from {RIG.supports[1]} and "
+        f"{RIG.supports[1]} taken from {RIG.supports[0]}"
+    )
+
+
+def test_every_rewiring_can_be_undone_by_itself() -> None:
+    """Exchanges of sensors come back by their inverse, mirrors by themselves; covariances too."""
+    rig = simulation.make_rig()
+    batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
+    seen = postures(rig, batch.dwells(0))
+    root = 0.1 * RNG.normal(size=(len(seen), 3, 3, 3))
+    seen = replace(seen, force_cov=root @ np.swapaxes(root, 2, 3))
+    all_ways = dict(rewired(rig, seen))
+    assert len(all_ways) == 5 + 4 * 7
+    forces, covs = [], []
+    for words, other in all_ways.items():
+        again = dict(rewired(rig, other))
+        there_and_back = [
+            p
+            for p in again.values()
+            if np.array_equal(p.force, seen.force) and np.allclose(p.force_cov, seen.force_cov)
+        ]
+        assert len(there_and_back) == 1, words
+        forces.append(other.force.tobytes())
+        covs.append(other.force_cov)
+        assert np.array_equal(other.position, seen.position)
+    assert len(set(forces)) == len(all_ways)
+
+
+@pytest.mark.parametrize(
+    ("words", "change"),
+    [
+        ("the opposite sign of Fy of ncp2", lambda f: f * _at(1, [1, -1, 1])),
+        ("the opposite sign of Fz of every sensor", lambda f: f * np.array([1, 1, -1.0])),
+        ("the opposite sign of every axis of ncp3", lambda f: f * _at(2, [-1, -1, -1])),
+        ("Fx and Fz of every sensor exchanged", lambda f: f[..., [2, 1, 0]]),
+        ("the sensors of ncp1 taken from ncp2 and ncp2 taken from ncp1", lambda f: f[:, [1, 0, 2]]),
+    ],
+)
+def test_a_rewiring_does_what_it_says(
+    words: str, change: Callable[[FloatArray], FloatArray]
+) -> None:
+    rig = simulation.make_rig()
+    batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
+    seen = postures(rig, batch.dwells(0))
+    assert np.array_equal(dict(rewired(rig, seen))[words].force, change(seen.force))
+
+
+def _at(sensor: int, signs: list[int]) -> FloatArray:
+    out = np.ones((3, 3))
+    out[sensor] = signs
+    return out
+
+
+def test_share_of_the_weight_that_the_sensors_hold() -> None:
+    """Readings that carry a part of a tilted weight, through turned sensors with zeros."""
+    rig, share = simulation.make_rig(), np.array([1.0, 0.5, -1.0, 0.0])
+    state = replace(
+        nominal(rig),
+        rotation=so3.exp(RNG.normal(size=(3, 3))),
+        zero=RNG.normal(size=(3, 3)),
+        tilt=np.array([0.02, -0.01]),
+    )
+    weight = float(state.mass) * 9.81 * (so3.exp([0.02, -0.01, 0.0]) @ [0, 0, -1.0])
+    parts = np.array([0.2, 0.5, 0.3])
+    F = -share[:, None, None] * parts[:, None] * weight
+    side = RNG.normal(size=(4, 3, 3))
+    F += side - side.mean(axis=1, keepdims=True)  # internal forces bear nothing
+    reading = np.einsum("nba,knb->kna", state.rotation, F) + state.zero
+    assert np.allclose(weight_share(state, 9.81, reading), share, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1.0, None),
+        (1.19, None),
+        (0.81, None),
+        (1.22, "1.22 times"),
+        (-1.0, "wrong sign"),
+        (-1.15, "wrong sign"),
+        (-1.3, "-1.3 times"),
+        (1e3, "in N where kN"),
+        (-1e3, "in N where kN"),
+        (1e-3, "in kN where N"),
+        (1 / 9.80665, "in kgf"),
+        (0.02, "0.02 times"),
+    ],
+)
+def test_forces_in_another_unit_or_sign(factor: float, words: str | None) -> None:
+    rig = simulation.make_rig()
+    rig = replace(rig, mass=UncertainValue.exact(rig.mass.value))
+    batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
+    seen = postures(rig, batch.dwells(0))
+    share = np.median(weight_share(nominal(rig), rig.gravity, seen.force))
+    scaled = replace(seen, force=factor / share * seen.force)
+    state = replace(nominal(rig), zero=np.zeros((3, 3)))
+    share = np.median(weight_share(state, rig.gravity, scaled.force))
+    scaled = replace(scaled, force=factor / share * scaled.force)
+    if words is None:
+        check_weight(rig, scaled, state)
+    else:
+        with pytest.raises(DataError) as error:
+            check_weight(rig, scaled, state)
+        assert words in error.value.what
+        assert error.value.where == "log forces"
+        units = [unit for unit in ("in N where kN", "in kN where N", "in kgf") if unit != words]
+        assert not any(unit in error.value.what for unit in units)
+
+
+def test_an_uncertain_mass_widens_what_is_allowed() -> None:
+    assert weight_tolerance(0.0) == 0.2
+    assert weight_tolerance(0.05) == pytest.approx(0.5)
+    rig = simulation.make_rig()
+    batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
+    seen = postures(rig, batch.dwells(0))
+    more = replace(seen, force=1.4 * seen.force)
+    with pytest.raises(DataError):
+        check_weight(rig, more, nominal(rig))
+    loose = UncertainValue(rig.mass.value, 0.05 * rig.mass.value)
+    check_weight(replace(rig, mass=loose), more, nominal(rig))
+    assert "wrong sign" in weight_error(-1.4, 0.5, 500.0).what
+    assert "500 kg" in weight_error(3.0, 0.5, 500.0).what

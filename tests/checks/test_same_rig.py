@@ -1,0 +1,154 @@
+"""Two rig files that differ in one thing: that thing is found, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.checks.same_rig import contradictions, different_constants, require_agreement
+from tdfscal.errors import UsageError
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
+from tdfscal.significance import CONTRADICTION
+
+RIG = replace(
+    simulation.make_rig(),
+    declared=DeclaredUncertainty(hinge=3e-5),
+    zero=UncertainValue(np.full((3, 3), 2.0), np.full((3, 3), 0.3)),
+    mass=UncertainValue(np.asarray(500.0), np.asarray(0.4)),
+    barycentre=UncertainValue(np.array([0.0, 0.0, 0.25]), np.full(3, 1e-3)),
+    serial="A1",
+)
+
+
+def moved(values: FloatArray, place: Any, by: float) -> FloatArray:
+    out = np.array(values, dtype=np.float64)
+    out[place] += by
+    return out
+
+
+def shifted(quantity: str, by: float) -> Rig:
+    """The rig with one number moved."""
+    match quantity:
+        case "hinge":
+            return replace(RIG, hinge=moved(RIG.hinge, (1, 2), by))
+        case "nominal mounting":
+            return replace(RIG, nominal_rpy=moved(RIG.nominal_rpy, (1, 0), by))
+        case "zero":
+            return replace(RIG, zero=replace(RIG.zero, value=moved(RIG.zero.value, (1, 1), by)))
+        case "mass":
+            return replace(RIG, mass=replace(RIG.mass, value=RIG.mass.value + by))
+        case "barycentre":
+            value = moved(RIG.barycentre.value, 0, by)
+            return replace(RIG, barycentre=replace(RIG.barycentre, value=value))
+        case _:
+            return replace(RIG, gravity=RIG.gravity + by)
+
+
+#: Quantity and its standard uncertainty in each of the two files.
+STDS = {"hinge": 3e-5, "zero": 0.3, "mass": 0.4, "barycentre": 1e-3}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("quantity", "std"), STDS.items())
+def test_a_difference_is_one_beyond_both_uncertainties(
+    quantity: str, std: float, sign: int
+) -> None:
+    limit = sign * CONTRADICTION * np.sqrt(2) * std
+    assert contradictions(RIG, shifted(quantity, 0.99 * limit)) == ()
+    (words,) = contradictions(RIG, shifted(quantity, 1.01 * limit))
+    assert quantity in words
+    assert (RIG.supports[1] in words) == (quantity in ("hinge", "zero"))
+
+
+def test_uncertainties_of_either_file_count() -> None:
+    wide = UncertainValue(np.asarray(500.0), np.asarray(5.0))
+    other = shifted("mass", 6.0)
+    assert len(contradictions(RIG, other)) == 1
+    assert contradictions(replace(RIG, mass=wide), other) == ()
+    assert contradictions(other, replace(RIG, mass=wide)) == ()
+    unknown = UncertainValue(np.asarray(100.0), np.asarray(np.inf))
+    assert contradictions(RIG, replace(RIG, mass=unknown)) == ()
+
+
+@pytest.mark.parametrize(
+    ("quantity", "same", "other"),
+    [("nominal mounting", 5e-10, 2e-9), ("gravity", 9e-4, 1.1e-3)],
+)
+def test_what_has_no_uncertainty_agrees_to_rounding(
+    quantity: str, same: float, other: float
+) -> None:
+    for sign in (1, -1):
+        assert contradictions(RIG, shifted(quantity, sign * same)) == ()
+        (words,) = contradictions(RIG, shifted(quantity, sign * other))
+        assert quantity in words
+
+
+def test_every_difference_is_told() -> None:
+    off = shifted("hinge", 1.0)
+    off = replace(off, mass=shifted("mass", 50.0).mass, zero=shifted("zero", 50.0).zero)
+    found = contradictions(RIG, off)
+    assert len(found) == 3
+    with pytest.raises(UsageError) as refused:
+        require_agreement(RIG, off, "c.yaml")
+    assert all(words in refused.value.what for words in found)
+    assert refused.value.where == "c.yaml"
+    require_agreement(RIG, RIG, "c.yaml")
+
+
+def test_other_supports_are_another_rig_at_once() -> None:
+    renamed = replace(RIG, supports=("a", "b", "c"))
+    four = simulation.make_rig(4)
+    for other in (renamed, four):
+        assert len(contradictions(RIG, other)) == 1
+        assert len(different_constants(RIG, other)) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"serial": "B2"}, "serial"),
+        ({"hinge": moved(RIG.hinge, (2, 0), 1e-8)}, "hinge"),
+        ({"nominal_rpy": moved(RIG.nominal_rpy, (2, 0), 1e-8)}, "nominal mounting"),
+        ({"rpy_std": np.full((3, 3), 0.1)}, "rpy_std"),
+        ({"gravity": RIG.gravity + 1e-7}, "gravity"),
+        ({"gravity_tilt_std": 1e-4}, "gravity.tilt_std"),
+        *(
+            ({"declared": replace(RIG.declared, **{field: 1e-6})}, key)
+            for field, key in (
+                ("hinge", "uncertainty.hinge"),
+                ("datum", "uncertainty.datum"),
+                ("force_sensitivity", "uncertainty.force_sensitivity"),
+                ("compliance_lateral", "uncertainty.compliance.lateral"),
+                ("compliance_vertical", "uncertainty.compliance.vertical"),
+            )
+        ),
+    ],
+)
+def test_constants_that_differ(change: dict[str, Any], word: str) -> None:
+    other = replace(RIG, **change)
+    for first, second in ((RIG, other), (other, RIG)):
+        found = different_constants(first, second)
+        assert found
+        assert all(word in words for words in found)
+        assert len(found) == (3 if word == "rpy_std" else 1)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"serial": None},
+        {"hinge": RIG.hinge * (1 + 1e-10)},
+        {"gravity": RIG.gravity * (1 + 1e-10)},
+        {"declared": replace(RIG.declared, force_noise=1.0, positioner=1.0, hinge_moment=1.0)},
+        {"zero": UncertainValue.exact(np.ones((3, 3)))},
+        {"mass": UncertainValue.exact(np.asarray(1.0))},
+        {"barycentre": UncertainValue.exact(np.ones(3))},
+    ],
+)
+def test_what_may_differ_between_campaigns(change: dict[str, Any]) -> None:
+    assert different_constants(RIG, replace(RIG, **change)) == ()
+    assert different_constants(replace(RIG, **change), RIG) == ()
