@@ -56,7 +56,8 @@ GROUPS: dict[str, Group] = {
     "estimator": Group(
         ("selfcal/estimator", "selfcal/covariance", "numerics/least_squares"),
         tuple(f"selfcal/test_{name}" for name in (
-            "statics", "supports", "exact_quantities", "invariance", "stability", "uncertainty")),
+            "estimator", "covariance", "statics", "supports", "exact_quantities", "invariance",
+            "stability", "uncertainty")),
     ),
     "rotations and registration": Group(
         ("numerics/so3", "numerics/registration", "numerics/alignment"),
@@ -83,7 +84,8 @@ GROUPS: dict[str, Group] = {
     ),
     "checks of files": Group(
         ("files/calibration/redundancy", "files/calibration/consistency", "files/rig/checks"),
-        ("files/test_calibration_file", "files/test_rig_file"),
+        ("files/test_consistency", "files/test_rig_checks", "files/test_rig_file",
+         "files/test_calibration_file"),
     ),
 }  # fmt: skip
 

@@ -58,7 +58,7 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
         )
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
     still = (low == high) & (dwells.count >= 8)[..., None]
-    lively = rig.axes & ~still.all(axis=(0, 1, 2)) & (np.mean(~still, axis=0) > 0.5)
+    lively = rig.axes & (np.mean(~still, axis=0) > 0.5)
     for k, i, j in np.argwhere(still & (lively | _froze(still, low) & rig.axes)):
         reasons.setdefault(
             int(k),

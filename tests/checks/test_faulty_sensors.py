@@ -10,7 +10,7 @@ import pytest
 from tdfscal import simulation
 from tdfscal.checks.faulty_sensors import check_unmeasured, screen
 from tdfscal.errors import DataError
-from tdfscal.records import Dwells, FloatArray, LeftOut, Rig
+from tdfscal.records import BoolArray, Dwells, FloatArray, LeftOut, Rig
 
 K = 10
 RIG = replace(simulation.make_rig(), capacity=np.full((3, 3), 5e3))
@@ -175,7 +175,7 @@ def test_frozen_at_the_end_of_the_range_is_saturated() -> None:
         assert word in screen(RIG, dwells).reasons[4]
 
 
-def lacking() -> FloatArray:
+def lacking() -> BoolArray:
     axes = np.ones((3, 3), dtype=np.bool_)
     axes[0, 2] = False
     return axes

@@ -212,10 +212,11 @@ def test_ways_to_exchange_supports() -> None:
     for n in (3, 4):
         found = list(orders(n))
         assert sorted(found) == sorted(list(p) for p in permutations(range(n)))[1:]
-    six = list(orders(6))
-    assert len(six) == len({tuple(order) for order in six}) == 15
-    for order in six:
-        assert sum(i != j for i, j in enumerate(order)) == 2
+    for n, pairs in ((5, 10), (6, 15)):
+        found = list(orders(n))
+        assert len(found) == len({tuple(order) for order in found}) == pairs
+        for order in found:
+            assert sum(i != j for i, j in enumerate(order)) == 2
     assert renamed(RIG, [1, 0, 2]) == (
         f"{RIG.supports[0]} taken from {RIG.supports[1]} and "
         f"{RIG.supports[1]} taken from {RIG.supports[0]}"
@@ -262,7 +263,13 @@ def test_a_rewiring_does_what_it_says(
     rig = simulation.make_rig()
     batch = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1)
     seen = postures(rig, batch.dwells(0))
-    assert np.array_equal(dict(rewired(rig, seen))[words].force, change(seen.force))
+    found = dict(rewired(rig, seen))[words]
+    assert np.array_equal(found.force, change(seen.force))
+    # Each entry of a covariance is that of two readings, and goes where these go.
+    root = RNG.normal(size=(len(seen), 3, 3, 3))
+    cov = dict(rewired(rig, replace(seen, force_cov=root @ np.swapaxes(root, 2, 3))))[words]
+    turned_root = np.stack([change(root[..., j]) for j in range(3)], axis=-1)
+    assert np.allclose(cov.force_cov, turned_root @ np.swapaxes(turned_root, 2, 3), rtol=1e-12)
 
 
 def _at(sensor: int, signs: list[int]) -> FloatArray:

@@ -198,6 +198,7 @@ def test_constants_start_where_an_earlier_campaign_left_them() -> None:
     for name in ("zero", "mass", "barycentre", "friction"):
         assert np.array_equal(getattr(start, name), getattr(stated, name)), name
     assert start.drift.shape == (2, 4, 3)
+    assert starting_state(rig).drift.shape == starting_state(RIG).drift.shape == (0, 4, 3)
     alone = starting_state(RIG, 2)
     assert np.array_equal(alone.rotation, stated.rotation)
     assert np.array_equal(vector(alone), vector(nominal(RIG, 2)))

@@ -191,6 +191,14 @@ def test_readings_that_no_sensor_gives_are_of_no_consequence() -> None:
         first.cov, first.free, first.design @ features(STATE, first, G)
     )
     assert (np.abs(value) < 0.2 * np.sqrt(np.diagonal(variance, axis1=1, axis2=2))).all()
+    pair = np.ones((4, 3), dtype=np.bool_)
+    pair[2, :2] = False
+    filled = balance(replace(AT, measured=pair), STATE, CENTRE, G)
+    e = filled.design @ features(STATE, filled, G)
+    _, variance = free_forces.least_squares(filled.cov, filled.free, e)
+    own = filled.seen.force_cov[:, 2, :2, :2]
+    scale = np.sqrt(np.einsum("kaa,kbb->kab", variance, variance))
+    assert (np.abs(own - variance) < 0.02 * scale).all()
 
 
 def test_free_forces_are_those_of_weighted_least_squares() -> None:
@@ -210,6 +218,9 @@ def test_free_forces_are_those_of_weighted_least_squares() -> None:
     twice = np.concatenate([columns[:, :, :1], 2 * columns[:, :, :1]], axis=2)
     _, rows = free_forces.whitener(cov, twice)
     assert np.array_equal(rows, [5, 5, 5])
+    # Units of the free forces are of no consequence, nor those of other postures.
+    small = columns * np.array([1.0, 1e-12, 1e12])[:, None, None]
+    assert np.array_equal(free_forces.whitener(cov, small)[1], [4, 4, 4])
 
 
 def test_registration_is_that_of_scipy() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tdfscal.model.zero_motion import WALK_MODES, walk_modes, zero_motion
+from tdfscal.model.zero_motion import WALK_MODES, ZeroAge, walk_modes, zero_motion
 from tdfscal.records import Drift
 
 TIME = np.array([10.0, 12.0, 17.0, 30.0])
@@ -83,3 +83,19 @@ def test_a_single_instant_does_not_walk() -> None:
     modes, left = walk_modes(1.0, np.full(3, 7.0))
     assert modes.shape == (3, 0)
     assert left == 0.0
+
+
+def test_zeros_that_were_taken_before_have_moved_by_the_first_posture() -> None:
+    """A slope, a parabola and a walk that began 100 s and 3 K before."""
+    drift = Drift(time=0.1, temperature=0.2, parabola=0.3)
+    age = ZeroAge(seconds=100.0, warming=3.0)
+    found = zero_motion(drift, TIME, TEMPERATURE, 2, age)
+    assert found is not None
+    elapsed = np.array([100.0, 102.0, 107.0, 120.0])
+    expected = [elapsed, TEMPERATURE[:, 1] - 17.0, elapsed**2]
+    assert np.allclose(found.value[:, 1], np.stack(expected, axis=1), rtol=1e-14)
+    walked = zero_motion(Drift(walk=0.3), TIME, None, 1, ZeroAge(seconds=100.0))
+    assert walked is not None
+    modes = walked.value[:, 0]
+    covariance = 0.3**2 * np.minimum(elapsed[:, None], elapsed[None])
+    assert np.allclose(modes @ modes.T, covariance, rtol=1e-12)

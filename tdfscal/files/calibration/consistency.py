@@ -71,11 +71,11 @@ def from_directions(
         columns = [directions.get(axis, np.zeros(3)) for axis in "xyz"]
         return so3.project(np.stack(columns, axis=1)) if directions else R
     ((axis, towards),) = directions.items()
-    own = R[:, "xyz".index(axis)]
+    own, beside = R.T["xyz".index(axis)], R.T["yzx".index(axis)]
     about = np.cross(own, towards)
     sine, cosine = np.linalg.norm(about), float(own @ np.array(towards))
     if sine < SAME:
-        return R if cosine > 0 else so3.exp(np.pi * np.roll(own, 1)) @ R
+        return R if cosine > 0 else so3.exp(np.pi * beside) @ R
     return np.asarray(so3.exp(np.arctan2(sine, cosine) * about / sine) @ R)
 
 

@@ -1,0 +1,365 @@
+"""One number of a calibration file moved beyond rounding: refused at its place, and only then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic_core import PydanticCustomError
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from tdfscal.files.calibration.consistency import (
+    check_covariance,
+    check_rotation,
+    check_shape,
+    from_directions,
+)
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parameters import parameters_document
+from tdfscal.files.calibration.redundancy import check_stated
+from tdfscal.files.rig.reading import parse_rig
+from tdfscal.model.calibrated import independent
+from tdfscal.records import FloatArray, UncertainValue
+
+from .sample_documents import RIG, SCALED_CONVENTION, angle_stds, calibration
+
+Place = tuple[str | int, ...]
+
+
+def place_of(check: Callable[..., object], *given: Any) -> Place:
+    """Where a check finds a fault."""
+    with pytest.raises(PydanticCustomError) as refused:
+        check(*given)
+    assert refused.value.context is not None
+    return tuple(refused.value.context["place"])
+
+
+def whole() -> Calibration:
+    """A file with the block of all parameters, made from closed forms."""
+    loaded = parse_rig(RIG.encode(), "rig.yaml")
+    content = calibration(dict(loaded.document))
+    found = Calibration.model_validate(content)
+    rng = np.random.default_rng(6)
+    scale = 1e-3 * rng.normal(size=(3, 6))
+    block = independent(
+        loaded.rig,
+        found.rotation,
+        found.rotation_covariance,
+        zero=UncertainValue(found.zero, np.array([[0.1, 0.2, 1 / 3]] * 3)),
+        mass=UncertainValue(np.asarray(500.1), np.asarray(0.1)),
+        barycentre=UncertainValue(np.array([0.01, -0.015, 0.25]), np.array([1e-5, 1e-4, 1e-3])),
+        sensitivity=scale,
+    )
+    block = replace(block, covariance=block.covariance + 1e-12 * np.eye(len(block.covariance)))
+    block.covariance[:9, :9] -= 1e-12 * np.eye(9)
+    for support, (xx, yy, zz, yz, xz, xy) in zip(content["supports"], scale, strict=True):
+        support["sensitivity"] = [[1 + xx, xy, xz], [xy, 1 + yy, yz], [xz, yz, 1 + zz]]
+        support["zero_std"] = [np.hypot(s, 1e-6) for s in (0.1, 0.2, 1 / 3)]
+    # The sensor without a y axis has no zero there.
+    content["supports"][1]["zero"][1] = content["supports"][1]["zero_std"][1] = None
+    content["convention"] = SCALED_CONVENTION
+    content["parameters"] = parameters_document(block)
+    content["terminal"]["mass"]["std"] = float(np.hypot(0.1, 1e-6))
+    bary = content["terminal"]["barycenter"]
+    bary["std"] = [float(np.hypot(s, 1e-6)) for s in bary["std"]]
+    return Calibration.model_validate(content)
+
+
+WHOLE = whole()
+
+
+def altered(*place: str | int, by: float = 0.0, to: Any = None) -> Calibration:
+    """The file with one number moved, or set, past the checks of its model."""
+
+    def within(node: Any, rest: Place) -> Any:
+        if not rest:
+            return node + by if to is None else to
+        head, *tail = rest
+        if isinstance(head, str) and not isinstance(node, dict):
+            changed = within(getattr(node, head), tuple(tail))
+            return node.model_copy(update={head: changed})
+        out = dict(node) if isinstance(node, dict) else list(node)
+        out[head] = within(out[head], tuple(tail))  # type: ignore[index]
+        return out if isinstance(node, dict) else tuple(out)
+
+    changed: Calibration = within(WHOLE, place)
+    return changed
+
+
+def test_a_file_that_agrees_with_itself_is_taken() -> None:
+    check_stated(WHOLE)
+
+
+REDUNDANT = [
+    # number, by how much, the place that is named
+    (("supports", 2, "zero", 1), 1e-7, ("supports", 2, "zero")),
+    (("supports", 0, "zero_std", 2), 1e-5, ("supports", 0, "zero_std")),
+    (("supports", 1, "sensitivity", 0, 0), 1e-7, ("supports", 1, "sensitivity")),
+    (("supports", 2, "sensitivity", 1, 2), 1e-7, ("supports", 2, "sensitivity")),
+    (("terminal", "mass", "value"), 1e-5, ("terminal", "mass", "value")),
+    (("terminal", "mass", "std"), 1e-5, ("terminal", "mass", "std")),
+    (("terminal", "barycenter", "value", 1), 1e-7, ("terminal", "barycenter", "value")),
+    (("terminal", "barycenter", "std", 2), 1e-5, ("terminal", "barycenter", "std")),
+    (("fit", "p_value"), 1e-7, ("fit", "p_value")),
+    (("fit", "birge"), 1e-7, ("fit", "birge")),
+    (("fit", "chi2"), 1e-3, ("fit", "p_value")),
+    (("fit", "dof"), 1, ("fit", "p_value")),
+    (("budget", "angles", 4, "variance", "noise"), 1e-12, ("budget", "angles", 4, "variance")),
+]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("number", "by", "named"), REDUNDANT)
+def test_a_number_that_moved_is_found_at_its_place(
+    number: Place, by: float, named: Place, sign: int
+) -> None:
+    assert place_of(check_stated, altered(*number, by=sign * by)) == named
+
+
+@pytest.mark.parametrize(
+    ("number", "by"),
+    [
+        (("supports", 2, "zero", 1), 1e-10),
+        (("supports", 0, "zero_std", 2), 1e-8),
+        (("supports", 1, "sensitivity", 0, 0), 1e-10),
+        (("terminal", "mass", "value"), 1e-8),
+        (("fit", "p_value"), 1e-11),
+    ],
+)
+def test_rounding_is_no_edit(number: Place, by: float) -> None:
+    check_stated(altered(*number, by=by))
+
+
+def test_an_open_zero_has_no_standard_uncertainty_to_compare() -> None:
+    check_stated(altered("supports", 0, "zero_std", 1, to=None))
+    zero = altered("supports", 0, "zero_std", 1, to=0.5)
+    assert place_of(check_stated, zero) == ("supports", 0, "zero_std")
+
+
+def test_an_axis_that_is_not_measured_has_no_zero_to_compare() -> None:
+    assert WHOLE.supports[1].zero[1] is None
+    there = altered("supports", 1, "zero", 1, to=0.7)
+    assert place_of(check_stated, there) == ("supports", 1, "zero")
+
+
+def interval(low: FloatArray, high: FloatArray, coverage: float = 0.95) -> Calibration:
+    value = WHOLE.supports[1].rpy_interval
+    assert value is not None
+    update = {"low": tuple(low), "high": tuple(high), "coverage": coverage}
+    return altered("supports", 1, "rpy_interval", to=value.model_copy(update=update))
+
+
+@pytest.mark.parametrize("trials", [True, False])
+@pytest.mark.parametrize(
+    ("coverage", "k", "taken"),
+    [
+        (0.95, 1.9599, False),
+        (0.95, 1.96, True),
+        (0.95, 12.70, True),  # one degree of freedom
+        (0.95, 12.71, False),
+        (0.99, 2.5758, False),
+        (0.99, 2.5759, True),
+        (0.5, 0.68, True),
+    ],
+)
+def test_an_interval_is_some_students(coverage: float, k: float, taken: bool, trials: bool) -> None:
+    rpy, std = WHOLE.rpy[1], WHOLE.rpy_std[1]
+    file = interval(rpy - k * std, rpy + k * std, coverage)
+    if not trials:
+        file = file.model_copy(update={"monte_carlo": None})
+    if taken:
+        check_stated(file)
+    else:
+        assert place_of(check_stated, file) == ("supports", 1, "rpy_interval")
+
+
+def test_an_interval_off_its_angle_is_the_monte_carlos_or_none() -> None:
+    rpy, std = WHOLE.rpy[1], WHOLE.rpy_std[1]
+    off = np.array([0.0, 0.0, 1e-8])
+    assert place_of(check_stated, interval(rpy - 2 * std + off, rpy + 2 * std + off)) == (
+        "supports",
+        1,
+        "rpy_interval",
+    )
+    drawn = WHOLE.monte_carlo
+    assert drawn is not None
+    odd = np.array([1e-3, 2e-3, 3e-3])
+    low, high = rpy - odd, rpy + 2 * odd
+    moved = drawn.model_copy(
+        update={
+            "low": (drawn.low[0], tuple(low), drawn.low[2]),
+            "high": (drawn.high[0], tuple(high), drawn.high[2]),
+        }
+    )
+    check_stated(interval(low, high).model_copy(update={"monte_carlo": moved}))
+    for file in (interval(low, high), interval(low, high).model_copy(update={"monte_carlo": None})):
+        assert place_of(check_stated, file) == ("supports", 1, "rpy_interval")
+
+
+def test_campaigns_add_up_to_the_fit() -> None:
+    def of(*parts: tuple[float, int]) -> Calibration:
+        campaigns = tuple(SimpleNamespace(chi2=chi2, dof=dof) for chi2, dof in parts)
+        return WHOLE.model_copy(update={"campaigns": campaigns})
+
+    check_stated(of((100.0, 90), (71.5, 75)))
+    assert place_of(check_stated, of((100.0, 90), (71.0, 75))) == ("fit", "chi2")
+    assert place_of(check_stated, of((100.0, 90), (71.5, 76))) == ("fit", "dof")
+
+
+def test_a_fit_without_degrees_of_freedom_states_no_p_value() -> None:
+    fit = WHOLE.fit
+    assert fit is not None
+    none = fit.model_copy(update={"chi2": 0.0, "dof": 0, "p_value": 1.0, "birge": 1.0})
+    check_stated(WHOLE.model_copy(update={"fit": none}))
+    check_stated(WHOLE.model_copy(update={"fit": None}))
+    p = stats.chi2.sf(150.0, 160)
+    other = fit.model_copy(
+        update={"chi2": 150.0, "dof": 160, "p_value": p, "birge": np.sqrt(150 / 160)}
+    )
+    check_stated(WHOLE.model_copy(update={"fit": other}))
+
+
+def test_a_file_without_the_block_or_the_budget_is_judged_by_the_rest() -> None:
+    bare = altered("supports", 2, "zero", 1, by=1.0).model_copy(update={"parameters": None})
+    check_stated(bare)
+    check_stated(WHOLE.model_copy(update={"budget": None}))
+
+
+def test_covariances_are_symmetric_and_not_negative() -> None:
+    rng = np.random.default_rng(2)
+    root = 1e-4 * rng.normal(size=(6, 4))  # singular
+    C = root @ root.T
+    check_covariance((C + C.T) / 2)
+    check_covariance(np.zeros((3, 3)))
+    for size in (1e-8, 1.0, 1e8):
+        skew = size * np.eye(3)
+        skew[0, 1] = 1e-11 * size
+        assert place_of(check_covariance, skew) == ("covariance", "matrix")
+        skew[0, 1] = 1e-13 * size
+        check_covariance(skew)
+        negative = size * np.diag([1.0, 1.0, -1e-11])
+        assert place_of(check_covariance, negative, ("a", "b")) == ("a", "b")
+        check_covariance(size * np.diag([1.0, 1.0, -1e-13]))
+
+
+def mounting(rpy: FloatArray, covariance: FloatArray) -> SimpleNamespace:
+    turn = Rotation.from_euler("xyz", rpy)
+    return SimpleNamespace(
+        rotation=turn.as_matrix(),
+        rpy=tuple(rpy),
+        quaternion=tuple(turn.as_quat()),
+        rpy_std=tuple(angle_stds(turn.as_matrix(), covariance)),
+        turn_std=tuple(np.sqrt(np.diag(covariance))),
+    )
+
+
+COVARIANCE = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.3], [0.5, -0.3, 2.0]]) * 1e-8
+GIVEN = mounting(np.array([0.3, -0.5, 2.0]), COVARIANCE)
+
+
+def checked(**changes: Any) -> Callable[[], None]:
+    # Differences of scipy's angles are good to 1e-9, the check to 1e-6.
+    one: Any = SimpleNamespace(**(vars(GIVEN) | changes))
+    return lambda: check_rotation(one, COVARIANCE, 2)
+
+
+def nudged(name: str, place: int, by: float) -> dict[str, Any]:
+    values = list(getattr(GIVEN, name))
+    values[place] += by
+    return {name: tuple(values)}
+
+
+def test_a_rotation_said_in_four_ways() -> None:
+    checked()()
+    checked(turn_std=None)()
+    checked(quaternion=tuple(-q for q in GIVEN.quaternion))()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("name", "by", "named"),
+    [("rpy", 1e-8, "rpy"), ("quaternion", 1e-8, "quaternion_xyzw")],
+)
+def test_another_rotation_in_one_of_them(name: str, by: float, named: str, sign: int) -> None:
+    for place in range(len(getattr(GIVEN, name))):
+        found = place_of(checked(**nudged(name, place, sign * by)))
+        assert found == ("supports", 2, named)
+        checked(**nudged(name, place, sign * 1e-11))()
+
+
+@pytest.mark.parametrize("name", ["rpy_std", "turn_std"])
+@pytest.mark.parametrize("place", range(3))
+def test_another_standard_uncertainty(name: str, place: int) -> None:
+    for sign in (1, -1):
+        by = sign * 1e-5 * getattr(GIVEN, name)[place]
+        assert place_of(checked(**nudged(name, place, by))) == ("supports", 2, name)
+        checked(**nudged(name, place, by / 1e3))()
+
+
+def test_what_is_no_rotation() -> None:
+    R = GIVEN.rotation
+    for wrong in (-R, R @ np.diag([1, 1, -1.0]), R * (1 + 1e-8), R + 1e-8 * np.eye(3)):
+        assert place_of(checked(rotation=wrong)) == ("supports", 2, "rotation")
+
+
+def test_where_roll_and_yaw_are_one_turn_only_turns_are_stated() -> None:
+    turn = Rotation.from_euler("xyz", [0.2, np.pi / 2, 0.0])
+    one: Any = SimpleNamespace(
+        rotation=turn.as_matrix(),
+        rpy=(0.2, np.pi / 2, 0.0),
+        quaternion=tuple(turn.as_quat()),
+        rpy_std=(9.0, 9.0, 9.0),
+        turn_std=GIVEN.turn_std,
+    )
+    check_rotation(one, COVARIANCE, 0)
+    one.turn_std = (1.0, 1.0, 1.0)
+    assert place_of(check_rotation, one, COVARIANCE, 0) == ("supports", 0, "turn_std")
+
+
+def test_a_row_for_each_support() -> None:
+    check_shape([1, 2, 3], 3, "low")
+    for rows in ([1, 2], [1, 2, 3, 4]):
+        assert place_of(check_shape, rows, 3, "low") == ("monte_carlo", "low")
+        found = place_of(check_shape, rows, 3, "points", "tracker")
+        assert found == ("tracker", "points")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_measured_directions_are_met(seed: int) -> None:
+    """Where the axes are known, the rotation has them; it is always one."""
+    rng = np.random.default_rng(seed)
+    rpy = rng.normal(size=3)
+    nominal = Rotation.from_euler("xyz", rpy).as_matrix()
+    true = Rotation.random(random_state=seed).as_matrix()
+    for axes in ("", "x", "y", "z", "xy", "xz", "yz", "xyz"):
+        for R in (
+            true,
+            nominal,
+            nominal @ np.diag([-1.0, -1.0, 1]),
+            nominal @ np.diag([1.0, -1, -1]),
+        ):
+            directions: dict[Any, Any] = {a: tuple(R[:, "xyz".index(a)]) for a in axes}
+            found = from_directions(rpy.tolist(), directions)
+            assert np.allclose(found @ found.T, np.eye(3), rtol=0, atol=1e-9)
+            assert np.linalg.det(found) == pytest.approx(1)
+            for axis, towards in directions.items():
+                assert np.allclose(found[:, "xyz".index(axis)], towards, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_what_no_axis_shows_stays_nominal(axis: int) -> None:
+    """One axis measured: turned the shortest way, about the normal of the two directions."""
+    rpy = np.array([0.4, -0.2, 1.0])
+    nominal = Rotation.from_euler("xyz", rpy)
+    assert np.allclose(from_directions(rpy.tolist(), {}), nominal.as_matrix(), rtol=0, atol=1e-15)
+    own = nominal.as_matrix()[:, axis]
+    normal = np.cross(own, [0.3, 0.2, 0.9])
+    for angle in (0.0, 1e-12, 1e-3, 1.0, 3.0):
+        turn = Rotation.from_rotvec(angle * normal / np.linalg.norm(normal))
+        found = from_directions(rpy.tolist(), {"xyz"[axis]: tuple(turn.apply(own))})
+        assert np.allclose(found, (turn * nominal).as_matrix(), rtol=0, atol=1e-8)

@@ -1,0 +1,114 @@
+"""Parts of a rig file that contradict one another: refused at their place, and only then."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+from pydantic_core import PydanticCustomError
+from scipy.spatial.transform import Rotation
+
+from tdfscal.files.rig.checks import (
+    check_hinges,
+    check_inertia,
+    check_mapping,
+    check_names,
+    check_temperature,
+)
+
+from .test_consistency import place_of
+
+
+def test_inertias_of_bodies() -> None:
+    """Spheres, rods as good as without width, plates: at the bounds of what a body can have."""
+    turn = Rotation.random(random_state=1).as_matrix()
+    for principal in ([1.0, 1.0, 1.0], [1e-6, 1.0, 1.0], [1.0, 2.0, 3.0], [40.0, 50.0, 30.0]):
+        for scale in (1e-3, 1.0, 1e5):
+            matrix = scale * turn @ np.diag(principal) @ turn.T
+            check_inertia((matrix + matrix.T) / 2)
+    for principal in ([0.0, 1.0, 1.0], [-1e-3, 1.0, 1.0], [1.0, 2.0, 3.0 + 1e-6], [0.0, 0.0, 0.0]):
+        for scale in (1e-3, 1.0, 1e5):
+            with pytest.raises(PydanticCustomError):
+                check_inertia(scale * np.diag(principal))
+
+
+def test_an_inertia_is_symmetric() -> None:
+    for scale in (1e-3, 1.0, 1e5):
+        matrix = scale * np.diag([40.0, 50.0, 30.0])
+        matrix[0, 1] = scale * 40.0 * 1e-10
+        check_inertia(matrix)
+        matrix[0, 1] = scale * 40.0 * 1e-7
+        with pytest.raises(PydanticCustomError, match="symmetric"):
+            check_inertia(matrix)
+
+
+def test_names_are_taken_once() -> None:
+    check_names(["a", "b", "c"])
+    assert place_of(check_names, ["a", "b", "c", "b", "a"]) == ("supports", 3, "name")
+
+
+def test_hinges_that_coincide_or_stand_in_a_row() -> None:
+    triangle = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]])
+    names = ["a", "b", "c", "d"]
+    for size in (1e-2, 1.0, 1e2):
+        for shift in (0.0, 7.0):
+            check_hinges(names[:3], size * triangle + shift)
+            four = np.concatenate([triangle, triangle[1:2] + np.array([0, 0, 5e-5])])
+            found = place_of(check_hinges, names, size * four + shift)
+            assert found == ("supports", 3, "hinge")
+            four[3] += [0, 0, 5e-4]
+            check_hinges(names, size * four + shift)
+            row = triangle * [1, 5e-5, 1] + [[0, 0, 0], [0, 0, 0], [0.5, 0, 0]]
+            assert place_of(check_hinges, names[:3], size * row + shift) == ("supports",)
+            row[2, 1] = 1e-3
+            check_hinges(names[:3], size * row + shift)
+
+
+FIELDS = {
+    (name, what): tuple(f"{name}.{what}.{axis}" for axis in "xyz")
+    for name in ("a", "b", "c")
+    for what in ("position", "force")
+}
+
+
+def test_a_mapping_serves_every_support_with_fields_of_its_own() -> None:
+    names = ["a", "b", "c"]
+    check_mapping(names, FIELDS)
+    for name in names:
+        rest = {key: fields for key, fields in FIELDS.items() if key[0] != name}
+        assert place_of(check_mapping, names, rest) == ("log", "supports")
+    more = FIELDS | {("d", "force"): ("q",)}
+    assert place_of(check_mapping, names, more) == ("log", "supports", "d")
+    twice = copy.copy(FIELDS)
+    twice["c", "force"] = ("c.force.x", "a.position.y", "c.force.z")
+    assert place_of(check_mapping, names, twice) == ("log", "supports", "c", "force")
+
+
+def test_a_support_that_is_misspelt_is_told_which_one_is_meant() -> None:
+    names = ["ncp1", "ncp2", "arm"]
+    fields = {("ncp1", "force"): ("a",), ("ncp3", "force"): ("b",), ("arm", "force"): ("c",)}
+    with pytest.raises(PydanticCustomError) as refused:
+        check_mapping(names, fields)
+    assert refused.value.context is not None
+    assert "`ncp2`" in refused.value.context["hint"]  # ncp1 has its fields
+    nothing_like = {("ncp1", "force"): ("a",), ("qqq", "force"): ("b",), ("arm", "force"): ("c",)}
+    with pytest.raises(PydanticCustomError) as refused:
+        check_mapping(names, nothing_like)
+    assert refused.value.context is not None
+    assert "`ncp2`" in refused.value.context["hint"]
+
+
+def test_temperatures_are_one_for_all_or_one_each() -> None:
+    names = ["a", "b", "c"]
+    for fine in (["T"], ["T1", "T2", "T3"], {"a": "T1", "b": "T2", "c": "T3"}):
+        check_temperature(names, fine)
+    for wrong, odd in (([], None), (["T1", "T2"], None), (["T"] * 4, None),
+                       ({"a": "T1", "b": "T2"}, "c"),
+                       ({"a": "T1", "b": "T2", "c": "T3", "d": "T4"}, "d")):  # fmt: skip
+        with pytest.raises(PydanticCustomError) as refused:
+            check_temperature(names, wrong)
+        assert refused.value.context is not None
+        assert refused.value.context["place"] == ("log", "temperature")
+        if odd:
+            assert f"`{odd}`" in refused.value.context["said"]

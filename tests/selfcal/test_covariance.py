@@ -1,0 +1,154 @@
+"""Covariance and its sources by propagating each, what noise fakes by drawing it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tdfscal.model.parameters import EVEN_TURN, layout, nominal, prior_std, retract
+from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import spectrum
+from tdfscal.selfcal.covariance import (
+    EARLIER,
+    NOISE,
+    blind_turns,
+    evaluate,
+    faked_information,
+    information_root,
+    quality,
+    without_faked,
+)
+from tdfscal.selfcal.estimator import fit
+
+from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
+
+
+def test_covariance_sources_by_propagating_each() -> None:
+    """Gain times each source's covariance, written out; together the posterior covariance."""
+    result = fit(RIG, SEEN, nominal(RIG))
+    parts = information_root(result)
+    at, posterior = result.at, parts.root @ parts.root.T
+    gain = [
+        posterior @ J.T @ np.linalg.inv(C) for J, C in zip(result.jacobian, at.cov, strict=True)
+    ]
+    moment = np.diag([0, 0, 0, 1, 1, 1]) * RIG.declared.hinge_moment**2
+    by_moment = sum(g @ moment @ g.T for g in gain)[:9, :9]
+    R = result.state.rotation
+    spreads = evaluate(result, parts, 1.0)
+    assert np.allclose(
+        spreads.contributions["hinge friction"], so3.rpy_variance(R, by_moment), rtol=1e-6
+    )
+    by_place = sum(
+        g @ B @ C @ B.T @ g.T for g, B, C in zip(gain, at.noise_turn, at.turn_cov, strict=True)
+    )[:9, :9]
+    assert np.allclose(
+        spreads.contributions["positioner"], so3.rpy_variance(R, by_place), rtol=1e-6
+    )
+    rows = prior_std(RIG)[result.active]
+    inside = np.zeros(SIZE, dtype=bool)
+    inside[layout(3)["zero"]] = True
+    zero = posterior[:9, inside[result.active]] / rows[inside[result.active]]
+    assert np.allclose(spreads.contributions["zero"], so3.rpy_variance(R, zero @ zero.T), rtol=1e-6)
+    assert not spreads.contributions[EARLIER].any()
+    assert np.isinf(spreads.effective_dof).all()
+    assert np.allclose(spreads.coverage_factor, stats.norm.ppf(0.975), rtol=1e-6)
+
+
+def test_degrees_of_freedom_of_a_scaled_noise_are_welch_satterthwaites() -> None:
+    result = fit(RIG, SEEN, nominal(RIG))
+    parts = information_root(result)
+    dof = quality(result, parts).dof
+    for birge, own in ((2.0, False), (1.0, True)):
+        spreads = evaluate(result, parts, birge, noise_from_residuals=own)
+        total = spreads.rpy_std**2
+        noise = sum(spreads.contributions[name] for name in NOISE)
+        expected = dof / (noise / total) ** 2
+        assert np.allclose(spreads.effective_dof, expected, rtol=1e-9)
+        assert np.allclose(spreads.coverage_factor, stats.t.ppf(0.975, expected), rtol=1e-6)
+
+
+def test_an_earlier_campaign_adds_its_degrees_and_its_share() -> None:
+    rig, step, _ = earlier()
+    result = fit(rig, SEEN, retract(nominal(RIG), step))
+    parts = information_root(result)
+    own = quality(result, parts)
+    assert own.chi2 == result.cost
+    assert own.dof == result.rows + len(result.prior_residual) - len(parts.values)
+    assert own.birge == pytest.approx(np.sqrt((result.cost + 30.0) / (own.dof + 25)))
+    spreads = evaluate(result, parts, 2.0)
+    assert (spreads.contributions[EARLIER] > 0).all()
+    noise = sum(spreads.contributions[name] for name in NOISE)
+    expected = (own.dof + 25) / (noise / spreads.rpy_std**2) ** 2
+    assert np.allclose(spreads.effective_dof, expected, rtol=1e-9)
+    assert np.allclose(sum(spreads.contributions.values()), spreads.rpy_std**2, rtol=1e-9)
+
+
+def test_std_of_every_parameter_is_its_place_in_the_posterior() -> None:
+    result = fit(RIG, SEEN, nominal(RIG))
+    parts = information_root(result)
+    std = evaluate(result, parts, 1.0).parameter_std
+    normal = sum(
+        J.T @ np.linalg.solve(C, J) for J, C in zip(result.jacobian, result.at.cov, strict=True)
+    )
+    normal = normal + result.prior_jacobian.T @ result.prior_jacobian
+    scale = 1 / np.sqrt(np.diagonal(normal))
+    inverse = np.linalg.inv(normal * np.outer(scale, scale)) * np.outer(scale, scale)
+    assert np.allclose(std[result.active], np.sqrt(np.diagonal(inverse)), rtol=1e-5)
+    assert not std[~result.active].any()
+
+
+def test_faked_information_is_the_mean_of_what_noise_alone_shows() -> None:
+    """Σ [n]×ᵀ Bᵀ W B [n]× of drawn noise n, averaged."""
+    result = fit(RIG, SEEN, nominal(RIG))
+    result = replace(result, weight=np.where(np.arange(len(SEEN)) < 4, 0.0, 1.0))
+    W = result.at.information * result.weight[:, None, None]
+    draws, rng = 3000, np.random.default_rng(3)
+    total = np.zeros((draws, 9, 9))
+    S = result.state
+    for k in range(len(SEEN)):
+        for i in range(3):
+            X = S.rotation[i] @ np.linalg.inv(
+                np.eye(3) + S.sensitivity[i][[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+            )
+            n = rng.multivariate_normal(np.zeros(3), SEEN.force_cov[k, i], size=draws) @ X.T
+            B = np.concatenate([np.eye(3), so3.hat(result.at.arm[k, i])])
+            lever = B @ so3.hat(n)
+            block = np.swapaxes(lever, 1, 2) @ W[k] @ lever
+            total[:, 3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block
+    found = faked_information(result)
+    scale = np.sqrt(np.outer(np.diagonal(found), np.diagonal(found)))
+    error = np.abs(total.mean(axis=0) - found) / scale
+    assert error.max() < 5 * (total.std(axis=0) / scale).max() / np.sqrt(draws)
+
+
+def test_covariance_without_the_faked_information() -> None:
+    """(Λ − N)⁻¹ Λ (Λ − N)⁻¹, and never more than a turn spread over the circle."""
+    A = RNG.normal(size=(9, 9))
+    information = 1e6 * (A @ A.T + np.eye(9))
+    faked = 0.3 * information[0, 0] * np.diag([0, 0, 0.01, 0, 0.001, 0, 0, 0, 0])
+    C = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    none = np.zeros((0, 9))
+    left = np.linalg.inv(information - faked)
+    expected = left @ information @ left
+    assert np.allclose(without_faked(C, faked, none), expected, rtol=1e-8, atol=1e-14)
+    assert np.allclose(without_faked(C, 0 * faked, none), C, rtol=1e-8, atol=1e-16)
+    everything = without_faked(C, 2 * information, none)
+    assert np.allclose(everything, EVEN_TURN**2 * np.eye(9), rtol=1e-6, atol=1e-6)
+    blind = np.zeros((1, 9))
+    blind[0, 5] = 1.0
+    found = without_faked(C, 0 * faked, blind)
+    assert found[5, 5] == pytest.approx(EVEN_TURN**2, rel=1e-4)
+
+
+def test_blind_turns_are_in_radians_and_longest_one() -> None:
+    J = np.zeros((4, 4))
+    J[:, :2] = RNG.normal(size=(4, 2))
+    J[:, 3] = 100 * RNG.normal(size=4)
+    parts = spectrum(J)
+    blind = blind_turns(parts, np.array([0, 1, 2]))
+    assert np.allclose(np.abs(blind), [[0, 0, 1]], rtol=0, atol=1e-9)
+    seen = spectrum(RNG.normal(size=(6, 4)))
+    assert blind_turns(seen, np.array([0, 1, 2])).shape == (0, 3)

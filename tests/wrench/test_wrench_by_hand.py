@@ -1,0 +1,302 @@
+"""The contact wrench and its uncertainty where both can be written out; poses, streams, filters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.signal import savgol_coeffs
+from scipy.spatial.transform import Rotation
+
+from tdfscal import simulation
+from tdfscal.errors import UsageError
+from tdfscal.model.calibrated import Calibrated, independent
+from tdfscal.model.parameters import layout
+from tdfscal.records import DeclaredUncertainty, FloatArray, Log, Rig, Series, UncertainValue
+from tdfscal.wrench.contact_wrench import pose, single, wrenches
+from tdfscal.wrench.filtering import WALK, Walk, checked_walk, filtered
+from tdfscal.wrench.kinematics import Poses, derivative_kernels, motion, poses, rotations
+from tdfscal.wrench.resampling import Samples, Tally, aligned
+
+LEVEL = np.tile(np.eye(3), (3, 1, 1))
+STD = 1e-3
+
+
+def exact(declared: DeclaredUncertainty | None = None) -> Rig:
+    """Only the angles, and what is declared per posture, are uncertain."""
+    rig = simulation.make_rig()
+    return replace(
+        rig,
+        declared=declared or DeclaredUncertainty(),
+        zero=UncertainValue.exact(np.zeros((3, 3))),
+        mass=UncertainValue.exact(rig.mass.value),
+        barycentre=UncertainValue.exact(rig.barycentre.value),
+        gravity_tilt_std=0.0,
+    )
+
+
+def given(declared: DeclaredUncertainty | None = None, std: float = STD) -> Calibrated:
+    return independent(exact(declared), LEVEL, std**2 * np.eye(9))
+
+
+def standing(count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Time, positions and readings of a level terminal whose weight its sensors share."""
+    rig = exact()
+    share = float(rig.mass.value) * rig.gravity / 3
+    force = np.tile([0.0, 0.0, share], (count, 3, 1))
+    return 0.01 * np.arange(float(count)), np.tile(rig.hinge, (count, 1, 1)), force
+
+
+def test_uncertainty_of_turned_thirds_of_the_weight() -> None:
+    rig = exact()
+    found = wrenches(given(), *standing(5))
+    total = np.zeros(6)
+    for hinge in rig.hinge:
+        for d in STD * np.eye(3):
+            f = np.cross(d, standing(1)[2][0, 0])
+            total += np.concatenate([f, np.cross(hinge, f)]) ** 2
+    assert np.allclose(found.calibration_std, np.sqrt(total), rtol=1e-9, atol=1e-9)
+    assert np.allclose(found.std, found.calibration_std, rtol=1e-12, atol=1e-12)
+    assert np.abs(found.value).max() < 1e-9
+
+
+def test_what_is_declared_per_posture_adds_to_a_samples_uncertainty() -> None:
+    rig = exact()
+    noise = wrenches(given(DeclaredUncertainty(force_noise=0.7), 0.0), *standing(3))
+    moment = np.zeros(6)
+    for hinge in rig.hinge:
+        for f in 0.7 * np.eye(3):
+            moment += np.concatenate([f, np.cross(hinge, f)]) ** 2
+    assert np.allclose(noise.std, np.sqrt(moment), rtol=1e-9)
+    assert not noise.calibration_std.any()
+    friction = wrenches(given(DeclaredUncertainty(hinge_moment=0.2), 0.0), *standing(3))
+    # As declared per axis, and as friction whose direction is any: n τ / √3 = 0.2 once more.
+    expected = [0, 0, 0, *[np.hypot(0.2, 0.2)] * 3]
+    assert np.allclose(friction.std, expected, rtol=1e-9)
+    twice = wrenches(given(DeclaredUncertainty(positioner=2e-5), 0.0), *standing(3)).std
+    once = wrenches(given(DeclaredUncertainty(positioner=1e-5), 0.0), *standing(3)).std
+    assert np.allclose(twice, 2 * once, rtol=1e-9)
+    assert (once[:, 3:5] > 0).all()
+
+
+def test_positioner_noise_turns_the_weight_against_the_sensors() -> None:
+    """Scatter over drawn positions against the stated standard uncertainty."""
+    declared = DeclaredUncertainty(positioner=1e-4)
+    calibrated = given(declared, 0.0)
+    time, position, force = standing(4000)
+    drawn = position + 1e-4 * np.random.default_rng(0).normal(size=position.shape)
+    stated = wrenches(calibrated, time[:1], position[:1], force[:1]).std[0]
+    # The pose alone: what a sensor pushes, it pushes in the base, whatever the pose.
+    value = wrenches(calibrated, time, drawn, force).value
+    assert np.abs(value[:, 3:5].std(axis=0) / stated[3:5] - 1).max() < 5 / np.sqrt(2 * 4000)
+
+
+def test_friction_with_a_direction_counts_as_one_of_any() -> None:
+    tau, std = 0.3, 0.1
+    calibrated = given()
+    place = layout(3)["friction"].start
+    cov = calibrated.covariance.copy()
+    cov[place, place] = std**2
+    state = replace(calibrated.state, friction=np.asarray(tau))
+    seen = single(replace(calibrated, state=state, covariance=cov), *standing(2)[1:])
+    assert seen.moment_var == pytest.approx(9 * (tau**2 + std**2) / 3)
+    assert not seen.approach.any()
+    assert seen.measured.all()
+
+
+def test_an_unmeasured_axis_leaves_open_what_it_reaches() -> None:
+    """A vertical component at (x, y): fz, and moments about x and y where its arm is not 0."""
+    axes = np.ones((3, 3), dtype=np.bool_)
+    axes[0, 2] = False
+    calibrated = replace(given(), rig=replace(exact(), axes=axes))
+    time, position, force = standing(2)
+    force[:, 0, 2] = 1e5  # whatever stands there
+    found = wrenches(calibrated, time, position, force)
+    hinge = exact().hinge[0]
+    reach = np.concatenate([[0, 0, 1], np.cross(hinge, [0, 0, 1])])
+    assert np.array_equal(np.isinf(found.std[0]), np.abs(reach) > 1e-6)
+    weight = float(exact().mass.value) * exact().gravity
+    assert found.value[0, 2] == pytest.approx(weight / 3, rel=1e-12)
+
+
+def test_short_blocks_share_an_uncertainty_and_long_ones_do_not() -> None:
+    """A load that grows in steps: within a quarter of a second, and within 512 samples."""
+    for step, block in ((1e-3, 250), (1e-4, 512)):
+        time, position, force = standing(1100)
+        time = step * np.arange(1100.0)
+        force = force * np.linspace(1, 2, 1100)[:, None, None]
+        std = wrenches(given(), time, position, force).calibration_std[:, 0]
+        edges = np.flatnonzero(np.diff(std)) + 1
+        # Rounding of the clock may put a border one sample off.
+        expected = np.unique(np.concatenate([np.arange(block, 1100, block)] + (
+            [np.arange(512, 1100, 512)] if block == 250 else []
+        )))  # fmt: skip
+        expected = expected[expected < 1100]
+        assert len(edges) == len(expected)
+        assert np.abs(edges - expected).max() <= 1
+        mean = np.linspace(1, 2, 1100)[: edges[0]].mean()
+        plain = wrenches(given(), *standing(1)).calibration_std[0, 0]
+        assert std[0] == pytest.approx(mean * plain, rel=1e-9)
+
+
+def test_a_pose_that_is_known_is_taken() -> None:
+    time, position, force = standing(4)
+    turned = Poses(np.tile(Rotation.from_euler("z", 0.3).as_matrix(), (4, 1, 1)), np.zeros((4, 3)))
+    value = wrenches(given(), time, position, 1.1 * force, at=turned).value
+    plain = wrenches(given(), time, position, 1.1 * force).value
+    assert np.allclose(value[:, 2], plain[:, 2])
+    own = pose(given(), position + np.array([1.0, 2.0, 3.0]))
+    assert np.allclose(own.translation, [1, 2, 3], rtol=0, atol=1e-12)
+    some = own.rows(slice(1, 3))
+    assert some.translation.shape == (2, 3)
+    assert np.array_equal(some.rotation, own.rotation[1:3])
+
+
+@pytest.mark.parametrize("count", [1, 127, 128, 129, 300])
+def test_rotations_in_blocks_are_those_of_each(count: int) -> None:
+    """Turns of half a radian within a block, noise of the positions, and the last of a block."""
+    rng = np.random.default_rng(count)
+    hinge = rng.normal(size=(4, 3))
+    turn = Rotation.from_rotvec(0.25 * rng.normal(size=(count, 3)))
+    R = turn.as_matrix()
+    position = np.einsum("kab,nb->kna", R, hinge) + rng.normal(size=(count, 1, 3))
+    found = rotations(hinge, position)
+    assert np.abs(found - R).max() < 3e-10
+    at = poses(hinge, position)
+    expected = position.mean(axis=1) - turn.apply(hinge.mean(axis=0))
+    assert np.abs(at.translation - expected).max() < 1e-9
+
+
+@pytest.mark.parametrize("half", [2, 5, 40])
+def test_kernels_are_savitzky_and_golays(half: int) -> None:
+    found = derivative_kernels(half)
+    for order in range(3):
+        oracle = savgol_coeffs(2 * half + 1, 3, deriv=order, use="dot")
+        assert np.allclose(found[order], oracle, rtol=1e-8, atol=1e-12)
+
+
+def test_motion_of_a_steady_turn_in_a_circle() -> None:
+    """ω about an axis, and the centripetal acceleration in the frame that turns."""
+    N, step, w = 400, 5e-3, 0.4
+    t = step * np.arange(N)
+    axis = np.array([0.48, 0.6, 0.64])
+    turn = Rotation.from_rotvec(w * t[:, None] * axis)
+    path = 0.3 * np.stack([np.cos(w * t), np.sin(w * t), 0 * t], axis=1)
+    found = motion(Poses(turn.as_matrix(), path), step, 15)
+    assert found is not None
+    assert np.allclose(found.turning, w * axis, rtol=0, atol=1e-6)
+    assert np.abs(found.turning_rate).max() < 1e-4
+    assert np.allclose(found.acceleration, turn.inv().apply(-(w**2) * path), rtol=0, atol=1e-4)
+    some = found.rows(slice(3, 7))
+    assert np.array_equal(some.acceleration, found.acceleration[3:7])
+    assert motion(Poses(turn.as_matrix()[:30], path[:30]), step, 15) is None
+    assert motion(Poses(turn.as_matrix()[:31], path[:31]), step, 15) is not None
+
+
+# Streams.
+
+
+def streams(position: FloatArray, force: FloatArray) -> Log:
+    """Straight lines in time, one support of three with its own clock of positions."""
+    lines = [Series(t, np.outer(t, [1.0, 2.0, 3.0]) + k) for k, t in enumerate([position] * 3)]
+    loads = [Series(force, np.outer(force, [-1.0, 4.0, 2.0]) + 10 * k) for k in range(3)]
+    return Log(("a", "b", "c"), tuple(lines), tuple(loads))
+
+
+def test_gaps_of_another_stream_are_left_out_and_counted() -> None:
+    """20 intervals or a tenth of a second may be bridged; a longer gap may not."""
+    base = np.arange(0.0, 4.0, 0.01)
+    position = np.arange(0.0, 4.0, 0.02)
+    short = position[(position < 1.0) | (position > 1.35)]
+    tally = Tally()
+    out = list(aligned([streams(short, base)], tally))
+    assert tally.used == sum(s.time.size for s in out)
+    assert tally.uncovered == int((base > position[-1] + 1e-9).sum())
+    long = position[(position < 1.0) | (position > 1.5)]
+    tally = Tally()
+    out = list(aligned([streams(long, base)], tally))
+    time = np.concatenate([s.time for s in out])
+    inside = (base > long[long < 1.0][-1] + 1e-9) & (base < long[long > 1.0][0] - 1e-9)
+    late = base > position[-1] + 1e-9
+    assert np.allclose(time, base[~inside & ~late], rtol=0, atol=1e-12)
+    assert tally.uncovered == int((inside | late).sum())
+    for s in out:
+        assert np.allclose(s.position[:, 1], np.outer(s.time, [1.0, 2.0, 3.0]) + 1, atol=1e-9)
+        assert np.allclose(s.force[:, 2], np.outer(s.time, [-1.0, 4.0, 2.0]) + 20, atol=1e-9)
+
+
+def test_what_begins_late_or_ends_early_covers_only_itself() -> None:
+    base = np.arange(0.0, 1.0, 0.01)
+    position = np.arange(0.195, 0.7, 0.02)
+    tally = Tally()
+    cuts = [0.0, 0.33, 0.34, 0.8, 1.0]
+    pieces = [
+        streams(position[(position >= a) & (position < b)], base[(base >= a) & (base < b)])
+        for a, b in pairwise(cuts)
+    ]
+    time = np.concatenate([s.time for s in aligned(pieces, tally)])
+    good = (base > position[0]) & (base < position[-1])
+    assert np.allclose(time, base[good], rtol=0, atol=1e-12)
+    assert (tally.used, tally.uncovered) == (int(good.sum()), int((~good).sum()))
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_readings_that_are_no_numbers_are_left_out_and_counted(together: bool) -> None:
+    base = np.arange(0.0, 1.0, 0.01)
+    log = streams(base if together else np.arange(0.0, 1.01, 0.05), base)
+    log.force[1].value[7, 2] = np.nan
+    log.force[2].value[50] = np.inf
+    tally = Tally()
+    time = np.concatenate([s.time for s in aligned([log, streams(base[:0], base[:0])], tally)])
+    assert 7 not in np.round(100 * time).astype(int)
+    assert 50 not in np.round(100 * time).astype(int)
+    assert tally.unreadable == 2
+    assert tally.used == len(time) == 98
+
+
+# Filters.
+
+
+def test_options_of_a_filter() -> None:
+    assert checked_walk("none", None) is None
+    assert checked_walk("kalman", None) == WALK
+    assert checked_walk("smooth", 3.0) == 3.0
+    for kind, walk in (("none", 1.0), ("kalman", 0.0), ("kalman", -1.0), ("smooth", np.inf),
+                       ("smooth", np.nan)):  # fmt: skip
+        with pytest.raises(UsageError) as refused:
+            checked_walk(kind, walk)
+        assert refused.value.where == "--walk"
+
+
+@pytest.mark.parametrize("numbers", [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 0.0),
+                                     (np.inf, 1.0, 1.0), (1.0, np.inf, 1.0), (1.0, 1.0, np.inf),
+                                     (np.nan, 1.0, 1.0)])  # fmt: skip
+def test_walks_that_are_none(numbers: tuple[float, float, float]) -> None:
+    with pytest.raises(UsageError):
+        Walk(*numbers)
+
+
+def test_a_noise_free_measurement_is_followed_at_once() -> None:
+    walk = Walk(1.0, 0.0, 0.5)
+    assert walk.gain == 1.0
+    assert walk.delay == 0.0
+    assert walk.left == 1.0
+
+
+@pytest.mark.parametrize("gap", [2.9, 3.1])
+def test_a_filter_starts_anew_after_three_missing_samples(gap: float) -> None:
+    """A step across the gap is smoothed over, or it is not."""
+    time = 0.01 * np.arange(200.0)
+    time[100:] += 0.01 * (gap - 1)
+    force = np.zeros((200, 3, 3))
+    force[100:] = 1.0
+    force += 0.05 * np.random.default_rng(0).normal(size=force.shape)
+    samples = Samples(time, np.zeros((200, 3, 3)), force)
+    for pieces in ([samples], [samples.rows(slice(0, 100)), samples.rows(slice(100, 200))]):
+        out = list(filtered(pieces, "kalman", 0.3))
+        value = np.concatenate([s.force for s in out])
+        jump = value[100].mean() - value[99].mean()
+        assert (jump > 0.8) == (gap > 3)
+        assert np.array_equal(np.concatenate([s.time for s in out]), time)
