@@ -23,9 +23,10 @@ from tdfscal.errors import TdfscalError
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig, Series
 from tdfscal.selfcal.joint_posterior import from_fit
-from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Options, Recorder
 from tdfscal.validation.causes import NOISE
+from tdfscal.validation.known_noise import KnownNoise
 from tdfscal.validation.residual_wrench import validate
 
 STD = 0.3
@@ -109,6 +110,12 @@ def split(dwells: Dwells, first: int) -> tuple[Dwells, Dwells]:
     return before, after
 
 
+def known_noise(result: SelfCalibration) -> KnownNoise:
+    """What `validate` reads of it in the calibration file."""
+    channels = None if result.channels is None else result.channels.factor
+    return KnownNoise(channels, result.validation.kurtosis, len(result.validation.index))
+
+
 def main() -> None:
     """Print the table."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 60
@@ -127,7 +134,8 @@ def main() -> None:
             try:
                 result = self_calibrate(rig, used, rng=np.random.default_rng(0), max_trials=0)
                 C = result.uncertainty.covariance
-                verdict = validate(from_fit(result.fit, C), held, rig=rig)
+                known = known_noise(result)
+                verdict = validate(from_fit(result.fit, C), held, rig=rig, known=known)
             except TdfscalError:
                 continue
             accepted += not result.reasons

@@ -50,6 +50,20 @@ class CrossValidation:
     after: Remaining
     cov: FloatArray
 
+    @property
+    def kurtosis(self) -> float | None:
+        """Mardia's, of the residual wrenches over that of normal ones; None where it has none.
+
+        mean(q²) / mean(q)² of the squared lengths q by the covariance, whatever the scale, which is
+        (m + 2) / m for normal ones of m components (Biometrika 57, 1970).
+        """
+        e = np.concatenate([self.after.force, self.after.moment], axis=1)
+        if len(e) < 2 or np.linalg.matrix_rank(self.cov, hermitian=True).min() < e.shape[1]:
+            return None
+        q = np.einsum("ka,ka->k", e, np.linalg.solve(self.cov, e[..., None])[..., 0])
+        m = e.shape[1]
+        return float(np.mean(q**2) / np.mean(q) ** 2 * m / (m + 2))
+
 
 def _rms(vectors: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))

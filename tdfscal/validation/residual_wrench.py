@@ -18,15 +18,20 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, prior_std, with_motions
 from tdfscal.model.statics import Postures, balance, features_jacobian, postures
 from tdfscal.model.zero_motion import ZeroAge
-from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
+from tdfscal.selfcal.noise_components import ChannelNoise, scaled
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation import causes
-from tdfscal.validation.causes import NOISE
+from tdfscal.validation.causes import NOISE, Causes
+from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.verdict import Verdict
 from tdfscal.validation.whitening import Whitened, whiten
 from tdfscal.wrench.contact_wrench import contact_wrench, to_lcs
 
+_CHANNELS = (
+    "the channels' noise is taken as unequal as the calibration's residuals showed it "
+    "(fit.channel_noise)"
+)
 #: Share of an unmeasured force below which a component of the wrench does not depend on it.
 _REACHED = 1e-6
 
@@ -55,12 +60,15 @@ def validate(
     *,
     rig: Rig | None = None,
     noise: float | None = None,
+    known: KnownNoise = AS_STATED,
     age: ZeroAge | None = None,
 ) -> Validation:
     """Test a calibration on static dwells without contact.
 
     rig : the rig of this log, for what it declares; default the calibration's.
     noise : N, standard uncertainty of a reading per axis where neither log nor rig state one.
+    known : what the calibration found of the noise. A single posture, and how far any of them
+    scatters, is judged by its tails.
     age : of the calibration's zeros at the first dwell, from which on they move as is declared.
 
     Raises
@@ -80,10 +88,13 @@ def validate(
             f"no dwell can be used: {next(iter(screened.reasons.values()))}", where="log forces"
         )
     observed, warnings = _with_noise(postures(rig, dwells, age).subset(used), noise)
+    if known.channels is not None:
+        observed = scaled(observed, ChannelNoise(known.channels))
+        warnings = (*warnings, _CHANNELS)
     seen = _see(given, observed)
     white = seen.white
     found = causes.causes(white)
-    single = [c for c in found.best if len(c.postures) < 2 and c.kind not in NOISE]
+    p_value, search_p = _chances(white, found, known)
     turned = log_against_rig.turned(rig, dwells.position)
     return Validation(
         rig=rig,
@@ -95,12 +106,26 @@ def validate(
         std=seen.std,
         chi2=white.chi2,
         dof=white.dof,
-        p_value=float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0,
-        search_p=min(1.0, found.tried * min(cause.p_value for cause in single)),
+        p_value=p_value,
+        search_p=search_p,
         causes=found,
         detectable=detectable_turns(causes.turn_information(white), found.tried),
         warnings=(*dwells.warnings, *warnings, *([turned] if turned else [])),
     )
+
+
+def _chances(white: Whitened, found: Causes, known: KnownNoise) -> tuple[float, float]:
+    """Probability of all residuals together, and of what looks most like one single cause.
+
+    A posture counts as far off as it would have to be with normal noise to be as improbable.
+    """
+    spared = known.as_normal(white)
+    if spared is not white:
+        found = causes.causes(spared)
+    overall = known.chi2_sf(spared.chi2, spared.dof) if white.dof > 0 else 1.0
+    single = [c for c in found.best if len(c.postures) < 2 and c.kind not in NOISE]
+    least = min(known.chi2_sf(c.gain, c.unknowns) if c.unknowns else 1.0 for c in single)
+    return overall, min(1.0, found.tried * least)
 
 
 def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[str, ...]]:

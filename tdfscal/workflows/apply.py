@@ -185,6 +185,7 @@ def apply(
             head,
             given,
             posture_std=_posture_std(use),
+            shares=_shares(use),
             zero_variance=moved,
             tell=noises.append,
         )
@@ -243,6 +244,15 @@ def _posture_std(use: InUse) -> float:
     # The residual force of a posture is the sum of n readings, three axes each.
     spent = 6 * fit.postures / fit.dof
     return float(fit.rms_force * np.sqrt(max(spent, 1.0) / (3 * use.given.rig.n)))
+
+
+def _shares(use: InUse) -> FloatArray | None:
+    """Share (n,) of each sensor in the noise of a posture, 1 on average; None where alike."""
+    fit = use.calibration.fit
+    if fit is None or fit.channel_noise is None:
+        return None
+    variance = np.sum(np.square(fit.channel_noise), axis=1)
+    return np.asarray(variance / variance.mean())
 
 
 def _zeros(age: ZeroAge, moved: ZeroVariance | None, end: float) -> dict[str, Any]:

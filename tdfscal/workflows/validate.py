@@ -19,6 +19,7 @@ from tdfscal.reporting import validation_in_motion
 from tdfscal.reporting.validation import Origin, document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
+from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.workflows.arguments import PathLikes, listed, one, one_of
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
@@ -219,7 +220,18 @@ def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
     if len(dwells):
         warm = None if dwells.temperature is None else dwells.temperature[0]
         age = zero_age(use, float(dwells.start[0]), warm)
-    return residual_wrench.validate(use.given, dwells, rig=rig, noise=_fit_noise(use), age=age)
+    return residual_wrench.validate(
+        use.given, dwells, rig=rig, noise=_fit_noise(use), known=_known_noise(use), age=age
+    )
+
+
+def _known_noise(use: InUse) -> KnownNoise:
+    """What the calibration found of the noise."""
+    fit = use.calibration.fit
+    if fit is None:
+        return AS_STATED
+    channels = None if fit.channel_noise is None else np.array(fit.channel_noise)
+    return KnownNoise(channels, fit.kurtosis, fit.postures)
 
 
 def _used_before(use: InUse, log: LogPass) -> list[str]:

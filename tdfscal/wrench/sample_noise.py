@@ -46,13 +46,15 @@ def with_sample_noise(
     given: Calibrated,
     *,
     posture_std: float,
+    shares: FloatArray | None = None,
     zero_variance: ZeroVariance | None,
     tell: Callable[[SampleNoise], None],
 ) -> Iterator[WrenchPiece]:
     """Add the noise of a sample, and zeros that move, to the standard uncertainties.
 
     posture_std : N per axis, by which the calibration's own postures scattered beyond the
-    calibration. zero_variance : N², (N, n or 1) at times (N,), s, by which zeros have moved since.
+    calibration. shares : (n,), of the sensors in that variance, 1 on average; None: all alike.
+    zero_variance : N², (N, n or 1) at times (N,), s, by which zeros have moved since.
     tell : is told the noise before the first piece comes.
     """
     held = list[WrenchPiece]()
@@ -64,7 +66,8 @@ def with_sample_noise(
         return
     each = _by_sensor(given)
     slow = posture_std**2 - given.rig.declared.force_noise**2
-    noise = _noise(held, head, each.sum(axis=0), slow)
+    alike = np.ones(len(each)) if shares is None else shares
+    noise = _noise(held, head, alike @ each, slow)
     tell(noise)
     for piece in chain(held, pieces):
         variance = piece.wrench.std**2 + noise.std**2

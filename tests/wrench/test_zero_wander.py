@@ -64,8 +64,8 @@ def test_the_zero_s_own_wander_is_that_of_simulated_noise() -> None:
 
 def head_of(force: FloatArray, dwells: int, mean_variance: float) -> LogHead:
     """A log of dwells one after the other; the variance of their means as dwells alone show it."""
-    time = STEP * np.arange(len(force))
-    start = DWELL * np.arange(dwells)
+    time = STEP * np.arange(float(len(force)))
+    start = DWELL * np.arange(float(dwells))
     samples = Samples(time, np.zeros((len(force), 1, 3)), force.reshape(len(force), -1, 3))
     return LogHead(samples, start, start + DWELL - STEP / 2, mean_variance, averaged=False)
 

@@ -139,6 +139,8 @@ class Calibration(Strict):
                 check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
             if self.monte_carlo.histogram is not None:
                 check_shape(self.monte_carlo.histogram.counts, len(self.supports), "histogram")
+        if self.fit is not None and self.fit.channel_noise is not None:
+            check_shape(self.fit.channel_noise, len(self.supports), "channel_noise", "fit")
         if self.dwells is not None:
             check_shape(self.dwells.force, len(self.supports), "force", "dwells")
         for index, campaign in enumerate(self.campaigns):

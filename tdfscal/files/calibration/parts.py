@@ -221,7 +221,11 @@ class RejectedPosture(Strict):
 
 
 class FitResult(Strict):
-    """How the model fits: rms_force in N, rms_moment in N·m."""
+    """How the model fits: rms_force in N, rms_moment in N·m.
+
+    channel_noise : of each channel over what is stated, where the residuals show it unequal.
+    kurtosis : of leave-one-out residuals over that of normal ones; more: heavy tails.
+    """
 
     postures: Count
     rejected: tuple[RejectedPosture, ...] = ()
@@ -233,6 +237,8 @@ class FitResult(Strict):
     rms_moment: NotNegative
     iterations: Count
     converged: Flag
+    channel_noise: Vectors | None = None
+    kurtosis: NotNegative | None = None
 
 
 class AngleSeen(Strict):

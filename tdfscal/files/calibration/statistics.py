@@ -37,6 +37,8 @@ def fit(result: SelfCalibration) -> dict[str, Any]:
         **asdict(result.quality),
         "iterations": result.fit.iterations,
         "converged": result.fit.converged,
+        "channel_noise": None if result.channels is None else result.channels.factor,
+        "kurtosis": result.validation.kurtosis,
     }
 
 

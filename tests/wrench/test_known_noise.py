@@ -1,0 +1,111 @@
+"""Noise as the calibration found it, when a later log is judged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.files.calibration.document import dump_calibration, parse_calibration
+from tdfscal.files.calibration.from_results import from_self
+from tdfscal.records import Dwells, FloatArray, Rig
+from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_dwells
+from tdfscal.validation.known_noise import AS_STATED, KnownNoise
+from tdfscal.validation.residual_wrench import Validation, validate
+from tests.reporting.samples import provenance, rig_of
+
+from .held_out import part
+
+STD, USED, HELD, RUNS = 0.3, 24, 5, 8
+LOADED = rig_of(3, "Noisy rig")
+RIG: Rig = replace(LOADED.rig, declared=replace(LOADED.rig.declared, force_noise=0.0))
+
+
+def campaigns(noise: FloatArray, faults: Faults | None = None) -> list[Dwells]:
+    """Dwells whose means have this noise (RUNS, K, 3, 3), stated with STD."""
+    options = Options(
+        squeeze=200.0,
+        postures=USED + HELD,
+        recorder=Recorder(mean_sd=1e-6),
+        faults=faults or Faults(),
+    )
+    batch = simulate_dwells(RIG, options, np.random.default_rng(3), RUNS)
+    found = []
+    for run in range(RUNS):
+        dwells = batch.dwells(run)
+        stated = np.broadcast_to(STD**2 * np.eye(3), dwells.force_cov.shape).copy()
+        found.append(replace(dwells, force=dwells.force + noise[run], force_cov=stated))
+    return found
+
+
+def unequal() -> FloatArray:
+    noise = STD * np.random.default_rng(4).standard_normal((RUNS, USED + HELD, 3, 3))
+    noise[:, :, 0] *= 6.0
+    return noise
+
+
+def calibrated(dwells: Dwells) -> SelfCalibration:
+    used = part(dwells, np.arange(USED))
+    return self_calibrate(RIG, used, rng=np.random.default_rng(0), max_trials=0)
+
+
+def judged(result: SelfCalibration, dwells: Dwells, known: KnownNoise) -> Validation:
+    given = from_fit(result.fit, result.uncertainty.covariance)
+    return validate(given, part(dwells, np.arange(USED, USED + HELD)), known=known)
+
+
+def test_a_noisy_sensor_that_the_calibration_knows_is_no_change() -> None:
+    whole = campaigns(unequal())
+    results = [calibrated(dwells) for dwells in whole]
+    files = [from_self(result, provenance(LOADED)) for result in results]
+    read = [parse_calibration(dump_calibration(f, "json").encode(), "c.json") for f in files]
+    holding = without = 0
+    for result, dwells, file in zip(results, whole, read, strict=True):
+        assert file.fit is not None
+        assert file.fit.channel_noise is not None
+        factor = np.array(file.fit.channel_noise)
+        # Variances from 24 postures, shrunk; along one axis sensors are hard to tell apart.
+        assert 3.0 < factor[0].mean() < 9.0
+        assert factor[1:].mean() < 2.0
+        known = KnownNoise(factor, file.fit.kurtosis, file.fit.postures)
+        holding += judged(result, dwells, known).holds
+        without += judged(result, dwells, AS_STATED).holds
+    # One false call in 200 is the level.
+    assert holding >= RUNS - 1
+    assert without <= 1
+
+
+@pytest.mark.parametrize("kurtosis", [1.0, 1.2])
+def test_the_tail_of_a_posture_is_that_of_simulated_readings(kurtosis: float) -> None:
+    rng, known = np.random.default_rng(0), KnownNoise(None, kurtosis, 24)
+    nu = known.reading_tail(3)
+    # Six components of nine readings, each of weight 2/3.
+    pair = np.linalg.svd(np.ones((1, 3)))[2][1:].T  # what a sum of three leaves, alike for each
+    mixing = np.kron(pair, np.eye(3))
+    readings = rng.standard_t(nu, (400_000, 9)) * np.sqrt((nu - 2) / nu)
+    square = np.sum((readings @ mixing) ** 2, axis=1)
+    for edge in (15.0, 25.0, 40.0):
+        told = known.posture_sf(np.array([edge]), 3)[0]
+        assert told == pytest.approx(np.mean(square > edge), rel=0.35)
+    assert known.posture_sf(np.array([0.0]), 3)[0] == pytest.approx(1.0)
+
+
+def test_heavy_tails_no_longer_look_like_a_contact_but_a_contact_does() -> None:
+    noise = STD * np.random.default_rng(5).standard_normal((RUNS, USED + HELD, 3, 3))
+    # One reading in its tail: 7 standard deviations, which normal noise never shows.
+    noise[:, USED + 2, 1, 0] = 7.0 * STD
+    touched = Faults(contacts=(Contact(USED + 2, (10.0, -15.0, 25.0)),))
+    held, refused, alarmed = 0, 0, 0
+    for dwells, other in zip(campaigns(noise), campaigns(0 * noise, touched), strict=True):
+        result = calibrated(dwells)
+        known = KnownNoise(None, result.validation.kurtosis, USED)
+        held += judged(result, dwells, known).holds
+        refused += not judged(result, dwells, AS_STATED).holds
+        seen = judged(result, other, known)
+        alarmed += not seen.holds and seen.suspected[0].kind == "contact"
+    assert held >= RUNS - 1
+    assert refused > RUNS / 2
+    assert alarmed == RUNS
