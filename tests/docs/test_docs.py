@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from tdfscal.cli import main
 from tdfscal.files.rig.reading import parse_rig
 from tests.docs.pages import DOCS, PAGES, anchors, blocks, commands, links, table, text
+from tests.reporting.samples import sketch
 
 RUNNABLE = ("tutorial", "howto", "python")
 
@@ -34,6 +35,13 @@ def in_process(command: str, monkeypatch: pytest.MonkeyPatch) -> int:
     return 0
 
 
+@pytest.fixture
+def sketched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are painted, and not rendered in every format, which has tests of its own."""
+    sketch(monkeypatch)
+
+
+@pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize("page", RUNNABLE)
 def test_commands_run(
     page: str,
@@ -57,6 +65,7 @@ def test_commands_run(
             assert len(done.stdout.splitlines()) == 3
 
 
+@pytest.mark.usefixtures("sketched")
 def test_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its cells in their order, in an empty folder; none has stored output that could be stale."""
     monkeypatch.chdir(tmp_path)

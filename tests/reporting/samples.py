@@ -19,6 +19,7 @@ from tdfscal.files.calibration.from_results import from_joint, from_self, from_t
 from tdfscal.files.rig.reading import LoadedRig, parse_rig
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, InputFile, Rotations
+from tdfscal.reporting.figures import style
 from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, simulate_dwells, simulate_survey
 from tdfscal.trackercal import calibrate_tracker
@@ -146,6 +147,23 @@ def saved(c: Calibration, folder: Path, name: str) -> Path:
     path = folder / name
     save_calibration(c, path)
     return path
+
+
+def sketch(patch: pytest.MonkeyPatch) -> None:
+    """Let figures be painted for pages and files, and not rendered, which takes longer."""
+
+    def svg(drawing: style.Drawing) -> str:
+        style.to_figure(drawing)
+        return "<svg></svg>"
+
+    def save(drawing: style.Drawing, folder: Path) -> tuple[Path, ...]:
+        folder.mkdir(exist_ok=True)
+        path = folder / f"{drawing.name}.svg"
+        path.write_text(svg(drawing))
+        return (path,)
+
+    patch.setattr("tdfscal.reporting.html.to_svg", svg)
+    patch.setattr("tdfscal.reporting.figures.style.save", save)
 
 
 @dataclass(frozen=True)

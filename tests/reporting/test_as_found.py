@@ -16,7 +16,7 @@ from tdfscal.reporting.as_found import as_found
 from tdfscal.reporting.layout import Facts, Table
 from tdfscal.reporting.traceability import campaign
 from tests.cli.running import run
-from tests.reporting.samples import sample
+from tests.reporting.samples import sample, sketch
 
 
 def test_the_change_is_what_lies_between_the_two() -> None:
@@ -34,8 +34,9 @@ def test_the_change_is_what_lies_between_the_two() -> None:
 
 
 def test_report_takes_the_calibration_before(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    sketch(monkeypatch)
     files = [tmp_path / "now.yaml", tmp_path / "before.yaml"]
     for path, seed in zip(files, (2, 1), strict=True):
         save_calibration(sample(seed=seed).calibration, path)

@@ -18,6 +18,7 @@ from tests.reporting.samples import (
     run,
     sample,
     saved,
+    sketch,
     surveyed,
     with_load_cell,
 )
@@ -177,7 +178,8 @@ def test_html_to_standard_output_is_only_the_page(
 
 
 @pytest.mark.parametrize("axes", ["z", pytest.param("", marks=pytest.mark.slow)])
-def test_a_sensor_without_angles_spoils_no_page(axes: str) -> None:
+def test_a_sensor_without_angles_spoils_no_page(axes: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    sketch(monkeypatch)
     c = with_load_cell(axes)
     assert c.undetermined == ("support_4",)
     page = render_page(c)
