@@ -149,10 +149,15 @@ def _below(node: cst.CSTNode) -> Iterator[cst.CSTNode]:
 
 
 def _wording(tree: cst.CSTNode) -> Iterator[cst.CSTNode]:
-    """Nodes that only say something: what is raised, and texts with values in them."""
+    """Nodes that only say something: what is raised, texts with values in them, zip's guard."""
     for node in _below(tree):
-        if isinstance(node, (cst.Raise, cst.FormattedString, cst.ConcatenatedString)):
+        said = isinstance(node, (cst.Raise, cst.FormattedString, cst.ConcatenatedString))
+        if said or _is_guard(node):
             yield from _below(node)
+
+
+def _is_guard(node: cst.CSTNode) -> bool:
+    return isinstance(node, cst.Arg) and bool(node.keyword and node.keyword.value == "strict")
 
 
 def _of_words(mutation: Mutation) -> bool:
@@ -160,13 +165,12 @@ def _of_words(mutation: Mutation) -> bool:
     old, new = mutation.original_node, mutation.mutated_node
     if isinstance(old, (cst.Assign, cst.AnnAssign)):
         return isinstance(old.value, STRINGS)
+    if isinstance(old, cst.IfExp):
+        return isinstance(old.body, STRINGS)
     if isinstance(old, cst.Call) and isinstance(new, cst.Call):
         kept = {id(arg) for arg in new.args}
         lost = [arg for arg in old.args if id(arg) not in kept]
-        return any(
-            isinstance(arg.value, STRINGS) or (arg.keyword and arg.keyword.value == "strict")
-            for arg in lost
-        )
+        return any(isinstance(arg.value, STRINGS) or _is_guard(arg) for arg in lost)
     return False
 
 

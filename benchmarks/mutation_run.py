@@ -88,7 +88,11 @@ def _failed(which: str) -> list[str]:
     """Run a file of tests, or one test, to the first that fails."""
     seen = _Failures()
     options = ["-x", "-q", "-p", "no:cacheprovider", "--rootdir=.", which]
-    with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+    with (
+        Path(os.devnull).open("w") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.redirect_stderr(nowhere),
+    ):
         status = pytest.main(options, plugins=[seen])
     return seen.names or ([] if status in (0, 5) else [which])
 

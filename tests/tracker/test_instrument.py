@@ -1,0 +1,236 @@
+"""Noise of a spherical instrument and of point files against draws and closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import DataError
+from tdfscal.records import FloatArray, Instrument
+from tdfscal.trackercal.group_motion import fit_one_by_one, moved_apart
+from tdfscal.trackercal.instrument import angle_covariance, observe, range_covariance
+from tdfscal.trackercal.judged_registration import Noise, fit_survey, point_noise
+from tdfscal.trackercal.point_matching import MatchedPoints
+
+from .world import rotation, sight
+
+TRACKER = Instrument(range=1e-5, range_ppm=5.0, angle_arcsec=200.0)
+PLACES = np.array([[3.0, -4.0, 2.0], [-1.0, 0.5, -6.0], [2.0, 1.0, 0.0], [0.0, 0.0, 4.0]])
+ARCSEC = np.pi / 180 / 3600
+
+
+def test_covariance_is_the_scatter_of_what_the_instrument_reads() -> None:
+    """Drawn by a formula of its own, one direction after the other."""
+    rng, draws = np.random.default_rng(0), 4000
+    stated = range_covariance(PLACES, TRACKER) + angle_covariance(PLACES, TRACKER)
+    seen = sight(rng, np.repeat(PLACES[:3], draws, axis=0), TRACKER).reshape(3, draws, 3)
+    own = observe(PLACES[:3], TRACKER, rng, draws)
+    assert own.shape == (draws, 3, 3)
+    for k in range(3):
+        L = np.linalg.cholesky(stated[k])
+        for drawn in (seen[k], own[:, k]):
+            white = np.linalg.solve(L, (drawn - PLACES[k]).T)
+            assert np.abs(white @ white.T / draws - np.eye(3)).max() < 5 * np.sqrt(2 / draws)
+
+
+def test_range_noise_lies_along_the_line_of_sight() -> None:
+    cov = range_covariance(PLACES, TRACKER)
+    for k, place in enumerate(PLACES):
+        r = np.linalg.norm(place)
+        sigma = 1e-5 + 5e-6 * r
+        assert np.allclose(cov[k], sigma**2 * np.outer(place, place) / r**2, rtol=1e-12)
+
+
+def test_angle_noise_lies_across_it() -> None:
+    cov, sigma = angle_covariance(PLACES, TRACKER), 200 * ARCSEC
+    for k, place in enumerate(PLACES):
+        r = np.linalg.norm(place)
+        across = np.trace(cov[k]) / (r * sigma) ** 2
+        level = np.hypot(*place[:2]) / r
+        assert across == pytest.approx(1 + level**2 + (sigma * place[2] / r) ** 2, rel=1e-9)
+        assert np.abs(cov[k] @ place).max() < 1e-12 * np.trace(cov[k]) * r
+    assert np.linalg.eigvalsh(cov[3])[1] > 0  # at the zenith too
+    with pytest.raises(DataError):
+        angle_covariance(np.zeros((1, 3)), TRACKER)
+
+
+def matched(seed: int, groups: int = 1, noise: float = 1e-5) -> MatchedPoints:
+    """Six points a group, all of one frame, with isotropic noise."""
+    rng = np.random.default_rng(seed)
+    count = 6 * groups
+    x = rng.uniform(-0.5, 0.5, size=(count, 3))
+    y = x @ rotation(rng).T + [3.0, 1.0, 2.0] + noise * rng.normal(size=x.shape)
+    none = np.full((count, 3), np.nan)
+    return MatchedPoints(
+        group=tuple(f"g{k // 6}" for k in range(count)),
+        point=tuple("ABCDEF"[k % 6] for k in range(count)),
+        measured=y,
+        reference=x,
+        measured_std=none,
+        reference_std=none,
+        measured_digit=0.0,
+        reference_digit=0.0,
+        missing=(),
+        extra=(),
+        source="file.csv",
+    )
+
+
+def isotropic(std: float | FloatArray, count: int) -> FloatArray:
+    return np.asarray(np.multiply.outer(np.ones(count) * np.asarray(std) ** 2, np.eye(3)))
+
+
+def test_noise_is_the_instruments_unless_the_file_states_it() -> None:
+    points = matched(1)
+    C, D = point_noise(points, TRACKER, {"drawing": 3e-5, "nothing": 0.0}).totals(6)
+    own = range_covariance(points.measured, TRACKER) + angle_covariance(points.measured, TRACKER)
+    assert np.allclose(C, own, rtol=1e-12)
+    assert np.allclose(D, isotropic(3e-5, 6), rtol=1e-12)
+    stated = np.full((6, 3), np.nan)
+    stated[2] = [1e-4, 2e-4, 3e-4]
+    some = replace(points, measured_std=stated, reference_std=2 * stated)
+    C, D = point_noise(some, TRACKER, {"drawing": 3e-5}).totals(6)
+    assert np.allclose(C[2], np.diag(stated[2] ** 2), rtol=1e-12)
+    assert np.allclose(D[2], 4 * np.diag(stated[2] ** 2), rtol=1e-12)
+    others = [0, 1, 3, 4, 5]
+    assert np.allclose(C[others], own[others], rtol=1e-12)
+    assert np.allclose(D[others], isotropic(3e-5, 5), rtol=1e-12)
+
+
+def test_points_without_a_statement_have_the_largest_one() -> None:
+    stated = np.full((6, 3), np.nan)
+    stated[2], stated[4] = [1e-4, 2e-4, 3e-4], [2e-4, 1e-4, 1e-4]
+    points = replace(matched(2), measured_std=stated, reference_std=stated)
+    C, D = point_noise(points, None, {}).totals(6)
+    largest = np.diag(np.array([2e-4, 2e-4, 3e-4]) ** 2)
+    for total in (C, D):
+        assert np.allclose(total[0], largest, rtol=1e-12)
+        assert np.allclose(total[4], np.diag(stated[4] ** 2), rtol=1e-12)
+    C, D = point_noise(matched(2), None, {}).totals(6)
+    assert not C.any()
+    assert not D.any()
+
+
+def test_rounded_coordinates_are_uniform_within_their_last_digit() -> None:
+    points = replace(matched(3), measured_digit=1e-4, reference_digit=1e-3)
+    digits = 1e-4 * np.round(np.random.default_rng(0).uniform(size=400_000) * 1e3 % 1, 9)
+    spread = digits.std()
+    C, D = point_noise(points, None, {"drawing": 1e-9}).totals(6)
+    assert np.allclose(np.sqrt(C[0, 0, 0]), spread, rtol=5e-3)
+    assert np.allclose(D, isotropic(1e-9, 6))  # a stated drawing covers how it is written
+    stated = replace(points, measured_std=np.full((6, 3), 1e-9))
+    C, D = point_noise(stated, None, {}).totals(6)
+    assert np.allclose(np.sqrt(C[0, 0, 0]), spread, rtol=5e-3)
+    assert np.allclose(np.sqrt(D[0, 0, 0]), 10 * spread, rtol=5e-3)
+    C, D = point_noise(points, None, {}).totals(6)  # nothing stated: the residuals show it
+    assert not C.any()
+    assert not D.any()
+
+
+def test_sources_are_kept_apart_and_points_chosen() -> None:
+    points = matched(4)
+    noise = point_noise(points, TRACKER, {"drawing": 3e-5})
+    assert sorted(noise.measured) == ["instrument angles", "instrument range"]
+    assert sorted(noise.reference) == ["drawing"]
+    some = noise.take(np.array([3, 1]))
+    for name, cov in noise.measured.items():
+        assert np.array_equal(some.measured[name], cov[[3, 1]])
+    assert np.array_equal(some.reference["drawing"], noise.reference["drawing"][[3, 1]])
+
+
+STATED = {"residual": isotropic(1e-5, 12)}
+
+
+def shifted(by: float) -> MatchedPoints:
+    """Two groups, one of which has moved since."""
+    points = matched(5, groups=2)
+    y = points.measured.copy()
+    y[6:] += [by, 0, -by]
+    return replace(points, measured=y)
+
+
+def turned(by: float) -> MatchedPoints:
+    points = matched(6, groups=2)
+    y = points.measured.copy()
+    middle = y[6:].mean(axis=0)
+    angle = np.array([[0, -by, 0], [by, 0, 0], [0, 0, 0]])
+    y[6:] += (y[6:] - middle) @ angle.T
+    return replace(points, measured=y)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_groups_that_moved_apart_are_said(stated: bool) -> None:
+    """Stated noise is wide here, so that no point is an outlier."""
+    noise = Noise({"x": isotropic(1e-3, 12)} if stated else {}, {})
+
+    def said(points: MatchedPoints) -> str | None:
+        together = fit_survey(points, noise, common_shift=True, least=3, what="points")
+        return moved_apart(points, noise, together)
+
+    assert said(matched(5, groups=2)) is None
+    note = said(shifted(3e-4))
+    assert note is not None
+    assert "a translation of its own for each group (g0, g1)" in note
+    ratio = float(note.split(" fits ")[1].split()[0])
+    assert 5 < ratio < 30
+    note = said(turned(1e-2))
+    assert note is not None
+    assert note.startswith("a transform of its own")
+
+
+def test_groups_that_register_one_by_one() -> None:
+    noise = Noise(STATED, {})
+    assert fit_one_by_one(matched(7, groups=2), noise)
+    assert not fit_one_by_one(matched(7), Noise({"x": isotropic(1e-5, 6)}, {}))
+    spoilt = matched(7, groups=2)
+    x, y = spoilt.reference.copy(), spoilt.measured.copy()
+    x[6:] = y[6:] = np.linspace(0, 1, 6)[:, None] * [0.1, 0.2, 0.3]
+    assert not fit_one_by_one(replace(spoilt, measured=y, reference=x), noise)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_an_outlying_point_is_taken_out_and_named(axis: int) -> None:
+    points = matched(8)
+    y = points.measured.copy()
+    y[3, axis] += 1e-3
+    noise = Noise({"x": isotropic(1e-5, 6)}, {})
+    found = fit_survey(
+        replace(points, measured=y), noise, common_shift=True, least=3, what="points"
+    )
+    assert [point.name for point in found.rejected] == ["g0/D"]
+    assert found.points.names == tuple(f"g0/{x}" for x in "ABCEF")
+    clean = fit_survey(
+        points.take(np.array([0, 1, 2, 4, 5])), Noise({"x": isotropic(1e-5, 5)}, {}),
+        common_shift=True, least=3, what="points",
+    )  # fmt: skip
+    assert np.array_equal(found.fit.rotation, clean.fit.rotation)
+    assert found.sigma == pytest.approx(1e-5, rel=1e-9)
+
+
+def test_no_translation_loses_more_points_than_it_can() -> None:
+    points = matched(9)
+    y = points.measured.copy()
+    y[3] += 1e-3
+    noise = Noise({"x": isotropic(1e-5, 6)}, {})
+    spoilt = replace(points, measured=y)
+    kept = fit_survey(spoilt, noise, common_shift=False, least=6, what="moves")
+    assert kept.rejected == ()
+    assert len(fit_survey(spoilt, noise, common_shift=False, least=5, what="moves").rejected) == 1
+
+
+def test_groups_have_translations_of_their_own() -> None:
+    points = shifted(0.5)
+    found = fit_survey(points, Noise(STATED, {}), common_shift=False, least=3, what="moves")
+    assert found.groups == ("g0", "g1")
+    assert np.array_equal(found.group, np.repeat([0, 1], 6))
+    off = found.fit.translation[1] - found.fit.translation[0]
+    assert np.allclose(off, [0.5, 0, -0.5], rtol=0, atol=1e-4)
+    assert found.rejected == ()
+
+
+def test_an_uncertainty_of_zero_in_some_direction_is_refused() -> None:
+    flat = np.tile(np.diag([1e-10, 1e-10, 0.0]), (6, 1, 1))
+    with pytest.raises(DataError, match="zero in some direction"):
+        fit_survey(matched(1), Noise({"x": flat}, {}), common_shift=True, least=3, what="points")
