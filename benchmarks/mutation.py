@@ -35,6 +35,8 @@ from mutmut.mutation.file_mutation import Mutation, MutationVisitor, combine_mut
 from mutmut.mutation.mutators import mutation_operators, operator_string
 from mutmut.mutation.pragma_handling import IgnoredCode
 
+from benchmarks.mutation_table import tables
+
 ROOT = Path(__file__).resolve().parent.parent
 STRINGS = (cst.SimpleString, cst.FormattedString, cst.ConcatenatedString)
 
@@ -231,7 +233,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--sample", type=int, default=80)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--results", type=Path, default=Path("mutation.jsonl"))
+    parser.add_argument("--tables", type=Path, metavar="RESULTS")
     given = parser.parse_args(arguments)
+    if given.tables is not None:
+        page = ROOT / "benchmarks" / "mutation.md"
+        page.write_text(tables(read(given.tables)), encoding="utf-8")
+        return
     for label in given.groups:
         group = GROUPS[label]
         if given.modules:

@@ -150,17 +150,14 @@ def coverage_radius(cov: FloatArray, coverage: float = EXPANDED_COVERAGE) -> flo
     if top == 0.0:
         return 0.0
     unit = cov / top**2
-    low, high = special.ndtri(0.5 + coverage / 2), np.sqrt(special.chdtri(3, 1 - coverage))
+    most = np.sqrt(special.chdtri(3, 1 - coverage))  # three directions alike; any others need less
 
     def short(radius: float) -> float:
         return within(unit, np.zeros(3), radius) - coverage
 
     from scipy.optimize import brentq  # slow to import, seldom needed
 
-    # One direction needs the smallest radius, three alike the largest; both only to rounding.
-    if short(low) >= 0:
-        return float(top * low)
-    return float(top * brentq(short, low, 1.001 * high))
+    return float(top * brentq(short, 0.0, 1.001 * most))
 
 
 def exceeding(cov: FloatArray, mean: FloatArray, limit: float) -> float:

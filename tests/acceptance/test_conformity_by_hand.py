@@ -123,3 +123,8 @@ def test_a_mean_far_outside_or_inside_is_certain() -> None:
     for axis in 5 * np.eye(3):
         assert exceeding(cov, axis, 1.0) == exceeding(cov, -axis, 1.0) == 1.0
     assert within(np.zeros((3, 3)), mean, 5.0) == 1.0
+
+
+def test_errors_along_one_line_have_k_2_whatever_the_line() -> None:
+    for v in np.random.default_rng(5).normal(size=(10, 3)):
+        assert coverage_radius(np.outer(v, v)) == pytest.approx(2 * np.linalg.norm(v), rel=1e-5)

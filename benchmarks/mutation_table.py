@@ -1,0 +1,112 @@
+"""Tables of `benchmarks.mutation`: by group, by module, and each survivor with its reason."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scipy import stats
+
+HERE = Path(__file__).resolve().parent
+Row = dict[str, Any]
+
+INTRODUCTION = """# Mutants, and whether tests of results notice them
+
+    python -m benchmarks.mutation --sample {sample} --seed {seed}
+    python -m benchmarks.mutation --tables mutation.jsonl
+
+One operator, number, argument, assignment or branch of a function is changed (mutmut's operators),
+and the tests of the module's own room run to the first that fails (`GROUPS` in `mutation.py` names
+them). Drawn at random from all changes of the group with a fixed seed. Not counted: changes of
+words (texts, what an error says), of `strict` in `zip`, and what mutmut leaves alone: properties,
+module constants, default arguments that are no literals.
+
+Equivalent: no result that anyone can see changes; the reasons stand below, one by one. The interval
+is that of the share of killed among the others, 95 %, Clopper and Pearson.
+"""
+
+
+@dataclass(frozen=True)
+class Count:
+    """Verdicts of some mutants."""
+
+    drawn: int
+    killed: int
+    equivalent: int
+    survived: int
+
+    @property
+    def share(self) -> str:
+        """Killed of those that are not equivalent, with its interval."""
+        n = self.killed + self.survived
+        if not n:
+            return "–"
+        interval = stats.binomtest(self.killed, n).proportion_ci(0.95)
+        return f"{self.killed / n:.1%} ({interval.low:.0%} – {interval.high:.0%})"
+
+
+def reasons() -> list[dict[str, str]]:
+    """Changes that were judged, with the piece of the new line that tells them apart."""
+    text = (HERE / "mutation_survivors.toml").read_text(encoding="utf-8")
+    return list(tomllib.loads(text)["judged"])
+
+
+def judged(row: Row, known: Iterable[dict[str, str]]) -> tuple[str, str]:
+    """Kind of a survivor, `equivalent` or `left`, and the reason."""
+    new = [line for line in row["change"].splitlines() if line.startswith("+")]
+    for one in known:
+        here = (one["module"], one["function"]) == (row["module"], row["function"])
+        if here and any(one["new"] in line for line in new):
+            return one["kind"], one["reason"]
+    return "left", "not judged"
+
+
+def survivor(row: Row) -> bool:
+    return row["verdict"] in ("survived", "no test")
+
+
+def count(rows: Sequence[Row], known: Sequence[dict[str, str]]) -> Count:
+    left = [judged(row, known)[0] for row in rows if survivor(row)]
+    same = left.count("equivalent")
+    return Count(len(rows), len(rows) - len(left), same, len(left) - same)
+
+
+def tables(rows: Sequence[Row]) -> str:
+    """The page."""
+    known = reasons()
+    seeds = sorted({row["seed"] for row in rows})
+    out = [
+        INTRODUCTION.format(
+            sample=max(sum(r["group"] == g for r in rows) for g in {r["group"] for r in rows}),
+            seed=" ".join(map(str, seeds)),
+        )
+    ]
+    head = "| mutants in all | drawn | killed | equivalent | survived | killed of the rest |"
+    out += [f"| group {head}", "|---|---|---|---|---|---|---|"]
+    for group in dict.fromkeys(row["group"] for row in rows):
+        here = [row for row in rows if row["group"] == group]
+        out.append(_line(group, str(here[0]["of"]), count(here, known)))
+    out.append(_line("all", "", count(rows, known)))
+    out += ["", f"| module {head.replace(' mutants in all |', '')}", "|---|---|---|---|---|---|"]
+    for module in dict.fromkeys(row["module"] for row in rows):
+        here = [row for row in rows if row["module"] == module]
+        out.append(_line(f"`{module}`", None, count(here, known)))
+    out += ["", "## Survivors", ""]
+    left = [(row, *judged(row, known)) for row in rows if survivor(row)]
+    for title, kind in (("Equivalent", "equivalent"), ("Not killed", "left")):
+        those = [(row, reason) for row, of, reason in left if of == kind]
+        out += [f"{title} ({len(those)}):", ""]
+        for row, reason in those:
+            new = "; ".join(x[2:] for x in row["change"].splitlines() if x.startswith("+"))
+            out.append(f"- `{row['module']}`, `{row['function']}`: `{new}`. {reason}")
+        out.append("")
+    return "\n".join(out).rstrip() + "\n"
+
+
+def _line(name: str, of: str | None, found: Count) -> str:
+    cells = [name, *([] if of is None else [of]), *map(str, (
+        found.drawn, found.killed, found.equivalent, found.survived)), found.share]  # fmt: skip
+    return "| " + " | ".join(cells) + " |"
