@@ -1,0 +1,65 @@
+"""A channel that is dead on the day of the campaign, from the recording to the controller's file."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from tests.cli.running import run
+
+
+def test_a_dead_channel_is_named_declared_and_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    campaign, found = tmp_path / "campaign", tmp_path / "found.json"
+    done = run(
+        capsys, "simulate", campaign, "--scenario", "dead-channel", "--postures", 16,
+        "--rate", 20, "-q",
+    )  # fmt: skip
+    assert done.status == 0, done.err
+    # Nobody declared it: refused by name, with the line to write.
+    done = run(capsys, "calibrate", campaign, "--trials", 0, "-o", found, "-q")
+    assert done.status == 3
+    assert not found.exists()
+    said = " ".join(done.err.split())
+    line = re.search(r"write `axes: (\[[xyz, ]*\])` for (\w+) in rig.yaml", said)
+    assert line is not None, said
+    assert "the y axis of the sensor of ncp3" in said
+    rig = yaml.safe_load((campaign / "rig.yaml").read_text())
+    (support,) = [s for s in rig["supports"] if s["name"] == line[2]]
+    support["axes"] = yaml.safe_load(line[1])
+    assert (support["name"], support["axes"]) == ("ncp3", ["x", "z"])
+    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
+    # Declared: the others and this one calibrate.
+    done = run(capsys, "calibrate", campaign, "--trials", 0, "-o", found, "-q")
+    assert done.status == 0, done.out + done.err
+    content = json.loads(found.read_text())
+    truth = yaml.safe_load((campaign / "truth.yaml").read_text())
+    for ours, theirs in zip(content["supports"], truth["supports"], strict=True):
+        away = np.abs(np.array(ours["rpy"]) - theirs["rpy"])
+        assert np.all(away < 4 * np.array(ours["rpy_std"])), ours["name"]
+    assert content["supports"][2]["zero"][1] is None
+    # Held out, applied, reported and exported.
+    held_out = tmp_path / "held-out"
+    run(
+        capsys, "simulate", held_out, "--scenario", "dead-channel", "--postures", 16,
+        "--rate", 20, "-q",
+    )  # fmt: skip
+    (held_out / "rig.yaml").write_text((campaign / "rig.yaml").read_text())
+    done = run(capsys, "validate", found, held_out, "--json", "-q")
+    assert done.status == 0, done.out + done.err
+    wrench, page = tmp_path / "wrench.csv", tmp_path / "page.html"
+    assert run(capsys, "apply", found, held_out, "-o", wrench, "-q").status == 0
+    assert wrench.stat().st_size > 1000
+    assert run(capsys, "report", found, "--html", page, "-q").status == 0
+    assert "ncp3" in page.read_text()
+    for form in ("urdf", "csv", "c", "ros-parameters"):
+        target = tmp_path / f"out.{form}"
+        done = run(capsys, "export", found, "--to", form, "-o", target, "-q")
+        assert done.status == 0, (form, done.err)
+        assert "ncp3" in target.read_text()
