@@ -37,7 +37,7 @@ from tdfscal.simulation import (
     reference_rig,
     simulate_dwells,
 )
-from tdfscal.simulation.faults import Warming
+from tdfscal.simulation.faults import Walk, Warming
 from tdfscal.validation.residual_wrench import validate
 
 USED, HELD = 24, 8
@@ -99,7 +99,7 @@ def both() -> Iterator[Fault]:
     )
     yield Fault("forces scatter by 0.5 N", ("force noise",), real=really(force_noise=0.5))
     yield Fault("ncp1 scatters by 0.6 N", ("noise of ncp1",), noise=one_sensor)
-    yield Fault("1/f noise of 0.5 N", ("force noise", "drift"), noise=flicker)
+    yield Fault("1/f noise of 0.5 N", ("force noise", "drift", "walk"), noise=flicker)
     yield Fault("one posture in contact, 30 N", ("contact",),
                 Faults(contacts=(Contact(USED - 2, (10.0, -15.0, 25.0)),
                                  Contact(USED + 2, (10.0, -15.0, 25.0)))))  # fmt: skip
@@ -129,6 +129,7 @@ def of_calibrate() -> Iterator[Fault]:
     yield Fault("zero of ncp1 jumps by 4 N", ("jump ncp1",),
                 Faults(zero_shifts=(ZeroShift(0, 12, (4, -4, 4)),)))  # fmt: skip
     yield Fault("ncp1 slips by 4 mrad", ("slip ncp1",), Faults(slips=(Slip(0, 12, (4e-3, 0, 0)),)))
+    yield Fault("zeros walk by 1 N", ("walk",), Faults(walks=tuple(Walk(i, 1.0) for i in range(3))))
     slope = tuple((0.5 * s, -0.4 * s, 0.6 * s) for s in (1.0, -1.0, 0.5))
     yield Fault("zeros follow 8 K", ("temperature", "drift"),
                 Faults(warming=Warming(8.0, slope)))  # fmt: skip
@@ -155,7 +156,7 @@ def of_validate() -> Iterator[Fault]:
 _OF_CALIBRATE = {
     "sensitivity": "gain", "mass": "load", "barycentre": "barycentre", "sensor noise": "noise of",
     "parabola": "drift", "all drift": "drift", "all parabola": "drift",
-    "all temperature": "temperature",
+    "all temperature": "temperature", "all walk": "walk",
 }  # fmt: skip
 _OF_VALIDATE = {
     "sensor turned": "turned", "load changed": "load", "zero drifted": "zero",

@@ -33,7 +33,7 @@ from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.outliers import Rejection, RobustFit, fit_robust
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.selfcal.repeatability import Stability
-from tdfscal.selfcal.score_tests import suspicions
+from tdfscal.selfcal.score_tests import likeliest, suspicions, wandering
 from tdfscal.selfcal.slip import find_slip
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.selfcal.undetermined import Undetermined, check_determined
@@ -156,8 +156,12 @@ def self_calibrate(
         doubts = (*doubts, *frame_errors(result, parts, uncertainty))
         slip = find_slip(result, uncertainty, held, index + 1, noise_from_residuals=measured_noise)
         # What spoils the whole campaign may look like a slip, and a slip like much that does.
-        if slip is not None and all(_likelier(slip, doubt) for doubt in doubts):
-            doubts, set_aside = (slip,), doubts
+        if slip is not None:
+            rivals = doubts or wandering(result, parts, uncertainty, held)
+            if all(_likelier(slip, doubt) for doubt in rivals):
+                doubts, set_aside = (slip,), doubts
+            elif not doubts:
+                doubts = likeliest(list(rivals))
     conformity = assess_stated(from_fit(result, uncertainty.covariance))
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
@@ -226,7 +230,7 @@ def _of_everyone(result: Fit, held: FloatArray, warmth: FloatArray | None) -> tu
 
 def _likelier(slip: Suspicion, doubt: Suspicion) -> bool:
     """Noise has no structure that a test could hold against its scatter: likelihoods decide."""
-    if doubt.kind.endswith("noise"):
+    if doubt.kind.endswith(("noise", "walk")):
         return slip.weight > doubt.weight
     return slip.p_value <= doubt.p_value
 

@@ -15,7 +15,7 @@ Patterson, Thompson: Recovery of inter-block information when block sizes are un
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -41,12 +41,13 @@ _ASKED = 1.5
 class Scatter:
     """A variance that the residuals ask for.
 
-    support : of a sensor's noise. size : its standard deviation, N·m, N or m, per axis and posture.
+    support : of a sensor's noise. size : its standard deviation, N·m, N or m, per axis and posture;
+    of a walk its intensity, N/√s.
     gain : by which −2 ln L falls, with one unknown. effect : (p,), standard deviation that it
     gives to each parameter.
     """
 
-    kind: Kind
+    kind: str
     support: int | None
     size: float
     gain: float
@@ -91,7 +92,6 @@ def likeliest(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple
     left : (K, 6, r), orthonormal with the prior's rows: what the parameters do to the residuals.
     """
     from scipy.linalg import solve_triangular  # slow to import, seldom needed
-    from scipy.optimize import minimize_scalar
 
     values, vectors = np.linalg.eigh(columns @ np.swapaxes(columns, 1, 2))
     values = np.maximum(values, 0.0)
@@ -121,11 +121,21 @@ def likeliest(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple
         pulled = solve_triangular(lower, change, lower=True, check_finite=False)
         return total - float(pulled @ pulled) + 2.0 * float(np.sum(np.log(np.diagonal(lower))))
 
+    return lowest(cost, size, float(along @ along))
+
+
+def lowest(cost: Callable[[float], float], size: float, at_zero: float) -> tuple[float, float]:
+    """Variance θ ≥ 0 at which cost(ln θ) is lowest, and how far below its value at θ = 0.
+
+    size : whitened variance that θ = 1 adds, on the mean.
+    """
+    from scipy.optimize import minimize_scalar  # slow to import, seldom needed
+
     tried = np.log(_RATIO / size)
     step = tried[1] - tried[0]
     near = min(tried, key=cost)
     best = minimize_scalar(
         cost, bounds=(near - step, near + step), method="bounded", options={"xatol": _FINE}
     )
-    gain = float(along @ along) - float(best.fun)
+    gain = at_zero - float(best.fun)
     return (float(np.exp(best.x)), gain) if gain > 0 else (0.0, 0.0)

@@ -7,9 +7,10 @@ model (for what is declared as exact), a shift of the prior's value (for what is
 uncertainty), or a zero that drifts over the campaign. Friction of the hinges is no shift but a
 scatter, of the moments alone; it is asked for by the variance of the residuals along them.
 
-One fault makes many suspects. Those that a test has spoken for are held against each other, and
-against all kinds of noise (`scatter`), by how far −2 ln L falls less q ln N for q unknowns and N
-residuals (Schwarz, Ann. Stat. 6, 1978); the likeliest is named, and those that are about as likely.
+One fault makes many suspects. Those that a test has spoken for are held against each other, against
+all kinds of noise (`scatter`) and zeros that wander (`wandering`), by how far −2 ln L falls less
+q ln N for q unknowns and N residuals (Schwarz, Ann. Stat. 6, 1978); the likeliest is named, and
+those that are about as likely.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
 from tdfscal.selfcal.covariance import Quality, Uncertainty
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.noise_bias import noise_scores
-from tdfscal.selfcal.scatter import scatters
+from tdfscal.selfcal.scatter import Scatter, scatters
 from tdfscal.selfcal.suspicion import OF_THE_RIG, WORDS, Suspicion
+from tdfscal.selfcal.wandering import wanderings
 from tdfscal.significance import (
     CAUSES_APART,
     MISFIT,
@@ -90,14 +92,40 @@ def suspicions(
         found.append(replace(doubt, kind=group, support=support, weight=weight))
     p_value = _friction(parts, root, residual)
     if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE or stats.p_value < MISFIT:
-        for scatter in scatters(fit, parts, root, residual):
-            name, size = fit.rig.supports[scatter.support or 0], rounded_up(scatter.size)
-            what, advice = (words.format(name, size) for words in WORDS[scatter.kind])
-            p_value = float(chi2_sf(scatter.gain, 1)) / 2  # without it θ stands at its bound
-            doubt = suspicion(fit, what, advice, p_value, scatter.effect[angles] / std)
-            weight = scatter.gain - worth
-            found.append(replace(doubt, kind=scatter.kind, support=scatter.support, weight=weight))
+        noises = scatters(fit, parts, root, residual)
+        found += [_scattered(fit, uncertainty, scatter) for scatter in noises]
+    if found:
+        found += wandering(fit, parts, uncertainty, time)
     return likeliest(found)
+
+
+def wandering(
+    fit: Fit, parts: Spectrum, uncertainty: Uncertainty, time: FloatArray
+) -> tuple[Suspicion, ...]:
+    """Return the zeros that seem to wander, where something has spoken that a walk may be behind.
+
+    time : (K,), s, when each posture was held.
+    """
+    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
+    residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
+    walks = wanderings(fit, parts, root, residual, time)
+    return tuple(
+        _scattered(fit, uncertainty, walk, float(np.sqrt(_HOUR))) for walk in walks if walk.gain > 0
+    )
+
+
+def _scattered(
+    fit: Fit, uncertainty: Uncertainty, scatter: Scatter, unit: float = 1.0
+) -> Suspicion:
+    """Put a variance that the residuals ask for into words; unit : of the rig file, in SI."""
+    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
+    std = np.sqrt(np.diagonal(uncertainty.covariance))
+    name, size = fit.rig.supports[scatter.support or 0], rounded_up(unit * scatter.size)
+    what, advice = (words.format(name, size) for words in WORDS[scatter.kind])
+    p_value = float(chi2_sf(scatter.gain, 1)) / 2  # without it θ stands at its bound
+    doubt = suspicion(fit, what, advice, p_value, scatter.effect[angles] / std)
+    weight = scatter.gain - float(np.log(max(fit.rows, 2)))
+    return replace(doubt, kind=scatter.kind, support=scatter.support, weight=weight)
 
 
 class Asking(Protocol):

@@ -10,7 +10,7 @@ from tdfscal.significance import CERTAIN_SHIFT, CERTAINLY_UNDECLARED, HARMFUL_SH
 #: Groups without an entry per support.
 OF_THE_RIG = (
     "mass", "barycentre", "tilt", "compliance", "friction",
-    "all drift", "all temperature", "all parabola",
+    "all drift", "all temperature", "all parabola", "all walk",
 )  # fmt: skip
 
 #: What is wrong with {0}, and its cure; {1} is the size that the residuals ask for.
@@ -82,15 +82,23 @@ WORDS = {
         "the zero of {0} follows the temperature",
         "write `drift.temperature: .inf` in rig.yaml",
     ),
+    "walk": (
+        "the zero of {0} wanders at random",
+        "let it warm up, tare more often, or write `drift.walk: {1}` in rig.yaml",
+    ),
     "parabola": (
         "the zero of {0} drifts other than along a line",
         "record faster, or write `drift.walk: {1}` in rig.yaml",
     ),
 }
-for _group in ("drift", "temperature", "parabola"):
+for _group in ("drift", "temperature", "parabola", "walk"):
     _what, _advice = WORDS[_group]
     _what = _what.replace("zero of {0} drifts", "zeros of all sensors drift")
-    WORDS[f"all {_group}"] = (_what.replace("zero of {0} follows", "zeros of all follow"), _advice)
+    _what = _what.replace("zero of {0} wanders", "zeros of all sensors wander")
+    WORDS[f"all {_group}"] = (
+        _what.replace("zero of {0} follows", "zeros of all follow"),
+        _advice.replace("let it warm", "let them warm"),
+    )
 
 
 @dataclass(frozen=True, slots=True)

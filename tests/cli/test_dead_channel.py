@@ -1,4 +1,4 @@
-"""A channel that is dead on the day of the campaign, from the recording to the controller's file."""
+"""A channel that is dead on the day of the campaign, from the recording to the controller."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from tdfscal import simulation
 from tdfscal.errors import DataError
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.simulation import Contact, Crosstalk, DeadAxis, Drift, Faults, Gain, Jolt, Options
+from tdfscal.simulation.faults import Walk
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study
 
 RIG = simulation.reference_rig()
@@ -54,6 +55,7 @@ def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[list[s
             "gain or crosstalk of ncp3",
         ),
         (RIG, Faults(drifts=(Drift(0, (4.0, -4.0, 4.0)),)), "the zero of ncp1 drifts"),
+        (RIG, Faults(walks=tuple(Walk(i, 1.0) for i in range(3))), "of all sensors wander"),
         (replace(RIG, mass=UncertainValue(np.asarray(503.0), RIG.mass.std)), Faults(), "the mass"),
         (
             replace(
@@ -64,7 +66,7 @@ def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[list[s
         ),
         (replace(RIG, gravity_tilt_std=4e-3), Faults(), "gravity"),
     ],
-    ids=["gain", "crosstalk", "drift", "mass", "barycentre", "tilt"],
+    ids=["gain", "crosstalk", "drift", "walk", "mass", "barycentre", "tilt"],
 )
 def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: str) -> None:
     found = suspects(real, RIG, with_faults(faults), seed=4)
@@ -76,6 +78,59 @@ def test_zeros_that_leave_where_they_were_tared_spoil_the_angles() -> None:
     drifts = (Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0)))
     found = study(RIG, with_faults(Faults(drifts=drifts)), seed=5, trials=5).results
     assert all(any("drift" in reason for reason in r.reasons) for r in found)
+
+
+def test_a_walk_is_told_from_white_noise_with_its_size_and_cure() -> None:
+    """3 N over the campaign; a part may have gone into the noise of single channels before."""
+    walks = with_faults(Faults(walks=tuple(Walk(i, 3.0) for i in range(3))))
+    batch = simulation.simulate_dwells(RIG, walks, np.random.default_rng(11), 3)
+    for i in range(3):
+        result = calibrated(batch, RIG, i)
+        dwells = batch.dwells(i)
+        first = result.suspicions[0]
+        assert first.kind == "all walk"
+        said = re.search(r"`drift.walk: ([0-9.]+)`", first.advice)
+        assert said is not None
+        hours = (dwells.end[-1] - dwells.start[0]) / 3600
+        assert 0.6 < float(said[1]) / (3.0 / np.sqrt(hours)) < 1.5  # rounded up to one digit
+
+
+def test_white_noise_is_not_called_a_walk() -> None:
+    loud = replace(RIG, declared=replace(RIG.declared, force_noise=0.8))
+    for names in suspects(loud, RIG, SQUEEZED, seed=12):
+        assert "the forces scatter" in names[0]
+
+
+def test_a_walks_likelihood_is_the_restricted_one_of_its_covariance() -> None:
+    """Against the dense covariance on the complement of what the parameters follow."""
+    from tdfscal.model.parameters import layout
+    from tdfscal.model.statics import features_jacobian
+    from tdfscal.selfcal.covariance import information_root
+    from tdfscal.selfcal.wandering import wanderings
+
+    walks = with_faults(Faults(walks=(Walk(0, 2.0),)), replace(SQUEEZED, postures=10))
+    batch = simulation.simulate_dwells(RIG, walks, np.random.default_rng(13), 1)
+    fit = calibrated(batch, RIG, 0).fit
+    time = np.arange(10.0) ** 1.2
+    root, parts = fit.whitener * np.sqrt(fit.weight)[:, None, None], information_root(fit)
+    residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
+    first = next(w for w in wanderings(fit, parts, root, residual, time) if w.support is None)
+    J = root @ fit.at.design @ features_jacobian(fit.state, fit.at, RIG.gravity)
+    H = J[:, :, layout(3)["zero"]]
+    walk = np.minimum.outer(time, time)
+    C = np.zeros((len(residual), len(residual)))
+    C[:60, :60] = np.einsum("kaj,kl,lbj->kalb", H, walk, H).reshape(60, 60)
+    apart = np.linalg.svd(parts.left)[0][:, parts.left.shape[1] :]
+    own, seen = apart.T @ C @ apart, apart.T @ residual
+
+    def cost(variance: float) -> float:
+        whole = np.eye(len(own)) + variance * own
+        return float(np.linalg.slogdet(whole)[1] + seen @ np.linalg.solve(whole, seen))
+
+    best = cost(first.size**2)
+    assert cost(0.0) - best == pytest.approx(first.gain, rel=1e-6)
+    assert first.gain > 1.0
+    assert best <= min(cost((first.size * ratio) ** 2) for ratio in (0.5, 0.9, 1.1, 2.0)) + 1e-3
 
 
 def test_friction_of_the_hinges_is_named_with_its_size() -> None:
