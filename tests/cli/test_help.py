@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import os
 import shlex
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -49,31 +51,61 @@ def test_the_help_names_every_scenario() -> None:
     assert set(IN_THE_HELP) == {*SCENARIOS, *MOVING, "months"}
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell", "pwsh"])
+VARIABLE = "_TDFSCAL_COMPLETE"
+
+
+def spoken(**settings: str) -> str:
+    """What the program answers a shell that asks by the environment."""
+    done = subprocess.run(
+        [sys.executable, "-m", "tdfscal"],
+        env=os.environ | settings,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
+    )
+    return done.stdout
+
+
+@pytest.mark.parametrize("shell", ["zsh", "powershell", "pwsh"])
 def test_completion_of_a_shell(shell: str) -> None:
     """The script names the program, and the program answers it with the commands that fit."""
-    variable = "_TDFSCAL_COMPLETE"
-
-    def said(**settings: str) -> str:
-        done = subprocess.run(
-            [sys.executable, "-m", "tdfscal"],
-            env=os.environ | settings,
-            capture_output=True,
-            text=True,
-            encoding="utf-8",
-            check=False,
-        )
-        return done.stdout
-
-    script = said(**{variable: f"source_{shell}"})
-    assert variable in script
+    script = spoken(**{VARIABLE: f"source_{shell}"})
+    assert VARIABLE in script
     assert "tdfscal" in script
-    typed = {"COMP_WORDS": "tdfscal cal", "COMP_CWORD": "1"}
-    typed |= {"_TYPER_COMPLETE_ARGS": "tdfscal cal", "_TYPER_COMPLETE_WORD_TO_COMPLETE": "cal"}
-    typed |= {"_TYPER_COMPLETE_FISH_ACTION": "get-args"}
-    answer = said(**{variable: f"complete_{shell}"}, **typed)
+    typed = {"_TYPER_COMPLETE_ARGS": "tdfscal cal", "_TYPER_COMPLETE_WORD_TO_COMPLETE": "cal"}
+    answer = spoken(**{VARIABLE: f"complete_{shell}"}, **typed)
     assert "calibrate" in answer
     assert "validate" not in answer
+
+
+#: In the shell itself: take the script as the docs say, and complete a line of two words.
+SHELLS = {
+    "bash": (
+        'eval "$(_TDFSCAL_COMPLETE=source_bash tdfscal)"; COMP_WORDS=({typed}); COMP_CWORD=1; '
+        '_tdfscal_completion tdfscal; echo "${{COMPREPLY[@]}}"'
+    ),
+    "fish": "_TDFSCAL_COMPLETE=source_fish tdfscal | source; complete -C '{typed}'",
+}
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_shell_completes(shell: str, tmp_path: Path) -> None:
+    if shutil.which(shell) is None:
+        pytest.skip(f"no {shell} here")
+    program = tmp_path / "tdfscal"
+    program.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m tdfscal "$@"\n')
+    program.chmod(0o755)
+    place = {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "HOME": str(tmp_path)}
+    done = subprocess.run(
+        [shell, "-c", SHELLS[shell].format(typed="tdfscal cal")],
+        env=os.environ | place,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.split()[:1] == ["calibrate"], done.stderr
+    assert "validate" not in done.stdout
 
 
 def test_tables_fold_on_a_narrow_terminal(
