@@ -127,10 +127,10 @@ def _doubt(given: Calibrated, seen: Samples) -> str | None:
     """Warning of a wrench that another wiring explains, or that is of the weight's order."""
     found = wrenches(given, seen.time, seen.position, seen.force)
     rewired = list(log_against_rig.rewired(given.rig, single(given, seen.position, seen.force)))
-    words = [text for text, _ in rewired]
-    words.append("log.force_on set to the other value")
-    readings = [other.force for _, other in rewired]
-    here, *left = _sizes(given, seen, [seen.force, *readings, -seen.force])
+    # First among equals: every axis of every sensor of the opposite sign is the reaction.
+    words = ["log.force_on set to the other value", *(text for text, _ in rewired)]
+    readings = [-seen.force, *(other.force for _, other in rewired)]
+    here, *left = _sizes(given, seen, [seen.force, *readings])
     best = int(np.argmin(left))
     force = float(np.median(np.linalg.norm(found.value[:, :3], axis=1)))
     torque = float(np.median(np.linalg.norm(found.value[:, 3:], axis=1)))
