@@ -161,6 +161,7 @@ _OF_CALIBRATE = {
 _OF_VALIDATE = {
     "sensor turned": "turned", "load changed": "load", "zero drifted": "zero",
     "gain changed": "gain", "base tilted": "tilt", "hinges stick": "hinge friction",
+    "zeros wander": "drift",
 }  # fmt: skip
 
 

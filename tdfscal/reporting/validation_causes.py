@@ -22,6 +22,8 @@ REMEDIES: dict[Kind, str] = {
     "hinges stick": "See whether the hinges move freely, or state uncertainty.hinge_moment.",
     "noise grown": "Look for what shakes or hums, at cables and amplifiers, or state "
     "uncertainty.force_noise, and validate again.",
+    "zeros wander": "Let sensors and amplifiers warm up, keep cables and temperature still, or "
+    "state drift.walk, and validate again.",
 }
 
 
@@ -59,6 +61,11 @@ def describe(v: Verdict, cause: Cause) -> str:
         return (
             f"the forces of {whose} scatter by {value[0]:.2g} N per axis and posture more than log "
             "and rig file state"
+        )
+    if cause.kind == "zeros wander":
+        return (
+            f"the zeros of all sensors wander by {value[0]:.2g} N per axis, from posture to "
+            "posture and over the whole log, as 1/f noise does"
         )
     if cause.kind == "hinges stick":
         return f"the moments scatter as friction of {value[0]:.2g} N·m in the hinges makes them"

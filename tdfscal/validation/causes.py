@@ -30,11 +30,12 @@ Kind = Literal[
     "base tilted",
     "contact",
     "noise grown",
+    "zeros wander",
     "hinges stick",
 ]
 
 #: Causes that are a scatter, not a change: the test of all residuals together sees them.
-NOISE: tuple[Kind, ...] = ("noise grown", "hinges stick")
+NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "hinges stick")
 #: What may happen to one sensor, and the parameters that stand for it.
 _SENSOR_CAUSES: dict[Kind, str] = {"sensor turned": "rotation", "zero drifted": "zero"}
 #: Shapes of a gain's change in S (xx, yy, zz, yz, xz, xy): of all axes alike, one by one, each by
@@ -48,6 +49,8 @@ _GAINS = (
 
 #: At most this share of the postures can be in contact before no cause is named.
 _TOUCHED = 0.4
+#: Postures up to which noise that connects them is tried: its work grows with their cube.
+_CONNECTED = 60
 #: Postures that are tried as in contact, those with the largest residuals.
 _SUSPECTS = 20
 
@@ -60,7 +63,8 @@ class Cause:
     value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R); a load's
     mass in kg and barycentre in m, as changes; a zero's change in N; a gain's change as S (6,): xx,
     yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
-    more noise, N, or of the hinges' friction, N·m, per axis and posture. A contact has none here.
+    more noise or of the zeros' wander, N, or of the hinges' friction, N·m, per axis and posture. A
+    contact has none here.
     gain : by how much χ² falls, with q unknowns. p_value : that chance alone lets it fall so far.
     remaining_p : probability of the χ² that is left.
     """
@@ -167,18 +171,31 @@ def _models(given: Whitened) -> list[_Model]:
 
 
 def _scatters(given: Whitened, models: Sequence[_Model]) -> list[Cause]:
-    """More noise than is stated: of all forces, of one sensor, of moments (friction)."""
-    K = len(given.own)
+    """More noise than is stated: of all forces (1/f too), of one sensor, of moments (friction)."""
+    K, n = len(given.own), given.sensors
     if not K:
         return []
-    zero = given.columns[:, layout(given.sensors)["zero"]].reshape(K, 6, given.sensors, 3)
-    friction = given.white(given.own[:, :, 3:].reshape(6 * K, 3)).reshape(K, 6, 3)
-    suspects: list[tuple[Kind, int | None, FloatArray]] = [
-        ("noise grown", None, zero.reshape(K, 6, -1)),
-        *(("noise grown", i, zero[:, :, i]) for i in range(given.sensors)),
-        ("hinges stick", None, friction),
+    zero = given.plain[:, layout(n)["zero"]].reshape(K, 6, n, 3)
+    each = np.eye(K)
+    suspects: list[tuple[Kind, int | None, FloatArray, FloatArray]] = [
+        ("noise grown", None, zero.reshape(K, 6, -1), each),
+        *(("noise grown", i, zero[:, :, i], each) for i in range(n)),
+        ("hinges stick", None, given.own[:, :, 3:], each),
     ]
+    if 1 < K <= _CONNECTED:
+        suspects.append(("zeros wander", None, zero.reshape(K, 6, -1), _octaves(K)))
     return [_scatter(given, models, *suspect) for suspect in suspects]
+
+
+def _octaves(K: int) -> FloatArray:
+    """Correlation (K, K) of 1/f noise between postures, from less than one to more than the log.
+
+    It is a sum of relaxations of equal variance whose times are octaves apart (van der Ziel,
+    Physica 16, 1950).
+    """
+    apart = np.abs(np.subtract.outer(np.arange(K), np.arange(K)))
+    times = 0.5 * 2.0 ** np.arange(np.ceil(np.log2(8 * K)) + 1)
+    return np.asarray(np.mean(np.exp(-apart[..., None] / times), axis=2))
 
 
 def _scatter(
@@ -187,17 +204,29 @@ def _scatter(
     kind: Kind,
     support: int | None,
     columns: FloatArray,
+    together: FloatArray,
 ) -> Cause:
-    """A variance along columns (K, 6, m); it explains where, weighted by it, nothing stands out."""
+    """A variance along columns (K, 6, m); it explains where, weighted by it, nothing stands out.
+
+    columns : white in each posture's own noise. together : (K, K), correlation of the postures.
+    """
     K = len(columns)
-    white = given.residual.reshape(K, 6)
-    theta, gain = likeliest(columns, white, np.zeros((K, 6, 0)))
-    values, vectors = np.linalg.eigh(columns @ np.swapaxes(columns, 1, 2))
-    shrink = 1.0 / np.sqrt(1.0 + theta * np.maximum(values, 0.0))
+    if K <= _CONNECTED:
+        blocks = np.einsum("kl,kac,lbc->kalb", together, columns, columns, optimize=True)
+        half = given.white(blocks.reshape(6 * K, 6 * K))
+        H = given.white(half.T)[None]
+    else:  # what the calibration's error connects is a small part of so many
+        H = columns @ np.swapaxes(columns, 1, 2)
+    values, vectors = np.linalg.eigh((H + np.swapaxes(H, 1, 2)) / 2)
+    values = np.maximum(values, 0.0)
+    root, parts = vectors * np.sqrt(values)[:, None, :], values.shape
+    white = given.residual.reshape(parts)
+    theta, gain = likeliest(root, white, np.zeros((*parts, 0)))
+    shrink = 1.0 / np.sqrt(1.0 + theta * values)
+    weight = (vectors * shrink[:, None, :]) @ np.swapaxes(vectors, 1, 2)
 
     def weighted(columns: FloatArray) -> FloatArray:
-        parts = np.swapaxes(vectors, 1, 2) @ columns.reshape(K, 6, -1)
-        return np.asarray((shrink[..., None] * parts).reshape(6 * K, -1))
+        return np.asarray((weight @ columns.reshape(*parts, -1)).reshape(6 * K, -1))
 
     rest = weighted(given.residual)[:, 0]
     each = np.sum(rest.reshape(K, 6) ** 2, axis=1)
@@ -217,7 +246,8 @@ def _scatter(
         gain=gain,
         unknowns=1,
         p_value=float(chi2_sf(gain, 1)) / 2,
-        remaining_p=min(1.0, *p),
+        # Three questions, each at its own level.
+        remaining_p=min(1.0, 3 * min(p)),
     )
 
 

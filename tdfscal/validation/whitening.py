@@ -14,7 +14,8 @@ class Whitened:
     """Residual wrenches of K postures with all that correlates them taken away.
 
     residual : (m,), white; m is 6K, or as many as a motion determines. columns : (m, P), its
-    derivative by the calibrated parameters.
+    derivative by the calibrated parameters; plain : the same, white in each posture's own noise
+    only.
     own : (K, 6, 6), whitens each posture's own noise; K = 0 in motion, where a contact is found
     otherwise. common : (m, r), orthonormal; shrink : (r,):
     along them the calibration's error is common to all postures. free : (m, f), orthonormal,
@@ -24,6 +25,7 @@ class Whitened:
 
     residual: FloatArray
     columns: FloatArray
+    plain: FloatArray
     own: FloatArray
     common: FloatArray
     shrink: FloatArray
@@ -71,6 +73,7 @@ def whiten(
     start = Whitened(
         residual=residual,
         columns=columns,
+        plain=columns,
         own=own,
         common=V,
         shrink=1 - 1 / np.sqrt(1 + s**2),

@@ -99,6 +99,39 @@ def test_two_postures_in_contact_are_named_together() -> None:
     assert named.count((1, 3)) >= 19
 
 
+def flicker(rng: np.random.Generator) -> np.typing.NDArray[np.float64]:
+    """1/f noise (HELD, n, 3) between postures, 0.5 N, from four times as long as the log."""
+    f = np.fft.rfftfreq(4 * HELD)[1:, None, None]
+    wave = rng.standard_normal((len(f), RIG.n, 3)) + 1j * rng.standard_normal((len(f), RIG.n, 3))
+    noise = np.fft.irfft(np.concatenate([np.zeros((1, RIG.n, 3)), wave / np.sqrt(f)]), axis=0)
+    return np.asarray(0.5 * noise[:HELD] / noise.std(axis=0))
+
+
+def test_one_over_f_noise_is_called_noise_and_no_change() -> None:
+    rng, named = np.random.default_rng(6), 0
+    for t in range(FEWER):
+        held = MANY.held(t)
+        v = validate(MANY.given[t], replace(held, force=held.force + flicker(rng)))
+        assert not v.holds
+        named += bool(v.suspected) and v.suspected[0].kind in ("zeros wander", "noise grown")
+    assert named >= 0.9 * FEWER
+
+
+def test_friction_that_is_not_stated_is_named() -> None:
+    rng, named = np.random.default_rng(7), 0
+    for t in range(FEWER):
+        held = MANY.held(t)
+        # A moment of each posture, as three forces whose sum is none make it.
+        arm = RIG.hinge - RIG.hinge.mean(axis=0)
+        moment = 3.0 * rng.standard_normal((HELD, 3))
+        inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm
+        pull = np.cross(np.linalg.solve(inertia, moment.T).T[:, None], arm)
+        turned = np.einsum("nba,knb->kna", MANY.given[t].state.rotation, pull)
+        v = validate(MANY.given[t], replace(held, force=held.force + turned))
+        named += bool(v.suspected) and v.suspected[0].kind == "hinges stick"
+    assert named >= 0.9 * FEWER
+
+
 def test_a_drifted_zero_is_told_from_a_turned_sensor() -> None:
     shift = ZeroShift(1, USED, (2.0, -1.0, 3.0))
     found = verdicts(held_of(Faults(zero_shifts=(shift,))))
