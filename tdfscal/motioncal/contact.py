@@ -121,7 +121,7 @@ def _scores(
     amplitude = -u / G
     some = statistic >= floor
     if some.any():
-        J = (mixing @ (item.design @ fit.slope)) * weight[..., None]
+        J = (mixing @ item.wrench(fit.slope)) * weight[..., None]
         L = d[some].conj() @ J.reshape(len(weight), -1)
         taken = L.real.reshape(len(L), 6, -1) @ root
         info = -(taken @ np.swapaxes(taken, 1, 2))

@@ -28,7 +28,8 @@ class MovingUncertainty:
     """Uncertainty of the rotations and of what motion adds.
 
     turns : as from static postures. joint : (3n, 3n + m), rad and SI, covariance of the rotations
-    with everything active, and of all, (p, p), in `posterior`. moving_std : (8,), of I_O, τ, d.
+    with everything active, and of all active, (p, p), in `posterior`. moving_std : (8,), of I_O,
+    τ, d.
     """
 
     turns: Uncertainty
@@ -75,7 +76,8 @@ def evaluate(fit: MovingFit) -> MovingUncertainty:
     infinite = np.full((n, 3), np.inf)
     std = np.zeros(len(fit.active))
     blind = np.abs(parts.null).max(axis=0, initial=0.0) > _ROUNDING
-    std[fit.active] = np.where(blind, np.inf, np.sqrt(np.diagonal(C + added)))
+    p = int(fit.active.sum())
+    std[fit.active] = np.where(blind, np.inf, np.sqrt(np.diagonal(C + added)))[:p]
     cut = len(fit.active) - dynamics.PARAMETERS
     return MovingUncertainty(
         turns=Uncertainty(
@@ -86,7 +88,7 @@ def evaluate(fit: MovingFit) -> MovingUncertainty:
             effective_dof=infinite,
             coverage_factor=coverage_factor(INTERVAL_COVERAGE, infinite),
         ),
-        posterior=C + added,
+        posterior=(C + added)[:p, :p],
         moving_std=std[cut:],
     )
 
@@ -107,10 +109,12 @@ def _shares(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
     groups = {PRIORS[group]: place for group, place in places.items()}
     groups[MOTION] = slice(cut, len(fit.active))
     for source, span in groups.items():
-        inside = (columns >= span.start) & (columns < span.stop)
+        inside = np.flatnonzero((columns >= span.start) & (columns < span.stop))
         rows = fit.prior_jacobian[np.abs(fit.prior_jacobian[:, inside]).any(axis=1)]
         half = C @ rows.T
         shares[source] = half @ half.T
+    own = C[:, len(columns) :]  # the turns at rests, whose prior rows are the unit matrix
+    shares["positioner"] = shares["positioner"] + own @ own.T
     return shares
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, gravity
 from tdfscal.model.statics import Balance, Postures
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
+from tdfscal.motioncal import rests
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig
@@ -37,6 +38,8 @@ class BlockDesign:
     unit_force, unit_turn : (6, 6), mean covariance of e for white noise of 1 N on every force
     component, and of 1 m on every servo coordinate through the registered pose.
     lever : (n, 6, 3, 6, 3), mean of B_i ⊗ B_i, B_i the wrench of a unit force.
+    rests : (F, 6, 3 R), wrench of the turns at the block's rests, in their priors' standard
+    uncertainties; place : these among the turns at all rests of the log.
     """
 
     block: Block
@@ -44,6 +47,14 @@ class BlockDesign:
     unit_force: FloatArray
     unit_turn: FloatArray
     lever: FloatArray
+    rests: ComplexArray
+    place: slice
+
+    def wrench(self, psi: FloatArray) -> ComplexArray:
+        """Coefficients (F, 6) at features (q + 12 + s + all rests,), or (F, 6, c) of c of them."""
+        cut = self.design.shape[2]
+        own = psi[cut:][self.place]
+        return np.asarray(self.design @ psi[:cut] + self.rests @ own)
 
 
 def shifted(slow: Slow, rows: slice, delay: float) -> FloatArray:
@@ -61,10 +72,16 @@ def _course(slow: Slow, rows: slice) -> Callable[[float], FloatArray]:
 
 
 def block_design(
-    rig: Rig, slow: Slow, block: Block, state: State, moving: Moving
+    rig: Rig,
+    slow: Slow,
+    block: Block,
+    state: State,
+    moving: Moving,
+    resting: Sequence[slice] = (),
 ) -> tuple[BlockDesign, Balance]:
     """Linearise one block at a state.
 
+    resting : rows of the block at which the terminal rests.
     Returns its design, and the static balance of one instant, which holds what the features
     count from.
     """
@@ -96,6 +113,8 @@ def block_design(
         unit_force=np.einsum("k,knab,kncb->ac", weight, own, own, optimize=True),
         unit_turn=np.einsum("k,kab->ab", weight, turn),
         lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
+        rests=_sparse(block, rests.columns(rig, slow, block, at, resting)),
+        place=slice(0, 3 * len(resting)),
     )
     return result, statics.balance(observed.subset(slice(0, 1)), state, centre, rig.gravity)
 

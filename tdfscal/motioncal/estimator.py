@@ -19,6 +19,7 @@ from tdfscal.motioncal import noise
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.design import BlockDesign, block_design, drifting
 from tdfscal.motioncal.noise import NoiseModel
+from tdfscal.motioncal.rests import rests as find_rests
 from tdfscal.motioncal.rows import Rows, bins_of, gather, independent, stacked, weights
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import Solution, gauss_newton, gram_root, triangular
@@ -75,9 +76,11 @@ class MovingPriors:
 class MovingFit:
     """An estimate with all that its uncertainty needs.
 
-    psi : (q + 12 + s,), features. slope : (q + 12 + s, p), their slopes by the active parameters.
-    residual : (M,), jacobian : (M, p), complex, of the rows at the estimate, not whitened.
-    prior_residual (m,), prior_jacobian (m, p) : whitened. origin : what the features count from.
+    rests : number of turns at rests, unknowns after the p active parameters. psi : (q + 12 + s +
+    rests,), features. slope : (…, p + rests), their slopes by all that is unknown.
+    residual (M,), jacobian (M, p + rests) : complex, of the rows at the estimate, not whitened.
+    prior_residual (m,), prior_jacobian (m, p + rests) : whitened. origin : what the features
+    count from.
     delay : s, by which the poses of the designs are shifted.
     """
 
@@ -89,6 +92,7 @@ class MovingFit:
     delay: float
     state: MovingState
     active: BoolArray
+    rests: int
     noise: NoiseModel
     psi: FloatArray
     slope: FloatArray
@@ -117,9 +121,9 @@ class MovingFit:
         )
 
     def wrenches(self, step: FloatArray | None = None) -> list[ComplexArray]:
-        """Residual wrench (F, 6) of every block; step (p,) : of the active parameters."""
+        """Residual wrench (F, 6) of every block; step : of all that is unknown."""
         psi = self.psi if step is None else self.psi + self.slope @ step
-        return [item.design @ psi for item in self.designs]
+        return [item.wrench(psi) for item in self.designs]
 
     @property
     def cost(self) -> float:
@@ -147,11 +151,32 @@ def slope_of(rig: Rig, state: MovingState, origin: Balance, size: int) -> FloatA
 
 
 def moved_to(fit: MovingFit, state: MovingState, priors: MovingPriors) -> MovingFit:
-    """The fit at another state near by, by the same linearised balance."""
-    size = fit.rows.design.shape[1]
+    """The fit at another state near by, by the same linearised balance.
+
+    The turns at rests are the likeliest ones for it.
+    """
+    fit = _at(fit, state, priors, np.zeros(fit.rests))
+    if not fit.rests:
+        return fit
+    weight = weights(fit.rows.bins, fit.noise.variance(fit.rows.bins))
+    real = stacked(np.concatenate([fit.residual[:, None], fit.jacobian], axis=1), weight)
+    C = real[:, -fit.rests :]
+    turn = -np.linalg.solve(C.T @ C + np.eye(fit.rests), C.T @ real[:, 0])
+    return _at(fit, state, priors, np.asarray(turn))
+
+
+def _at(fit: MovingFit, state: MovingState, priors: MovingPriors, turn: FloatArray) -> MovingFit:
+    """The fit at a state and turns (rests,) at the rests."""
+    size, cut, p = len(fit.psi), len(fit.psi) - fit.rests, int(fit.active.sum())
     psi = _features(fit.rig, state, fit.origin, fit.delay, size)
-    slope = slope_of(fit.rig, state, fit.origin, size)[:, fit.active]
+    psi[cut:] = turn
+    slope = np.zeros((size, p + fit.rests))
+    slope[:, :p] = slope_of(fit.rig, state, fit.origin, size)[:, fit.active]
+    slope[cut:, p:] = np.eye(fit.rests)
     prior_r, prior_j = priors(state)
+    prior = np.zeros((len(prior_r) + fit.rests, p + fit.rests))
+    prior[: len(prior_r), :p] = prior_j
+    prior[len(prior_r) :, p:] = np.eye(fit.rests)
     return replace(
         fit,
         state=state,
@@ -159,8 +184,8 @@ def moved_to(fit: MovingFit, state: MovingState, priors: MovingPriors) -> Moving
         slope=slope,
         residual=fit.rows.design @ psi,
         jacobian=fit.rows.design @ slope,
-        prior_residual=prior_r,
-        prior_jacobian=prior_j,
+        prior_residual=np.concatenate([prior_r, turn]),
+        prior_jacobian=prior,
     )
 
 
@@ -168,8 +193,12 @@ def _solve(fit: MovingFit, priors: MovingPriors) -> Solution[MovingState]:
     """Gauss–Newton on the statistic of all rows, and the priors."""
     rig, rows, active = fit.rig, fit.rows, fit.active
     real = stacked(rows.design, weights(rows.bins, fit.noise.variance(rows.bins)))
-    compressed = triangular(real)
-    size = compressed.shape[1]
+    size = real.shape[1] - fit.rests
+    if fit.rests:
+        # The turns at rests first: what is left below them has them eliminated.
+        real = np.concatenate([real[:, size:], real[:, :size]], axis=1)
+        real = np.concatenate([np.eye(fit.rests, real.shape[1]), real])
+    compressed = triangular(real)[fit.rests :, fit.rests :]
 
     def model(state: MovingState) -> tuple[FloatArray, FloatArray]:
         prior_r, prior_j = priors(state)
@@ -194,37 +223,44 @@ def at_state(
     model: NoiseModel | None,
 ) -> MovingFit:
     """Linearise at a state; without a noise model, with one that is flat."""
-    pairs = [block_design(rig, slow, b, state.still, state.moving) for b in blocks]
-    designs = tuple(design for design, _ in pairs)
-    origin, rows, delay = pairs[0][1], gather(designs, model), state.moving.delay
+    resting = find_rests(slow, blocks)
+    pairs = [
+        block_design(rig, slow, b, state.still, state.moving, own)
+        for b, own in zip(blocks, resting, strict=True)
+    ]
+    last = np.cumsum([3 * len(own) for own in resting])
+    designs = tuple(
+        replace(design, place=slice(int(stop) - 3 * len(own), int(stop)))
+        for (design, _), own, stop in zip(pairs, resting, last, strict=True)
+    )
+    rows, none = gather(designs, model), np.empty(0, dtype=np.complex128)
     size = rows.design.shape[1]
-    psi = _features(rig, state, origin, delay, size)
-    slope = slope_of(rig, state, origin, size)[:, priors.active]
-    residual, jacobian = rows.design @ psi, rows.design @ slope
-    if model is None:
-        longest = max(b.step * b.taper.shape[1] for b in blocks)
-        power = np.abs(residual) ** 2
-        model = noise.initial(rows.bins, power, rig.declared.positioner, longest)
-    prior_r, prior_j = priors(state)
-    return MovingFit(
+    fit = MovingFit(
         rig=rig,
         slow=slow,
         designs=designs,
         rows=rows,
-        origin=origin,
-        delay=delay,
+        origin=pairs[0][1],
+        delay=state.moving.delay,
         state=state,
         active=priors.active,
-        noise=model,
-        psi=psi,
-        slope=slope,
-        residual=residual,
-        jacobian=jacobian,
-        prior_residual=prior_r,
-        prior_jacobian=prior_j,
+        rests=int(last[-1]),
+        noise=model or noise.NOTHING,
+        psi=np.zeros(size),
+        slope=np.empty(0),
+        residual=none,
+        jacobian=none,
+        prior_residual=np.empty(0),
+        prior_jacobian=np.empty(0),
         iterations=0,
         converged=False,
     )
+    fit = _at(fit, state, priors, np.zeros(fit.rests))
+    if model is None:
+        longest = max(b.step * b.taper.shape[1] for b in blocks)
+        power = np.abs(fit.residual) ** 2
+        model = noise.initial(rows.bins, power, rig.declared.positioner, longest)
+    return replace(fit, noise=model)
 
 
 def estimate_noise(fit: MovingFit) -> MovingFit:
@@ -268,7 +304,7 @@ def fit_moving(
         model = fit.noise
         solution = _solve(fit, priors)
         iterations += solution.iterations
-        r, j = fit.whitened()
+        r, j = moved_to(fit, state, priors).whitened()
         root = gram_root(j)
         step = np.linalg.norm(root.T @ (j.T @ r))
         state = solution.state
@@ -288,11 +324,12 @@ def _bent(fit: MovingFit, some: tuple[Block, ...], priors: MovingPriors) -> floa
     """
     index = [fit.blocks.index(block) for block in some]
     anew = at_state(fit.rig, fit.slow, some, fit.state, priors, fit.noise)
-    wrenches = fit.wrenches()
+    cut = len(fit.psi) - fit.rests
     square = 0.0
-    for k, item, e in zip(index, anew.designs, anew.wrenches(), strict=True):
+    for k, item in zip(index, anew.designs, strict=True):
+        gap = item.design @ anew.psi[:cut] - fit.designs[k].design @ fit.psi[:cut]
         mix, ratio = independent(item)
         bins = bins_of(item, ratio)
-        gap = ((e - wrenches[k]) @ mix.T).ravel()
+        gap = (gap @ mix.T).ravel()
         square += float(np.sum(np.abs(gap) ** 2 * bins.count / fit.noise.variance(bins)))
     return float(np.sqrt(square * len(fit.blocks) / len(some)))

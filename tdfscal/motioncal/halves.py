@@ -62,7 +62,8 @@ def compare_halves(fit: MovingFit, keep: BoolArray, delay: UncertainValue) -> Ha
     at, (first, second) = both
     r1, j1 = _factor(at, first)
     r2, j2 = _factor(at, second)
-    timed = j2[:, -1:] if at.active[-1] else j2[:, :0]
+    last = int(at.active.sum())
+    timed = j2[:, last - 1 : last] if at.active[-1] else j2[:, :0]
     extra = np.concatenate([timed, j2[:, : 3 * n]], axis=1)
     blank = np.zeros((len(j1), extra.shape[1]))
     priors = np.pad(at.prior_jacobian, ((0, 0), (0, extra.shape[1])))
@@ -138,7 +139,7 @@ def _factor(fit: MovingFit, which: range) -> tuple[FloatArray, FloatArray]:
     """Residual and Jacobian of some blocks, white, as one triangular factor."""
     rows = []
     for k in which:
-        own = rows_of(fit.designs[k])
+        own = rows_of(fit.designs[k], fit.rests)
         both = own.design @ np.concatenate([fit.psi[:, None], fit.slope], axis=1)
         rows.append(stacked(both, weights(own.bins, fit.noise.variance(own.bins))))
     factor = triangular(np.concatenate(rows))

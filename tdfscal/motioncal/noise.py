@@ -27,7 +27,7 @@ _LEVEL = 20.0
 #: Prior of the position noise's level, a factor of ten either way, about the stated one.
 _POSITION_LEVEL = 2.3
 #: Positioners of which nothing is stated, m.
-_UNSTATED = 3.0e-6
+UNSTATED = 3.0e-6
 #: The positioners' errors change over their travel: power up to this frequency, Hz.
 _POSITION_CORNER = 0.2
 #: Largest change of a curve's logarithm in one step.
@@ -86,6 +86,10 @@ class NoiseModel:
         return np.exp(h @ self.log_density[:H]), np.exp(h @ self.log_density[H:])
 
 
+#: Before a first look.
+NOTHING = NoiseModel(*(np.zeros(0),) * 5)
+
+
 def initial(bins: Bins, power: FloatArray, positioner: float, longest: float) -> NoiseModel:
     """Start from flat force noise; power (M,) of the residual, positioner in m, longest in s."""
     low, high = float(np.log(0.7 / longest)), float(np.log(bins.frequency.max()))
@@ -96,7 +100,7 @@ def initial(bins: Bins, power: FloatArray, positioner: float, longest: float) ->
     _, band = np.unique(bins.frequency[flat] + 1j * bins.ratio[flat], return_inverse=True)
     mean = np.bincount(band, (power * bins.count)[flat]) / np.bincount(band, bins.count[flat])
     level = np.log(np.median(mean) / np.log(2) + 1e-12)
-    std = max(positioner, _UNSTATED)
+    std = max(positioner, UNSTATED)
     f = np.exp(knot)
     log_place = np.log(std**2 / (2 * _POSITION_CORNER)) - np.log1p((f / _POSITION_CORNER) ** 4)
     bend = np.diff(np.eye(H), 2, axis=0)

@@ -29,7 +29,7 @@ _GATHERED = 512
 class Rows:
     """All blocks in their independent components, M rows.
 
-    design : (M, q + 12), complex. bins : their frequencies and weights.
+    design : (M, q + 12 + s + all rests), complex. bins : their frequencies and weights.
     """
 
     design: ComplexArray
@@ -52,10 +52,14 @@ def bins_of(item: BlockDesign, ratio: FloatArray) -> Bins:
     return Bins(np.repeat(f, 6), np.tile(ratio, len(f)), np.repeat(both, 6))
 
 
-def rows_of(item: BlockDesign) -> Rows:
-    """Rows (6 F) of one block, none of them joined."""
+def rows_of(item: BlockDesign, all_rests: int) -> Rows:
+    """Rows (6 F) of one block, none of them joined; all_rests : turns at all rests of the log."""
     mix, ratio = independent(item)
-    return Rows((mix @ item.design).reshape(-1, item.design.shape[2]), bins_of(item, ratio))
+    cut = item.design.shape[2]
+    design = np.zeros((6 * len(item.design), cut + all_rests), dtype=np.complex128)
+    design[:, :cut] = (mix @ item.design).reshape(-1, cut)
+    design[:, cut:][:, item.place] = (mix @ item.rests).reshape(len(design), -1)
+    return Rows(design, bins_of(item, ratio))
 
 
 def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
@@ -63,9 +67,10 @@ def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
 
     model : the spectrum as last seen, by which the rows of a band are brought to one scale.
     """
-    parts = (rows_of(item) for item in designs)
+    all_rests = max(item.place.stop for item in designs)
+    parts = (rows_of(item, all_rests) for item in designs)
     lines = sum(len(item.block.frequency) for item in designs)
-    columns = designs[0].design.shape[2]
+    columns = designs[0].design.shape[2] + all_rests
     if len(designs) == 1 and 2 * lines * (1 - 1 / _BAND) <= columns:
         return next(parts)
     low = min(float(item.block.frequency[1]) for item in designs) / 2

@@ -56,7 +56,7 @@ def suspicions(
         size = rounded_up(float(np.abs(asked.amount * unit).max()))
         what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
         doubt = suspicion(fit, what, advice, asked.p_value(stats), move[angles] / std)
-        zero_shift, zero = worst_zero(fit, move, turns)
+        zero_shift, zero = worst_zero(fit, move[: int(fit.active.sum())], turns)
         found.append(
             replace(
                 doubt,
@@ -96,7 +96,8 @@ def _drifts(fit: MovingFit) -> Iterator[Suspect]:
     if motion is None:
         return
     names = ["drift" if kind == "time" else kind for kind in motion.kind]
-    columns = _white(fit, np.eye(len(fit.psi))[:, -3 * n * len(names) :])
+    last = len(fit.psi) - fit.rests
+    columns = _white(fit, np.eye(len(fit.psi))[:, last - 3 * n * len(names) : last])
     for name, part in zip(names, np.split(columns, len(names), axis=1), strict=True):
         for i in range(n):
             yield name, i, part[:, 3 * i : 3 * i + 3], 1.0

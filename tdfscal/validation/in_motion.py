@@ -143,7 +143,7 @@ def _best(fit: MovingFit) -> MovingFit:
     r, j = fit.whitened()
     step = spectrum(j).solve(r)
     moved = np.zeros(len(fit.active))
-    moved[fit.active] = step
+    moved[fit.active] = step[: int(fit.active.sum())]
     return replace(
         fit,
         state=fit.state.moved(moved),
@@ -161,17 +161,18 @@ def _whitened(given: Calibrated, fit: MovingFit, delay: UncertainValue) -> White
     state = MovingState(with_motions(given.state, motions), fit.state.moving)
     at = at_state(rig, slow, fit.blocks, state, priors, fit.noise)
     slope = at.rows.design @ slope_of(rig, state, at.origin, len(at.psi))
+    turns = at.rows.design[:, len(at.psi) - at.rests :]
     weight = weights(at.rows.bins, fit.noise.variance(at.rows.bins))
-    real = stacked(np.concatenate([at.residual[:, None], slope], axis=1), weight)
+    real = stacked(np.concatenate([at.residual[:, None], slope, turns], axis=1), weight)
     r, J = real[:, 0], real[:, 1:]
     drift = drifting(rig, slow)
-    width = np.concatenate([prior_std(rig, drift), priors.std])
+    width = np.concatenate([prior_std(rig, drift), priors.std, np.ones(at.rests)])
     U, seen, _ = np.linalg.svd(J * np.where(np.isfinite(width), width, 1.0), full_matrices=False)
     U = U[:, seen > _SEEN]
     r, J = U.T @ r, U.T @ J
     own = np.linalg.cholesky(np.eye(len(r)) + _by_spectrum(fit, J))
     r, J = np.linalg.solve(own, r), np.linalg.solve(own, J)
-    root, unknown = _known(given, rig, drift)
+    root, unknown = _known(given, rig, drift, at.rests)
     nothing = np.zeros((0, 6, 6))
     return whiten(r, J, nothing, root, unknown, len(r), rig.n)
 
@@ -179,20 +180,26 @@ def _whitened(given: Calibrated, fit: MovingFit, delay: UncertainValue) -> White
 def _by_spectrum(fit: MovingFit, J: FloatArray) -> FloatArray:
     """What the spectrum's own uncertainty adds to the covariance of rows with the Jacobian J."""
     _, added = posterior(fit, spectrum(fit.whitened()[1]))
-    columns = J[:, fit.active]
+    columns = J[:, np.concatenate([fit.active, np.ones(fit.rests, dtype=np.bool_)])]
     return np.asarray(columns @ added @ columns.T)
 
 
-def _known(given: Calibrated, rig: Rig, drift: ZeroMotion | None) -> tuple[FloatArray, BoolArray]:
-    """Root (P + 3nG + 8, r) of all parameters' covariance, and which of them are unknown.
+def _known(
+    given: Calibrated, rig: Rig, drift: ZeroMotion | None, rests: int
+) -> tuple[FloatArray, BoolArray]:
+    """Root (P + 3nG + 8 + rests, r) of the covariance of all, and what of it is unknown.
 
     The calibration knows the static ones; how zeros move belongs to each log, and so does the
     motion: its inertia, friction and delay are no part of what is tested.
     """
     std = prior_std(rig, drift)[len(given.open) :]
     rows, columns = given.root.shape
-    root = np.zeros((rows + len(std) + dynamics.PARAMETERS, columns + len(std)))
+    still = rows + len(std)
+    root = np.zeros((still + dynamics.PARAMETERS + rests, columns + len(std) + rests))
     root[:rows, :columns] = given.root
-    root[rows : rows + len(std), columns:] = np.diag(np.where(np.isfinite(std), std, 0.0))
+    own = columns + len(std)
+    root[rows:still, columns:own] = np.diag(np.where(np.isfinite(std), std, 0.0))
+    root[still + dynamics.PARAMETERS :, own:] = np.eye(rests)
     moving = np.ones(dynamics.PARAMETERS, dtype=np.bool_)
-    return root, np.concatenate([given.open, np.isinf(std), moving])
+    unknown = np.concatenate([given.open, np.isinf(std), moving, np.zeros(rests, dtype=np.bool_)])
+    return root, unknown
