@@ -30,8 +30,8 @@ MOST_REJECTED: Final = 0.10
 AMBIGUOUS_MOUNTING: Final = 1e-6
 #: That a faultless campaign is weighted by unequal noise of its channels, which costs it little.
 UNEQUAL_NOISE: Final = 2e-3
-#: That a faultless campaign raises any suspicion of an undeclared error (score tests): low enough
-#: that one campaign in a hundred at most is questioned for nothing.
+#: That a faultless campaign, or log in motion, raises any suspicion of an undeclared error (score
+#: tests): low enough that one in a hundred at most is questioned for nothing.
 UNDECLARED_ERROR: Final = 0.008
 #: Shares of that level. The direction of gravity has most: it turns every sensor alike, and only
 #: internal forces betray it, so that it does harm before it is plain. Friction shows faintly too.
@@ -61,11 +61,6 @@ OVERSTATED_NOISE: Final = 1e-4
 #: That a moving log without any contact has a stretch left out for one, per log. Strict: a stretch
 #: too many costs data and puzzles the operator, and the contacts that spoil angles are far above.
 CONTACT_IN_MOTION: Final = 1e-4
-
-#: That a faultless moving log raises any suspicion of an undeclared error. Strict: what the errors
-#: of the positioners do along the way looks a little like offsets of their servos, and no spectrum
-#: tells it from them; an error that matters is beyond any doubt in a minute of motion.
-UNDECLARED_IN_MOTION: Final = 1e-4
 
 # Two calibrations, and a calibration on new data --------------------------------------------------
 

@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.model import dynamics
 from tdfscal.model.parameters import layout, sensing
 from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.rows import bins_of, independent
+from tdfscal.motioncal.rows import reading_gain
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum, gram_root, spectrum
@@ -129,11 +129,7 @@ def faked_information(fit: MovingFit) -> FloatArray:
     axes = [so3.hat(M[:, :, a]) for a in range(3)]
     faked = np.zeros((3 * n, 3 * n))
     for item in fit.designs:
-        mixing, ratio = independent(item)
-        bins = bins_of(item, ratio)
-        gain = bins.count * fit.noise.density(bins.frequency)[0] / fit.noise.variance(bins)
-        # Σ_f S_F S⁻¹ in the wrench's own components, (6, 6).
-        W = mixing.T @ np.diag(gain.reshape(-1, 6).sum(axis=0)) @ mixing
+        W = reading_gain(item, fit.noise)
         C = np.einsum("nrasb,rs->nab", item.lever, W)
         for turn in axes:
             block = np.swapaxes(turn, 1, 2) @ C @ turn

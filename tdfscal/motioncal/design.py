@@ -88,10 +88,7 @@ def block_design(
     centre, rows = state.barycentre, block.index
     course = _course(slow, rows)
     position = course(moving.delay) if moving.delay else slow.position[rows]
-    motion = drifting(rig, slow)
-    observed = _still(
-        rig, position, slow.force[rows], None if motion is None else motion.subset(rows)
-    )
+    observed = instants(rig, slow, position, rows)
     at = statics.balance(observed, state, centre, rig.gravity)
     moved = _moving_columns(block, at.rotation, position, state, centre)
     before, after = (
@@ -119,10 +116,9 @@ def block_design(
     return result, statics.balance(observed.subset(slice(0, 1)), state, centre, rig.gravity)
 
 
-def _still(
-    rig: Rig, position: FloatArray, force: FloatArray, motion: ZeroMotion | None
-) -> Postures:
+def instants(rig: Rig, slow: Slow, position: FloatArray, rows: slice) -> Postures:
     """Instants as postures, with unit noise and without friction: a feature of its own here."""
+    motion, force = drifting(rig, slow), slow.force[rows]
     unit = np.broadcast_to(np.eye(3), (*force.shape, 3))
     return Postures(
         position=position,
@@ -132,7 +128,7 @@ def _still(
         moment_var=0.0,
         approach=np.zeros((len(force), 3)),
         measured=rig.axes,
-        motion=motion,
+        motion=None if motion is None else motion.subset(rows),
     )
 
 

@@ -52,6 +52,14 @@ def bins_of(item: BlockDesign, ratio: FloatArray) -> Bins:
     return Bins(np.repeat(f, 6), np.tile(ratio, len(f)), np.repeat(both, 6))
 
 
+def reading_gain(item: BlockDesign, model: NoiseModel) -> FloatArray:
+    """Σ_f S_F S⁻¹ in the wrench's own components, (6, 6): what noise in the readings counts."""
+    mixing, ratio = independent(item)
+    bins = bins_of(item, ratio)
+    gain = bins.count * model.density(bins.frequency)[0] / model.variance(bins)
+    return np.asarray(mixing.T @ np.diag(gain.reshape(-1, 6).sum(axis=0)) @ mixing)
+
+
 def rows_of(item: BlockDesign, all_rests: int) -> Rows:
     """Rows (6 F) of one block, none of them joined; all_rests : turns at all rests of the log."""
     mix, ratio = independent(item)

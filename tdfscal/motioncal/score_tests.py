@@ -15,12 +15,16 @@ from tdfscal.model.parameters import prior_std
 from tdfscal.motioncal.covariance import MovingUncertainty
 from tdfscal.motioncal.design import drifting, suspected
 from tdfscal.motioncal.estimator import MovingFit, slope_of
+from tdfscal.motioncal.noise_bias import noise_scores
 from tdfscal.motioncal.rows import stacked, weights
-from tdfscal.numerics.least_squares import spectrum
+from tdfscal.numerics.least_squares import gram_root, spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.score_tests import (
+    MADE_OF_READINGS,
+    Asked,
     ask,
+    lean_of,
     likeliest,
     rounded_up,
     stated_suspects,
@@ -28,8 +32,10 @@ from tdfscal.selfcal.score_tests import (
     worst_zero,
 )
 from tdfscal.selfcal.suspicion import OF_THE_RIG, WORDS, Suspicion
-from tdfscal.significance import UNDECLARED_GRAVITY_SHARE, UNDECLARED_IN_MOTION
+from tdfscal.significance import UNDECLARED_ERROR, UNDECLARED_GRAVITY_SHARE
 
+#: Share of the largest variance of an amount below which it is rounding.
+_ROUNDING = 1e-12
 #: Group, support, whitened columns (rows, g), and what they are per unit.
 Suspect = tuple[str, int, FloatArray, float | FloatArray]
 
@@ -43,13 +49,24 @@ def suspicions(
     suspects = [*_stated(fit), *_drifts(fit)]
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(max(len(residual), 2)))
-    others = (1 - UNDECLARED_GRAVITY_SHARE) / max(1, len(suspects) - 1)
+    bias: FloatArray | None = None
     found = []
     for group, index, columns, unit in suspects:
+        level = suspect_level(group, len(suspects))
         known = parts.left.T @ columns
-        asked = ask(columns - parts.left @ known, columns, residual, np.zeros(columns.shape[1]))
-        share = UNDECLARED_GRAVITY_SHARE if group == "tilt" else others
-        if asked is None or asked.p_value(stats) > UNDECLARED_IN_MOTION * share:
+        apart = columns - parts.left @ known
+        asked = ask(apart, columns, residual, np.zeros(columns.shape[1]))
+        if asked is None or asked.p_value(stats) > level:
+            continue
+        lean = np.zeros(columns.shape[1])
+        if group in MADE_OF_READINGS:
+            if bias is None:
+                bias = noise_scores(fit, slope_of(fit.rig, fit.state, fit.origin, len(fit.psi)))
+            lean = lean_of(bias, fit.active, fit.state.still, group, index)
+            asked = ask(apart, columns, residual, lean)
+        if asked is not None:
+            asked = by_spectrum(fit, columns, lean, asked)
+        if asked is None or asked.p_value(stats) > level:
             continue
         # The other parameters, angles among them, give way to the suspect's amount.
         move = -parts.root @ (known @ asked.amount)
@@ -68,6 +85,45 @@ def suspicions(
             )
         )
     return likeliest(found) if found else ()
+
+
+def suspect_level(group: str, count: int) -> float:
+    """Share of the level per log that one of `count` suspects has."""
+    others = (1 - UNDECLARED_GRAVITY_SHARE) / max(1, count - 1)
+    return UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
+
+
+def by_spectrum(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
+    """The test with what the spectrum's own uncertainty adds to that of the amount.
+
+    As the covariance of the parameters has it: the amount and its covariance at either end of
+    every principal axis of the spectrum's parameters.
+    """
+
+    def at(log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
+        r, j = fit.whitened(log_density)
+        bins = fit.rows.bins
+        change = np.sqrt(fit.noise.variance(bins) / fit.noise.variance(bins, log_density))
+        scale = np.concatenate([change, change, np.ones(len(fit.prior_residual))])
+        both = np.concatenate([j, columns * scale[:, None]], axis=1)
+        root = gram_root(both)
+        score = both.T @ r
+        score[j.shape[1] :] -= lean
+        own = root[j.shape[1] :]
+        return -own @ (root.T @ score), own @ own.T
+
+    amount, covariance = at(fit.noise.log_density)
+    total = covariance
+    values, axes = np.linalg.eigh(fit.noise.covariance)
+    for value, axis in zip(values, axes.T, strict=True):
+        step = np.sqrt(value) * axis
+        (a, up), (b, down) = (at(fit.noise.log_density + sign * step) for sign in (1.0, -1.0))
+        total = total + (up + down) / 2 - covariance + np.outer(a - b, a - b) / 4
+    values, axes = np.linalg.eigh(total)
+    seen = values > _ROUNDING * values[-1]
+    along = axes[:, seen].T @ amount
+    widened = float(np.sum(along**2 / values[seen]))
+    return replace(asked, statistic=min(asked.statistic, widened))
 
 
 def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ from typing import Protocol
 
 import numpy as np
 
-from tdfscal.model.parameters import layout, prior_std
+from tdfscal.model.parameters import State, layout, prior_std
 from tdfscal.model.statics import features_jacobian
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
@@ -42,7 +42,7 @@ from tdfscal.significance import (
 
 _NOISE_ONLY = 1e-9
 #: Groups whose columns are made of the noisy readings themselves, beside the turns.
-_MADE_OF_READINGS = ("sensitivity", "gain", "compliance")
+MADE_OF_READINGS = ("sensitivity", "gain", "compliance")
 _HOUR = 3600.0
 
 
@@ -73,9 +73,9 @@ def suspicions(
         asked = ask(apart, columns, residual, np.zeros(columns.shape[1]))
         if asked is None or asked.p_value(stats) > UNDECLARED_ERROR * share:
             continue
-        if group in _MADE_OF_READINGS:
+        if group in MADE_OF_READINGS:
             bias = noise_scores(fit, root) if bias is None else bias
-            lean = _lean(bias, fit, group, index)
+            lean = lean_of(bias, fit.active, fit.state, group, index)
             asked = ask(apart, columns, residual, lean)
             if asked is None or asked.p_value(stats) > UNDECLARED_ERROR * share:
                 continue
@@ -168,15 +168,17 @@ def ask(
     return Asked(float(np.sum(along**2 / values[seen])), int(seen.sum()), amount)
 
 
-def _lean(bias: FloatArray, fit: Fit, group: str, index: int) -> FloatArray:
+def lean_of(
+    bias: FloatArray, active: BoolArray, state: State, group: str, index: int
+) -> FloatArray:
     """Score that noise alone makes of a suspect's columns; none where it has a prior."""
-    place = layout(fit.rig.n, fit.state.motions)
+    place = layout(state.n, state.motions)
     if group == "compliance":
         part = place["compliance"]
     else:
         start = place["sensitivity"].start + 6 * index
         part = slice(start, start + 6)
-    own = np.where(fit.active[part], 0.0, bias[part])
+    own = np.where(active[part], 0.0, bias[part])
     return np.asarray(own[:3].sum(keepdims=True) if group == "gain" else own)
 
 
