@@ -2,7 +2,7 @@
 
     python -m benchmarks.motion_stops CASE [--runs 24] [--first 1000]
 
-CASE: white, slow (0.3 N of noise slow as 2 s besides), stiff (carriages of 200 N/µm and white noise,
+CASE: white, slow (0.3 N of noise slow as 2 s besides), stiff (carriages of 200 N/µm, white noise,
 where the positioners' errors weigh most). 15 postures in 144 s, rests of 6 s and moves of 4 s; what
 else a run draws is as in `benchmarks.motion`. Wider: runs in which an angle's uncertainty is above
 that of the rests alone.

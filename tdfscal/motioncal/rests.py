@@ -67,6 +67,6 @@ def columns(
         near[: max(far[far < run.start], default=0)] = 0.0
         near[min(far[far >= run.stop], default=len(near)) :] = 0.0
         middle = (run.start + run.stop) // 2
-        turn = at.noise_turn[middle] @ np.linalg.cholesky(at.turn_cov[middle])
+        turn = at.noise_turn @ np.linalg.cholesky(at.turn_cov[middle])
         out[:, :, 3 * k : 3 * k + 3] = std * near[:, None, None] * turn
     return out

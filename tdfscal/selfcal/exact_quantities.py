@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.parameters import layout
+from tdfscal.model.parameters import State, layout
 from tdfscal.model.statics import features_jacobian
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.records import FloatArray
+from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.covariance import Uncertainty, information_root
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
@@ -64,29 +65,39 @@ _CROSSTALK = np.sqrt(0.5)
 
 def exact_quantities(fit: Fit) -> tuple[ExactQuantity, ...]:
     """Each quantity of a self-calibration that has no uncertainty of its own."""
-    n, parts = fit.rig.n, information_root(fit)
+    parts = information_root(fit)
     root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
     white = root @ (fit.at.design @ features_jacobian(fit.state, fit.at, fit.rig.gravity))
-    columns = white.reshape(-1, white.shape[2])
-    left = parts.left[: len(columns)]
-    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
-    place = layout(n, fit.state.motions)
+    return of_columns(white.reshape(-1, white.shape[2]), parts, fit.active, fit.state)
+
+
+def of_columns(
+    columns: FloatArray, parts: Spectrum, active: BoolArray, state: State
+) -> tuple[ExactQuantity, ...]:
+    """Each quantity that is not active.
+
+    columns : (rows, P), whitened, of all parameters. parts : of the Jacobian of the active ones,
+    whose first rows these are. active : (P,) or more.
+    """
+    n, left = state.n, parts.left[: len(columns)]
+    angles = np.flatnonzero(np.flatnonzero(active) < 3 * n)
+    place = layout(n, state.motions)
     found = []
     for group, name, error, unit in _TYPICAL:
         index = np.arange(place[group].start, place[group].stop)
-        size = np.full(len(index), error * (float(fit.state.mass) if group == "mass" else 1.0))
+        size = np.full(len(index), error * (float(state.mass) if group == "mass" else 1.0))
         if group == "sensitivity":
             size[np.arange(len(index)) % 6 >= 3] *= _CROSSTALK
-        exact = ~fit.active[index]
+        exact = ~active[index]
         if not exact.any():
             continue
         wrong = columns[:, index[exact]] * size[exact]
         known = left.T @ wrong
-        moved = np.zeros((len(fit.active), wrong.shape[1]))
-        moved[fit.active] = parts.root @ known
+        moved = np.zeros((len(active), wrong.shape[1]))
+        moved[active] = (parts.root @ known)[: int(active.sum())]
         shows = np.sum(wrong**2, axis=0) - np.sum(known**2, axis=0)
         found.append(
-            ExactQuantity(name, error, unit, moved[fit.active][angles], moved[place["zero"]], shows)
+            ExactQuantity(name, error, unit, moved[active][angles], moved[place["zero"]], shows)
         )
     return tuple(found)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.records import FloatArray, Log, Rig, Series
-from tdfscal.simulation import hinge_friction, rotations
+from tdfscal.simulation import faults, hinge_friction, rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle
 from tdfscal.simulation.error_field import draw_field
 from tdfscal.simulation.moving_options import MovingOptions
@@ -81,6 +81,8 @@ def simulate_moving(
     signal = reading(truth, force)
     signal = signal + options.noise * noise_rng.standard_normal(signal.shape)
     signal = signal + _slow(options, signal.shape, slow_rng)
+    place = faults.Place(np.zeros(count), stamp / options.duration)
+    signal = signal + faults.zero_offset(options.faults, rig.n, place)
     shown = CubicSpline(knots, servo)(stamp)
     shown = shown + options.encoder * encoder_rng.standard_normal(shown.shape)
     if options.quantum > 0.0:
@@ -89,8 +91,18 @@ def simulate_moving(
         supports=rig.supports,
         position=tuple(Series(stamp, np.ascontiguousarray(shown[:, i])) for i in range(rig.n)),
         force=tuple(Series(stamp, np.ascontiguousarray(signal[:, i])) for i in range(rig.n)),
+        temperature=_temperature(options, stamp, place),
     )
     return MovingCampaign(rig, options, truth, inertia, log, stamp, force)
+
+
+def _temperature(
+    options: MovingOptions, stamp: FloatArray, place: faults.Place
+) -> tuple[Series, ...]:
+    if options.faults.warming is None:
+        return ()
+    value = faults.temperature(options.faults, place)
+    return (Series(stamp, np.repeat(value[:, None], 3, axis=1)),)
 
 
 def _servo(rig: Rig, truth: Truth, way: Trajectory, time: FloatArray) -> FloatArray:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray
+from tdfscal.simulation.faults import Faults
 
 Drive = Literal["multisine", "approach", "stops"]
 
@@ -68,6 +69,8 @@ class MovingOptions:
     """(3, 3), kg m², about the LCS origin; None: drawn within what the rig states, else that of
     a body of the hinges' extent."""
     touches: tuple[Touch, ...] = ()
+    faults: Faults = field(default_factory=Faults)
+    """Of the zeros alone: drifts, and a hall that warms, whose temperature is logged."""
     rpy: FloatArray | None = None
     """(n, 3), rad: true installation angles; None: drawn as in a static campaign."""
 

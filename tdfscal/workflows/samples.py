@@ -83,12 +83,12 @@ def neither(dwells: Dwells, error: TdfscalError) -> TdfscalError:
 def read_samples(log: LogPass) -> tuple[Dwells, Slow | None]:
     """Read the logs once, for the dwells and for the slow streams, None where there are none."""
     log.progress.stage("reading the log")
-    decimator = Decimator(log.campaign.rig.rig.capacity)
+    decimator, thermometer = Decimator(log.campaign.rig.rig.capacity), Thermometer()
     averaged = False
 
     def pieces() -> Iterator[Log]:
         nonlocal averaged
-        for piece in log.pieces():
+        for piece in thermometer.passing(log.pieces()):
             averaged |= piece.rows == "postures"
             if not averaged:
                 decimator.add(piece)
@@ -96,7 +96,7 @@ def read_samples(log: LogPass) -> tuple[Dwells, Slow | None]:
 
     dwells = log.noted(find_dwells(pieces()))
     try:
-        return dwells, None if averaged else decimator.finish()
+        return dwells, None if averaged else _warm(decimator.finish(), thermometer)
     except DataError:
         return dwells, None
 

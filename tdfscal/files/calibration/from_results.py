@@ -17,6 +17,7 @@ from tdfscal.files.calibration.nuisances import nuisance_documents
 from tdfscal.files.calibration.parameters import parameters_document
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, symmetric
+from tdfscal.motioncal.exact_quantities import exact_quantities as exact_in_motion
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
@@ -78,6 +79,7 @@ def from_motion(
         ),
         parameters=parameters_document(result.calibrated),
         budget=known.contributions,
+        exact=exact_in_motion(result.fit),
         zero=state.zero,
         zero_std=std[place["zero"]].reshape(n, 3),
         sensitivity=np.eye(3) + symmetric(state.sensitivity) if declared else None,

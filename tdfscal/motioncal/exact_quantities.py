@@ -1,0 +1,31 @@
+"""What is taken as exact in motion; see `selfcal.exact_quantities`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.model import dynamics
+from tdfscal.model.parameters import parameter_count
+from tdfscal.motioncal.estimator import MovingFit, slope_of
+from tdfscal.motioncal.rows import stacked, weights
+from tdfscal.numerics.least_squares import spectrum
+from tdfscal.selfcal.exact_quantities import ExactQuantity, of_columns
+
+#: Typical error of a delay of the force stamps, s: a sample or two of a fieldbus.
+_DELAY = 1e-3
+
+
+def exact_quantities(fit: MovingFit) -> tuple[ExactQuantity, ...]:
+    """Each quantity of a calibration in motion that has no uncertainty of its own."""
+    still, bins = fit.state.still, fit.rows.bins
+    slope = slope_of(fit.rig, fit.state, fit.origin, len(fit.psi))
+    columns = stacked(fit.rows.design @ slope, weights(bins, fit.noise.variance(bins)))
+    parts = spectrum(fit.whitened()[1])
+    P = parameter_count(still.n, still.motions)
+    found = of_columns(columns[:, :P], parts, fit.active[:P], still)
+    if not fit.active[P + dynamics.DELAY]:
+        column = _DELAY * columns[:, P + dynamics.DELAY]
+        moved = parts.root @ (parts.left[: len(columns)].T @ column)
+        angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * still.n)
+        found += (ExactQuantity("delay", _DELAY, "s", moved[angles, None]),)
+    return found

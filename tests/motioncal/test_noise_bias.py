@@ -1,0 +1,48 @@
+"""The score that noise in the readings makes, against its mean over many draws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tdfscal.model.parameters import layout
+from tdfscal.motioncal.estimator import MovingPriors, at_state, slope_of
+from tdfscal.motioncal.noise_bias import noise_scores
+from tdfscal.motioncal.rows import stacked, weights
+from tdfscal.records import FloatArray
+from tests.motioncal.campaigns import DELAY, perfect_rig, played, quiet, true_state
+
+#: Noise of a reading at the slow rate, N, and draws of it.
+NOISE, DRAWS = 20.0, 80
+
+
+def test_the_score_of_gains_and_compliance_is_what_noise_makes_of_it() -> None:
+    campaign, slow, cut = played(quiet(duration=20.0, rate=100.0), rig=perfect_rig())
+    rig, state = campaign.rig, true_state(campaign)
+    priors = MovingPriors(rig, slow, DELAY)
+    flat = at_state(rig, slow, cut, state, priors, None).noise
+    H = len(flat.knot)
+    density = np.concatenate([np.full(H, np.log(NOISE**2 * slow.step)), np.full(H, -60.0)])
+    model = replace(flat, log_density=density)
+    rng = np.random.default_rng(2)
+    scores: list[FloatArray] = []
+    expected: list[FloatArray] = []
+    for _ in range(DRAWS):
+        force = slow.force + NOISE * rng.standard_normal(slow.force.shape)
+        fit = at_state(rig, replace(slow, force=force), cut, state, priors, model)
+        slope = slope_of(rig, state, fit.origin, len(fit.psi))
+        columns = fit.rows.design @ slope
+        weight = weights(fit.rows.bins, model.variance(fit.rows.bins))
+        real = stacked(np.concatenate([fit.residual[:, None], columns], axis=1), weight)
+        scores.append(real[:, 1:].T @ real[:, 0])
+        if len(expected) < 3:
+            expected.append(noise_scores(fit, slope))
+    place = layout(3)
+    for group in ("sensitivity", "compliance", "rotation"):
+        drawn = np.array(scores)[:, place[group]]
+        mean, spread = drawn.mean(axis=0), drawn.std(axis=0) / np.sqrt(DRAWS)
+        far = (mean - np.mean(expected, axis=0)[place[group]]) / spread
+        assert np.all(np.abs(far) < 4.0), group
+        if group == "sensitivity":  # without the correction it would be far off
+            assert np.abs(mean / spread).max() > 8.0

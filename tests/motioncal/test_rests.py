@@ -1,0 +1,58 @@
+"""Rests within a motion: the positioners' errors stand still there and average to nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tdfscal.motioncal.blocks import blocks
+from tdfscal.motioncal.estimator import MovingPriors, at_state
+from tdfscal.motioncal.rests import rests
+from tdfscal.simulation.moving_options import MovingOptions
+from tests.motioncal.campaigns import DELAY, played, true_state
+
+STOPS = replace(MovingOptions.stops(), rate=100.0, stiffness=(2e8, 2e8, 2e8), duration=76.0)
+
+
+def test_the_stops_of_a_log_are_its_rests() -> None:
+    _, slow, cut = played(STOPS, 7)
+    rows = rests(slow, cut)[0]
+    assert len(rows) == 8
+    assert all(5.5 < (run.stop - run.start) * slow.step < 7.0 for run in rows)
+
+
+def test_a_motion_without_a_stop_has_none() -> None:
+    _, slow, cut = played(MovingOptions(rate=100.0))
+    assert rests(slow, cut) == ((),)
+    still = replace(slow, position=np.broadcast_to(slow.position[0], slow.position.shape))
+    assert [len(own) for own in rests(still, blocks(still, ~still.clipped))] == [1]
+
+
+def test_what_a_displaced_rest_does_to_the_balance_is_a_turn_of_its_own() -> None:
+    """One NCP stands 20 µm off at one posture; the unknowns of that rest take it up, no other."""
+    campaign, slow, cut = played(STOPS, 7)
+    rig, state = campaign.rig, true_state(campaign)
+    priors = MovingPriors(rig, slow, DELAY)
+    plain = at_state(rig, slow, cut, state, priors, None)
+    run = rests(slow, cut)[0][3]
+    way = np.linalg.norm(slow.position - slow.position[run].mean(axis=0), axis=2).max(axis=1)
+    near = np.exp(-0.5 * (way / 0.01) ** 2)
+    near[: run.start - 40] = near[run.stop + 40 :] = 0.0
+    position = slow.position.copy()
+    position[:, 1] += 2.0e-5 * near[:, None] * np.array([0.6, -0.5, 0.62])
+    moved = at_state(rig, replace(slow, position=position), cut, state, priors, plain.noise)
+    # The moments below 1 Hz: as it comes and goes, 20 µm in half a second shake the mass a little.
+    slow_part = cut[0].frequency < 1.0
+    change = (moved.wrenches()[0] - plain.wrenches()[0])[slow_part, 3:].ravel()
+    turns = plain.designs[0].rests[slow_part, 3:].reshape(len(change), -1)
+    own = turns[:, 9:12]
+    both = np.concatenate([own.real, own.imag])
+    amount, *_ = np.linalg.lstsq(both, np.concatenate([change.real, change.imag]), rcond=None)
+    left = change - own @ amount
+    assert np.linalg.norm(left) < 0.05 * np.linalg.norm(change)
+    # In units of the prior: 20 µm where the rig file states 10 µm per axis of three NCPs.
+    assert 0.5 < np.linalg.norm(amount) < 4.0
+    others = np.delete(turns, slice(9, 12), axis=1)
+    part, *_ = np.linalg.lstsq(others, change, rcond=None)
+    assert np.linalg.norm(change - others @ part) > 0.8 * np.linalg.norm(change)

@@ -1,0 +1,48 @@
+"""Zeros that drift and follow the temperature while the terminal moves, files in and result out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tdfscal
+from tdfscal.files.writers.campaign import write_run
+from tdfscal.model.parameters import layout
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import Drift
+from tdfscal.simulation import MOVING, reference_rig, run_moving
+from tdfscal.simulation.faults import Drift as Creep
+from tdfscal.simulation.faults import Faults, Warming
+from tests.motioncal.campaigns import turn_error
+
+SLOPES = ((0.15, -0.1, 0.2), (0.0, 0.2, -0.15), (-0.1, 0.1, 0.1))
+
+
+@pytest.mark.parametrize("form", ["parquet", "mcap"])
+def test_zeros_follow_the_hall_and_the_hour(tmp_path: Path, form: str) -> None:
+    """10 K and 3 N of creep in a minute; both are declared, and found within their uncertainty."""
+    rig = replace(reference_rig(), drift=Drift(temperature=1.0, time=0.1))
+    faults = Faults(warming=Warming(10.0, SLOPES), drifts=(Creep(2, (3.0, -2.0, 3.0)),))
+    options = replace(MOVING["motion"], rate=100.0, faults=faults)
+    played = run_moving(rig, "motion", options, np.random.default_rng(5))
+    write_run(played, tmp_path / "warm", format=form)  # type: ignore[arg-type]
+    result = tdfscal.calibrate(tmp_path / "warm")
+    assert result.accepted
+    assert result.records is not None
+    motion = result.records.motion
+    assert motion is not None
+    assert not motion.suspicions
+    std = motion.uncertainty.turns.parameter_std[layout(3, 2)["drift"]].reshape(2, 3, 3)
+    found = motion.fit.state.still.drift
+    true = np.zeros((2, 3, 3))
+    true[0, 2] = np.array([3.0, -2.0, 3.0]) / options.duration
+    true[1] = SLOPES
+    assert np.all(std[1] < 0.5)
+    assert np.all(np.abs(found - true) < 4 * std)
+    assert played.moving is not None
+    error = turn_error(played.moving, motion.fit.state.still.rotation)
+    covariance = motion.uncertainty.turns.covariance
+    assert error @ np.linalg.solve(covariance, error) < chi2_quantile(1 - 1e-3, 9)
