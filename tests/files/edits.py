@@ -62,6 +62,8 @@ def _other(value: Any, rng: random.Random) -> tuple[str, Any]:
         return "null", rng.choice([0.0, 1.0])
     if isinstance(value, bool):
         return "switch", not value
+    if isinstance(value, int) and abs(value) > 1e300:
+        return "number", value + 1
     if isinstance(value, int | float):
         factor = 1 + rng.choice([-1, 1]) * 10 ** rng.uniform(-6, 0)
         return "number", rng.choice([value * factor, -value, value + 1, 0, value / 1000])
