@@ -39,6 +39,10 @@ CalibrationSource = str | PathLike[str] | CalibrationFile
 Named = tuple[str, CalibrationFile]
 
 
+#: What a calibration goes by that no file holds.
+IN_MEMORY = "calibration"
+
+
 @dataclass(frozen=True, slots=True)
 class Records:
     """The records behind a calibration that was worked out here."""
@@ -145,7 +149,7 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
     """Return the name that a calibration goes by in messages, and the calibration."""
     if isinstance(source, CalibrationFile):
         known = source if isinstance(source, Calibration) else Calibration.of(source)
-        return "calibration", known
+        return IN_MEMORY, known
     if str(source) == "-":
         name = "standard input"
         return name, Calibration.of(parse_calibration(sys.stdin.buffer.read(), name))
@@ -154,14 +158,24 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
     return str(path), Calibration.of(load_file(path))
 
 
+def unsealed(calibration: CalibrationFile, name: str) -> tuple[str, ...]:
+    """Warn of a file that cannot tell whether it was edited; name : as by `read_source`."""
+    if name == IN_MEMORY or calibration.content_sha256 is not None:
+        return ()
+    return (
+        f"{name} has no `content_sha256`, by which an edited file is known: what stands in it once "
+        "only is taken on trust",
+    )
+
+
 def read_sources(sources: Sequence[CalibrationSource]) -> list[tuple[str, Calibration]]:
     """Read several, each under a name of its own. Raises DataError, UsageError."""
     if sum(str(source) == "-" for source in paths_of(sources)) > 1:
         raise UsageError("standard input can be read once only", hint="name files")
     loaded = [read_source(source) for source in sources]
-    if sum(name == "calibration" for name, _ in loaded) > 1:
+    if sum(name == IN_MEMORY for name, _ in loaded) > 1:
         loaded = [
-            (f"{name} {k + 1}" if name == "calibration" else name, c)
+            (f"{name} {k + 1}" if name == IN_MEMORY else name, c)
             for k, (name, c) in enumerate(loaded)
         ]
     if len({name for name, _ in loaded}) < len(loaded):

@@ -14,7 +14,12 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated_from
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.records import FloatArray, UncertainValue
-from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
+from tdfscal.workflows.calibration import (
+    Calibration,
+    CalibrationSource,
+    read_source,
+    unsealed,
+)
 from tdfscal.workflows.campaign import Campaign, resolve
 
 
@@ -86,9 +91,11 @@ def take(calibration: CalibrationSource, paths: Sequence[Path], rig: Path | None
 
 
 def _warnings(calibration: Calibration, path: str) -> tuple[str, ...]:
+    told = unsealed(calibration, path)
     if calibration.status == "accepted":
-        return ()
+        return told
     return (
         f"{path} IS A REJECTED CALIBRATION, not fit for use: "
         f"{'; '.join(calibration.quality.reasons)}",
+        *told,
     )

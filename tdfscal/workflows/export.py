@@ -13,7 +13,13 @@ from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.workflows.arguments import one, one_of
-from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of, read_source
+from tdfscal.workflows.calibration import (
+    Calibration,
+    CalibrationSource,
+    paths_of,
+    read_source,
+    unsealed,
+)
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 
@@ -27,12 +33,16 @@ Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ExportResult(Result):
-    """A calibration in another form. content : the text. output : the file that holds it."""
+    """A calibration in another form. content : the text. output : the file that holds it.
+
+    notes : what the command says beside it.
+    """
 
     format: Target
     content: str
     calibration: Calibration
     output: Path | None
+    notes: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
@@ -111,4 +121,4 @@ def export(
         text = FORMATS[to](loaded, parent)
     if target is not None:
         write_text(target, text)
-    return ExportResult(to, text, loaded, target)
+    return ExportResult(to, text, loaded, target, unsealed(loaded, name))

@@ -19,6 +19,7 @@ from pyarrow import csv
 import tdfscal
 from tdfscal.cli.program import app
 from tdfscal.errors import DataError, NotIdentifiableError, RejectedError, RigError, UsageError
+from tdfscal.files.calibration.document import file_content
 from tdfscal.studies import cost, docking, free_space, success
 from tests.cli import world
 from tests.cli.running import SAMPLES, run, shortened
@@ -308,3 +309,20 @@ def test_progress_is_reported(tmp_path: Path) -> None:
     )  # fmt: skip
     assert len(stages) >= 3
     assert (tmp_path / "page.html").is_file()
+
+
+def test_a_file_that_cannot_tell_its_edits_is_used_with_a_warning(tmp_path: Path) -> None:
+    made = tdfscal.calibrate(SAMPLES / "parquet", trials=0)
+    document = file_content(made)
+    whole, bare = tmp_path / "whole.json", tmp_path / "bare.json"
+    whole.write_text(json.dumps(document), encoding="utf-8")
+    bare.write_text(
+        json.dumps({k: v for k, v in document.items() if k != "content_sha256"}), encoding="utf-8"
+    )
+    for source, expected in ((made, 0), (whole, 0), (bare, 1)):
+        for result in (
+            tdfscal.export(source, "csv"),
+            tdfscal.apply(source, SAMPLES / "parquet"),
+            tdfscal.validate(source, SAMPLES / "parquet"),
+        ):
+            assert sum("has no `content_sha256`" in text for text in result.notes) == expected

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
+from tdfscal.files.escaping import yaml_comment
 from tdfscal.files.rig.model import RIG_FORMAT
 from tdfscal.records import FloatArray
 
@@ -97,6 +98,7 @@ def _entry(remark: str, line: str) -> list[str]:
 
 
 def _remark(text: str) -> list[str]:
+    text = yaml_comment(text)  # names of fields and files stand in it
     return textwrap.wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="# ")
 
 
@@ -151,8 +153,22 @@ def _log_lines(log: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+class _OneLine(yaml.SafeDumper):
+    """Writes every text on the line where it stands, whatever it holds."""
+
+
+_OneLine.add_representer(
+    str,
+    lambda dumper, text: dumper.represent_scalar(
+        "tag:yaml.org,2002:str", text, style=None if text.isprintable() else '"'
+    ),
+)
+
+
 def _flow(value: Any) -> str:
-    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=1_000_000)
+    text = yaml.dump(
+        value, Dumper=_OneLine, default_flow_style=True, sort_keys=False, width=1_000_000
+    )
     return text.removesuffix("...\n").strip()
 
 
