@@ -86,7 +86,8 @@ GROUPS: dict[str, Group] = {
     ),
     "checks of files": Group(
         ("files/calibration/redundancy", "files/calibration/consistency", "files/rig/checks"),
-        ("files/test_consistency", "files/test_rig_checks", "files/test_rig_file"),
+        ("files/test_consistency", "files/test_rotation_checks", "files/test_rig_checks",
+         "files/test_rig_file"),
     ),
 }  # fmt: skip
 

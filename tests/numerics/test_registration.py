@@ -69,6 +69,8 @@ def test_outliers_have_the_probability_of_their_law(off: float, worse: float) ->
     y[3] += [off, 0, 0]
     fit = register(y, x, stacked(COV, 7) / worse**2)
     assert np.allclose(fit.outlier_p, law(fit), rtol=1e-6, atol=1e-300)
+    assert fit.p_value == pytest.approx(stats.chi2.sf(fit.chi2, fit.dof), rel=1e-9)
+    assert fit.sigma is None
     if off == 1e-3:
         assert fit.outlier_p.argmin() == 3
         assert fit.outlier_p[3] < 1e-6

@@ -103,7 +103,7 @@ def _same(stated: npt.ArrayLike, other: npt.ArrayLike, *place: str | int) -> Non
 
 def _same_std(stated: Sequence[float | None], other: FloatArray, *place: str | int) -> None:
     """Compare standard uncertainties; None is open, which a covariance cannot say."""
-    values = np.array([np.nan if value is None else value for value in stated], dtype=np.float64)
+    values = np.array(stated, dtype=np.float64)  # None becomes no number
     known = np.isfinite(values)
     if not np.allclose(values[known], other[known], rtol=SAME_STD, atol=0):
         raise fault("does not follow from the covariance", *place, hint=ALTERED)

@@ -1,0 +1,157 @@
+"""A mounting that a calibration file says in several ways: rotation, angles, quaternion, turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tdfscal.files.calibration.consistency import (
+    check_covariance,
+    check_rotation,
+    check_shape,
+    from_directions,
+)
+from tdfscal.records import FloatArray
+
+from .sample_documents import angle_stds
+from .test_consistency import place_of
+
+
+def test_covariances_are_symmetric_and_not_negative() -> None:
+    rng = np.random.default_rng(2)
+    root = 1e-4 * rng.normal(size=(6, 4))  # singular
+    C = root @ root.T
+    check_covariance((C + C.T) / 2)
+    check_covariance(np.zeros((3, 3)))
+    for size in (1e-8, 1.0, 1e8):
+        skew = size * np.eye(3)
+        skew[0, 1] = 1e-11 * size
+        assert place_of(check_covariance, skew) == ("covariance", "matrix")
+        skew[0, 1] = 1e-13 * size
+        check_covariance(skew)
+        negative = size * np.diag([1.0, 1.0, -1e-11])
+        assert place_of(check_covariance, negative, ("a", "b")) == ("a", "b")
+        check_covariance(size * np.diag([1.0, 1.0, -1e-13]))
+
+
+def mounting(rpy: FloatArray, covariance: FloatArray) -> SimpleNamespace:
+    turn = Rotation.from_euler("xyz", rpy)
+    return SimpleNamespace(
+        rotation=turn.as_matrix(),
+        rpy=tuple(rpy),
+        quaternion=tuple(turn.as_quat()),
+        rpy_std=tuple(angle_stds(turn.as_matrix(), covariance)),
+        turn_std=tuple(np.sqrt(np.diag(covariance))),
+    )
+
+
+COVARIANCE = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.3], [0.5, -0.3, 2.0]]) * 1e-8
+GIVEN = mounting(np.array([0.3, -0.5, 2.0]), COVARIANCE)
+
+
+def checked(**changes: Any) -> Callable[[], None]:
+    # Differences of scipy's angles are good to 1e-9, the check to 1e-6.
+    one: Any = SimpleNamespace(**(vars(GIVEN) | changes))
+    return lambda: check_rotation(one, COVARIANCE, 2)
+
+
+def nudged(name: str, place: int, by: float) -> dict[str, Any]:
+    values = list(getattr(GIVEN, name))
+    values[place] += by
+    return {name: tuple(values)}
+
+
+def test_a_rotation_said_in_four_ways() -> None:
+    checked()()
+    checked(turn_std=None)()
+    checked(quaternion=tuple(-q for q in GIVEN.quaternion))()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("name", "by", "named"),
+    [("rpy", 1e-8, "rpy"), ("quaternion", 1e-8, "quaternion_xyzw")],
+)
+def test_another_rotation_in_one_of_them(name: str, by: float, named: str, sign: int) -> None:
+    for place in range(len(getattr(GIVEN, name))):
+        found = place_of(checked(**nudged(name, place, sign * by)))
+        assert found == ("supports", 2, named)
+        checked(**nudged(name, place, sign * 1e-11))()
+
+
+@pytest.mark.parametrize("name", ["rpy_std", "turn_std"])
+@pytest.mark.parametrize("place", range(3))
+def test_another_standard_uncertainty(name: str, place: int) -> None:
+    for sign in (1, -1):
+        by = sign * 1e-5 * getattr(GIVEN, name)[place]
+        assert place_of(checked(**nudged(name, place, by))) == ("supports", 2, name)
+        checked(**nudged(name, place, by / 1e3))()
+
+
+def test_what_is_no_rotation() -> None:
+    R = GIVEN.rotation
+    for wrong in (-R, R @ np.diag([1, 1, -1.0]), R * (1 + 1e-8), R + 1e-8 * np.eye(3)):
+        assert place_of(checked(rotation=wrong)) == ("supports", 2, "rotation")
+
+
+def test_where_roll_and_yaw_are_one_turn_only_turns_are_stated() -> None:
+    turn = Rotation.from_euler("xyz", [0.2, np.pi / 2, 0.0])
+    one: Any = SimpleNamespace(
+        rotation=turn.as_matrix(),
+        rpy=(0.2, np.pi / 2, 0.0),
+        quaternion=tuple(turn.as_quat()),
+        rpy_std=(9.0, 9.0, 9.0),
+        turn_std=GIVEN.turn_std,
+    )
+    check_rotation(one, COVARIANCE, 0)
+    one.turn_std = (1.0, 1.0, 1.0)
+    assert place_of(check_rotation, one, COVARIANCE, 0) == ("supports", 0, "turn_std")
+
+
+def test_a_row_for_each_support() -> None:
+    check_shape([1, 2, 3], 3, "low")
+    for rows in ([1, 2], [1, 2, 3, 4]):
+        assert place_of(check_shape, rows, 3, "low") == ("monte_carlo", "low")
+        found = place_of(check_shape, rows, 3, "points", "tracker")
+        assert found == ("tracker", "points")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_measured_directions_are_met(seed: int) -> None:
+    """Where the axes are known, the rotation has them; it is always one."""
+    rng = np.random.default_rng(seed)
+    rpy = rng.normal(size=3)
+    nominal = Rotation.from_euler("xyz", rpy).as_matrix()
+    true = Rotation.random(random_state=seed).as_matrix()
+    for axes in ("", "x", "y", "z", "xy", "xz", "yz", "xyz"):
+        for R in (
+            true,
+            nominal,
+            nominal @ np.diag([-1.0, -1.0, 1]),
+            nominal @ np.diag([1.0, -1, -1]),
+        ):
+            directions: dict[Any, Any] = {a: tuple(R[:, "xyz".index(a)]) for a in axes}
+            found = from_directions(rpy.tolist(), directions)
+            assert np.allclose(found @ found.T, np.eye(3), rtol=0, atol=1e-9)
+            assert np.linalg.det(found) == pytest.approx(1)
+            for axis, towards in directions.items():
+                assert np.allclose(found[:, "xyz".index(axis)], towards, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_what_no_axis_shows_stays_nominal(axis: int) -> None:
+    """One axis measured: turned the shortest way, about the normal of the two directions."""
+    rpy = np.array([0.4, -0.2, 1.0])
+    nominal = Rotation.from_euler("xyz", rpy)
+    assert np.allclose(from_directions(rpy.tolist(), {}), nominal.as_matrix(), rtol=0, atol=1e-15)
+    own = nominal.as_matrix()[:, axis]
+    normal = np.cross(own, [0.3, 0.2, 0.9])
+    for angle in (0.0, 1e-12, 1e-3, 1.0, 3.0):
+        turn = Rotation.from_rotvec(angle * normal / np.linalg.norm(normal))
+        found = from_directions(rpy.tolist(), {"xyz"[axis]: tuple(turn.apply(own))})
+        assert np.allclose(found, (turn * nominal).as_matrix(), rtol=0, atol=1e-8)
