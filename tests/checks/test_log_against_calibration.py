@@ -23,13 +23,13 @@ X = so3.exp(np.array([[0.02, 0.01, -0.03], [0.0, -0.02, 0.04], [-0.01, 0.03, 0.0
 ZERO = np.array([[1.0, -2.0, 3.0], [0.5, 1.5, -2.5], [2.0, -1.0, 0.0]])
 
 
-def rig() -> Rig:
+def rig(n: int = 3) -> Rig:
     """Exact but for the angles; the barycentre off the middle, so that sensors differ in load."""
-    made = simulation.make_rig()
+    made = simulation.make_rig(n)
     return replace(
         made,
         declared=DeclaredUncertainty(),
-        zero=UncertainValue.exact(ZERO),
+        zero=UncertainValue.exact(np.resize(ZERO, (n, 3))),
         mass=UncertainValue.exact(made.mass.value),
         barycentre=UncertainValue.exact(np.array([0.08, 0.05, 0.25])),
         gravity_tilt_std=0.0,
@@ -40,10 +40,11 @@ GIVEN = independent(rig(), X, 1e-8 * np.eye(9))
 WEIGHT = float(rig().mass.value) * rig().gravity
 
 
-def samples(contact: FloatArray | None = None) -> Samples:
+def samples(contact: FloatArray | None = None, n: int = 3) -> Samples:
     """Tilted and squeezed, with a contact wrench (force, and moment about the LCS' origin)."""
-    rng, hinge = np.random.default_rng(3), rig().hinge
-    position, force = np.empty((N, 3, 3)), np.empty((N, 3, 3))
+    rng, hinge = np.random.default_rng(3), rig(n).hinge
+    position, force = np.empty((N, n, 3)), np.empty((N, n, 3))
+    mounted, zero = np.resize(X, (n, 3, 3)), np.resize(ZERO, (n, 3))
     for k in range(N):
         turn = Rotation.from_rotvec(0.05 * rng.normal(size=3))
         arm = turn.apply(hinge)
@@ -52,10 +53,10 @@ def samples(contact: FloatArray | None = None) -> Samples:
         load = np.concatenate([down, np.cross(turn.apply([0.08, 0.05, 0.25]), down)])
         if contact is not None:
             load += np.concatenate([turn.apply(contact[:3]), turn.apply(contact[3:])])
-        inner = null_space(grasp) @ (100.0 * rng.normal(size=3))
-        F = (np.linalg.pinv(grasp) @ -load + inner).reshape(3, 3)
+        inner = null_space(grasp) @ (100.0 * rng.normal(size=3 * n - 6))
+        F = (np.linalg.pinv(grasp) @ -load + inner).reshape(n, 3)
         position[k] = arm + rng.normal(size=3)
-        force[k] = np.einsum("nba,nb->na", X, F) + ZERO
+        force[k] = np.einsum("nba,nb->na", mounted, F) + zero
     return Samples(0.1 * np.arange(float(N)), position, force)
 
 
@@ -81,6 +82,16 @@ def read(factor: float | FloatArray, seen: Samples | None = None) -> Samples:
 def test_a_log_at_rest_is_nothing_to_remark() -> None:
     assert judge(samples()) == []
     assert Inspection(GIVEN).finish() == []
+
+
+@pytest.mark.parametrize("n", [4, 5])
+def test_rigs_of_more_supports(n: int) -> None:
+    given = independent(rig(n), np.resize(X, (n, 3, 3)), 1e-8 * np.eye(3 * n))
+    assert judge(samples(n=n), given) == []
+    seen = samples(n=n)
+    order = [1, 0, *range(2, n)]
+    (note,) = judge(Samples(seen.time, seen.position, seen.force[:, order]), given)
+    assert "ncp1 taken from ncp2 and ncp2 taken from ncp1" in note
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -109,6 +120,10 @@ def test_an_uncertain_calibration_says_less() -> None:
     place = layout(3)["mass"].start
     loose[place, place] = (0.02 * float(GIVEN.state.mass)) ** 2
     assert judge(samples(contact), replace(GIVEN, covariance=loose)) == []
+    loose[place, place] = (0.01 * float(GIVEN.state.mass)) ** 2  # a fifth and six of these: 0.26
+    for share, said in ((0.25, 0), (0.27, 1)):
+        notes = judge(samples(share / 0.3 * contact), replace(GIVEN, covariance=loose))
+        assert len(notes) == said
     unknown = GIVEN.open.copy()
     unknown[place] = True
     assert judge(samples(contact), replace(GIVEN, open=unknown)) == []

@@ -188,6 +188,7 @@ def test_a_terminal_far_from_the_axes_is_said(turn: list[float], words: str | No
         assert note is None
     else:
         assert words in str(note)
+        assert "upright" not in str(note)  # exchanged, the lopsided hinges would not fit
 
 
 def test_turned_in_most_postures_is_not_in_every() -> None:

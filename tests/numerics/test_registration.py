@@ -214,3 +214,18 @@ def test_alignment_starts_where_it_is_told_and_converges_at_the_same_place() -> 
     assert told.converged
     assert np.allclose(own.rotation, told.rotation, rtol=0, atol=1e-10)
     assert np.allclose(own.residual, y - x @ own.rotation.T - own.translation, rtol=0, atol=1e-14)
+
+
+def test_three_points_show_their_errors_in_their_plane_only() -> None:
+    """Each normalised component has variance 1, though a third of the noise is never seen."""
+    rng = np.random.default_rng(11)
+    tilt = Rotation.from_euler("xyz", [0.6, -0.7, 0.3])
+    x = tilt.apply([[0.1, 0, 0], [-0.06, 0.08, 0], [-0.05, -0.09, 0]])
+    cov, draws = stacked(np.eye(3) * NOISE**2, 3), 300
+    total = np.zeros((3, 3))
+    for _ in range(draws):
+        fit = register(x + NOISE * rng.normal(size=(3, 3)), x, cov)
+        assert np.array_equal(fit.redundancy, [2, 2, 2])
+        total += fit.normalised**2
+    low, high = (stats.chi2.ppf(p, draws) for p in (1e-5, 1 - 1e-5))
+    assert ((low < total) & (total < high)).all()
