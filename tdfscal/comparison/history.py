@@ -162,7 +162,7 @@ def live(
         due=_due(
             checks[-1].month,
             rig.acceptance.angle_std,
-            np.where(seen.any(axis=0)[:, None], path_std[-1], 0.0),
+            np.where(np.asarray(seen.any(axis=0))[:, None], path_std[-1], 0.0),
             _pace(watch.alarms, n),
             used,
             walk,

@@ -194,8 +194,8 @@ def test_readings_that_no_sensor_gives_are_of_no_consequence() -> None:
     pair = np.ones((4, 3), dtype=np.bool_)
     pair[2, :2] = False
     filled = balance(replace(AT, measured=pair), STATE, CENTRE, G)
-    e = filled.design @ features(STATE, filled, G)
-    _, variance = free_forces.least_squares(filled.cov, filled.free, e)
+    unbalanced = filled.design @ features(STATE, filled, G)
+    _, variance = free_forces.least_squares(filled.cov, filled.free, unbalanced)
     own = filled.seen.force_cov[:, 2, :2, :2]
     scale = np.sqrt(np.einsum("kaa,kbb->kab", variance, variance))
     assert (np.abs(own - variance) < 0.02 * scale).all()

@@ -34,7 +34,7 @@ def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
         OverflowError,
         struct.error,
     )
-    doubtful = (*caught, MemoryError, RuntimeError)
+    doubtful: tuple[type[Exception], ...] = (*caught, MemoryError, RuntimeError)
     try:
         yield
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
