@@ -116,6 +116,8 @@ def test_other_supports_are_another_rig_at_once() -> None:
         ({"rpy_std": np.full((3, 3), 0.1)}, "rpy_std"),
         ({"gravity": RIG.gravity + 1e-7}, "gravity"),
         ({"gravity_tilt_std": 1e-4}, "gravity.tilt_std"),
+        # A compliance is some nanometres per newton.
+        ({"declared": replace(RIG.declared, compliance_lateral=4e-10)}, "compliance.lateral"),
         *(
             ({"declared": replace(RIG.declared, **{field: 1e-6})}, key)
             for field, key in (
