@@ -25,7 +25,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -176,8 +176,9 @@ def _of_words(mutation: Mutation) -> bool:
     return False
 
 
-def run(group: Group, sample: int, seed: int, results: Path, label: str) -> None:
+def run(label: str, sample: int, seed: int, results: Path) -> None:
     """Run a random sample of a group's mutants in a copy of the project."""
+    group = GROUPS[label]
     with TemporaryDirectory(prefix="mutation-") as folder:
         copy = Path(folder)
         for name in ("tdfscal", "tests", "schemas", "sample_data", "benchmarks", "pyproject.toml"):
@@ -229,7 +230,6 @@ def read(results: Path) -> list[dict[str, Any]]:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--groups", nargs="*", default=list(GROUPS))
-    parser.add_argument("--modules", nargs="*", default=[])
     parser.add_argument("--sample", type=int, default=80)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--results", type=Path, default=Path("mutation.jsonl"))
@@ -240,10 +240,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         page.write_text(tables(read(given.tables)), encoding="utf-8")
         return
     for label in given.groups:
-        group = GROUPS[label]
-        if given.modules:
-            group = replace(group, modules=tuple(given.modules))
-        run(group, given.sample, given.seed, given.results, label)
+        run(label, given.sample, given.seed, given.results)
 
 
 if __name__ == "__main__":
