@@ -99,8 +99,7 @@ def _follow(arm: FloatArray, position: FloatArray) -> FloatArray:
     inertia = np.einsum("bnca,bncd->bad", lever, lever)
     gain = np.linalg.solve(inertia[:, None], lever)  # δφ = Σ gain_i ε_i
     gain = np.swapaxes(gain, 2, 3).reshape(len(arm), -1, 3)
-    flat = arm.reshape(len(arm), 1, -1)
-    step = position @ gain - flat @ gain
+    step = position @ gain  # of the arms themselves no gain makes a turn: ρ × ρ = 0
     turned = _small_turn(step)
     far = np.flatnonzero(np.abs(step).max(axis=(1, 2)) > _CLOSE)
     for _ in range(_STEPS):
@@ -112,8 +111,7 @@ def _follow(arm: FloatArray, position: FloatArray) -> FloatArray:
         seen, part = np.empty(there.shape), np.empty(there.shape[2:])
         for i, d in product(range(len(there)), range(3)):
             dot(there[i], here[:, d], seen[i, d], part)
-        away = np.moveaxis(seen.reshape(-1, *seen.shape[2:]), 0, 2) - flat[far]
-        step = away @ gain[far]
+        step = np.moveaxis(seen.reshape(-1, *seen.shape[2:]), 0, 2) @ gain[far]
         turned[:, :, far] = _product(here, _small_turn(step))
         far = far[np.abs(step).max(axis=(1, 2)) > _CLOSE]
     return turned

@@ -96,15 +96,14 @@ def _common(held: list[Series], base: int, tally: Tally) -> Iterator[Samples]:
 
 
 def _covers(node: FloatArray, time: FloatArray) -> BoolArray:
-    """Whether each time lies on a node, or between two that are close to each other."""
+    """Whether each time, none after the last node, lies on one or between two close ones."""
     after = np.searchsorted(node, time)
-    here = node[np.minimum(after, node.size - 1)] == time
+    here = node[after] == time
     if node.size < 2:
         return np.asarray(here)
     step = np.diff(node)
     close = step <= max(_GAP * float(np.median(step)), _GAP_TIME)
-    inside = (after > 0) & (after < node.size)
-    return np.asarray(here | (inside & close[np.clip(after - 1, 0, step.size - 1)]))
+    return np.asarray(here | ((after > 0) & close[np.maximum(after - 1, 0)]))
 
 
 def _beside(values: list[FloatArray]) -> FloatArray:
