@@ -1,6 +1,6 @@
 """The life of a rig: pooled campaigns, alarms and their rate, time of a hundred campaigns.
 
-    python -m benchmarks.life [histories]
+    python -m benchmarks.life [histories [pooled] [alarms] [hundred]]
 
 Pooled campaigns are simulated and fitted; the many histories for alarms are drawn from the
 information of such campaigns, linear and Gaussian, since the rates asked for are small.
@@ -11,10 +11,12 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import logsumexp, ndtr, ndtri
 
 from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.eliminated import eliminate, stated
@@ -22,9 +24,10 @@ from tdfscal.comparison.pooling import pool
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics import so3
-from tdfscal.numerics.information import Information
+from tdfscal.numerics.information import Information, contrast
 from tdfscal.records import Drift, FloatArray
 from tdfscal.selfcal.estimator import Priors, fit
+from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.simulation import Recorder, reference_rig
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.several_campaigns import read_campaign, recorded
@@ -106,23 +109,61 @@ class Drawn:
         )
 
 
-def alarms(zero: float, histories: int) -> list[str]:
-    """False alarms, and steps of 2 and 1 mrad after twelve checks."""
+def bound(drawn: Drawn, size: float, at: int, checks: int, runs: int = 40) -> tuple[float, float]:
+    """Share of steps that any test can raise by their checks-th check, at the chart's rate.
+
+    Neyman and Pearson's: the likelihood ratio of the very alternative (its size, date and checks
+    known; any sensor and axis, all alike) has the best mean power of all tests with as many false
+    alarms. Then the same with sensor and axis known too. The rate of these checks is spent on this
+    one test.
+    """
+    rng, level, n = drawn.rng, checks * ALARMS_PER_YEAR / 12, 3
+    axes = rng.standard_normal((400, 3))
+    turns = np.zeros((n * len(axes), 3 * n))
+    for i in range(n):
+        rows = slice(i * len(axes), (i + 1) * len(axes))
+        turns[rows, 3 * i : 3 * i + 3] = size * axes / np.linalg.norm(axes, axis=1)[:, None]
+    still, stepped, oracle = [], [], []
+    for _ in range(runs):
+        roots = [drawn.roots[rng.integers(len(drawn.roots))] for _ in range(at + checks)]
+        before, own = (
+            Information(sum(r @ r.T for r in part), np.zeros(len(drawn.std)))
+            for part in (roots[:at], roots[at:])
+        )
+        M = contrast(drawn.prior + before, own).matrix[: 3 * n, : 3 * n]
+        root = np.linalg.cholesky(M)
+        noise = rng.standard_normal((4000, 3 * n)) @ root.T
+        shift = turns @ M
+        half = 0.5 * np.sum(turns * shift, axis=1)
+        still.append(logsumexp(noise @ turns.T - half, axis=1))
+        score = shift + rng.standard_normal(shift.shape) @ root.T
+        stepped.append(logsumexp(score @ turns.T - half, axis=1))
+        oracle.append(ndtr(np.sqrt(2 * half) + ndtri(level)))
+    limit = np.quantile(np.concatenate(still), 1 - level)
+    return float(np.mean(np.concatenate(stepped) > limit)), float(np.mean(oracle))
+
+
+def alarms(zero: float, histories: int) -> Iterator[str]:
+    """False alarms, and steps of 2 and 1 mrad after 6, 12 and 24 checks, beside the bounds."""
     drawn = Drawn(np.random.default_rng(12), zero)
     still = np.zeros((24, 9))
-    wrong = sum(bool(drawn.watch(still).alarms) for _ in range(histories))
-    rows = [
-        f"| {zero:g} | {1e3 * drawn.single:.2f} | none, 24 months | {histories} | "
-        f"{wrong} alarms | {wrong / histories / (23 / 12):.2%} a year | |"
-    ]
-    for size in (2e-3, 1e-3):
-        found = np.array([drawn.stepped(size, 12) for _ in range(histories)])
-        rows.append(
-            f"| {zero:g} | {1e3 * drawn.single:.2f} | step {1e3 * size:g} mrad | {histories} | "
-            f"{found[:, 0].mean():.1%} in its month | {found[:, 1].mean():.1%} within three | "
-            f"{found[:, 2].mean():.1%} dated right |"
+    years = 23 / 12
+    for rate in (ALARMS_PER_YEAR, 0.1):
+        wrong = sum(bool(drawn.watch(still, rate).alarms) for _ in range(5 * histories))
+        yield (
+            f"| {zero:g} | {1e3 * drawn.single:.2f} | nothing, 24 months, {rate:g} a year | "
+            f"{5 * histories} | {wrong} alarms | {wrong / 5 / histories / years:.4f} a year | | |"
         )
-    return rows
+    for size, checks in ((2e-3, 1), (1e-3, 3)):
+        for at in (6, 12, 24):
+            found = np.array([drawn.stepped(size, at) for _ in range(histories)])
+            best, known = bound(drawn, size, at, checks)
+            raised = found[:, 0 if checks == 1 else 1].mean()
+            yield (
+                f"| {zero:g} | {1e3 * drawn.single:.2f} | {1e3 * size:g} mrad after {at} checks | "
+                f"{histories} | {raised:.1%} within {checks} | {found[:, 2].mean():.1%} "
+                f"| {best:.1%} | {known:.1%} |"
+            )
 
 
 def hundred() -> str:
@@ -148,6 +189,18 @@ def hundred() -> str:
 def main() -> None:
     """Print the tables."""
     histories = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    parts = sys.argv[2:] or ["pooled", "alarms", "hundred"]
+    if "pooled" in parts:
+        _print_pooled(histories)
+    if "alarms" in parts:
+        _print_alarms(histories)
+    if "hundred" in parts:
+        print("\n| campaigns | reading, s | pooling, s | all / reading |")
+        print("|---|---|---|---|")
+        print(hundred(), flush=True)
+
+
+def _print_pooled(histories: int) -> None:
     print("Twelve campaigns of five postures, zeros drawn anew (0.5 N):\n")
     print(
         "| walk, mrad/√month | histories | RMSE, mrad | RMSE / bound | d²/9 | in 95 % | misfits |"
@@ -155,15 +208,18 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|")
     for walk in (0.0, 5e-5):
         print(pooled(walk, histories), flush=True)
+
+
+def _print_alarms(histories: int) -> None:
     print("\nMonthly checks of five postures, default rate (0.01 a year):\n")
-    print("| zeros, N | one check, mrad | what happens | histories | | | |")
-    print("|---|---|---|---|---|---|---|")
+    print(
+        "| zeros, N | one check, mrad | what happens | histories | raised | right date | "
+        "best test | sensor and axis known |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
     for zero in (0.5, 0.25):
         for row in alarms(zero, 2 * histories):
             print(row, flush=True)
-    print("\n| campaigns | reading, s | pooling, s | all / reading |")
-    print("|---|---|---|---|")
-    print(hundred(), flush=True)
 
 
 if __name__ == "__main__":
