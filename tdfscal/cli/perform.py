@@ -53,7 +53,7 @@ def perform(
                 hand_over(getattr(result, carried))
         if words:
             with reporting():
-                _show(result, output if _written(result, options) else None)
+                _show(result, _places(result, options, output))
         for text in result.notes:
             say(f"tdfscal: warning: {text}")
     except (KeyboardInterrupt, Signalled):
@@ -63,12 +63,20 @@ def perform(
     return result
 
 
-def _show(result: Result, output: object) -> None:
-    """Print a result in words, and where it was written."""
-    if show_words(result) and output is not None:
+def _show(result: Result, places: list[str]) -> None:
+    """Print a result in words, and what was written."""
+    if show_words(result) and places:
+        *others, last = map(visible, places)
+        print(f"\nwrote {', '.join(others)} and {last}" if others else f"\nwrote {last}")
+
+
+def _places(result: Result, options: dict[str, Any], output: object) -> list[str]:
+    """Files that a command wrote, or their folder; page and figures whatever the verdict."""
+    places = []
+    if output is not None and _written(result, options):
         files = getattr(result, "files", None)
-        where = output if files is None else f"{len(files)} files to {output}"
-        print(f"\nwrote {visible(str(where))}")
+        places.append(str(output) if files is None else f"{len(files)} files to {output}")
+    return [*places, *(str(options[o]) for o in ("html", "figures") if options.get(o) is not None)]
 
 
 def _written(result: Result, options: dict[str, Any]) -> bool:
