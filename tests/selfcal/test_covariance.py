@@ -152,3 +152,15 @@ def test_blind_turns_are_in_radians_and_longest_one() -> None:
     assert np.allclose(np.abs(blind), [[0, 0, 1]], rtol=0, atol=1e-9)
     seen = spectrum(RNG.normal(size=(6, 4)))
     assert blind_turns(seen, np.array([0, 1, 2])).shape == (0, 3)
+
+
+def test_a_birge_ratio_scales_what_averages_out_and_nothing_else() -> None:
+    result = fit(RIG, SEEN, nominal(RIG))
+    parts = information_root(result)
+    one, three, less = (evaluate(result, parts, b).contributions for b in (1.0, 3.0, 0.3))
+    for name, share in one.items():
+        factor = 9.0 if name in NOISE else 1.0
+        # What noise fakes belongs to the noise and grows with all of it: a few per mille here.
+        close = 0.02 if name == "noise" else 1e-9
+        assert np.allclose(three[name], factor * share, rtol=close, atol=1e-20), name
+        assert np.array_equal(less[name], share)
