@@ -116,7 +116,7 @@ def gauss_newton(
             trial = retract(state, step)
             new_residual, new_jacobian = model(trial)
             new_cost = float(new_residual @ new_residual)
-            if new_cost <= cost or predicted < TOLERANCE * (1 + np.sqrt(cost)):
+            if new_cost < cost or predicted < TOLERANCE * (1 + np.sqrt(cost)):
                 break
             damping = max(10 * damping, 1e-6)
             if damping > 1e8:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as oracle
 
-from tdfscal.numerics.least_squares import gauss_newton, spectrum
+from tdfscal.numerics.least_squares import gauss_newton, gram_root, spectrum
 from tdfscal.records import FloatArray
 
 RNG = np.random.default_rng(3)
@@ -38,6 +38,28 @@ def test_columns_that_no_row_sees_are_null() -> None:
     nothing = spectrum(np.zeros((3, 2)))
     assert nothing.values.size == 0
     assert not nothing.solve(np.ones(3)).any()
+
+
+def test_rounding_is_no_information() -> None:
+    """A column that is a sum of others, of any size: one direction is null, every time."""
+    for size in (3, 12, 60):
+        for _ in range(40):
+            J = RNG.normal(size=(size, 3))
+            J = np.concatenate([J, J @ RNG.normal(size=(3, 1))], axis=1)
+            assert len(spectrum(J).values) == 3
+
+
+@pytest.mark.parametrize("units", [1.0, 1e6])
+def test_gram_root_is_that_of_the_pseudo_inverse(units: float) -> None:
+    J = RNG.normal(size=(9, 4)) * np.array([1.0, units, 1 / units, 1.0])
+    expected = np.linalg.inv(J.T @ J)
+    G = gram_root(J)
+    scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
+    assert np.abs((G @ G.T - expected) / scale).max() < 1e-9
+    blind = np.concatenate([J, np.zeros((9, 1))], axis=1)
+    G = gram_root(blind)
+    assert np.abs((G @ G.T)[:4, :4] / scale - expected / scale).max() < 1e-9
+    assert not G[4].any()
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.3])
@@ -85,6 +107,34 @@ def test_too_few_steps_are_said() -> None:
     assert not few.converged
     assert few.iterations == 2
     assert few.cost < float(np.sum(rosenbrock(start)[0] ** 2))
+    assert np.array_equal(few.residual, rosenbrock(few.state)[0])
+    assert np.array_equal(few.jacobian, rosenbrock(few.state)[1])
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3])
+def test_no_more_steps_are_taken_than_allowed(steps: int) -> None:
+    """Each halves the distance to the minimum of x⁴, and calls the model once."""
+    calls = []
+
+    def quartic(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        calls.append(x)
+        return x**2, 2 * x[:, None]
+
+    found = gauss_newton(quartic, move, np.array([1.0]), iterations=steps)
+    assert found.state[0] == pytest.approx(0.5**steps, rel=1e-12)
+    assert len(calls) == steps + 1
+
+
+def test_a_step_to_a_place_as_high_does_not_descend() -> None:
+    """r = x/√(1 + x²): from 1 the full step leads to −1 and back, for ever."""
+
+    def model(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        root = np.sqrt(1 + x**2)
+        return x / root, (root**-3)[:, None]
+
+    found = gauss_newton(model, move, np.array([1.0]))
+    assert found.converged
+    assert abs(found.state[0]) < 1e-5
 
 
 def test_what_cannot_descend_stays_and_says_so() -> None:

@@ -6,9 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import DataError
-from tdfscal.records import FloatArray, Instrument
+from tdfscal.records import FloatArray, Instrument, PointSet
+from tdfscal.trackercal import register
 from tdfscal.trackercal.group_motion import fit_one_by_one, moved_apart
 from tdfscal.trackercal.instrument import angle_covariance, observe, range_covariance
 from tdfscal.trackercal.judged_registration import Noise, fit_survey, point_noise
@@ -234,3 +237,50 @@ def test_an_uncertainty_of_zero_in_some_direction_is_refused() -> None:
     flat = np.tile(np.diag([1e-10, 1e-10, 0.0]), (6, 1, 1))
     with pytest.raises(DataError, match="zero in some direction"):
         fit_survey(matched(1), Noise({"x": flat}, {}), common_shift=True, least=3, what="points")
+
+
+def of_files(points: MatchedPoints, std: float | None = None) -> tuple[PointSet, PointSet]:
+    stated = None if std is None else np.full_like(points.measured, std)
+    return tuple(
+        PointSet(points.group, points.point, xyz, own, "file.csv")
+        for xyz, own in ((points.measured, stated), (points.reference, None))
+    )  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("scale", [False, True])
+def test_noise_of_the_residuals_counts_what_they_determined(scale: bool) -> None:
+    """Σ|e|² over 3 N − 6 degrees of freedom, or 3 N − 7 where a scale was estimated too."""
+    measured, reference = of_files(matched(11))
+    found = register(measured, replace(reference, xyz=0.9995 * reference.xyz), scale=scale)
+    dof = 18 - 6 - scale
+    assert found.dof == dof
+    assert found.sigma == pytest.approx(np.sqrt(np.sum(found.residual**2) / dof), rel=1e-9)
+    assert found.rms == pytest.approx(np.sqrt(np.sum(found.residual**2) / 6), rel=1e-12)
+    assert (found.chi2, found.p_value) == (None, None)
+    known = register(*of_files(matched(11), 1e-5), scale=scale)
+    assert known.sigma is None
+    assert known.p_value == pytest.approx(stats.chi2.sf(known.chi2, dof), rel=1e-9)
+    assert known.dof == dof
+
+
+def test_uncertainties_of_translation_and_angles_are_those_of_the_covariance() -> None:
+    found = register(*of_files(matched(12), 1e-5))
+    assert np.allclose(found.translation_std, np.sqrt(np.diag(found.covariance)[3:]), rtol=1e-12)
+    h, R = 1e-6, Rotation.from_matrix(found.rotation)
+    J = np.stack(
+        [
+            ((Rotation.from_rotvec(h * d) * R).as_euler("xyz")
+             - (Rotation.from_rotvec(-h * d) * R).as_euler("xyz")) / (2 * h)
+            for d in np.eye(3)
+        ], axis=1,
+    )  # fmt: skip
+    own = np.sqrt(np.diag(J @ found.covariance[:3, :3] @ J.T))
+    assert np.allclose(found.rpy_std, own, rtol=1e-6)
+    assert np.allclose(found.rpy, R.as_euler("xyz"), rtol=0, atol=1e-12)
+
+
+def test_an_instrument_that_the_file_speaks_for_is_said() -> None:
+    files = of_files(matched(13), 1e-5)
+    assert register(*files).warnings == ()
+    assert register(*of_files(matched(13)), instrument=TRACKER).warnings == ()
+    assert len(register(*files, instrument=TRACKER).warnings) == 1
