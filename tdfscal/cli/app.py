@@ -45,11 +45,11 @@ Rig = Annotated[Path, typer.Argument(metavar="RIG", help="rig.yaml, or its folde
 RigFile = Annotated[
     Path | None, typer.Option("--rig", metavar="FILE", help="rig.yaml, where no folder holds one.")
 ]
-_MOMENT = "12.5, 1.5min, 2h: on the log's clock; +90: after its begin; or a date with a time."
+_MOMENT = "12.5, 1.5min or 2h on its clock; +90 after its begin; or a date with a time."
 From = Annotated[
-    str | None, typer.Option("--from", metavar="T", help=f"Use the log from here on. {_MOMENT}")
+    str | None, typer.Option("--from", metavar="T", help=f"Use the log from T on: {_MOMENT}")
 ]
-To = Annotated[str | None, typer.Option("--to", metavar="T", help="Use the log up to here.")]
+To = Annotated[str | None, typer.Option("--to", metavar="T", help="Use the log up to T.")]
 Html = Annotated[
     Path | None,
     typer.Option("--html", metavar="FILE", help="Also write a report page, whatever the verdict."),

@@ -41,7 +41,10 @@ def apply(
     ] = "none",
     walk: Annotated[
         float | None,
-        typer.Option(metavar="N", help="What a force may walk by in 1 s, for the filter; 15 N."),
+        typer.Option(
+            metavar="N",
+            help="Random-walk intensity of the contact force, for the filter; default 15 N/√s.",
+        ),
     ] = None,
     at: Annotated[
         str,

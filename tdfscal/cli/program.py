@@ -31,7 +31,7 @@ from tdfscal.cli import (  # noqa: F401 - each module registers its command
 )
 from tdfscal.cli.app import app
 from tdfscal.cli.streams import say
-from tdfscal.cli.words import mistake, misuse
+from tdfscal.cli.words import mistake, misuse, plainly_typed
 from tdfscal.errors import TdfscalError
 
 #: What typer makes of an interruption.
@@ -41,7 +41,9 @@ INTERRUPTED = 130
 @cache
 def command() -> Any:
     """The commands as typer makes them of their functions, once."""
-    return typer.main.get_command(app)
+    made = typer.main.get_command(app)
+    plainly_typed(made)
+    return made
 
 
 def run() -> int:

@@ -18,8 +18,10 @@ Match = Literal["name", "point", "order"]
     rich_help_panel=CALIBRATE, epilog=example("tdfscal register measured.csv drawing.csv --unit mm")
 )
 def register(
-    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Point file, moved.")],
-    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="Point file, to move.")],
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Point file, as measured.")],
+    reference: Annotated[
+        Path, typer.Argument(metavar="REFERENCE", help="Point file, fitted onto it.")
+    ],
     unit: Annotated[
         str | None, typer.Option("--unit", metavar="U", help="Of files that name none: m, mm, in …")
     ] = None,

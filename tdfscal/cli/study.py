@@ -76,7 +76,11 @@ Filtered = Annotated[
 ]
 Walking = Annotated[
     float | None,
-    typer.Option("--walk", metavar="N", help="What a force may walk by in 1 s, for it; 15 N."),
+    typer.Option(
+        "--walk",
+        metavar="N",
+        help="Its random-walk intensity of the contact force; default 15 N/√s.",
+    ),
 ]
 Logs = Annotated[
     LogFormat | None, typer.Option("--logs", case_sensitive=False, help="Write each run's log.")

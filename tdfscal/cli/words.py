@@ -51,6 +51,17 @@ class Grouped(TyperGroup):
                 formatter.write_dl(others)
 
 
+def plainly_typed(command: Any) -> None:
+    """Let the help of a command, and of those in it, show no types of Python: `<list[Path]>`."""
+    for inner in getattr(command, "commands", {}).values():
+        plainly_typed(inner)
+    for param in command.params:
+        if param.param_type_name == "argument":
+            param.display_type_rich = lambda ctx: None
+        elif param.metavar is None and not param.is_flag and not param.type_descriptor.is_choice:
+            param.display_type_rich = lambda ctx: "N"
+
+
 def example(text: str) -> str:
     """The end of a command's help."""
     return f"Example: {text}"
