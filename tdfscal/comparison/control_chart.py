@@ -37,6 +37,8 @@ _MONTHS = 12.0
 _SHORTEST = 1 / 30.4375
 #: A ramp must explain a departure by so much χ² more than a step to be called one.
 _RAMP_BETTER = 4.0
+#: And must have begun so many checks before the last: two checks of a ramp are a step and noise.
+_RAMP_CHECKS = 2
 #: Two steps have three unknowns and a date more than one creep: they must explain so much more.
 _TWO_STEPS_COST = 12.0
 #: Onsets that are tried for naming, in checks back.
@@ -82,7 +84,7 @@ class Watch:
 
     alarms : in the order in which they were raised. steps : variance (C,) of the walk before each
     check, the jumps of the alarms included. level : (K,), of a check, all its tests together.
-    smallest : (K, n), least p-value of a sensor's tests at each check, among all tests of the check;
+    smallest : (K, n), least p-value of a sensor's tests at each check, among all the check's tests;
     1 at the first.
     """
 
@@ -221,9 +223,10 @@ class Watching:
         """Step or creep, since when, how far: what explains the checks up to k best."""
         first = max(self.start[sensor], k - _BACK)
         step = self._best(first, k, sensor, self._step)
-        ramp = self._best(first, k, sensor, self._ramp)
-        if ramp[0] > step[0] + _RAMP_BETTER:
-            return "creep", *ramp[1:]
+        if k - first > _RAMP_CHECKS:
+            ramp = self._best(first, k, sensor, self._ramp, until=k - _RAMP_CHECKS)
+            if ramp[0] > step[0] + _RAMP_BETTER:
+                return "creep", *ramp[1:]
         return "step", *step[1:]
 
     def _one_creep(
@@ -268,12 +271,17 @@ class Watching:
         return np.asarray(np.maximum(months - months[onset - 1], 0.0))
 
     def _best(
-        self, first: int, k: int, sensor: int, shape: Callable[[int, int], FloatArray]
+        self,
+        first: int,
+        k: int,
+        sensor: int,
+        shape: Callable[[int, int], FloatArray],
+        until: int | None = None,
     ) -> tuple[float, int, FloatArray, FloatArray]:
-        """χ², onset, turn and std of the shape that explains checks first … k best."""
+        """χ², onset (until the last that may be), turn and std of the best shape for first … k."""
         found = [
             (self._explains(first, k, [(sensor, shape(onset, k))]), onset)
-            for onset in range(first + 1, k + 1)
+            for onset in range(first + 1, (k if until is None else until) + 1)
         ]
         (explained, turn, std), onset = max(found, key=lambda pair: pair[0][0])
         return explained, onset, turn, std
