@@ -19,6 +19,11 @@ _COARSE, _UNSTATED = 2.0, 1.0e-5
 #: Time of one and the same reading after which a channel is frozen, s, what counts as the same,
 #: and the way of another NCP, m, meanwhile that shows that the terminal moves.
 _FROZEN, _SAME, _MOVES = 1.0, 1e-12, 1e-4
+#: Longest step of time, in steps of the time base, that is no hole; share of the way that the NCPs
+#: would have gone in a hole below which they did not move in it.
+_HOLE, _JUMPED = 1.5, 0.2
+#: Holes that are named one by one.
+_NAMED = 3
 
 
 def check_stream(rig: Rig, slow: Slow) -> None:
@@ -129,3 +134,31 @@ def clipped(rig: Rig, slow: Slow) -> tuple[Stretch, ...]:
         for run in runs
         if run.size
     )
+
+
+def gaps(slow: Slow) -> tuple[str, ...]:
+    """Words for the holes at which the motion is cut: pauses, and clocks that jumped ahead.
+
+    Where the NCPs go on after a hole from where they stood before it, while they moved all along,
+    no time has passed: the clock of all streams jumped. What follows is as good as what was before.
+    """
+    out = []
+    for k in map(int, np.flatnonzero(np.diff(slow.time) > _HOLE * slow.step)):
+        begin, end = float(slow.time[k]), float(slow.time[k + 1])
+        ways = [slow.position[k] - slow.position[max(k - 1, 0)]]
+        ways.append(slow.position[min(k + 2, len(slow.time) - 1)] - slow.position[k + 1])
+        speed = float(np.mean([np.linalg.norm(way, axis=1).max() for way in ways])) / slow.step
+        gone = float(np.linalg.norm(slow.position[k + 1] - slow.position[k], axis=1).max())
+        jumped = speed * (end - begin) > _MOVES and gone < _JUMPED * speed * (end - begin)
+        why = (
+            "the NCPs go on from where they stood, so that the clock of all streams jumped ahead"
+            if jumped
+            else "the recording paused"
+        )
+        out.append(
+            f"no stream has a sample from {begin:.2f} to {end:.2f} s: {why}; the motion is cut "
+            "there"
+        )
+    if len(out) > _NAMED:
+        out = [*out[:_NAMED], f"{len(out) - _NAMED} more holes in all streams, cut likewise"]
+    return tuple(out)

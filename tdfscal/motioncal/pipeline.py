@@ -15,6 +15,7 @@ from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import State, nominal, parameter_count, starting_state, with_motions
 from tdfscal.model.postures import Postures
+from tdfscal.motioncal import checks
 from tdfscal.motioncal.blocks import stretches
 from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.covariance import MovingUncertainty, evaluate, quality
@@ -258,7 +259,7 @@ def _judged(
             rig, slow, fit.blocks, start.still, fit.state.still, fit.state.moving
         ),
         reasons=(),
-        warnings=_warnings(rig, rejected, used.position, doubts),
+        warnings=(*checks.gaps(slow), *_warnings(rig, rejected, used.position, doubts)),
     )
     conformity = assess_stated(result.calibrated)
     lost = sum(s.end - s.begin for s in rejected)

@@ -18,6 +18,7 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, prior_std, with_motions
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.motioncal.blocks import Block
+from tdfscal.motioncal.checks import gaps
 from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.covariance import posterior
 from tdfscal.motioncal.design import drifting
@@ -105,7 +106,7 @@ def validate_moving(
         search_p=min(1.0, found.tried * min(cause.p_value for cause in found.best)),
         causes=found,
         detectable=detectable_turns(causes.turn_information(white), found.tried),
-        warnings=(*left_out, *([turned] if turned else [])),
+        warnings=(*gaps(slow), *left_out, *([turned] if turned else [])),
     )
 
 

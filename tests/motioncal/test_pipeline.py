@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
+from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.records import UncertainValue
+from tdfscal.records import BoolArray, FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.moving_options import MovingOptions, Touch
 from tests.motioncal.campaigns import played, turn_error
@@ -47,6 +49,29 @@ def test_a_static_rig_file_calibrates_in_motion_and_a_contact_costs_little() -> 
     shares = sum(clean.uncertainty.turns.contributions.values())
     variance = np.diagonal(clean.uncertainty.turns.rpy_covariance, axis1=1, axis2=2)
     assert shares == pytest.approx(variance, rel=1e-6)
+
+
+def test_a_clock_that_jumps_ahead_is_told_from_a_pause() -> None:
+    campaign, _, _ = played(MINUTE, 5)
+    log = campaign.log
+
+    def seen(keep: Callable[[FloatArray], BoolArray], late: float) -> MotionCalibration:
+        def cut(series: Series) -> Series:
+            kept = keep(series.time)
+            time = series.time[kept]
+            return Series(time + late * (time >= 30.0), series.value[kept])
+
+        parts = Log(log.supports, tuple(map(cut, log.position)), force=tuple(map(cut, log.force)))
+        return calibrate_moving(campaign.rig, slow_streams([parts], campaign.rig.capacity), NOTHING)
+
+    jumped = seen(lambda time: time >= 0.0, 5.0)
+    paused = seen(lambda time: (time < 30.0) | (time >= 35.0), 0.0)
+    for result, word in ((jumped, "clock of all streams jumped"), (paused, "recording paused")):
+        assert within(campaign, result)
+        (named,) = [text for text in result.warnings if "no stream has a sample" in text]
+        assert word in named
+        assert "from 29.9" in named or "from 30.0" in named
+    assert not any("no stream" in text for text in calibrated(MINUTE)[1].warnings)
 
 
 def test_held_out_stretches_and_halves_agree_with_the_noise() -> None:
