@@ -258,20 +258,25 @@ def _filled(posture: Postures, state: State, centre: FloatArray, g: float) -> Po
 
 
 def features(state: State, at: Balance, g: float) -> FloatArray:
-    """ψ (q,) of the state; hinge and datum enter as deviations from the linearisation."""
-    M, weight = sensing(state), state.mass * gravity(state, g)
+    """ψ (..., q) of the state; hinge and datum enter as deviations from the linearisation."""
+    M, lead = sensing(state), state.rotation.shape[:-3]
+    weight = np.asarray(state.mass)[..., None] * gravity(state, g)
     parts = [
         M,
-        np.einsum("nab,nb->na", M, state.zero),
+        np.einsum("...nab,...nb->...na", M, state.zero),
         weight,
-        np.outer(state.barycentre - at.centre, weight),
+        (state.barycentre - at.centre)[..., :, None] * weight[..., None, :],
         state.hinge - at.hinge,
         state.datum - at.datum,
         state.compliance - at.compliance,
         state.friction,
-        np.einsum("nab,gnb->gna", M, state.drift),
+        np.einsum("...nab,...gnb->...gna", M, state.drift),
     ]
-    return np.concatenate([np.ravel(part) for part in parts])
+    # No drift at all has no entries, and no length to guess.
+    return np.concatenate(
+        [np.reshape(part, (*lead, int(np.prod(np.shape(part)[len(lead) :])))) for part in parts],
+        axis=-1,
+    )
 
 
 def features_jacobian(state: State, at: Balance, g: float) -> FloatArray:

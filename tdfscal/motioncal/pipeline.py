@@ -28,6 +28,7 @@ from tdfscal.motioncal.estimator import (
     moved_to,
 )
 from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
+from tdfscal.motioncal.monte_carlo import MOST_TRIALS, simulate
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
 from tdfscal.motioncal.score_tests import suspicions
 from tdfscal.motioncal.streams import Slow
@@ -37,6 +38,7 @@ from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, Un
 from tdfscal.selfcal import observability
 from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.estimator import fit as quasi_static
+from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.mounting_search import APART, apart, best_start, describe
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.suspicion import Suspicion
@@ -78,6 +80,7 @@ class MotionCalibration:
     residual: ResidualWrench
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
+    monte_carlo: MonteCarlo | None = None
 
     @property
     def calibrated(self) -> Calibrated:
@@ -117,6 +120,8 @@ def calibrate_moving(
     *,
     dwells: int = 0,
     inputs: tuple[InputFile, ...] = (),
+    rng: np.random.Generator | None = None,
+    max_trials: int | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> MotionCalibration:
     """Calibrate from samples in motion.
@@ -126,6 +131,7 @@ def calibrate_moving(
     slow : streams of the log. delay : of the force stamps, s, as the rig file states it.
     dwells : how many rests were found in the log, which its samples hold as all others.
     inputs : files, of which a salvaged one is never accepted. progress : told of each stage.
+    rng, max_trials : of the Monte Carlo; no trials without the one or with 0 of the other.
 
     Raises
     ------
@@ -160,7 +166,11 @@ def calibrate_moving(
         fit, usable, lambda cut, last: fit_moving(rig, slow, cut, last.state, delay)
     )
     result = _judged(rig, fit, delay, usable.keep, usable.rejected, dwells, inputs, progress)
-    return replace(result, warnings=(*result.warnings, *doubt))
+    trials = None
+    if rng is not None and max_trials != 0:
+        progress("confirming the uncertainties by Monte Carlo")
+        trials = simulate(fit, result.uncertainty.turns, rng, max_trials or MOST_TRIALS)
+    return replace(result, monte_carlo=trials, warnings=(*result.warnings, *doubt))
 
 
 def _first_fit(

@@ -33,7 +33,7 @@ from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.samples import Own, Samples, calibrate_samples, check_samples
+from tdfscal.workflows.samples import Own, Samples, Trials, calibrate_samples, check_samples
 from tdfscal.workflows.several_campaigns import calibrate_several, campaign_folders
 from tdfscal.workflows.survey import surveyed
 from tdfscal.workflows.undetermined import pages_of_failure
@@ -198,7 +198,7 @@ def _calibrated(
             )
 
         with log.explaining():
-            own = calibrate_samples(log, samples, static)
+            own = calibrate_samples(log, samples, static, Trials(own_rng, trials))
         inputs += log.inputs
     if method in ("tracker", "joint"):
         log.progress.stage("calibrating from the tracker's survey")

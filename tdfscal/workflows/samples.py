@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -25,29 +25,38 @@ Own = SelfCalibration | MotionCalibration
 _ENOUGH = 5
 
 
+@dataclass(frozen=True, slots=True)
+class Trials:
+    """Monte Carlo: generator, and trials at most; None for the default, 0 for none."""
+
+    rng: np.random.Generator
+    most: int | None
+
+
 def calibrate_samples(
     log: LogPass,
     samples: Samples | None,
     static: Callable[[Dwells], SelfCalibration],
+    trials: Trials | None = None,
 ) -> Own:
     """Calibrate from the samples that are asked for, or from those that serve.
 
     samples : None takes the dwells where there are enough, else the motion.
-    static : calibrates from dwells.
+    static : calibrates from dwells. trials : of the Monte Carlo in motion.
 
     Raises DataError, NotIdentifiableError, NotConvergedError, UsageError.
     """
     if samples == "static":
         return _static(log, log.dwells(), static)
     if samples == "moving":
-        return _moving(log, moving_samples(log))
+        return _moving(log, moving_samples(log), trials=trials)
     dwells, slow = read_samples(log)
     if samples == "all":
-        return _all(log, dwells, slow, static)
+        return _all(log, dwells, slow, static, trials)
     if len(dwells) >= _ENOUGH or slow is None:
         return _static(log, dwells, static)
     try:
-        return _moving(log, slow)
+        return _moving(log, slow, trials=trials)
     except TdfscalError as error:
         if len(dwells) and not isinstance(error, NotIdentifiableError):
             return _static(log, dwells, static)
@@ -136,6 +145,7 @@ def _moving(
     *,
     rig: Rig | None = None,
     inputs: tuple[InputFile, ...] = (),
+    trials: Trials | None = None,
 ) -> MotionCalibration:
     log.progress.stage("calibrating from the motion")
     return calibrate_moving(
@@ -144,6 +154,8 @@ def _moving(
         stated_delay(log),
         dwells=dwells,
         inputs=(*inputs, *log.inputs),
+        rng=None if trials is None else trials.rng,
+        max_trials=None if trials is None else trials.most,
         progress=log.progress.stage,
     )
 
@@ -165,6 +177,7 @@ def _all(
     dwells: Dwells,
     slow: Slow | None,
     static: Callable[[Dwells], SelfCalibration],
+    trials: Trials | None,
 ) -> Own:
     """The whole log, its rests and its moves, in one estimate with one spectrum of the noise.
 
@@ -181,9 +194,9 @@ def _all(
     if slow is None:
         return own if own is not None else _static(log, dwells, static)
     if own is None:
-        return _moving(log, slow, len(dwells))
+        return _moving(log, slow, len(dwells), trials=trials)
     try:
-        both = _moving(log, slow, len(dwells))
+        both = _moving(log, slow, len(dwells), trials=trials)
     except TdfscalError as error:
         return _with_word(own, f"the moves add nothing to the dwells: {error.what}")
     if both.reasons and not own.reasons:

@@ -60,7 +60,10 @@ def from_motion(
     known, state, n = result.uncertainty.turns, result.fit.state.still, result.rig.n
     place, rpy = layout(n), so3.to_rpy(state.rotation)
     std = published_std(result.calibrated, known.parameter_std)
-    half = known.coverage_factor * known.rpy_std
+    half, trials = known.coverage_factor * known.rpy_std, result.monte_carlo
+    low, high = rpy - half, rpy + half
+    if trials is not None and not trials.validated:
+        low, high = trials.low, trials.high
     declared = result.rig.declared.force_sensitivity > 0
     return assembled(
         origin,
@@ -73,8 +76,8 @@ def from_motion(
             state.rotation,
             known.covariance,
             known.rpy_std,
-            rpy - half,
-            rpy + half,
+            low,
+            high,
             np.ones(n, dtype=np.bool_),
         ),
         parameters=parameters_document(result.calibrated),
@@ -94,6 +97,12 @@ def from_motion(
             **statistics.totals(origin.campaigns),
         },
         observability=statistics.observability(result.observability),
+        monte_carlo=statistics.trials(
+            trials,
+            origin.seed,
+            known.rpy_std,
+            validated=trials is not None and trials.validated,
+        ),
         validation=held_out_document(result.validation),
         conformity=statistics.conformity(result.conformity),
         motion=motion_document(result),

@@ -1,0 +1,116 @@
+"""Propagation of distributions in motion (JCGM 101): spectrum, noise and the turns' own curvature.
+
+A trial draws the spectrum from its own uncertainty, then what noise of that spectrum does to all
+parameters, and takes the estimate to where the balance, which is bent in rotations, zeros and
+load, leads it: one step of Gauss and Newton on the statistic from the linear answer, whose error
+is of the third order. The linear interval has the first of these to the second order and the
+last not at all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tdfscal.model.parameters import parameter_count, retract
+from tdfscal.model.statics import features
+from tdfscal.motioncal.covariance import faked_information
+from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.motioncal.rows import stacked, weights
+from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import gram_root
+from tdfscal.numerics.propagation import propagate
+from tdfscal.records import FloatArray
+from tdfscal.selfcal.covariance import Uncertainty
+from tdfscal.selfcal.monte_carlo import MonteCarlo
+from tdfscal.significance import INTERVAL_COVERAGE
+
+#: Spectra drawn, which the trials share, and trials at most unless asked otherwise.
+_SPECTRA, MOST_TRIALS = 48, 30_000
+#: Least share of an information that noise in the readings has not faked.
+_LEAST = 0.1
+#: Trials worked on together.
+_CHUNK = 2_000
+
+
+class Sampler:
+    """Draws what a log with other noise would have given."""
+
+    def __init__(self, fit: MovingFit, rng: np.random.Generator) -> None:
+        self.fit = fit
+        bins, model = fit.rows.bins, fit.noise
+        cut = len(fit.psi) - fit.rests
+        r, j = fit.whitened()
+        root = gram_root(j)
+        white = stacked(fit.rows.design[:, :cut], weights(bins, model.variance(bins)))
+        # Gain (p + rests, q): where a change of the static features takes the estimate.
+        self.gain = -root @ (root.T @ (j[: len(white)].T @ white))
+        here = -root @ (root.T @ (j.T @ r))
+        faked = np.zeros((j.shape[1],) * 2)
+        turns = 3 * fit.rig.n
+        faked[:turns, :turns] = faked_information(fit)
+        values, axes = np.linalg.eigh(model.covariance)
+        spread = axes * np.sqrt(np.maximum(values, 0.0))
+        self.shift, self.root = [], []
+        away = rng.standard_normal((_SPECTRA // 2, len(values))) @ spread.T
+        # In pairs about the estimate, so that few of them have its mean.
+        for density in model.log_density + np.concatenate([away, -away]):
+            r, j = fit.whitened(density)
+            root = gram_root(j)
+            self.shift.append(-root @ (root.T @ (j.T @ r)) - here)
+            # (JᵀJ − faked)⁻¹ within the directions that are seen.
+            less = np.eye(root.shape[1]) - root.T @ faked @ root
+            left, vectors = np.linalg.eigh(less)
+            self.root.append(root @ (vectors / np.sqrt(np.maximum(left, _LEAST))))
+
+    def draw(self, rng: np.random.Generator, trials: int) -> FloatArray:
+        """Rotations (T, n, 3, 3)."""
+        step = np.empty((trials, len(self.gain)))
+        which = rng.integers(_SPECTRA, size=trials)
+        for k in range(_SPECTRA):
+            own = np.flatnonzero(which == k)
+            noise = rng.standard_normal((len(own), self.root[k].shape[1]))
+            step[own] = self.shift[k] + noise @ self.root[k].T
+        step += self._bent(step) @ self.gain.T
+        turns = step[:, : 3 * self.fit.rig.n].reshape(trials, -1, 3)
+        return np.asarray(so3.exp(turns) @ self.fit.state.still.rotation)
+
+    def _bent(self, step: FloatArray) -> FloatArray:
+        """Static features (T, q) at steps (T, p + rests) less their linearisation."""
+        fit, g = self.fit, self.fit.rig.gravity
+        still, static = fit.state.still, np.flatnonzero(fit.active)
+        P = parameter_count(still.n, still.motions)
+        static = static[static < P]
+        full = np.zeros((len(step), P))
+        full[:, static] = step[:, : len(static)]
+        start = features(still, fit.origin, g)
+        bent = features(retract(still, full), fit.origin, g) - start
+        bent -= step[:, : len(static)] @ fit.slope[: len(start), : len(static)].T
+        out = np.zeros((len(step), self.gain.shape[1]))
+        out[:, : len(start)] = bent
+        return out
+
+
+def simulate(
+    fit: MovingFit, linear: Uncertainty, rng: np.random.Generator, max_trials: int
+) -> MonteCarlo:
+    """Draw until the averages are stable or the trials run out."""
+    sampler, base = Sampler(fit, rng), fit.state.still.rotation
+    estimate = so3.to_rpy(base)
+
+    def draw(size: int) -> FloatArray:
+        parts = [min(_CHUNK, size - start) for start in range(0, size, _CHUNK)]
+        return np.concatenate([so3.deviations(sampler.draw(rng, part), base) for part in parts])
+
+    found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
+    half = linear.coverage_factor * linear.rpy_std
+    return MonteCarlo(
+        trials=found.trials,
+        mean=estimate + found.mean,
+        std=found.std,
+        low=estimate + found.low,
+        high=estimate + found.high,
+        tolerance=found.tolerance,
+        stable=found.stable,
+        validated=found.validates(-half, half),
+        sample=found.sample,
+    )
