@@ -2,10 +2,10 @@
 
 Campaigns of 24 postures where nothing else is said, 0.1 N per posture besides the 0.1 N that the
 rig file declares, internal forces of 200 N, from the simulator. Per row: root mean square of the
-errors over the determined angles in units of the stated one, of the Cramér–Rao bound of a rig that stands
-still (from noise-free readings at the truth), that bound with what is declared free over the one
-without, share inside the 95 % interval, how often the cause is named, and how often it is where d²
-of the angles is beyond 99 % of χ² (with the number of such runs).
+errors over the determined angles in units of the stated one, of the Cramér–Rao bound of a rig that
+stands still (from noise-free readings at the truth), that bound with what is declared free over
+the one without, share inside the 95 % interval, how often the cause is named, and how often it is
+where d² of the angles is beyond 99 % of χ² (with the number of such runs).
 
     python -m benchmarks.supports [RUNS [WORDS OF ONE ROW]]
 """
