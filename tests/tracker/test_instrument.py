@@ -284,3 +284,34 @@ def test_an_instrument_that_the_file_speaks_for_is_said() -> None:
     assert register(*files).warnings == ()
     assert register(*of_files(matched(13)), instrument=TRACKER).warnings == ()
     assert len(register(*files, instrument=TRACKER).warnings) == 1
+
+
+def four(shape: FloatArray, off: FloatArray) -> MatchedPoints:
+    """Four points of a shape, one of them off."""
+    points = matched(14).take(np.arange(len(shape)))
+    y = shape @ rotation(np.random.default_rng(14)).T + [3.0, 1.0, 2.0]
+    y[1] += off
+    return replace(points, measured=y, reference=shape)
+
+
+SQUARE = np.array([[1.0, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]) / 2
+
+
+def test_of_four_points_one_may_be_left_out() -> None:
+    """Of a lopsided tripod's feet and tip, but none of a square: there all look alike."""
+    noise = Noise({"x": isotropic(1e-5, 4)}, {})
+    lopsided = np.array([[0.5, 0.4, 0], [-0.6, 0.3, 0.1], [-0.1, -0.5, 0], [0.1, 0.2, 0.5]])
+    found = register(*of_files(four(lopsided, np.array([1e-3, 5e-4, 0])), 1e-5))
+    assert [point.name for point in found.rejected] == ["g0/B"]
+    upright = rotation(np.random.default_rng(14))[:, 2]
+    with pytest.raises(DataError) as refused:
+        fit_survey(four(SQUARE, 1e-3 * upright), noise, common_shift=True, least=3, what="targets")
+    assert all(f"g0/{label}" in refused.value.what for label in "ABCD")
+
+
+def test_three_points_lose_none_whatever_may_be_left() -> None:
+    noise = Noise({"x": isotropic(1e-5, 3)}, {})
+    spoilt = four(SQUARE[:3], np.array([1e-3, 0, 0]))
+    for groups in (True, False):
+        found = fit_survey(spoilt, noise, common_shift=groups, least=2, what="targets")
+        assert found.rejected == ()
