@@ -1,12 +1,14 @@
 """Mutants of the mathematics and of the file checks, and whether tests of results notice them.
 
     python -m benchmarks.mutation [--groups WORDS] [--sample 80] [--seed 1] [--results FILE]
+    python -m benchmarks.mutation --again [--groups WORDS] [--results FILE]
     python -m benchmarks.mutation --tables FILE
 
 The first changes one thing at a time (an operator, a number, an argument, a branch) in the modules
 of `GROUPS` and runs the tests of their own room; verdicts are appended to FILE, and what stands
-there is not run again. The second writes `benchmarks/mutation.md` from FILE. Needs the extra
-`mutation` (mutmut: its operators and its switch between mutants).
+there is not run again. The second runs what survived there again, the third writes
+`benchmarks/mutation.md` from FILE. Needs the extra `mutation` (mutmut: its operators and its switch
+between mutants).
 
 The loop is ours because mutmut's keeps, from the run that times the tests, whatever these cached,
 and asks of a mutant only the tests that were the first to call the function: tests that share a
@@ -35,7 +37,7 @@ from mutmut.mutation.file_mutation import Mutation, MutationVisitor, combine_mut
 from mutmut.mutation.mutators import mutation_operators, operator_string
 from mutmut.mutation.pragma_handling import IgnoredCode
 
-from benchmarks.mutation_table import tables
+from benchmarks.mutation_table import key, latest, survivor, tables
 
 ROOT = Path(__file__).resolve().parent.parent
 STRINGS = (cst.SimpleString, cst.FormattedString, cst.ConcatenatedString)
@@ -112,7 +114,7 @@ def changes(path: Path) -> tuple[cst.Module, list[Mutation]]:
     return tree, [
         each
         for each in visitor.mutations
-        if each.contained_by_top_level_function
+        if isinstance(each.contained_by_top_level_function, cst.FunctionDef)
         and id(each.original_node) not in wording
         and not _of_words(each)
     ]
@@ -176,41 +178,52 @@ def _of_words(mutation: Mutation) -> bool:
     return False
 
 
-def run(label: str, sample: int, seed: int, results: Path) -> None:
-    """Run a random sample of a group's mutants in a copy of the project."""
-    group = GROUPS[label]
+def run(label: str, sample: int, seed: int, results: Path, *, again: bool = False) -> None:
+    """Run a random sample of a group's mutants in a copy of the project.
+
+    again : instead, those that survived before and that the code still has.
+    """
+    group, before = GROUPS[label], read(results)
+    trees = {m: changes(ROOT / "tdfscal" / f"{m}.py") for m in group.modules}
+    every = [(m, i) for m, (_, found) in trees.items() for i in range(len(found))]
+    drawn = set(random.Random(seed).sample(every, min(sample, len(every))))
+    done = {key(row) for row in before}
+    lived = {key(row) for row in latest(before) if row["group"] == label and survivor(row)}
+    functions = {(module, function.rpartition(".")[2]) for module, function, _ in lived}
     with TemporaryDirectory(prefix="mutation-") as folder:
         copy = Path(folder)
         for name in ("tdfscal", "tests", "schemas", "sample_data", "benchmarks", "pyproject.toml"):
             _copy(ROOT / name, copy / name)
-        trees = {m: changes(ROOT / "tdfscal" / f"{m}.py") for m in group.modules}
-        every = [(m, i) for m, (_, found) in trees.items() for i in range(len(found))]
-        drawn = set(random.Random(seed).sample(every, min(sample, len(every))))
-        done = {(row["module"], row["function"], row["change"]) for row in read(results)}
-        mutants: list[Mutant] = []
+        todo: list[dict[str, str]] = []
         for module, (tree, found) in trees.items():
-            chosen = [each for i, each in enumerate(found) if (module, i) in drawn]
-            source, those = mutated(tree, chosen, module)
+            chosen = [
+                each
+                for i, each in enumerate(found)
+                if ((module, _function(each)) in functions if again else (module, i) in drawn)
+            ]
+            source, mutants = mutated(tree, chosen, module)
             (copy / "tdfscal" / f"{module}.py").write_text(source, encoding="utf-8")
-            mutants += those
-        todo = [vars(m) for m in mutants if (m.module, m.function, m.change) not in done]
-        print(f"{label}: {len(every)} mutants, {len(drawn)} drawn, {len(todo)} to run", flush=True)
-        if not todo:
-            return
-        about = {"group": label, "of": len(every), "seed": seed}
-        job = {"about": about, "mutants": todo, "results": str(results.resolve())}
-        (copy / "job.json").write_text(json.dumps(job), encoding="utf-8")
-        tests = [
-            f"tests/{t}" + ("" if (ROOT / "tests" / t).is_dir() else ".py") for t in group.tests
-        ]
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(copy), *sys.path[1:]])}
-        environment |= {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONDONTWRITEBYTECODE": ""}
-        subprocess.run(
-            [sys.executable, "-m", "benchmarks.mutation_run", *tests],
-            cwd=copy,
-            env=environment,
-            check=True,
-        )
+            rows = [vars(mutant) for mutant in mutants]
+            todo += [row for row in rows if (key(row) in lived if again else key(row) not in done)]
+        print(f"{label}: {len(every)} mutants, {len(todo)} to run", flush=True)
+        if todo:
+            about = {"group": label, "of": len(every), "seed": seed}
+            job = {"about": about, "mutants": todo, "results": str(results.resolve())}
+            (copy / "job.json").write_text(json.dumps(job), encoding="utf-8")
+            _run_in(copy, group)
+
+
+def _run_in(copy: Path, group: Group) -> None:
+    tests = [f"tests/{t}" + ("" if (ROOT / "tests" / t).is_dir() else ".py") for t in group.tests]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(copy), *sys.path[1:]])}
+    environment |= {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONDONTWRITEBYTECODE": ""}
+    command = [sys.executable, "-m", "benchmarks.mutation_run", *tests]
+    subprocess.run(command, cwd=copy, env=environment, check=True)
+
+
+def _function(mutation: Mutation) -> str:
+    function: Any = mutation.contained_by_top_level_function
+    return str(function.name.value)
 
 
 def _copy(source: Path, target: Path) -> None:
@@ -233,6 +246,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--sample", type=int, default=80)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--results", type=Path, default=Path("mutation.jsonl"))
+    parser.add_argument("--again", action="store_true", help="those that survived")
     parser.add_argument("--tables", type=Path, metavar="RESULTS")
     given = parser.parse_args(arguments)
     if given.tables is not None:
@@ -240,7 +254,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         page.write_text(tables(read(given.tables)), encoding="utf-8")
         return
     for label in given.groups:
-        run(label, given.sample, given.seed, given.results)
+        run(label, given.sample, given.seed, given.results, again=given.again)
 
 
 if __name__ == "__main__":
