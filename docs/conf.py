@@ -16,6 +16,8 @@ extensions = [
 exclude_patterns = ["report.png"]
 html_theme = "pydata_sphinx_theme"
 html_title = f"tdfscal {release}"
+# The pages lie side by side: no sections to show beside them.
+html_sidebars = {"**": []}
 html_theme_options = {"show_toc_level": 2, "navigation_with_keys": False}
 
 myst_enable_extensions = ["amsmath", "dollarmath"]

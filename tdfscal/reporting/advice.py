@@ -21,6 +21,8 @@ _NOISE = "uncertainty.force_noise"
 _NAMED = 8
 #: Reasons of postures that a sensor spoilt.
 _SENSOR = re.compile("capacity|saturated|frozen")
+#: A warning of a log whose stops are no dwells.
+_STOPS = re.compile(r"stops were left out \(mostly")
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
 #: A source worth naming contributes at least this share of the angles' variance.
@@ -92,6 +94,7 @@ def _cures(c: Calibration) -> tuple[str, ...]:
     found = [f"{text[0].upper()}{text[1:]}" for text in c.quality.advice]
     return (
         *_of_the_files(c),
+        *_of_the_stops(c),
         *_of_the_sensors(c),
         *(text for text in found if _NOISE not in text),
         *_of_contact(c),
@@ -105,6 +108,14 @@ def _cures(c: Calibration) -> tuple[str, ...]:
 def _of_the_files(c: Calibration) -> Iterator[str]:
     if any(entry.integrity == "salvaged" for entry in c.inputs):
         yield "Copy the log from the recorder again; the file is damaged"
+
+
+def _of_the_stops(c: Calibration) -> Iterator[str]:
+    """A log in motion that was meant to rest: what is said of its stops, with its cure."""
+    for text in c.warnings:
+        if c.motion is not None and _STOPS.search(text):
+            said, _, cure = text.partition("; ")
+            yield f"{cure[0].upper()}{cure[1:]} ({said})"
 
 
 def _of_the_sensors(c: Calibration) -> Iterator[str]:

@@ -193,6 +193,14 @@ def test_text_from_files_is_never_taken_for_mathematics() -> None:
     assert "<b>" not in to_svg(timeline)
 
 
+def test_a_notebook_shows_a_figure_without_pyplot() -> None:
+    """As IPython formats it: without a picture it would print `<Figure size …>`."""
+    formatter = pytest.importorskip("IPython.core.formatters").PNGFormatter()
+    with look():
+        shown = formatter(figure(2.0))
+    assert shown.startswith(b"\x89PNG")
+
+
 def test_logarithmic_axes_have_plain_numbers() -> None:
     """Names are never taken for mathematics, so that matplotlib's own powers would be raw text."""
     f = tuple(np.geomspace(0.01, 10, 20))

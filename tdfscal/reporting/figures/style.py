@@ -31,7 +31,7 @@ BLUE, ORANGE, GREEN, RED = "#0b5394", "#d55e00", "#117733", "#a50f15"
 FILLS = ("#4f81bd", "#f2c14e", "#8fbf8f", "#d98880", "#b8a1d9", "#c9c9c9", "#7fcdbb", "#e0a3c8")
 HATCHES = ("", "///", "...", "\\\\\\", "xx", "--", "oo", "++")
 """Beside colours, so that areas differ in black and white."""
-_DPI = 200
+_DPI, _SCREEN_DPI = 200, 130
 _RASTER_FROM = 400
 _TIP = "tip: "
 _SPOT = Outline([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
@@ -71,9 +71,19 @@ class Drawing:
     paint: Callable[[], Figure]
 
 
+class Sheet(Figure):
+    """A figure that a notebook shows by itself."""
+
+    def _repr_png_(self) -> bytes:
+        """The picture as PNG."""
+        stream = io.BytesIO()
+        self.savefig(stream, format="png", dpi=_SCREEN_DPI)
+        return stream.getvalue()
+
+
 def figure(height: float, *, arranged: bool = True) -> Figure:
     """Return an empty figure, `height` inches high; arranged: its parts make room for others."""
-    return Figure(figsize=(WIDTH, height), layout="constrained" if arranged else None)
+    return Sheet(figsize=(WIDTH, height), layout="constrained" if arranged else None)
 
 
 def raster(count: int) -> bool:
