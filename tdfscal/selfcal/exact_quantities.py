@@ -109,6 +109,9 @@ def exact_caveats(fit: Fit, uncertainty: Uncertainty) -> list[str]:
     as good as what is called exact: an error of typical size, or as small as the tests are certain
     to show, moves a zero by far more than it would have to move a residual.
     """
+    place = layout(fit.rig.n, fit.state.motions)
+    if all(fit.active[place[group]].all() for group in _OF_THE_TERMINAL):
+        return []
     certain = np.sqrt(chi2_quantile(1.0 - CERTAINLY_UNDECLARED, 1))
     std, found = uncertainty.parameter_std[layout(fit.rig.n)["zero"]], []
     for quantity in exact_quantities(fit):
