@@ -85,10 +85,10 @@ def _zeros(zeros: dict[str, Any]) -> tuple[str, ...]:
     if moved == 0.0:
         return ()
     size = "by an unknown amount" if moved is None else f"by {moved:.2g} N (std)"
-    since = f"held {_span(zeros['age'])} the log began"
+    since = f"held {_span(zeros['age'])} the log began, and"
     if not zeros["age_known"]:
-        since = "are of unknown age, here as if the log followed the calibration's"
-    return (f"zeros of the calibration: {since}; by the log's end they may have moved {size}",)
+        since = "are of unknown age, here as if the log followed the calibration's, and"
+    return (f"the calibration's zeros {since} may have moved {size} by its end",)
 
 
 def _span(seconds: float) -> str:
