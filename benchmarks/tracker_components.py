@@ -1,10 +1,11 @@
 """Laser-tracker surveys in which one source of noise is understated.
 
-Run: python -m benchmarks.tracker_components > benchmarks/tracker_components.md
+python -m benchmarks.tracker_components [SURVEYS] > benchmarks/tracker_components.md
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -15,7 +16,6 @@ from tdfscal.records import Instrument
 from tdfscal.trackercal import calibrate_tracker
 from tests.tracker.world import PAPER, Survey, error_vector, make_survey
 
-SEEDS = 60
 STATED = 10e-6
 
 
@@ -49,10 +49,12 @@ def layout(targets: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     return np.stack([np.cos(turn), np.sin(turn), 0.4 * (np.arange(targets) % 2)], axis=1) / 2
 
 
-def row(make: Callable[[int, float, int], Survey], factor: float, targets: int) -> str:
+def row(
+    make: Callable[[int, float, int], Survey], factor: float, targets: int, surveys: int
+) -> str:
     """Mean Mahalanobis² over its degrees of freedom, coverage, and the stated uncertainty."""
     squares, inside, stated, refused = list[float](), list[float](), list[float](), 0
-    for seed in range(SEEDS):
+    for seed in range(surveys):
         survey = make(1000 + seed, factor, targets)
         try:
             result = calibrate_tracker(survey.rig, survey.session, trials=0)
@@ -66,7 +68,8 @@ def row(make: Callable[[int, float, int], Survey], factor: float, targets: int) 
         inside.append(float(np.mean(np.abs(d) < 1.96 * std)))
         stated.append(float(np.mean(std**2)))
     return (
-        f"{make.__name__} | {factor:g} | {targets} | {np.mean(squares):.2f} | "
+        f"{make.__name__} | {factor:g} | {targets} | {np.mean(squares):.2f} "
+        f"± {np.std(squares) / np.sqrt(len(squares)):.2f} | "
         f"{100 * np.mean(inside):.1f} % | {1e3 * np.sqrt(np.mean(stated)):.3f} | {refused}"
     )
 
@@ -74,19 +77,20 @@ def row(make: Callable[[int, float, int], Survey], factor: float, targets: int) 
 def main() -> None:
     """Print the table as Markdown."""
     print("# Laser tracker: one source of noise understated\n")
-    print("`python -m benchmarks.tracker_components > benchmarks/tracker_components.md`\n")
+    surveys = int(sys.argv[1]) if len(sys.argv) > 1 else 60
+    print(f"`python -m benchmarks.tracker_components {surveys}`\n")
     print(
         f"Three sensors 5 m away, 10 moves per NCP, stated: the paper's instrument, 10 µm each of "
-        f"the positioners and the drawing; one of them is really larger by the factor. {SEEDS} "
-        f"surveys a row; d² / 9 should be 1 ± {np.sqrt(2 / (9 * SEEDS)):.2f}.\n"
+        f"the positioners and the drawing; one of them is really larger by the factor. {surveys} "
+        f"surveys a row; d² / 9 should be 1 ± {np.sqrt(2 / (9 * surveys)):.2f}.\n"
     )
     print("| source | factor | targets | d² / 9 | in 95 % | stated, mrad | refused |")
     print("|---|---:|---:|---:|---:|---:|---:|")
     for targets in (4, 6):
-        print(f"| {row(drawing, 1.0, targets)} |")
+        print(f"| {row(drawing, 1.0, targets, surveys)} |")
         for make in (drawing, positioner, instrument):
             for factor in (3.0, 5.0, 10.0):
-                print(f"| {row(make, factor, targets)} |", flush=True)
+                print(f"| {row(make, factor, targets, surveys)} |", flush=True)
 
 
 if __name__ == "__main__":

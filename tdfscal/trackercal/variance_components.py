@@ -5,7 +5,7 @@ enlarges the residuals of the targets and not those of the moves. Each source ha
 its own therefore: a factor on the instrument's noise, which moves and targets share, and an
 isotropic variance beyond the stated one of the servo coordinates and of the nominal points. Their
 restricted likelihood, which knows the parameters that the fit has taken, is integrated over a
-prior that leaves each stated uncertainty right in most surveys (Searle, Casella, McCulloch:
+prior that gives each stated uncertainty even odds to be right (Searle, Casella, McCulloch:
 Variance Components, 1992, chapter 9).
 """
 
