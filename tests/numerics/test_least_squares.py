@@ -162,3 +162,11 @@ def test_directions_without_information_stay_at_the_start() -> None:
     )
     assert found.converged
     assert np.allclose(found.state, [3.0, 7.0], rtol=1e-12)
+
+
+def test_gram_root_is_blind_to_what_lies_below_the_root_of_rounding() -> None:
+    """Three columns almost along one line, in one plane: two directions, every time."""
+    for _ in range(20):
+        a, b = RNG.normal(size=(2, 9))
+        J = np.stack([a, a + 1e-5 * b, a - 2e-5 * b], axis=1)
+        assert gram_root(J).shape == (3, 2)
