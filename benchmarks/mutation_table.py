@@ -24,12 +24,11 @@ them). Drawn at random from all changes of the group with a fixed seed. Not coun
 words (texts, what an error says), of `strict` in `zip`, and what mutmut leaves alone: properties,
 module constants, default arguments that are no literals.
 
-The draw was new to the tests: nothing in them was written for it when it was first run (`killed at
-first`). Tests written for the survivors since, and code that they showed to be needless, make the
-next column; a mutant whose line is gone counts as before.
-
-Equivalent: no result that anyone can see changes; the reasons stand below, one by one. The interval
-is that of the share of killed among the others, 95 %, Clopper and Pearson.
+The draw was new to the tests: none of them was written for it before it was first run (`killed at
+first`; the share of those that are not equivalent has its 95 % interval, Clopper and Pearson). For
+what survived then, tests of results were written since, or needless code was deleted (`killed now`;
+of that share no interval can be told). Equivalent: no result that anyone can see changes. Each
+survivor stands below with its reason.
 """
 
 
@@ -45,12 +44,12 @@ class Count:
 
     @property
     def share(self) -> str:
-        """Killed of those that are not equivalent, with its interval."""
-        n = self.killed + self.survived
+        """Killed at first of those that are not equivalent, with its interval."""
+        n = self.drawn - self.equivalent
         if not n:
             return "–"
-        interval = stats.binomtest(self.killed, n).proportion_ci(0.95)
-        return f"{self.killed / n:.1%} ({interval.low:.0%} – {interval.high:.0%})"
+        interval = stats.binomtest(self.first, n).proportion_ci(0.95)
+        return f"{self.first / n:.1%} ({interval.low:.0%} – {interval.high:.0%})"
 
 
 def reasons() -> list[dict[str, str]]:
@@ -103,11 +102,11 @@ def tables(rows: Sequence[Row]) -> str:
     seeds = sorted({row["seed"] for row in rows})
     out = [
         INTRODUCTION.format(
-            sample=max(sum(r["group"] == g for r in rows) for g in {r["group"] for r in rows}),
+            sample=min(sum(r["group"] == g for r in rows) for g in {r["group"] for r in rows}),
             seed=" ".join(map(str, seeds)),
         )
     ]
-    head = "| drawn | killed at first | killed | equivalent | survived | killed of the rest |"
+    head = "| drawn | equivalent | killed at first | of the rest | killed now | survive |"
     out += [f"| group | mutants in all {head}", "|---|---|---|---|---|---|---|---|"]
     for group in dict.fromkeys(row["group"] for row in rows):
         here = [row for row in rows if row["group"] == group]
@@ -130,6 +129,6 @@ def tables(rows: Sequence[Row]) -> str:
 
 
 def _line(name: str, of: str | None, found: Count) -> str:
-    numbers = (found.drawn, found.first, found.killed, found.equivalent, found.survived)
-    cells = [name, *([] if of is None else [of]), *map(str, numbers), found.share]
+    cells = [name, *([] if of is None else [of]), str(found.drawn), str(found.equivalent)]
+    cells += [str(found.first), found.share, str(found.killed), str(found.survived)]
     return "| " + " | ".join(cells) + " |"
