@@ -1,6 +1,6 @@
 """Rests and moves in one estimate against the truth, beside the rests alone.
 
-    python -m benchmarks.motion_stops CASE [--runs 24] [--first 1000]
+    python -m benchmarks.motion_stops CASE [--runs 24] [--first 1000] [--seconds 144]
 
 CASE: white, slow (0.3 N of noise slow as 2 s besides), stiff (carriages of 200 N/µm, white noise,
 where the positioners' errors weigh most). 15 postures in 144 s, rests of 6 s and moves of 4 s; what
@@ -59,14 +59,16 @@ def main() -> None:
     parser.add_argument("case", choices=sorted(CASES))
     parser.add_argument("--runs", type=int, default=24)
     parser.add_argument("--first", type=int, default=1000)
+    parser.add_argument("--seconds", type=float, default=144.0)
     chosen = parser.parse_args()
     rests, whole, wider, refused = [], [], 0, 0
     for seed in range(chosen.first, chosen.first + chosen.runs):
         rig = reference_rig()
-        campaign = simulate_moving(rig, CASES[chosen.case], np.random.default_rng(seed))
+        options = replace(CASES[chosen.case], duration=chosen.seconds)
+        campaign = simulate_moving(rig, options, np.random.default_rng(seed))
         dwells = find_dwells([campaign.log])
-        alone = self_calibrate(rig, dwells, rng=np.random.default_rng(seed), max_trials=0)
         try:
+            alone = self_calibrate(rig, dwells, rng=np.random.default_rng(seed), max_trials=0)
             slow = slow_streams([campaign.log], rig.capacity)
             both = calibrate_moving(rig, slow, DELAY, dwells=len(dwells))
         except TdfscalError as error:
