@@ -34,6 +34,9 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     error = (result.rpy - rpy).ravel()
     assert np.sum((error / result.rpy_std.ravel()) ** 2) < 2 * chi2_quantile(1 - 1e-3, 9)
     assert result.motion is not None
+    assert result.monte_carlo is not None
+    assert result.monte_carlo.linear_interval_validated
+    assert {quantity.name for quantity in result.taken_as_exact} >= {"base level"}
     moved = truth["motion"]
     assert abs(result.motion.delay.value - moved["delay"]) < 4 * result.motion.delay.std
     assert abs(result.motion.friction.value - moved["friction"]) < 4 * result.motion.friction.std
@@ -52,6 +55,7 @@ def test_a_log_without_a_stop_becomes_a_calibration(
     assert set(check.to_dict()["motion"]) >= {"begin", "seconds", "rejected"}
     assert len(check.to_frame()) == len(result.motion.residual.time)
     assert np.array_equal(tdfscal.calibrate(minute, samples="moving").rpy, result.rpy)
+    assert tdfscal.calibrate(minute, samples="moving", trials=0).monte_carlo is None
     with pytest.raises(DataError, match="no static dwell"):
         tdfscal.validate(target, minute, samples="static")
 
