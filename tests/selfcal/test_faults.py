@@ -143,7 +143,7 @@ def test_friction_of_the_hinges_is_named_with_its_size() -> None:
 
 
 def test_a_sound_campaign_raises_no_suspicion() -> None:
-    """At 0.8 % false alarms, more than two among 40 has a chance of 4e-3."""
+    """At 1 % false alarms, more than two among 40 has a chance of 8e-3."""
     found = study(RIG, SQUEEZED, seed=5, trials=40).results
     assert sum(bool(r.suspicions) for r in found) <= 2
     assert sum(len(r.rejected) for r in found) <= 1
