@@ -115,7 +115,7 @@ def _of_the_stops(c: Calibration) -> Iterator[str]:
     for text in c.warnings:
         if c.motion is not None and _STOPS.search(text):
             said, _, cure = text.partition("; ")
-            yield f"{cure[0].upper()}{cure[1:]} ({said})"
+            yield f"{cure[0].upper()}{cure[1:]}: {said}"
 
 
 def _of_the_sensors(c: Calibration) -> Iterator[str]:

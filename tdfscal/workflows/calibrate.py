@@ -208,9 +208,7 @@ def _calibrated(
 
     origin = Provenance(campaign.rig, tuple(inputs), command, seed, measured(log))
     if isinstance(own, MotionCalibration):
-        if (
-            own.reasons and log.stops
-        ):  # it was meant to rest, and what kept it from that comes first
+        if own.reasons and log.stops:  # it may have been meant to rest
             notes += (log.stops,)
         return Calibration.of(from_motion(own, origin, notes), Records(motion=own))
     if own is not None and tracker is not None:
