@@ -14,6 +14,8 @@ AXES = ("x", "y", "z")
 _AT = 1e-6
 #: An axis that varies by this share of what the others do, and by so many times its noise, lives.
 _FOLLOWS, _AUDIBLE = 0.1, 10.0
+#: Relative; what rounding makes of one reading.
+_ROUNDED = 1e-12
 #: Dwells with one reading, of the last, that freeze an axis: no noise repeats itself so often.
 _FROZEN = 3
 
@@ -38,7 +40,7 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     """
     low, high = dwells.force_min, dwells.force_max
     if len(dwells) > 1:
-        stuck = (low.min(axis=0) == high.max(axis=0)) & (dwells.count.max(axis=0) > 0)[:, None]
+        stuck = _same(low.min(axis=0), high.max(axis=0)) & (dwells.count.max(axis=0) > 0)[:, None]
         stuck &= rig.axes
         check_unmeasured(
             rig.supports,
@@ -57,7 +59,7 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
             f"{_axis(rig, i, j)} reaches its capacity of {rig.capacity[i, j]:.6g} N",
         )
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
-    still = (low == high) & (dwells.count >= 8)[..., None]
+    still = _same(low, high) & (dwells.count >= 8)[..., None]
     lively = rig.axes & (np.mean(~still, axis=0) > 0.5)
     for k, i, j in np.argwhere(still & (lively | _froze(still, low) & rig.axes)):
         reasons.setdefault(
@@ -71,6 +73,11 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     return Screened(keep, reasons)
 
 
+def _same(a: FloatArray, b: FloatArray) -> BoolArray:
+    """Readings that are one and the same; sums over a dwell may round their ends apart."""
+    return np.asarray(np.isclose(a, b, rtol=_ROUNDED, atol=0.0))
+
+
 def _froze(still: BoolArray, value: FloatArray) -> BoolArray:
     """Axes (n, 3) with scatter up to a dwell, and one and the same reading in all from there on.
 
@@ -78,7 +85,7 @@ def _froze(still: BoolArray, value: FloatArray) -> BoolArray:
     """
     count = still.sum(axis=0)
     late = np.arange(len(still))[:, None, None] >= len(still) - count
-    same = np.all(~still | (value == value[-1]), axis=0)
+    same = np.all(~still | _same(value, value[-1]), axis=0)
     return np.asarray((count >= _FROZEN) & (count < len(still)) & same & np.all(still == late, 0))
 
 

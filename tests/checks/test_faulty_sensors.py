@@ -151,6 +151,14 @@ def test_an_axis_that_freezes_is_left_out_from_there_on() -> None:
     assert kept(RIG, standing(sound(), 300.0, 1, 1, slice(2, None))) == [0, 1]
 
 
+def test_rounding_thaws_no_frozen_axis() -> None:
+    """The ends of a dwell are taken about its middle, which rounds one of them now and then."""
+    dwells = standing(sound(), -18.282460578617872, 1, 1, slice(2, None))
+    high = dwells.force_max.copy()
+    high[-1, 1, 1] = np.nextafter(high[-1, 1, 1], 0.0)
+    assert kept(RIG, replace(dwells, force_max=high)) == [0, 1]
+
+
 def test_single_dwells_without_scatter_are_frozen_where_the_others_have_some() -> None:
     assert kept(RIG, standing(sound(), 300.0, 1, 1, slice(4, 5))) == [0, 1, 2, 3, 5, 6, 7, 8, 9]
 
