@@ -144,7 +144,7 @@ def test_mirrored_axes_are_named(axes: list[int], signs: list[int], words: str) 
     altered = np.empty_like(POSITION)
     altered[..., axes] = POSITION * np.array(signs, dtype=np.float64)[np.argsort(np.argsort(axes))]
     # Reading the altered log's axes in that order and sign gives the log back.
-    assert np.allclose(altered[..., axes] * np.array(signs), POSITION)
+    assert np.allclose(altered[..., axes] * np.array(signs), POSITION, atol=0)
     error = refused(RIG, altered)
     assert f"the axes read as {words}" in error.what
 
@@ -239,7 +239,8 @@ def test_every_rewiring_can_be_undone_by_itself() -> None:
         there_and_back = [
             p
             for p in again.values()
-            if np.array_equal(p.force, seen.force) and np.allclose(p.force_cov, seen.force_cov)
+            if np.array_equal(p.force, seen.force)
+            and np.allclose(p.force_cov, seen.force_cov, atol=0)
         ]
         assert len(there_and_back) == 1, words
         forces.append(other.force.tobytes())
@@ -270,7 +271,9 @@ def test_a_rewiring_does_what_it_says(
     root = RNG.normal(size=(len(seen), 3, 3, 3))
     cov = dict(rewired(rig, replace(seen, force_cov=root @ np.swapaxes(root, 2, 3))))[words]
     turned_root = np.stack([change(root[..., j]) for j in range(3)], axis=-1)
-    assert np.allclose(cov.force_cov, turned_root @ np.swapaxes(turned_root, 2, 3), rtol=1e-12)
+    assert np.allclose(
+        cov.force_cov, turned_root @ np.swapaxes(turned_root, 2, 3), rtol=1e-12, atol=0
+    )
 
 
 def _at(sensor: int, signs: list[int]) -> FloatArray:

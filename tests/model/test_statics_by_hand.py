@@ -117,7 +117,7 @@ def test_zeros_and_forces_of_single_readings() -> None:
     still = replace(AT, motion=None)
     assert np.array_equal(zeros(STATE, still)[0], STATE.zero)
     reading = AT.force - (zeros(STATE, AT) - STATE.zero)
-    assert np.allclose(forces(STATE, reading), written_out(AT), rtol=1e-12)
+    assert np.allclose(forces(STATE, reading), written_out(AT), rtol=1e-12, atol=0)
     no_amplitude = replace(STATE, drift=np.zeros((0, 4, 3)))
     assert np.array_equal(zeros(no_amplitude, AT)[0], STATE.zero)
 
@@ -184,7 +184,7 @@ def test_readings_that_no_sensor_gives_are_of_no_consequence() -> None:
         np.linalg.norm((p.whitener @ (p.design @ features(STATE, p, G))[..., None])[..., 0], axis=1)
         for p in (first, second)
     ]
-    assert np.allclose(e[0], e[1], rtol=1e-6)
+    assert np.allclose(e[0], e[1], rtol=1e-6, atol=0)
     assert np.array_equal(first.rows, np.full(K, 4))
     # What is filled in leaves little along the free forces, of their own uncertainty.
     value, variance = free_forces.least_squares(
@@ -209,8 +209,10 @@ def test_free_forces_are_those_of_weighted_least_squares() -> None:
     for k in range(3):
         W = np.linalg.inv(cov[k])
         normal = columns[k].T @ W @ columns[k]
-        assert np.allclose(covariance[k], np.linalg.inv(normal), rtol=1e-10)
-        assert np.allclose(value[k], -np.linalg.solve(normal, columns[k].T @ W @ e[k]), rtol=1e-10)
+        assert np.allclose(covariance[k], np.linalg.inv(normal), rtol=1e-10, atol=0)
+        assert np.allclose(
+            value[k], -np.linalg.solve(normal, columns[k].T @ W @ e[k]), rtol=1e-10, atol=0
+        )
     V, rows = free_forces.whitener(cov, np.zeros((3, 6, 0)))
     assert np.allclose(V @ cov @ np.swapaxes(V, 1, 2), np.eye(6), rtol=0, atol=1e-12)
     assert np.array_equal(rows, [6, 6, 6])

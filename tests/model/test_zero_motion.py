@@ -93,9 +93,9 @@ def test_zeros_that_were_taken_before_have_moved_by_the_first_posture() -> None:
     assert found is not None
     elapsed = np.array([100.0, 102.0, 107.0, 120.0])
     expected = [elapsed, TEMPERATURE[:, 1] - 17.0, elapsed**2]
-    assert np.allclose(found.value[:, 1], np.stack(expected, axis=1), rtol=1e-14)
+    assert np.allclose(found.value[:, 1], np.stack(expected, axis=1), rtol=1e-14, atol=0)
     walked = zero_motion(Drift(walk=0.3), TIME, None, 1, ZeroAge(seconds=100.0))
     assert walked is not None
     modes = walked.value[:, 0]
     covariance = 0.3**2 * np.minimum(elapsed[:, None], elapsed[None])
-    assert np.allclose(modes @ modes.T, covariance, rtol=1e-12)
+    assert np.allclose(modes @ modes.T, covariance, rtol=1e-12, atol=0)

@@ -57,7 +57,7 @@ def test_rows_of_the_priors_are_deviations_over_their_std(off: FloatArray) -> No
     residual, rows = priors(state)
     held = np.isfinite(std) & (std > 0)
     assert np.array_equal(priors.active, std > 0)
-    assert np.allclose(residual, (off / np.where(held, std, 1.0))[held], rtol=1e-9)
+    assert np.allclose(residual, (off / np.where(held, std, 1.0))[held], rtol=1e-9, atol=0)
     for j, unit in enumerate(np.eye(SIZE)[priors.active]):
         more, less = (priors(retract(state, s * 1e-6 * unit))[0] for s in (1, -1))
         assert np.allclose((more - less) / 2e-6, rows[:, j], rtol=1e-6, atol=1e-6)
@@ -127,7 +127,7 @@ def test_zeros_that_move_do_not_belong_to_earlier_campaigns() -> None:
     moved, _ = priors(state)
     still, _ = priors(replace(state, drift=np.zeros((1, 3, 3))))
     change = moved - still
-    assert np.allclose(change[np.abs(change) > 0], 2.0, rtol=1e-12)
+    assert np.allclose(change[np.abs(change) > 0], 2.0, rtol=1e-12, atol=0)
     assert np.count_nonzero(change) == 9
 
 
@@ -143,7 +143,7 @@ def test_statistic_is_the_weighted_sum_of_squares(off: FloatArray) -> None:
     compressed = statistic(at, weight) @ psi
     assert compressed @ compressed == pytest.approx(weight @ each, rel=1e-9)
     found = at_state(RIG, SEEN, state, weight)
-    assert np.allclose(found.distance, each, rtol=1e-8)
+    assert np.allclose(found.distance, each, rtol=1e-8, atol=0)
     prior = found.prior_residual
     assert found.cost == pytest.approx(weight @ each + prior @ prior, rel=1e-9)
     used = len(SEEN) - 1

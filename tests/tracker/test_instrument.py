@@ -43,7 +43,7 @@ def test_range_noise_lies_along_the_line_of_sight() -> None:
     for k, place in enumerate(PLACES):
         r = np.linalg.norm(place)
         sigma = 1e-5 + 5e-6 * r
-        assert np.allclose(cov[k], sigma**2 * np.outer(place, place) / r**2, rtol=1e-12)
+        assert np.allclose(cov[k], sigma**2 * np.outer(place, place) / r**2, rtol=1e-12, atol=0)
 
 
 def test_angle_noise_lies_across_it() -> None:
@@ -89,17 +89,17 @@ def test_noise_is_the_instruments_unless_the_file_states_it() -> None:
     points = matched(1)
     C, D = point_noise(points, TRACKER, {"drawing": 3e-5, "nothing": 0.0}).totals(6)
     own = range_covariance(points.measured, TRACKER) + angle_covariance(points.measured, TRACKER)
-    assert np.allclose(C, own, rtol=1e-12)
-    assert np.allclose(D, isotropic(3e-5, 6), rtol=1e-12)
+    assert np.allclose(C, own, rtol=1e-12, atol=0)
+    assert np.allclose(D, isotropic(3e-5, 6), rtol=1e-12, atol=0)
     stated = np.full((6, 3), np.nan)
     stated[2] = [1e-4, 2e-4, 3e-4]
     some = replace(points, measured_std=stated, reference_std=2 * stated)
     C, D = point_noise(some, TRACKER, {"drawing": 3e-5}).totals(6)
-    assert np.allclose(C[2], np.diag(stated[2] ** 2), rtol=1e-12)
-    assert np.allclose(D[2], 4 * np.diag(stated[2] ** 2), rtol=1e-12)
+    assert np.allclose(C[2], np.diag(stated[2] ** 2), rtol=1e-12, atol=0)
+    assert np.allclose(D[2], 4 * np.diag(stated[2] ** 2), rtol=1e-12, atol=0)
     others = [0, 1, 3, 4, 5]
-    assert np.allclose(C[others], own[others], rtol=1e-12)
-    assert np.allclose(D[others], isotropic(3e-5, 5), rtol=1e-12)
+    assert np.allclose(C[others], own[others], rtol=1e-12, atol=0)
+    assert np.allclose(D[others], isotropic(3e-5, 5), rtol=1e-12, atol=0)
 
 
 def test_points_without_a_statement_have_the_largest_one() -> None:
@@ -109,8 +109,8 @@ def test_points_without_a_statement_have_the_largest_one() -> None:
     C, D = point_noise(points, None, {}).totals(6)
     largest = np.diag(np.array([2e-4, 2e-4, 3e-4]) ** 2)
     for total in (C, D):
-        assert np.allclose(total[0], largest, rtol=1e-12)
-        assert np.allclose(total[4], np.diag(stated[4] ** 2), rtol=1e-12)
+        assert np.allclose(total[0], largest, rtol=1e-12, atol=0)
+        assert np.allclose(total[4], np.diag(stated[4] ** 2), rtol=1e-12, atol=0)
     C, D = point_noise(matched(2), None, {}).totals(6)
     assert not C.any()
     assert not D.any()
@@ -121,12 +121,12 @@ def test_rounded_coordinates_are_uniform_within_their_last_digit() -> None:
     digits = 1e-4 * np.round(np.random.default_rng(0).uniform(size=400_000) * 1e3 % 1, 9)
     spread = digits.std()
     C, D = point_noise(points, None, {"drawing": 1e-9}).totals(6)
-    assert np.allclose(np.sqrt(C[0, 0, 0]), spread, rtol=5e-3)
-    assert np.allclose(D, isotropic(1e-9, 6))  # a stated drawing covers how it is written
+    assert np.allclose(np.sqrt(C[0, 0, 0]), spread, rtol=5e-3, atol=0)
+    assert np.allclose(D, isotropic(1e-9, 6), atol=0)  # a stated drawing covers how it is written
     stated = replace(points, measured_std=np.full((6, 3), 1e-9))
     C, D = point_noise(stated, None, {}).totals(6)
-    assert np.allclose(np.sqrt(C[0, 0, 0]), spread, rtol=5e-3)
-    assert np.allclose(np.sqrt(D[0, 0, 0]), 10 * spread, rtol=5e-3)
+    assert np.allclose(np.sqrt(C[0, 0, 0]), spread, rtol=5e-3, atol=0)
+    assert np.allclose(np.sqrt(D[0, 0, 0]), 10 * spread, rtol=5e-3, atol=0)
     C, D = point_noise(points, None, {}).totals(6)  # nothing stated: the residuals show it
     assert not C.any()
     assert not D.any()
@@ -265,7 +265,9 @@ def test_noise_of_the_residuals_counts_what_they_determined(scale: bool) -> None
 
 def test_uncertainties_of_translation_and_angles_are_those_of_the_covariance() -> None:
     found = register(*of_files(matched(12), 1e-5))
-    assert np.allclose(found.translation_std, np.sqrt(np.diag(found.covariance)[3:]), rtol=1e-12)
+    assert np.allclose(
+        found.translation_std, np.sqrt(np.diag(found.covariance)[3:]), rtol=1e-12, atol=0
+    )
     h, R = 1e-6, Rotation.from_matrix(found.rotation)
     J = np.stack(
         [
@@ -275,7 +277,7 @@ def test_uncertainties_of_translation_and_angles_are_those_of_the_covariance() -
         ], axis=1,
     )  # fmt: skip
     own = np.sqrt(np.diag(J @ found.covariance[:3, :3] @ J.T))
-    assert np.allclose(found.rpy_std, own, rtol=1e-6)
+    assert np.allclose(found.rpy_std, own, rtol=1e-6, atol=0)
     assert np.allclose(found.rpy, R.as_euler("xyz"), rtol=0, atol=1e-12)
 
 

@@ -69,15 +69,15 @@ def test_what_is_declared_per_posture_adds_to_a_samples_uncertainty() -> None:
     for hinge in rig.hinge:
         for f in 0.7 * np.eye(3):
             moment += np.concatenate([f, np.cross(hinge, f)]) ** 2
-    assert np.allclose(noise.std, np.sqrt(moment), rtol=1e-9)
+    assert np.allclose(noise.std, np.sqrt(moment), rtol=1e-9, atol=0)
     assert not noise.calibration_std.any()
     friction = wrenches(given(DeclaredUncertainty(hinge_moment=0.2), 0.0), *standing(3))
     # As declared per axis, and as friction whose direction is any: n τ / √3 = 0.2 once more.
     expected = [0, 0, 0, *[np.hypot(0.2, 0.2)] * 3]
-    assert np.allclose(friction.std, expected, rtol=1e-9)
+    assert np.allclose(friction.std, expected, rtol=1e-9, atol=0)
     twice = wrenches(given(DeclaredUncertainty(positioner=2e-5), 0.0), *standing(3)).std
     once = wrenches(given(DeclaredUncertainty(positioner=1e-5), 0.0), *standing(3)).std
-    assert np.allclose(twice, 2 * once, rtol=1e-9)
+    assert np.allclose(twice, 2 * once, rtol=1e-9, atol=0)
     assert (once[:, 3:5] > 0).all()
 
 
@@ -146,7 +146,7 @@ def test_a_pose_that_is_known_is_taken() -> None:
     turned = Poses(np.tile(Rotation.from_euler("z", 0.3).as_matrix(), (4, 1, 1)), np.zeros((4, 3)))
     value = wrenches(given(), time, position, 1.1 * force, at=turned).value
     plain = wrenches(given(), time, position, 1.1 * force).value
-    assert np.allclose(value[:, 2], plain[:, 2])
+    assert np.allclose(value[:, 2], plain[:, 2], atol=0)
     own = pose(given(), position + np.array([1.0, 2.0, 3.0]))
     assert np.allclose(own.translation, [1, 2, 3], rtol=0, atol=1e-12)
     some = own.rows(slice(1, 3))
