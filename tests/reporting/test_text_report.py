@@ -18,6 +18,7 @@ from tdfscal.reporting.history import short
 from tdfscal.reporting.html import render_page
 from tdfscal.reporting.terminal import show, show_on
 from tdfscal.reporting.text import render as as_text
+from tdfscal.reporting.text import table
 from tests.reporting.samples import NASTY, changed, fit_with, sample, surveyed
 
 
@@ -152,6 +153,14 @@ def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPat
         assert re.search(rf"yaw +{1e3 * yaw:.3f} +\+20\.000 ", plain)
         assert max(map(len, plain.splitlines())) <= 80
     assert "+20.000" in render_page(changed(c, rig=rig))
+
+
+def test_columns_that_go_on_below_are_not_cut_besides(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    header = ("sensor", "value", "interval", "dominant source")
+    lines = table(header, [("ncp1", "-57.200", "-57.798 to -56.603", "earlier campaigns 99%")])
+    assert max(map(len, lines)) <= 40
+    assert any("earlier campaigns 99%" in line for line in lines)
 
 
 def test_a_history_names_files_by_what_tells_them_apart() -> None:
