@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from tdfscal.files.calibration.log_time import clock_from
 from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.streams import Slow
-from tdfscal.reporting.figures.style import FILLS, INK, RED, Drawing, figure, tip
+from tdfscal.reporting.figures.style import INK, LINES, RED, Drawing, figure, tip
 
 #: Instants of a line at most; more are not to be told apart.
 _INSTANTS = 1500
@@ -41,7 +41,7 @@ def _paint(slow: Slow, rejected: Sequence[Stretch]) -> Figure:
             y = force[:, i, k]
             if not np.isfinite(y).any():
                 continue
-            (line,) = ax.plot(x, y, color=FILLS[i % len(FILLS)], linewidth=1.1, label=name)
+            (line,) = ax.plot(x, y, color=LINES[i % len(LINES)], linewidth=1.1, label=name)
             tip(line, f"{name} F{'xyz'[k]}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N")
         ax.set_ylabel(f"F{'xyz'[k]}, N", color=INK)
     panels[-1].set_xlabel(time.label)

@@ -18,6 +18,7 @@ from tdfscal.reporting.figures.style import (
     FILLS,
     GREY,
     INK,
+    LINES,
     PALE,
     RED,
     Drawing,
@@ -155,7 +156,7 @@ def _forces(
             if "xyz"[k] not in support.axes:
                 continue
             (line,) = ax.plot(
-                middle, force[i, :, k], linewidth=0.7, color=FILLS[i % len(FILLS)],
+                middle, force[i, :, k], linewidth=0.7, color=LINES[i % len(LINES)],
                 marker=_MARKERS[i % len(_MARKERS)], markersize=3.2, markeredgecolor=INK,
                 markeredgewidth=0.3, label=support.name, rasterized=pixels,
             )  # fmt: skip
