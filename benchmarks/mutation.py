@@ -168,7 +168,8 @@ def _of_words(mutation: Mutation) -> bool:
     """Is it a text that changes, or the guard `strict` of a zip, which never speaks?"""
     old, new = mutation.original_node, mutation.mutated_node
     if isinstance(old, (cst.Assign, cst.AnnAssign)):
-        return isinstance(old.value, STRINGS)
+        value = old.value.body if isinstance(old.value, cst.IfExp) else old.value
+        return isinstance(value, STRINGS)
     if isinstance(old, cst.IfExp):
         return isinstance(old.body, STRINGS)
     if isinstance(old, cst.Call) and isinstance(new, cst.Call):
