@@ -22,9 +22,9 @@ INTRODUCTION = """# Mutants, and whether tests of results notice them
 
 One operator, number, argument, assignment or branch of a function is changed (mutmut's operators),
 and the tests of the module's own room run to the first that fails (`GROUPS` in `mutation.py` names
-them). Drawn at random from all changes of the group with a fixed seed, 60 a group or more. Not counted: changes of
-words (texts, what an error says), of `strict` in `zip`, and what mutmut leaves alone: properties,
-module constants, default arguments that are no literals.
+them). Drawn at random from all changes of the group with a fixed seed, 60 a group or more. Not
+counted: changes of words (texts, what an error says), of `strict` in `zip`, and what mutmut leaves
+alone: properties, module constants, default arguments that are no literals.
 
 The draws are others than the one that tests had been written for (seed 1, 90 a group: a sixth of
 the gate's and a quarter of the file checks' mutants are in both, of the others fewer); seed 3, of
