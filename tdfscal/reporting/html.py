@@ -66,7 +66,7 @@ def _environment() -> Environment:
     )
     environment.filters["svg"] = _inline
     environment.filters["words"] = _words
-    environment.filters["minus"] = lambda text: str(text).replace("-", "−")
+    environment.filters["minus"] = lambda text: re.sub(r"-(?=[\d.])", "−", str(text))
     for kind in (Table, Facts, Items):
         environment.tests[kind.__name__.lower()] = lambda block, kind=kind: isinstance(block, kind)
     return environment
