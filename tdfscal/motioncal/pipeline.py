@@ -279,7 +279,7 @@ def _judged(
         found,
         stats.birge,
         inputs=inputs,
-        suspicions=[doubt.finding for doubt in result.suspicions if doubt.harmful],
+        suspicions=[doubt.finding for doubt in result.suspicions if doubt.spoils_motion],
         conformity=conformity,
     )
     if lost > MOST_REJECTED * (lost + seconds):
@@ -343,5 +343,5 @@ def _warnings(
     out = [f"{s.begin:.2f} to {s.end:.2f} s of the log were left out: {s.reason}" for s in rejected]
     if turned := log_against_rig.turned(rig, position):
         out.append(turned)
-    out += [doubt.text for doubt in doubts if not doubt.harmful]
+    out += [doubt.text for doubt in doubts if not doubt.spoils_motion]
     return tuple(out)

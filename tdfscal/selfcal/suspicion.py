@@ -125,15 +125,29 @@ class Suspicion:
     zero: str = ""
 
     @property
+    def certain(self) -> bool:
+        """Chance alone does not ask as much."""
+        return self.p_value < CERTAINLY_UNDECLARED
+
+    @property
     def harmful(self) -> bool:
         """It would move an angle by more than its uncertainty bears; less, where it is certain.
 
         Then zeros count too, since a controller loads them. Before, chance alone moves them as far:
         mass, barycentre and zeros are nearly exchangeable.
         """
-        if self.p_value < CERTAINLY_UNDECLARED:
+        if self.certain:
             return max(self.shift, self.zero_shift) > CERTAIN_SHIFT
         return self.shift > HARMFUL_SHIFT
+
+    @property
+    def spoils_motion(self) -> bool:
+        """Harmful to samples in motion, where only what is certain counts.
+
+        A path driven twice repeats the positioners' errors, as no noise does: what is left of them
+        looks like a gain or an offset, and stands in the uncertainty.
+        """
+        return self.certain and self.harmful
 
     @property
     def finding(self) -> str:
