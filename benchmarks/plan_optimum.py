@@ -42,7 +42,7 @@ class Problem:
     @property
     def size(self) -> int:
         """Unknowns of a posture."""
-        return 3 + self.modes.shape[2]
+        return 3 + int(self.modes.shape[2])
 
     def postures(self, x: FloatArray, limits: Limits) -> Candidates:
         """Postures (K) of unknowns (K, size)."""
@@ -118,7 +118,7 @@ def problem(n: int) -> Problem:
     limits = Limits(TILT, SQUEEZE, np.full((n, 3), np.inf), np.zeros(3), stiffness=STIFF)
     planner = Planner(rig, Request(limits, noise=NOISE), np.random.default_rng(0), None)
     arm = rig.hinge - rig.hinge.mean(axis=0)
-    balance = np.concatenate([np.tile(np.eye(3), n), np.hstack(so3.hat(arm))])
+    balance = np.concatenate([np.tile(np.eye(3), n), np.hstack(list(so3.hat(arm)))])
     return Problem(planner, limits, null_space(balance).reshape(n, 3, -1))
 
 
