@@ -425,6 +425,7 @@ def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
 TARGETS = ("urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc")
 
 
+@pytest.mark.slow
 def test_results_that_lie_in_a_campaign_are_left_alone(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

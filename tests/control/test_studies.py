@@ -60,6 +60,7 @@ def test_arms_differ_in_their_angles_alone(arms: Arms) -> None:
     assert [arm.tared for arm in arms.arms].count(True) == 1
 
 
+@pytest.mark.slow
 def test_free_space_ranks_the_calibrations(arms: Arms) -> None:
     setup = free_space.Setup(
         RIG, controller=SILENT, moves=free_space.MOVES[[0, 3]], duration=2.0, rest=25.0
@@ -88,6 +89,7 @@ def test_taring_hides_what_a_calibration_would_take_away(arms: Arms) -> None:
     assert tared < 0.2 * tracker
 
 
+@pytest.mark.slow
 def test_docking_maxima_fall_with_what_is_known(arms: Arms) -> None:
     """Without noise: who knows the truth docks gears that fit without force."""
     exact = replace(RIG, declared=replace(RIG.declared, positioner=0.0))

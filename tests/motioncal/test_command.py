@@ -96,6 +96,7 @@ def test_rests_and_moves_together_are_never_wider(tmp_path: Path) -> None:
     assert np.sum((error / both.rpy_std.ravel()) ** 2) < 2 * chi2_quantile(1 - 1e-3, 9)
 
 
+@pytest.mark.slow
 def test_moves_that_shake_leave_the_dwells_their_result(tmp_path: Path) -> None:
     """After each move of this scenario the forces ring on as no rigid body's do."""
     folder = tmp_path / "campaign"

@@ -71,6 +71,7 @@ def test_every_limit_is_held_and_one_of_them_used() -> None:
     assert used["squeeze"] > 200.0 * 0.97
 
 
+@pytest.mark.slow
 def test_a_plan_beats_random_motions_and_the_waypoints_carry_it() -> None:
     p = plan()
     assert p.improvement > 1.1
@@ -87,6 +88,7 @@ def test_a_plan_beats_random_motions_and_the_waypoints_carry_it() -> None:
         assert np.abs(stretch).max() * STIFFNESS < 0.05 * 200.0
 
 
+@pytest.mark.slow
 def test_a_machine_that_drives_it_is_as_certain_as_was_said() -> None:
     """Stated σ of six campaigns against the prediction: the draws of the error fields differ."""
     p = plan()

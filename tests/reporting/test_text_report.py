@@ -43,12 +43,12 @@ def with_(c: Calibration, status: str = "rejected", **parts: Any) -> Calibration
     return changed(c, status=status, quality={"reasons": ("a reason",)}, **parts)
 
 
-@pytest.mark.parametrize("c", [sample(touched=True).calibration, *surveyed()])
-def test_eighty_columns_and_verdict_first(c: Calibration) -> None:
-    lines = render(c).splitlines()
-    assert lines[0] == "Test rig: ACCEPTED"
-    assert max(map(len, lines)) <= 80
-    assert not any(line != line.rstrip() for line in lines)
+def test_eighty_columns_and_verdict_first() -> None:
+    for c in (sample(touched=True).calibration, *surveyed()):
+        lines = render(c).splitlines()
+        assert lines[0] == "Test rig: ACCEPTED"
+        assert max(map(len, lines)) <= 80
+        assert not any(line != line.rstrip() for line in lines)
 
 
 def test_every_angle_in_mrad() -> None:

@@ -34,7 +34,7 @@ def test_touched_postures_are_rejected_by_name_and_no_other(touched: tuple[int, 
 
 def test_more_than_a_tenth_rejected_is_a_failure() -> None:
     contacts = tuple(Contact(k, (30.0, -40.0, 60.0)) for k in (2, 8, 13, 19))
-    for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=3, trials=2).results:
+    for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=3, trials=1).results:
         assert len(result.rejected) == 4
         assert any("4 of 24 postures" in reason for reason in result.reasons)
 
@@ -76,7 +76,7 @@ def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: 
 def test_zeros_that_leave_where_they_were_tared_spoil_the_angles() -> None:
     """Drift weighs as unequal noise of the channels, and pulls at zeros stated where it begins."""
     drifts = (Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0)))
-    found = study(RIG, with_faults(Faults(drifts=drifts)), seed=5, trials=5).results
+    found = study(RIG, with_faults(Faults(drifts=drifts)), seed=5, trials=2).results
     assert all(any("drift" in reason for reason in r.reasons) for r in found)
 
 

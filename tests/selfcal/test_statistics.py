@@ -23,6 +23,7 @@ def within(value: float, distribution: stats.rv_continuous, *args: float) -> boo
     return bool(RARE < distribution.cdf(value, *args) < 1 - RARE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "squeeze"), [(3, 0.0), (3, 200.0), (4, 50.0)])
 def test_errors_are_as_large_as_stated(n: int, squeeze: float) -> None:
     rig, trials = simulation.make_rig(n), 40

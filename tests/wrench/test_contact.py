@@ -22,7 +22,6 @@ from tdfscal.wrench.kinematics import motion, poses
 from .held_out import HELD, RIG, USED, World, simulated, world
 
 FORCE, MOMENT = (30.0, -20.0, 45.0), (8.0, -6.0, 4.0)
-MANY = world(100)
 
 
 def mahalanobis(given: Calibrated, held: World, trial: int, truth: FloatArray) -> float:
@@ -42,15 +41,15 @@ def mahalanobis(given: Calibrated, held: World, trial: int, truth: FloatArray) -
 @pytest.mark.parametrize("touching", [True, False])
 def test_error_is_within_the_stated_uncertainty(touching: bool) -> None:
     contacts = tuple(Contact(USED + k, FORCE, MOMENT) for k in range(HELD)) if touching else ()
-    held = replace(MANY, batch=simulated(100, Faults(contacts=contacts)))
+    held = replace(world(100), batch=simulated(100, Faults(contacts=contacts)))
     truth = np.array([*FORCE, *MOMENT]) if touching else np.zeros(6)
-    d2 = [mahalanobis(given, held, t, truth) for t, given in enumerate(MANY.given)]
+    d2 = [mahalanobis(given, held, t, truth) for t, given in enumerate(world(100).given)]
     assert stats.kstest(d2, stats.chi2(6 * HELD).cdf).pvalue > 1e-3
     assert 1e-3 < stats.chi2.cdf(sum(d2), 6 * HELD * len(d2)) < 1 - 1e-3
 
 
 def test_wrench_is_newtons_law_written_out() -> None:
-    given, dwells = MANY.given[0], MANY.held(0)
+    given, dwells = world(100).given[0], world(100).held(0)
     s = given.state
     found = wrenches(given, dwells.start, dwells.position, dwells.force).value
     R, _ = register(s.hinge, dwells.position - s.datum)
@@ -65,7 +64,7 @@ def test_wrench_is_newtons_law_written_out() -> None:
 
 
 def test_standard_uncertainty_is_the_spread_over_the_covariance() -> None:
-    given, dwells = MANY.given[0], MANY.held(0)
+    given, dwells = world(100).given[0], world(100).held(0)
     rng, draws = np.random.default_rng(5), 1000
     steps = rng.standard_normal((draws, given.root.shape[1])) @ given.root.T
     time = np.arange(float(HELD))
@@ -80,7 +79,7 @@ def test_standard_uncertainty_is_the_spread_over_the_covariance() -> None:
 
 
 def test_sensitivity_is_undone_before_the_rotation() -> None:
-    given, dwells = MANY.given[0], MANY.held(0)
+    given, dwells = world(100).given[0], world(100).held(0)
     voigt = np.array([[0.01, -0.02, 0.015, 0.003, -0.004, 0.005]] * 3)
     scaled = replace(given, state=replace(given.state, sensitivity=voigt))
     xx, yy, zz, yz, xz, xy = voigt[0]
@@ -93,7 +92,7 @@ def test_sensitivity_is_undone_before_the_rotation() -> None:
 
 
 def test_open_zeros_leave_the_uncertainty_open() -> None:
-    given, dwells = MANY.given[0], MANY.held(0)
+    given, dwells = world(100).given[0], world(100).held(0)
     unknown = np.zeros_like(given.open)
     unknown[9:12] = True
     cov = covariance(replace(given, open=unknown), dwells.position, dwells.force)
@@ -119,7 +118,7 @@ def test_inertial_terms_are_the_rate_of_momentum() -> None:
     t = np.arange(N) / rate
     inertia = np.array([[60.0, 2.0, -3.0], [2.0, 70.0, 1.0], [-3.0, 1.0, 90.0]])
     rig = replace(RIG, inertia=UncertainValue.exact(inertia))
-    given = replace(MANY.given[0], rig=rig)
+    given = replace(world(100).given[0], rig=rig)
     s, m = given.state, float(given.state.mass)
 
     def pose_at(u: Any) -> tuple[FloatArray, FloatArray]:
