@@ -107,6 +107,7 @@ def test_a_turned_sensor_alarms_and_is_named_in_its_month(
     assert len(later["older_alarms"]) == 1
 
 
+@pytest.mark.slow
 def test_calibrations_that_stand_on_each_other_are_taken_apart(
     months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -55,7 +55,7 @@ def test_docking(
 ) -> None:
     shortened(monkeypatch, docking.Setup, gap=5e-4, ramp=0.2)
     drawn = DockingResult.drawings
-    monkeypatch.setattr(DockingResult, "drawings", lambda self: drawn(self)[:1])
+    monkeypatch.setattr(DockingResult, "drawings", lambda self: drawn(self)[-1:])
     out = tmp_path / "out"
     line = ("study", "docking", bench.rig, "-o", out, "--runs", 1, "--engagement", 8, "--seed", 2)
     options = ("--perfect", "--filter", "kalman", "--walk", 5, "--mounting", "1e-3,1e-3,0.01")

@@ -118,6 +118,7 @@ def test_docked_position_is_the_geometric_one() -> None:
     assert np.hypot(tilt_x, tilt_y).max() < gears.tilt
 
 
+@pytest.mark.slow
 def test_halving_the_step_changes_maxima_little() -> None:
     truth = truths(3, seed=4)
     wrong = uncalibrated(loose_rig(), truth.rotation @ rotations.exp(np.full(3, 2e-3)), 3)

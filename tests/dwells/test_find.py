@@ -92,6 +92,7 @@ def test_every_stop_is_one_dwell(recipe: Recipe) -> None:
     assert np.all(np.diff(dwells.start) > 0)
 
 
+@pytest.mark.slow
 def test_at_least_99_percent_of_many_stops_are_found() -> None:
     found = stops = 0
     for seed in range(6):

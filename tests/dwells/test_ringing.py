@@ -49,6 +49,7 @@ def test_a_decay_without_oscillation_is_a_mode_too() -> None:
     assert "time constant 0.8 s" in str(mode)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "recipe",
     [

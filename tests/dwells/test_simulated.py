@@ -67,6 +67,7 @@ def score(recorder: Recorder, seeds: range, postures: int) -> Score:
     return Score(true, hit, astray, np.array(z))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_true_dwells_are_found_and_their_means_are_right(name: str) -> None:
     found = score(CASES[name], range(1), 12)

@@ -46,6 +46,7 @@ def reference() -> Plan:
     return plan
 
 
+@pytest.mark.slow
 def test_planned_postures_beat_random_ones(reference: Plan) -> None:
     plan = reference
     assert len(plan) == 24
@@ -111,6 +112,7 @@ def test_a_target_takes_as_few_postures_as_it_needs() -> None:
         plan_for_target(rig, request, 1e-5, RNG(6))
 
 
+@pytest.mark.slow
 def test_the_contact_wrench_as_objective() -> None:
     rig = reference_rig()
     request = Request(limits(rig), candidates=300, objective="wrench", at=(0.02, 0.0, 0.0))

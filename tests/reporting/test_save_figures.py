@@ -29,7 +29,13 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home
 
 
-@pytest.mark.parametrize("typed", COMMANDS)
+@pytest.mark.parametrize(
+    "typed",
+    [
+        pytest.param(c, marks=[pytest.mark.slow] if c.startswith(("apply", "plan")) else [])
+        for c in COMMANDS
+    ],
+)
 def test_each_figure_in_three_formats(
     typed: str, world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

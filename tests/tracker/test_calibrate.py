@@ -58,6 +58,7 @@ SURVEYS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "setting",
     [SURVEYS[0], *(pytest.param(s, marks=pytest.mark.slow) for s in SURVEYS[1:])],

@@ -57,6 +57,7 @@ def judged(result: SelfCalibration, dwells: Dwells, known: KnownNoise) -> Valida
     return validate(given, part(dwells, np.arange(USED, USED + HELD)), known=known)
 
 
+@pytest.mark.slow
 def test_a_noisy_sensor_that_the_calibration_knows_is_no_change() -> None:
     whole = campaigns(unequal())
     results = [calibrated(dwells) for dwells in whole]

@@ -64,6 +64,7 @@ def test_a_sensor_turned_by_3_mrad_is_found_and_named(axis: str) -> None:
     assert named >= 0.95 * FEWER
 
 
+@pytest.mark.slow
 def test_the_turn_is_estimated_with_an_honest_uncertainty() -> None:
     squares = []
     for t in range(FEWER):
@@ -141,6 +142,7 @@ def test_a_drifted_zero_is_told_from_a_turned_sensor() -> None:
     assert len(right) >= 0.95 * FEWER
 
 
+@pytest.mark.slow
 def test_what_is_called_detectable_is_detected_as_often_as_said() -> None:
     axis, sensor, hits = 2, 1, 0
     for t in range(FEWER):

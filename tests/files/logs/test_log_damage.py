@@ -62,6 +62,7 @@ def test_bit_flips_by_the_thousand(kind: Kind) -> None:
     assert found[REFUSED] + found[SAME] == 2500
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunking", [True, False])
 @pytest.mark.parametrize("summary", [True, False])
 def test_truncation_at_every_record_of_mcap(tmp_path: Path, chunking: bool, summary: bool) -> None:
