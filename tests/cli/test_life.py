@@ -239,6 +239,7 @@ def simulated_zero(folder: Path) -> list[list[float]]:
     return [s["zero"] for s in yaml.safe_load((folder / "truth.yaml").read_text())["supports"]]
 
 
+@pytest.mark.slow
 def test_a_recording_exported_in_two_formats_is_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

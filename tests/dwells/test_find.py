@@ -126,7 +126,7 @@ def test_at_least_99_percent_of_many_stops_are_found() -> None:
         (2.0, 1.0),
     ],
 )
-@pytest.mark.parametrize("amplitude", [1.0, 5.0, 30.0])
+@pytest.mark.parametrize("amplitude", [1.0, 30.0])
 def test_settling_leaves_no_bias(amplitude: float, tau: float, hertz: float) -> None:
     recipe = Recipe(
         rate=200,

@@ -72,5 +72,6 @@ def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
         calibrate_moving(declared, slow, DELAY)
 
 
+@pytest.mark.slow
 def test_a_sound_rig_file_raises_no_suspicion() -> None:
     assert doubts("nothing") == ()

@@ -153,6 +153,7 @@ def test_impossible_requests_are_refused() -> None:
         make_plan(silent, Request(limits(rig), noise=0.0), 8, RNG(9))
 
 
+@pytest.mark.slow
 def test_a_load_cell_without_a_mounting_stands_aside() -> None:
     """Its angles are no number, and the others' are planned for."""
     rig = reference_rig()

@@ -25,7 +25,9 @@ def _check(name: str) -> None:
     assert chi2_sf(last.distance * last.angles, last.angles) > CHANCE
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize(
+    "name", [QUICK[0], *(pytest.param(name, marks=pytest.mark.slow) for name in QUICK[1:])]
+)
 def test_the_first_advice_leads_to_true_angles(name: str) -> None:
     _check(name)
 

@@ -190,6 +190,7 @@ def test_a_jolt_does_not_reach_the_angles() -> None:
     assert not result.reasons
 
 
+@pytest.mark.slow
 def test_averaged_postures_without_a_noise_take_it_from_the_residuals() -> None:
     """`rows: postures` and nothing declared: honest, with few degrees of freedom, and said."""
     from scipy import stats

@@ -38,6 +38,7 @@ def test_errors_are_as_large_as_stated(n: int, squeeze: float) -> None:
     assert not any(r.rejected or r.reasons for r in seen.results)
 
 
+@pytest.mark.slow
 def test_five_times_better_than_the_papers_linear_method() -> None:
     rig = simulation.reference_rig()
     batch = simulation.simulate_dwells(rig, SQUEEZED, np.random.default_rng(0), 20)

@@ -63,6 +63,7 @@ def test_squeeze_goes_through_the_carriages_stiffness() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [3, 4])
 def test_natural_internal_forces_have_the_stated_size(n: int) -> None:
     rig = replace(exact_rig(n), declared=DeclaredUncertainty(positioner=1.0e-5))

@@ -130,7 +130,7 @@ def errors(kind: str, seed: int, smoothed: bool = False) -> tuple[FloatArray, Sa
 
 
 @pytest.mark.parametrize("kind", ["white", "AR(0.95)", "hum", "resolution"])
-@pytest.mark.parametrize("smoothed", [False, True])
+@pytest.mark.parametrize("smoothed", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_samples_lie_within_their_uncertainty(kind: str, smoothed: bool) -> None:
     found = [errors(kind, seed, smoothed) for seed in (1, 2)]
     assert all(told.dwells >= POSTURES - 4 for _, told in found)

@@ -155,6 +155,7 @@ def test_what_is_called_detectable_is_detected_as_often_as_said() -> None:
     assert stats.binom.cdf(hits, FEWER, DETECTION_POWER) > 1e-3
 
 
+@pytest.mark.slow
 def test_parameters_taken_as_independent_err_on_the_safe_side() -> None:
     rejected = sum(
         not validate(alone(world(TRIALS).given[t]), world(TRIALS).held(t)).holds
