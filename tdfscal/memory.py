@@ -34,10 +34,10 @@ _SAID = (
     "can't start new thread",
     "failed to launch worker thread",
 )
+#: The matrices are small: more threads wait for each other, and numbers would follow the machine.
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 #: Threads reserve addresses, each some hundred megabytes; a pool reserves them by the gigabyte.
 _MODEST = {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
     "ARROW_IO_THREADS": "1",
     "ARROW_DEFAULT_MEMORY_POOL": "system",
 }
@@ -46,14 +46,17 @@ _MODEST = {
 def check_room() -> None:
     """Look whether a command has room to run; call it before the libraries are loaded.
 
-    Where memory is limited, the libraries are asked to take little, and those that would end the
-    process later, when they find none, are loaded at once.
+    Linear algebra is asked to take one thread. Where memory is limited, the libraries are asked to
+    take little, and those that would end the process later, when they find none, are loaded at
+    once.
 
     Raises
     ------
     MemoryShortError
         It has not.
     """
+    for name in _ONE_THREAD:
+        os.environ.setdefault(name, "1")
     limited = _limited()
     if limited:
         for name, value in _MODEST.items():
