@@ -103,14 +103,4 @@ def simulate(
 
     found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
     half = linear.coverage_factor * linear.rpy_std
-    return MonteCarlo(
-        trials=found.trials,
-        mean=estimate + found.mean,
-        std=found.std,
-        low=estimate + found.low,
-        high=estimate + found.high,
-        tolerance=found.tolerance,
-        stable=found.stable,
-        validated=found.validates(-half, half),
-        sample=found.sample,
-    )
+    return MonteCarlo.of(found, estimate, half)

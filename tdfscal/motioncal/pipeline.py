@@ -225,7 +225,9 @@ def _judged(
     open_ends = UndeterminedMotion(rig, slow, keep, rejected, stats, verdict)
     if not verdict.identified:
         raise NotIdentifiableError(
-            _unseen(verdict), hint=verdict.weak[0].advice, evidence=open_ends
+            f"the motion does not determine {verdict.unseen}",
+            hint=verdict.weak[0].advice,
+            evidence=open_ends,
         )
     if not fit.converged:
         raise NotConvergedError(
@@ -324,14 +326,6 @@ def _moments(rig: Rig, slow: Slow, keep: BoolArray) -> Postures:
         approach=np.zeros((len(rows), 3)),
         measured=rig.axes,
     )
-
-
-def _unseen(seen: Observability) -> str:
-    names = ", ".join(weakness.angle.name for weakness in seen.weak)
-    if len(seen.weak) == len(seen.angles):
-        names = "any angle of any sensor"
-    first = seen.weak[0]
-    return f"the motion does not determine {names}; for {first.angle.name}, {first.cause}"
 
 
 def _warnings(

@@ -18,7 +18,7 @@ import numpy as np
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.propagation import propagate
+from tdfscal.numerics.propagation import Propagated, propagate
 from tdfscal.numerics.rotation_descent import descend, gradients
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.covariance import Uncertainty
@@ -61,6 +61,27 @@ class MonteCarlo:
     validated: bool
     sample: FloatArray
     unsettled: int = 0
+
+    @classmethod
+    def of(
+        cls, found: Propagated, estimate: FloatArray, half: FloatArray, unsettled: int = 0
+    ) -> MonteCarlo:
+        """Say what deviations from an estimate (n, 3), rad, show.
+
+        half : (n, 3), rad, half width of the linear interval that they are held against.
+        """
+        return cls(
+            trials=found.trials,
+            mean=estimate + found.mean,
+            std=found.std,
+            low=estimate + found.low,
+            high=estimate + found.high,
+            tolerance=found.tolerance,
+            stable=found.stable,
+            validated=found.validates(-half, half),
+            sample=found.sample,
+            unsettled=unsettled,
+        )
 
 
 class Sampler:
@@ -236,15 +257,4 @@ def simulate(
 
     found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
     half = followed * linear.coverage_factor * linear.rpy_std
-    return MonteCarlo(
-        trials=found.trials,
-        mean=estimate + found.mean,
-        std=found.std,
-        low=estimate + found.low,
-        high=estimate + found.high,
-        tolerance=found.tolerance,
-        stable=found.stable,
-        validated=found.validates(-half, half),
-        sample=found.sample,
-        unsettled=unsettled,
-    )
+    return MonteCarlo.of(found, estimate, half, unsettled)

@@ -89,6 +89,18 @@ class Observability:
         return max(stand or self.angles, key=lambda angle: angle.std)
 
     @property
+    def unseen(self) -> str:
+        """The angles that are not determined, without a number; the first's cause stands for all.
+
+        There is one.
+        """
+        weak = (*self.weak, *self.lacking)
+        names = ", ".join(weakness.angle.name for weakness in self.weak)
+        if len(weak) == len(self.angles):
+            names = "any angle of any sensor"
+        return f"{names}; for {weak[0].angle.name}, {weak[0].cause}"
+
+    @property
     def verdict(self) -> str:
         """One sentence."""
         if self.identified:

@@ -41,7 +41,9 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
     rig, result, verdict = seen.rig, seen.fit, seen.observability
     if not verdict.determined.any() or not verdict.identified:
         weakness = (*verdict.weak, *verdict.lacking)[0]
-        raise NotIdentifiableError(_unseen(verdict), hint=weakness.advice, evidence=seen)
+        raise NotIdentifiableError(
+            f"the data do not determine {verdict.unseen}", hint=weakness.advice, evidence=seen
+        )
     if not result.converged:
         raise NotConvergedError(
             f"the estimate did not settle in {result.iterations} iterations",
@@ -57,12 +59,3 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
             "squeeze harder, tilt more and record more postures",
             evidence=seen,
         )
-
-
-def _unseen(seen: Observability) -> str:
-    """Name the angles without a number; the first cause stands for all."""
-    names = ", ".join(weakness.angle.name for weakness in seen.weak)
-    if len(seen.weak) + len(seen.lacking) == len(seen.angles):
-        names = "any angle of any sensor"
-    first = (*seen.weak, *seen.lacking)[0]
-    return f"the data do not determine {names}; for {first.angle.name}, {first.cause}"

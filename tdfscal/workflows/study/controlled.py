@@ -25,7 +25,7 @@ from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_o
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.progress import Progress
 from tdfscal.workflows.rigs import calibrations_named, survey_of
-from tdfscal.workflows.study.result import StudyResult, processes
+from tdfscal.workflows.study.result import StudyResult
 from tdfscal.wrench.filtering import Walk, checked_walk
 
 #: Rows of a lane in traces.csv at most, about.
@@ -123,14 +123,12 @@ class Choices:
     walk: float | None
     logs: LogFormat | None
     seed: int
-    workers: int | None
     cell: Cell
 
     def __post_init__(self) -> None:
         at_least("--runs", self.runs, 1)
         at_least("--drift", self.drift, 0)
         at_least("--seed", self.seed, 0)
-        processes(self.workers)
         one_of("--filter", self.filter, FILTERS)
         if self.logs is not None:
             one_of("--logs", self.logs, get_args(LogFormat))

@@ -126,8 +126,9 @@ def docking(
     choices = Choices(
         calibration=sources_of(calibration), truth=truth, runs=runs, perfect=perfect,
         mounting=mounting, drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
-        workers=workers, cell=cell,
+        cell=cell,
     )  # fmt: skip
+    shared_by = processes(workers)
     loaded = rig_named(rig)
     gears = cell.gears()
     setup = study_of.Setup(
@@ -137,7 +138,5 @@ def docking(
         check_folder(folder)
     arms, study_seed = choices.arms(loaded, progress)
     told = steps_of(progress, f"docking, {runs} runs × {len(arms.arms)} calibrations")
-    study = study_of.docking(
-        setup, arms, study_seed, seed, workers=processes(workers), progress=told
-    )
+    study = study_of.docking(setup, arms, study_seed, seed, workers=shared_by, progress=told)
     return DockingResult(study).saved(folder).with_logs(folder, logs)

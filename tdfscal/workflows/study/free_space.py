@@ -130,8 +130,9 @@ def free_space(
     choices = Choices(
         calibration=sources_of(calibration), truth=truth, runs=runs, perfect=perfect,
         mounting=mounting, drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
-        workers=workers, cell=cell,
+        cell=cell,
     )  # fmt: skip
+    shared_by = processes(workers)
     loaded = rig_named(rig)
     table = study_of.MOVES.copy() if moves is None else read_moves(Path(moves))
     controller = choices.controller(loaded.rig, cell.gears())
@@ -140,9 +141,7 @@ def free_space(
         check_folder(folder)
     arms, study_seed = choices.arms(loaded, progress)
     told = steps_of(progress, f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")
-    study = study_of.free_space(
-        setup, arms, study_seed, seed, workers=processes(workers), progress=told
-    )
+    study = study_of.free_space(setup, arms, study_seed, seed, workers=shared_by, progress=told)
     return FreeSpaceResult(study).saved(folder).with_logs(folder, logs)
 
 
