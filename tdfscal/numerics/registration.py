@@ -120,15 +120,10 @@ def register(
     mirror = align(y, -x, C, D, index, tolerance=1e-3)
     floor2 = _rounding(y, x) + least**2
     sigma2 = max(float(min(fit.chi2, mirror.chi2)) / dof, floor2) if unknown else 1.0
-    R = fit.rotation
-    D_turned = R @ D @ R.T
+    D_turned = fit.rotation @ D @ fit.rotation.T
     weight = _inv(C + D_turned)
     rotated_error = np.einsum("nij,njk,nk->ni", D_turned, weight, fit.residual)
-    mean = np.stack([x[index == g].mean(axis=0) for g in range(groups)])
-    lever = (x - mean[index]) @ R.T + rotated_error
-    J = np.concatenate(
-        [so3.hat(lever), -np.kron(np.eye(groups)[index][:, None], np.eye(3))], axis=-1
-    )
+    J, to_origin = _jacobian(x, fit.rotation, rotated_error, np.eye(groups)[index])
     normal = np.einsum("nip,nij,njq->pq", J, weight, J)
     _refuse_undetermined(normal, D_turned, weight, sigma2)
     _refuse_mirrored(float(fit.chi2), float(mirror.chi2), dof, floor2 if unknown else 0.0)
@@ -136,18 +131,14 @@ def register(
         raise NotConvergedError("the registration found no minimum")
     if unknown:
         sigma2 = max(float(fit.chi2) / dof, floor2)
-    # t refers to the origin of the reference frame, not to the centroid.
-    to_origin = np.eye(3 + 3 * groups)
-    to_origin[3:, :3] = so3.hat(mean @ R.T).reshape(-1, 3)
-    back = to_origin.copy()
-    back[3:, :3] *= -1
+    back = 2 * np.eye(len(to_origin)) - to_origin
     scale = 1 / np.sqrt(np.diag(normal))
     centred = scale[:, None] * _inv(scale[:, None] * normal * scale) * scale * sigma2
     weight = weight / sigma2
     chi2 = float(fit.chi2 / sigma2)
     statistic, redundancy, normalised = _judge_points(fit.residual, J, weight, centred)
     return Registration(
-        rotation=R,
+        rotation=fit.rotation,
         translation=fit.translation,
         covariance=to_origin @ centred @ to_origin.T,
         residual=fit.residual,
@@ -161,11 +152,27 @@ def register(
         dof=dof,
         p_value=None if unknown else float(chi2_sf(chi2, dof)),
         sigma=float(np.sqrt(sigma2)) if unknown else None,
-        adjusted=x + rotated_error @ R,
+        adjusted=x + rotated_error @ fit.rotation,
         jacobian=J @ back,
         weight=weight,
         handed=bool(mirror.chi2 - fit.chi2 > chi2_quantile(1 - HANDEDNESS, 1) * sigma2),
     )
+
+
+def _jacobian(
+    x: FloatArray, R: FloatArray, rotated_error: FloatArray, member: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Jacobian (N, 3, 3 + 3G) about each group's centroid, and what takes t from there to 0.
+
+    rotated_error : (N, 3), m, of the adjusted reference points. member : (N, G), 0 or 1.
+    """
+    mean = (member / member.sum(axis=0)).T @ x
+    lever = (x - member @ mean) @ R.T + rotated_error
+    J = np.concatenate([so3.hat(lever), -np.kron(member[:, None], np.eye(3))], axis=-1)
+    # t refers to the origin of the reference frame, not to the centroid.
+    to_origin = np.eye(J.shape[-1])
+    to_origin[3:, :3] = so3.hat(mean @ R.T).reshape(-1, 3)
+    return J, to_origin
 
 
 @dataclass(frozen=True, slots=True)

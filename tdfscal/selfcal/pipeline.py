@@ -17,6 +17,7 @@ from tdfscal.model.parameters import State, nominal
 from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
+from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
 from tdfscal.selfcal import observability, repeatability
 from tdfscal.selfcal.closure import frame_errors
@@ -31,7 +32,7 @@ from tdfscal.selfcal.mounting_search import Rival
 from tdfscal.selfcal.noise_components import ChannelNoise, channel_noise, scaled
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.outliers import Rejection, RobustFit, fit_robust
-from tdfscal.selfcal.preparation import usable_postures
+from tdfscal.selfcal.preparation import Usable, usable_postures
 from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.score_tests import likeliest, suspicions, wandering
 from tdfscal.selfcal.slip import find_slip
@@ -84,9 +85,9 @@ class SelfCalibration:
     validation: CrossValidation
     monte_carlo: MonteCarlo | None
     rejected: dict[int, str]
-    reasons: tuple[str, ...]
-    warnings: tuple[str, ...]
-    set_aside: tuple[Suspicion, ...] = ()
+    set_aside: tuple[Suspicion, ...]
+    reasons: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def self_calibrate(
@@ -115,68 +116,41 @@ def self_calibrate(
         The iteration does not settle.
     """
     usable = usable_postures(rig, dwells)
-    index, observed, measured_noise = usable.index, usable.postures, usable.measured_noise
-    found: tuple[Rejection, ...] = ()
-    near: tuple[Rival, ...] = ()
-    channels: ChannelNoise | None = None
-    if estimator == "ml":
-        robust = _fit(rig, observed, usable.start)
-        channels = None if measured_noise else channel_noise(robust.fit)
-        if channels is not None:
-            robust = _fit(rig, scaled(observed, channels), robust.fit.state)
-        result, found, near = robust.fit, robust.rejections, robust.rivals
-        parts = information_root(result)
-        stats = quality(result, parts)
-        uncertainty = evaluate(result, parts, stats.birge, noise_from_residuals=measured_noise)
-    else:
-        _check_all_axes(rig)
-        result = fit_linear(rig, observed)
-        parts = information_root(result)
-        stats = quality(result, parts)
-        uncertainty = evaluate_linear(result, rng, max_trials or LINEAR_TRIALS)
+    estimate = (
+        _likeliest_rotations(rig, usable)
+        if estimator == "ml"
+        else _linear(rig, usable.postures, rng, max_trials or LINEAR_TRIALS)
+    )
+    result, stats, uncertainty = estimate.fit, estimate.quality, estimate.uncertainty
     seen = observability.verdict(rig, result.state, result.postures, uncertainty.covariance)
-    rejected = dict(usable.reasons) | {int(index[r.index]): r.reason for r in found}
-    check_determined(Undetermined(rig, dwells, result, stats, seen, rejected), near)
-    held = ((dwells.start + dwells.end) / 2)[index]
+    rejected = dict(usable.reasons) | {
+        int(usable.index[r.index]): r.reason for r in estimate.rejections
+    }
+    check_determined(Undetermined(rig, dwells, result, stats, seen, rejected), estimate.rivals)
+    held = ((dwells.start + dwells.end) / 2)[usable.index]
     steady = repeatability.examine(result, held)
     doubts: tuple[Suspicion, ...] = ()
     set_aside: tuple[Suspicion, ...] = ()
-    if estimator == "ml" and not measured_noise:
-        warmth = None if dwells.temperature is None else dwells.temperature[index]
-        doubts = suspicions(result, parts, uncertainty, held, stats, warmth)
-        if not doubts and len(found) > MOST_REJECTED * len(index):
-            doubts = _of_everyone(result, held, warmth)
-    if any(doubt.kind.endswith("parabola") for doubt in doubts):
-        bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
-        again = self_calibrate(
-            bent, dwells, rng=rng, max_trials=max_trials, inputs=inputs, progress=progress
-        )
-        return replace(again, warnings=(*again.warnings, _PARABOLA))
     if estimator == "ml":
-        doubts = (*doubts, *frame_errors(result, parts, uncertainty))
-        slip = find_slip(result, uncertainty, held, index + 1, noise_from_residuals=measured_noise)
-        # What spoils the whole campaign may look like a slip, and a slip like much that does.
-        if slip is not None:
-            rivals = doubts or wandering(result, parts, uncertainty, held)
-            if all(_likelier(slip, doubt) for doubt in rivals):
-                doubts, set_aside = (slip,), doubts
-            elif not doubts:
-                doubts = likeliest(list(rivals))
+        warmth = None if dwells.temperature is None else dwells.temperature[usable.index]
+        doubts = _doubts(estimate, usable, held, warmth)
+        if any(doubt.kind.endswith("parabola") for doubt in doubts):
+            bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
+            again = self_calibrate(
+                bent, dwells, rng=rng, max_trials=max_trials, inputs=inputs, progress=progress
+            )
+            return replace(again, warnings=(*again.warnings, _PARABOLA))
+        doubts, set_aside = _slip_or(doubts, estimate, usable, held)
     conformity = assess_stated(from_fit(result, uncertainty.covariance))
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
     if estimator == "ml" and max_trials != 0 and not unasked:
         progress("confirming the uncertainties by Monte Carlo")
+        most = max_trials or MAX_TRIALS
         trials = simulate(
-            result,
-            parts,
-            uncertainty,
-            stats.birge,
-            rng,
-            max_trials or MAX_TRIALS,
-            known=seen.determined,
+            result, estimate.parts, uncertainty, stats.birge, rng, most, known=seen.determined
         )
-    return SelfCalibration(
+    calibration = SelfCalibration(
         rig=rig,
         estimator=estimator,
         dwells=dwells,
@@ -186,38 +160,85 @@ def self_calibrate(
         observability=seen,
         set_aside=set_aside,
         suspicions=doubts,
-        channels=channels,
+        channels=estimate.channels,
         stability=steady,
         conformity=conformity,
-        validation=cross_validate(result, parts),
+        validation=cross_validate(result, estimate.parts),
         monte_carlo=trials,
         rejected=rejected,
-        reasons=judge(
-            rig,
-            Rotations(rig.supports, result.state.rotation, uncertainty.covariance),
-            stats.birge,
-            determined=seen.determined,
-            used=len(dwells) - len(rejected),
-            rejected=len(rejected),
-            inputs=inputs,
-            suspicions=[doubt.finding for doubt in doubts if doubt.harmful],
-            conformity=conformity,
-        ),
-        warnings=_warnings(
-            rig,
-            result.state,
-            dwells,
-            stats,
-            trials,
-            doubts,
-            steady,
-            seen,
-            channels,
-            measured_noise=measured_noise,
-        )
-        + tuple(exact_caveats(result, uncertainty) if estimator == "ml" else ())
-        + ((_NO_TRIALS.format(rig.n),) if unasked and estimator == "ml" else ()),
     )
+    return replace(
+        calibration,
+        reasons=_reasons(calibration, inputs),
+        warnings=_warnings(calibration, usable.measured_noise, unasked),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Estimate:
+    """A fit and what is known of it before it is doubted: information root, misfit, covariance.
+
+    channels : noisier than stated. rejections : postures that err each for itself. rivals : other
+    mountings that explain the readings as well.
+    """
+
+    fit: Fit
+    parts: Spectrum
+    quality: Quality
+    uncertainty: Uncertainty
+    channels: ChannelNoise | None = None
+    rejections: tuple[Rejection, ...] = ()
+    rivals: tuple[Rival, ...] = ()
+
+
+def _likeliest_rotations(rig: Rig, usable: Usable) -> _Estimate:
+    robust = _fit(rig, usable.postures, usable.start)
+    channels = None if usable.measured_noise else channel_noise(robust.fit)
+    if channels is not None:
+        robust = _fit(rig, scaled(usable.postures, channels), robust.fit.state)
+    parts = information_root(robust.fit)
+    stats = quality(robust.fit, parts)
+    spread = evaluate(robust.fit, parts, stats.birge, noise_from_residuals=usable.measured_noise)
+    return _Estimate(robust.fit, parts, stats, spread, channels, robust.rejections, robust.rivals)
+
+
+def _linear(rig: Rig, observed: Postures, rng: np.random.Generator, trials: int) -> _Estimate:
+    _check_all_axes(rig)
+    result = fit_linear(rig, observed)
+    parts = information_root(result)
+    return _Estimate(result, parts, quality(result, parts), evaluate_linear(result, rng, trials))
+
+
+def _doubts(
+    estimate: _Estimate, usable: Usable, held: FloatArray, warmth: FloatArray | None
+) -> tuple[Suspicion, ...]:
+    """What the residuals say that the rig file lacks; the closure of positions needs no force."""
+    result, parts, uncertainty = estimate.fit, estimate.parts, estimate.uncertainty
+    doubts: tuple[Suspicion, ...] = ()
+    if not usable.measured_noise:
+        doubts = suspicions(result, parts, uncertainty, held, estimate.quality, warmth)
+        if not doubts and len(estimate.rejections) > MOST_REJECTED * len(usable.index):
+            doubts = _of_everyone(result, held, warmth)
+    return (*doubts, *frame_errors(result, parts, uncertainty))
+
+
+def _slip_or(
+    doubts: tuple[Suspicion, ...], estimate: _Estimate, usable: Usable, held: FloatArray
+) -> tuple[tuple[Suspicion, ...], tuple[Suspicion, ...]]:
+    """Hold a slip against the other doubts: the likelier, and what it set aside.
+
+    What spoils the whole campaign may look like a slip, and a slip like much that does.
+    """
+    result, uncertainty = estimate.fit, estimate.uncertainty
+    slip = find_slip(
+        result, uncertainty, held, usable.index + 1, noise_from_residuals=usable.measured_noise
+    )
+    if slip is None:
+        return doubts, ()
+    rivals = doubts or wandering(result, estimate.parts, uncertainty, held)
+    if all(_likelier(slip, doubt) for doubt in rivals):
+        return (slip,), doubts
+    return doubts or likeliest(list(rivals)), ()
 
 
 def _of_everyone(result: Fit, held: FloatArray, warmth: FloatArray | None) -> tuple[Suspicion, ...]:
@@ -265,26 +286,29 @@ def _turned_sensors(rig: Rig, state: State) -> list[str]:
     ]
 
 
-def _warnings(
-    rig: Rig,
-    state: State,
-    dwells: Dwells,
-    stats: Quality,
-    trials: MonteCarlo | None,
-    doubts: tuple[Suspicion, ...],
-    steady: Stability,
-    seen: Observability,
-    channels: ChannelNoise | None,
-    *,
-    measured_noise: bool,
-) -> tuple[str, ...]:
+def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[str, ...]:
+    return judge(
+        of.rig,
+        Rotations(of.rig.supports, of.fit.state.rotation, of.uncertainty.covariance),
+        of.quality.birge,
+        determined=of.observability.determined,
+        used=len(of.dwells) - len(of.rejected),
+        rejected=len(of.rejected),
+        inputs=inputs,
+        suspicions=[doubt.finding for doubt in of.suspicions if doubt.harmful],
+        conformity=of.conformity,
+    )
+
+
+def _warnings(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[str, ...]:
     """Collect what the user must know although the result may be good."""
-    found = list(dwells.warnings)
-    if turned := log_against_rig.turned(rig, dwells.position):
+    rig, stats, trials, seen = of.rig, of.quality, of.monte_carlo, of.observability
+    found = list(of.dwells.warnings)
+    if turned := log_against_rig.turned(rig, of.dwells.position):
         found.append(turned)
-    found += _turned_sensors(rig, state)
-    if channels is not None:
-        found.append(channels.text(rig.supports))
+    found += _turned_sensors(rig, of.fit.state)
+    if of.channels is not None:
+        found.append(of.channels.text(rig.supports))
     if seen.undetermined:
         found.append(
             f"{', '.join(seen.undetermined)}: the axes that are measured leave the mounting of the "
@@ -311,9 +335,9 @@ def _warnings(
             "explain: those may be overstated (uncertainty.force_noise, positioner), and so the "
             "angles' own"
         )
-    found += [doubt.text for doubt in doubts if not doubt.harmful]
-    if not measured_noise and not doubts:  # a named cause says more than the trend it makes
-        found += steady.warnings
+    found += [doubt.text for doubt in of.suspicions if not doubt.harmful]
+    if not measured_noise and not of.suspicions:  # a named cause says more than the trend it makes
+        found += of.stability.warnings
     if trials is not None and trials.unsettled:
         found.append(
             f"{trials.unsettled} of {trials.trials} Monte Carlo trials did not settle; they count "
@@ -324,4 +348,8 @@ def _warnings(
             "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those "
             "of the trials"
         )
+    if of.estimator == "ml":
+        found += exact_caveats(of.fit, of.uncertainty)
+        if unasked:
+            found.append(_NO_TRIALS.format(rig.n))
     return tuple(found)
