@@ -47,6 +47,11 @@ class Strict(BaseModel):
     )
 
 
+def key(description: str, default: Any = ..., **more: Any) -> Any:
+    """Return a key of a file: what it says, for the published schema, and its default."""
+    return Field(default, description=description, **more)
+
+
 def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticCustomError:
     """Return an error that a validator raises: what is wrong, at which place below it, what to do.
 

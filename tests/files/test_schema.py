@@ -10,10 +10,7 @@ import jsonschema
 import pytest
 import yaml
 
-from tdfscal.files.calibration import descriptions as of_calibration
 from tdfscal.files.calibration.document import Calibration, dump_calibration
-from tdfscal.files.points import model as of_points
-from tdfscal.files.rig import descriptions as of_rig
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.schema import schemas, write_schemas
 from tests.files.sample_documents import RIG, calibration
@@ -149,16 +146,3 @@ def test_every_key_is_described(name: str) -> None:
     found = list(properties(schemas()[name], ""))
     assert len(found) >= 10
     assert [place for place, value in found if not value.get("description", "").strip()] == []
-
-
-def test_no_description_is_of_a_key_that_is_gone() -> None:
-    roots = {"rig": "RigFile", "calibration": "Calibration", "points": "PointFile"}
-    keys = {
-        f"{model}.{key}"
-        for name, root in roots.items()
-        for schema in [schemas()[f"{name}.schema.json"]]
-        for model, node in {root: schema, **schema["$defs"]}.items()
-        for key in node.get("properties", {})
-    }
-    for descriptions in (of_rig, of_calibration, of_points):
-        assert set(descriptions.DESCRIPTIONS) <= keys

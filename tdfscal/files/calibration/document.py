@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, Self, assert_never
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.consistency import (
@@ -45,7 +45,7 @@ from tdfscal.files.calibration.parts import (
     ValidationResult,
 )
 from tdfscal.files.calibration.redundancy import check_stated
-from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, Text, fault
+from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, Text, fault, key
 from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.output_places import check_suffix
@@ -66,42 +66,68 @@ class Calibration(Strict):
     take a sensor's frame to the BCS.
     """
 
-    format: Literal["tdfscal-calibration/1"]
-    status: Literal["accepted", "rejected"]
-    method: Literal["self", "tracker", "joint"]
-    estimator: Literal["ml", "linear"] | None = None
-    created: Instant
-    measured: MeasuredResult | None = None
-    rig: EmbeddedRig
-    software: Software
-    command: FreeText
-    seed: Count
-    inputs: tuple[Input, ...]
-    convention: Convention
-    supports: tuple[SupportResult, ...] = Field(min_length=3)
-    covariance: Covariance
-    parameters: Parameters | None = None
-    terminal: TerminalResult
-    fit: FitResult | None = None
-    observability: ObservabilityResult | None = None
-    budget: Budget | None = None
-    taken_as_exact: tuple[ExactQuantityResult, ...] = ()
-    monte_carlo: MonteCarloResult | None = None
-    validation: ValidationResult | None = None
-    stability: StabilityResult | None = None
-    drift: DriftResult | None = None
-    compliance: ComplianceResult | None = None
-    conformity: ConformityResult | None = None
-    tracker: TrackerStatistics | None = None
-    motion: MotionResult | None = None
-    postures: PostureTable | None = None
-    dwells: DwellTable | None = None
-    methods: tuple[MethodAngles, ...] | None = None
-    campaigns: tuple[CampaignResult, ...] = ()
-    history: tuple[HistoryEntry, ...] = ()
-    quality: QualityResult = QualityResult()
-    warnings: tuple[Text, ...] = ()
-    content_sha256: Sha256 | None = Field(default=None, exclude=True)
+    format: Literal["tdfscal-calibration/1"] = key("name and version of this format")
+    status: Literal["accepted", "rejected"] = key("the quality gate's verdict")
+    method: Literal["self", "tracker", "joint"] = key("self, tracker, or joint of both")
+    estimator: Literal["ml", "linear"] | None = key(
+        "of a self-calibration: ml, or the paper's linear method", None
+    )
+    created: Instant = key("UTC: when the result was computed")
+    measured: MeasuredResult | None = key(
+        "when the data were recorded; what depends on time goes by it", None
+    )
+    rig: EmbeddedRig = key("the resolved rig file, embedded, so that this file stands alone")
+    software: Software = key("the program that wrote the file")
+    command: FreeText = key("the command line, as it was given")
+    seed: Count = key("of all random numbers")
+    inputs: tuple[Input, ...] = key("files that went in")
+    convention: Convention = key("the equation that applies a rotation")
+    supports: tuple[SupportResult, ...] = key("one entry per support", min_length=3)
+    covariance: Covariance = key("of the rotations of all supports together")
+    parameters: Parameters | None = key(
+        "every parameter that was free, with its joint covariance", None
+    )
+    terminal: TerminalResult = key("mass and barycentre after the adjustment")
+    fit: FitResult | None = key("how the model fits", None)
+    observability: ObservabilityResult | None = key(
+        "what the data determine, in words and numbers", None
+    )
+    budget: Budget | None = key("contribution of each source to each angle's variance", None)
+    taken_as_exact: tuple[ExactQuantityResult, ...] = key(
+        "what no uncertainty was stated of, and what its error would do", ()
+    )
+    monte_carlo: MonteCarloResult | None = key("propagation of distributions (JCGM 101)", None)
+    validation: ValidationResult | None = key(
+        "residual contact wrench of leave-one-out postures", None
+    )
+    stability: StabilityResult | None = key(
+        "whether the machine stayed what it was: drift, repeatability", None
+    )
+    drift: DriftResult | None = key("how the zeros moved within the campaign, where declared", None)
+    compliance: ComplianceResult | None = key(
+        "what gives between encoder and hinge, where declared", None
+    )
+    conformity: ConformityResult | None = key(
+        "contact wrench's error against acceptance.contact of the rig", None
+    )
+    tracker: TrackerStatistics | None = key(
+        "χ² and other numbers of the laser tracker's survey", None
+    )
+    motion: MotionResult | None = key("samples in motion, where they were used", None)
+    postures: PostureTable | None = key("the postures in the fit, column by column", None)
+    dwells: DwellTable | None = key("means of all dwells, used or not; up to 2000 of them", None)
+    methods: tuple[MethodAngles, ...] | None = key("joint only: what each method alone says", None)
+    campaigns: tuple[CampaignResult, ...] = key(
+        "each campaign, where there are several, in the order of time", ()
+    )
+    history: tuple[HistoryEntry, ...] = key(
+        "the calibrations that an update stands on, oldest first", ()
+    )
+    quality: QualityResult = key("the quality gate's reasons", QualityResult())
+    warnings: tuple[Text, ...] = key("what to know although the result may be good", ())
+    content_sha256: Sha256 | None = key(
+        "SHA-256 of all other keys, by which an edited file is refused", None, exclude=True
+    )
     """Of all that stands in a file beside it, as tdfscal wrote it; none in files of others."""
 
     @model_validator(mode="after")

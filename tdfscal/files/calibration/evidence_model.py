@@ -17,6 +17,7 @@ from tdfscal.files.field_types import (
     Vectors,
     fault,
     from_numpy,
+    key,
 )
 
 PosturesDefinition = Literal[
@@ -36,9 +37,9 @@ Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]
 class Stretch(Strict):
     """A stretch of the log in s that is no posture, and why."""
 
-    start: Number
-    end: Number
-    reason: Text
+    start: Number = key("s in the log's time")
+    end: Number = key("s in the log's time")
+    reason: Text = key("in words")
 
 
 class PostureTable(Strict):
@@ -49,17 +50,21 @@ class PostureTable(Strict):
     and moment_after, each axis, by what is stated.
     """
 
-    definition: PosturesDefinition
-    index: Counts
-    start: Numbers
-    end: Numbers
-    force_before: Vectors
-    force_after: Vectors
-    moment_before: Vectors
-    moment_after: Vectors
-    left_out: tuple[Stretch, ...] | None = None
-    force_std: Vectors | None = None
-    moment_std: Vectors | None = None
+    definition: PosturesDefinition = key("what the columns are")
+    index: Counts = key("number of the dwell, from 0")
+    start: Numbers = key("s in the log's time")
+    end: Numbers = key("s in the log's time")
+    force_before: Vectors = key("N: residual force with the nominal mounting")
+    force_after: Vectors = key("N: residual force, calibrated")
+    moment_before: Vectors = key("N·m: residual moment with the nominal mounting")
+    moment_after: Vectors = key("N·m: residual moment about the LCS origin, calibrated")
+    left_out: tuple[Stretch, ...] | None = key("stretches of rest that are no posture", None)
+    force_std: Vectors | None = key(
+        "N: standard uncertainty of force_after, each axis, as stated", None
+    )
+    moment_std: Vectors | None = key(
+        "N·m: standard uncertainty of moment_after, each axis, as stated", None
+    )
 
     @model_validator(mode="after")
     def _aligned(self) -> Self:
@@ -76,10 +81,12 @@ class DwellTable(Strict):
     force: per support, per dwell; N, sensor frame, as tdfscal's sign has it. temperature: °C.
     """
 
-    start: Numbers
-    end: Numbers
-    force: tuple[Vectors, ...]
-    temperature: Numbers | None = None
+    start: Numbers = key("s: begin of each dwell, as the log counts")
+    end: Numbers = key("s: end of each dwell")
+    force: tuple[Vectors, ...] = key("N: per support the mean reading of each dwell, sensor frame")
+    temperature: Numbers | None = key(
+        "°C: mean of each dwell and of all sensors, where it was recorded", None
+    )
 
     @model_validator(mode="after")
     def _aligned(self) -> Self:
@@ -97,18 +104,18 @@ class SensorLoad(Strict):
     the loads stay (quadratic mean). across: quadratic mean of the load across it, N.
     """
 
-    support: Name
-    axis: Vector
-    spread: NotNegative
-    across: NotNegative
+    support: Name = key("name of the support")
+    axis: Vector = key("mean line of action, unit vector, BCS")
+    spread: NotNegative = key("rad: how far the loads spread about it")
+    across: NotNegative = key("N: load across the mean line of action")
 
 
 class Histogram(Strict):
     """Monte Carlo trials in bins, per support and angle (roll, pitch, yaw)."""
 
-    definition: HistogramDefinition
-    edges: Numbers
-    counts: tuple[tuple[Counts, Counts, Counts], ...]
+    definition: HistogramDefinition = key("what is counted")
+    edges: Numbers = key("rad: edges of the bins, per angle")
+    counts: tuple[tuple[Counts, Counts, Counts], ...] = key("trials between two edges, per angle")
 
     @model_validator(mode="after")
     def _binned(self) -> Self:
@@ -123,6 +130,6 @@ class Histogram(Strict):
 class MethodAngles(Strict):
     """What one method alone says: roll, pitch, yaw per support with standard uncertainties, rad."""
 
-    method: Literal["self", "tracker"]
-    rpy: Vectors
-    rpy_std: Vectors
+    method: Literal["self", "tracker"] = key("self or tracker")
+    rpy: Vectors = key("rad: roll, pitch, yaw of each support")
+    rpy_std: Vectors = key("rad: their standard uncertainties")

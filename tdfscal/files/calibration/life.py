@@ -19,6 +19,7 @@ from tdfscal.files.field_types import (
     Text,
     fault,
     from_numpy,
+    key,
 )
 from tdfscal.model.parameters import State
 from tdfscal.records import BoolArray, FloatArray, InputFile, Measured
@@ -33,9 +34,11 @@ Instant = Annotated[
 class MeasuredResult(Strict):
     """When the data were recorded, and whether the log, the rig file or the file's date says so."""
 
-    begin: Instant
-    end: Instant
-    source: Literal["log", "rig", "file"]
+    begin: Instant = key("UTC: first sample")
+    end: Instant = key("UTC: last sample")
+    source: Literal["log", "rig", "file"] = key(
+        "what says so: the log's clock, campaign.date, or the file's date"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -54,24 +57,26 @@ class CampaignResult(Strict):
     Zeros are null for axes that its sensors did not measure.
     """
 
-    name: Text
-    measured: MeasuredResult | None = None
-    inputs: tuple[Input, ...]
-    zero: tuple[OpenAngles, ...]
-    zero_std: Annotated[tuple[OpenStds, ...], BeforeValidator(from_numpy)]
-    terminal: TerminalResult
-    postures: Count
-    chi2: NotNegative
-    dof: Count
+    name: Text = key("its folder")
+    measured: MeasuredResult | None = key("when it was recorded", None)
+    inputs: tuple[Input, ...] = key("its files")
+    zero: tuple[OpenAngles, ...] = key("N: its own zeros, per sensor")
+    zero_std: Annotated[tuple[OpenStds, ...], BeforeValidator(from_numpy)] = key(
+        "N: their standard uncertainties; null where open"
+    )
+    terminal: TerminalResult = key("its own mass and barycentre")
+    postures: Count = key("number of postures used")
+    chi2: NotNegative = key("χ² that it added: its residuals, and its departure from earlier ones")
+    dof: Count = key("degrees of freedom that it added")
 
 
 class HistoryEntry(Strict):
     """A calibration that this one stands on, by the hash of its file; the oldest first."""
 
-    created: Instant
-    measured: MeasuredResult | None = None
-    method: Literal["self", "tracker", "joint"]
-    sha256: Sha256
+    created: Instant = key("UTC: when it was computed")
+    measured: MeasuredResult | None = key("when its data were recorded", None)
+    method: Literal["self", "tracker", "joint"] = key("self, tracker or joint")
+    sha256: Sha256 = key("of the calibration's file")
 
 
 def instant(time: float) -> str:

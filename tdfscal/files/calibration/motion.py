@@ -17,6 +17,7 @@ from tdfscal.files.field_types import (
     Strict,
     Text,
     from_numpy,
+    key,
 )
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA
 from tdfscal.model.parameters import symmetric
@@ -32,23 +33,23 @@ Density = Annotated[tuple[NotNegative, ...], BeforeValidator(from_numpy), Field(
 class LeftOutStretch(Strict):
     """A stretch of the log that was not used, s in the log's time."""
 
-    begin: Number
-    end: Number
-    reason: Text
+    begin: Number = key("s in the log's time")
+    end: Number = key("s in the log's time")
+    reason: Text = key("contact, a frozen channel, a sensor at its capacity")
 
 
 class MotionValue(Strict):
     """A number with its standard uncertainty."""
 
-    value: Number
-    std: NotNegative
+    value: Number = key("s of a delay, N·m of a friction")
+    std: NotNegative = key("standard uncertainty, in the unit of the value")
 
 
 class InertiaValue(Strict):
     """Inertia about the LCS origin, kg m²."""
 
-    value: Matrix3
-    std: Matrix3
+    value: Matrix3 = key("kg m²: about the LCS origin, 3 × 3")
+    std: Matrix3 = key("kg m²: standard uncertainty of each entry, 3 × 3")
 
 
 class MotionSpectrum(Strict):
@@ -59,11 +60,11 @@ class MotionSpectrum(Strict):
     m/√Hz, of a servo coordinate, as the estimate weighs by them.
     """
 
-    frequency: Density
-    before: Density
-    after: Density
-    force_noise: Density
-    position_noise: Density
+    frequency: Density = key("Hz")
+    before: Density = key("N/√Hz: residual force with the nominal mounting")
+    after: Density = key("N/√Hz: residual force, calibrated")
+    force_noise: Density = key("N/√Hz: of a force component, as the estimate weighs by it")
+    position_noise: Density = key("m/√Hz: of a servo coordinate, as the estimate weighs by it")
 
 
 Course = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Field(min_length=1)]
@@ -76,11 +77,11 @@ class MotionResidual(Strict):
     before with the nominal mounting and the stated zeros, after with the calibration.
     """
 
-    time: Course
-    force_before: Course
-    force_after: Course
-    moment_before: Course
-    moment_after: Course
+    time: Course = key("s in the log's time: middles of the means")
+    force_before: Course = key("N: with the nominal mounting and the stated zeros")
+    force_after: Course = key("N: calibrated")
+    moment_before: Course = key("N·m: about the barycentre, with the nominal mounting")
+    moment_after: Course = key("N·m: calibrated")
 
 
 class MotionResult(Strict):
@@ -91,16 +92,18 @@ class MotionResult(Strict):
     halves_p_value : that the halves of the log differ by chance as they do.
     """
 
-    begin: Number
-    seconds: Positive
-    dwells: Count = 0
-    rejected: tuple[LeftOutStretch, ...] = ()
-    delay: MotionValue
-    inertia: InertiaValue
-    friction: MotionValue
-    halves_p_value: Probability
-    spectrum: MotionSpectrum
-    residual: MotionResidual | None = None
+    begin: Number = key("s in the log's time: first sample")
+    seconds: Positive = key("s: length of what went in")
+    dwells: Count = key("number of static postures that went in too", 0)
+    rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
+    delay: MotionValue = key("s: force stamps minus position stamps")
+    inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
+    friction: MotionValue = key("N·m: Coulomb friction of each hinge")
+    halves_p_value: Probability = key("that the log's two halves differ by chance as they do")
+    spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
+    residual: MotionResidual | None = key(
+        "lengths of the residual wrench over time, short means", None
+    )
 
 
 def motion_document(result: MotionCalibration) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.files.calibration.parts import OpenAngles, OpenStd, OpenStds, none_where_open
-from tdfscal.files.field_types import Number, Strict
+from tdfscal.files.field_types import Number, Strict, key
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.covariance import information_root
@@ -21,39 +21,41 @@ _POWERS_OF_TIME = {"time": 1, "parabola": 2}
 class Slopes(Strict):
     """A slope per channel; null for an axis that is not measured."""
 
-    value: tuple[OpenAngles, ...]
-    std: tuple[OpenStds, ...]
-    share: Shares
+    value: tuple[OpenAngles, ...] = key("per support, of each axis; null where not measured")
+    std: tuple[OpenStds, ...] = key(
+        "standard uncertainties, in the same unit; null where not measured or open"
+    )
+    share: Shares = key("part of the variance of roll, pitch, yaw that knowing them takes away")
 
 
 class WalkShare(Strict):
     """What a random walk of the zeros costs."""
 
-    share: Shares
+    share: Shares = key("part of the variance of roll, pitch, yaw that knowing it takes away")
 
 
 class DriftResult(Strict):
     """How the zeros moved: slopes in time (N/h) and temperature (N/K), a parabola (N/h²)."""
 
-    time: Slopes | None = None
-    temperature: Slopes | None = None
-    parabola: Slopes | None = None
-    walk: WalkShare | None = None
+    time: Slopes | None = key("slopes in time, N/h", None)
+    temperature: Slopes | None = key("slopes in temperature, N/K", None)
+    parabola: Slopes | None = key("where the residuals ask for it: N/h²", None)
+    walk: WalkShare | None = key("what a random walk costs", None)
 
 
 class Give(Strict):
     """A compliance between encoder and hinge, m/N."""
 
-    value: Number
-    std: OpenStd
-    share: Shares
+    value: Number = key("m/N")
+    std: OpenStd = key("m/N: its standard uncertainty; null where open")
+    share: Shares = key("part of the variance of roll, pitch, yaw that knowing it takes away")
 
 
 class ComplianceResult(Strict):
     """What gives between encoder and hinge, sideways and along Z of the BCS."""
 
-    lateral: Give | None = None
-    vertical: Give | None = None
+    lateral: Give | None = key("sideways", None)
+    vertical: Give | None = key("along Z of the BCS", None)
 
 
 def nuisance_documents(result: SelfCalibration) -> dict[str, Any]:

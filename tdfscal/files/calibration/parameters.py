@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from tdfscal.files.calibration.consistency import ALTERED, check_covariance
-from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy
+from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy, key
 from tdfscal.model.parameters import deviation, layout, nominal, parameter_count, retract
 from tdfscal.records import FloatArray, Rig
 
@@ -41,11 +41,17 @@ _OF_THE_RIG = ("mass", "barycentre", "tilt", "compliance", "friction")
 class Parameters(Strict):
     """Every parameter that was free, with the covariance of all of them together."""
 
-    definition: ParametersDefinition
-    parameters: Annotated[tuple[Text, ...], BeforeValidator(from_numpy)]
-    value: Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]
-    matrix: Matrix
-    unscaled: Matrix | None = None
+    definition: ParametersDefinition = key("what the parameters are")
+    parameters: Annotated[tuple[Text, ...], BeforeValidator(from_numpy)] = key(
+        "names of rows and columns"
+    )
+    value: Annotated[tuple[Number, ...], BeforeValidator(from_numpy)] = key(
+        "estimate minus stated value, SI"
+    )
+    matrix: Matrix = key("joint covariance, SI")
+    unscaled: Matrix | None = key(
+        "rad²: covariance of the rotations before the Birge ratio scaled it", None
+    )
     """Covariance of the rotations by the stated uncertainties alone, before the Birge ratio."""
 
 

@@ -35,6 +35,7 @@ from tdfscal.files.field_types import (
     fault,
     finite_json,
     from_numpy,
+    key,
 )
 from tdfscal.records import InputFile, Integrity
 
@@ -73,18 +74,20 @@ Texts = tuple[Text, ...]
 class Software(Strict):
     """The program that wrote the file."""
 
-    name: Text
-    version: Text
+    name: Text = key("of the program")
+    version: Text = key("of the program")
 
 
 class Input(Strict):
     """A file that went into the result."""
 
-    path: FreeText
-    sha256: Sha256
-    bytes: Count
-    integrity: Integrity
-    note: Text | None = None
+    path: FreeText = key("as it was given")
+    sha256: Sha256 = key("of the file's bytes")
+    bytes: Count = key("size of the file")
+    integrity: Integrity = key("verified by checksums, unverified, or salvaged from a damaged file")
+    note: Text | None = key(
+        "what is odd about where it lies: outside the folder of the file that names it", None
+    )
 
     def record(self) -> InputFile:
         """Return it as a record."""
@@ -94,9 +97,9 @@ class Input(Strict):
 class Interval(Strict):
     """Coverage interval of roll, pitch, yaw, rad."""
 
-    coverage: Coverage
-    low: Vector
-    high: Vector
+    coverage: Coverage = key("probability that the interval holds the value")
+    low: Vector = key("rad: lower ends of roll, pitch, yaw")
+    high: Vector = key("rad: upper ends of roll, pitch, yaw")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -127,17 +130,21 @@ class SupportResult(Strict):
     the axes that it measures. An axis that is not measured has no zero.
     """
 
-    name: Name
-    rotation: Matrix3 | None
-    rpy: OpenAngles
-    rpy_std: OpenStds
-    turn_std: OpenStds | None = None
-    rpy_interval: Interval | None
-    quaternion_xyzw: Quaternion | None
-    zero: OpenAngles
-    zero_std: OpenStds
-    sensitivity: Matrix3 | None = None
-    directions: dict[Literal["x", "y", "z"], Vector] | None = None
+    name: Name = key("of the support, as in the rig file")
+    rotation: Matrix3 | None = key("3 × 3, sensor frame to BCS, determinant +1")
+    rpy: OpenAngles = key("rad: roll, pitch, yaw of Rz(yaw)·Ry(pitch)·Rx(roll)")
+    rpy_std: OpenStds = key("rad: standard uncertainties; null where pitch is ±90°")
+    turn_std: OpenStds | None = key(
+        "rad: standard uncertainties of the turns about the BCS axes", None
+    )
+    rpy_interval: Interval | None = key("coverage interval of each angle")
+    quaternion_xyzw: Quaternion | None = key("the same rotation, scalar last")
+    zero: OpenAngles = key("N: zero of each axis, sensor frame; null where not measured")
+    zero_std: OpenStds = key("N: its standard uncertainty; null where open")
+    sensitivity: Matrix3 | None = key("I + S, where the rig declares force_sensitivity", None)
+    directions: dict[Literal["x", "y", "z"], Vector] | None = key(
+        "axes that an undetermined sensor measures, unit vectors, BCS", None
+    )
 
     @property
     def determined(self) -> bool:
@@ -185,39 +192,39 @@ class SupportResult(Strict):
 class Covariance(Strict):
     """Covariance (3n, 3n) in rad² of the rotations of all supports together."""
 
-    parameters: Texts
-    definition: CovarianceDefinition
-    matrix: Matrix
+    parameters: Texts = key("names of rows and columns")
+    definition: CovarianceDefinition = key("what the parameters are")
+    matrix: Matrix = key("rad²: 3n × 3n, symmetric")
 
 
 class MassResult(Strict):
     """kg."""
 
-    value: Positive
-    std: OpenStd = None
+    value: Positive = key("kg")
+    std: OpenStd = key("kg: standard uncertainty; null where open", None)
 
 
 class BarycenterResult(Strict):
     """m, LCS."""
 
-    value: Vector
-    std: OpenStds
+    value: Vector = key("m, LCS")
+    std: OpenStds = key("m: standard uncertainty of each coordinate; null where open")
 
 
 class TerminalResult(Strict):
     """Mass and barycentre after the adjustment."""
 
-    mass: MassResult
-    barycenter: BarycenterResult
+    mass: MassResult = key("of the terminal and its load")
+    barycenter: BarycenterResult = key("of the terminal and its load")
 
 
 class RejectedPosture(Strict):
     """A posture left out of the fit, with its time in s."""
 
-    index: Count
-    start: Number | None = None
-    end: Number | None = None
-    reason: Text
+    index: Count = key("number of the dwell, from 0")
+    start: Number | None = key("s in the log's time", None)
+    end: Number | None = key("s in the log's time", None)
+    reason: Text = key("in words")
 
 
 class FitResult(Strict):
@@ -227,18 +234,20 @@ class FitResult(Strict):
     kurtosis : of leave-one-out residuals over that of normal ones; more: heavy tails.
     """
 
-    postures: Count
-    rejected: tuple[RejectedPosture, ...] = ()
-    chi2: NotNegative
-    dof: Count
-    p_value: Probability
-    birge: NotNegative
-    rms_force: NotNegative
-    rms_moment: NotNegative
-    iterations: Count
-    converged: Flag
-    channel_noise: Vectors | None = None
-    kurtosis: NotNegative | None = None
+    postures: Count = key("number of postures used")
+    rejected: tuple[RejectedPosture, ...] = key("postures left out, with the reason", ())
+    chi2: NotNegative = key("weighted sum of squared residuals, χ²")
+    dof: Count = key("degrees of freedom")
+    p_value: Probability = key("probability of a larger χ² by chance")
+    birge: NotNegative = key("Birge ratio, √(χ²/dof)")
+    rms_force: NotNegative = key("N: root mean square of the residual force")
+    rms_moment: NotNegative = key("N·m: of the residual moment about the barycentre")
+    iterations: Count = key("of the estimator")
+    converged: Flag = key("whether the estimator found its minimum")
+    channel_noise: Vectors | None = key(
+        "of each channel over the stated one, where they are unequal", None
+    )
+    kurtosis: NotNegative | None = key("of leave-one-out residuals over that of normal ones", None)
 
 
 class AngleSeen(Strict):
@@ -247,59 +256,64 @@ class AngleSeen(Strict):
     std None of an angle of a sensor that lacks an axis and stays undetermined.
     """
 
-    support: Name
-    angle: Turn
-    std: OpenStd = None
-    prior_std: OpenStd = None
-    identified: Flag
+    support: Name = key("name of the support")
+    angle: Turn = key("roll, pitch or yaw")
+    std: OpenStd = key("rad: standard uncertainty; missing where undetermined", None)
+    prior_std: OpenStd = key(
+        "rad: standard uncertainty before the data; null without a prior", None
+    )
+    identified: Flag = key("whether the data determine it")
 
 
 class WeakestAngle(Strict):
     """The angle with the largest standard uncertainty, rad."""
 
-    name: Text
-    std: OpenStd = None
-    cause: Text
+    name: Text = key("support and angle")
+    std: OpenStd = key("rad: standard uncertainty", None)
+    cause: Text = key("why it is the least known")
 
 
 class WeakAngle(WeakestAngle):
     """An angle that the data do not determine, and what to do."""
 
-    advice: Text
+    cause: Text = key("why it is not determined")
+    advice: Text = key("what to do about it")
 
 
 class CloseCouple(Strict):
     """Two angles whose errors go together."""
 
-    a: Text
-    b: Text
-    value: Correlation
+    a: Text = key("one angle")
+    b: Text = key("the other angle")
+    value: Correlation = key("their coefficient of correlation")
 
 
 class ObservabilityResult(Strict):
     """The verdict in words and numbers."""
 
-    verdict: Text
-    weakest: WeakestAngle | None = None
-    angles: tuple[AngleSeen, ...]
-    weak: tuple[WeakAngle, ...] = ()
-    correlations: tuple[CloseCouple, ...] = ()
-    loads: tuple[SensorLoad, ...] | None = None
+    verdict: Text = key("one sentence")
+    weakest: WeakestAngle | None = key("the least known angle", None)
+    angles: tuple[AngleSeen, ...] = key("every angle with what is known of it")
+    weak: tuple[WeakAngle, ...] = key("angles that the data do not determine", ())
+    correlations: tuple[CloseCouple, ...] = key("pairs of angles above 0.8", ())
+    loads: tuple[SensorLoad, ...] | None = key("where the loads on each sensor point", None)
 
 
 class AngleBudget(Strict):
     """Variance of one angle by source, rad²."""
 
-    support: Name
-    angle: Angle
-    variance: dict[Text, NotNegative]
+    support: Name = key("name of the support")
+    angle: Angle = key("roll, pitch or yaw")
+    variance: dict[Text, NotNegative] = key(
+        "rad²: contribution of each source to the angle's variance"
+    )
 
 
 class Budget(Strict):
     """Contribution of each source to each angle's variance."""
 
-    sources: Texts
-    angles: tuple[AngleBudget, ...]
+    sources: Texts = key("names of the sources")
+    angles: tuple[AngleBudget, ...] = key("one entry per angle")
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -312,66 +326,68 @@ class Budget(Strict):
 class ExactEffect(Strict):
     """By how much a typical error of a quantity would turn a sensor, rad."""
 
-    name: Name
-    turn: Vector
-    rpy: Vector | None = None
+    name: Name = key("name of the support")
+    turn: Vector = key("rad: of the turn about the BCS axes")
+    rpy: Vector | None = key("rad: of roll, pitch, yaw; null where these are not separable", None)
 
 
 class ExactQuantityResult(Strict):
     """A quantity that was taken as exact, and a typical error of each of its components."""
 
-    name: Text
-    error: NotNegative
-    unit: Text
-    supports: tuple[ExactEffect, ...]
+    name: Text = key("the quantity")
+    error: NotNegative = key("a typical error of each component, in `unit`")
+    unit: Text = key("of the error")
+    supports: tuple[ExactEffect, ...] = key(
+        "what that error does to each sensor; components in quadrature"
+    )
 
 
 class MonteCarloResult(Strict):
     """Standard deviation and interval ends of roll, pitch, yaw per support, rad."""
 
-    trials: PositiveCount
-    seed: Count
-    rpy_std: Vectors
-    low: Vectors
-    high: Vectors
-    tolerance: NotNegative
-    linear_interval_validated: Flag
-    histogram: Histogram | None = None
+    trials: PositiveCount = key("number of trials")
+    seed: Count = key("of its random numbers")
+    rpy_std: Vectors = key("rad: standard deviations over the trials")
+    low: Vectors = key("rad: lower ends of the coverage intervals")
+    high: Vectors = key("rad: upper ends of the coverage intervals")
+    tolerance: NotNegative = key("rad: numerical tolerance δ (JCGM 101, 7.9.2)")
+    linear_interval_validated: Flag = key("linear interval agrees (JCGM 101, 8)")
+    histogram: Histogram | None = key("how the trials fell", None)
 
 
 class ResidualWrench(Strict):
     """Residual of held-out postures without and with the calibration: N or N·m."""
 
-    rms_before: NotNegative
-    rms_after: NotNegative
-    max_before: NotNegative
-    max_after: NotNegative
+    rms_before: NotNegative = key("root mean square, with the nominal mounting")
+    rms_after: NotNegative = key("root mean square, calibrated")
+    max_before: NotNegative = key("largest, with the nominal mounting")
+    max_after: NotNegative = key("largest, calibrated")
 
 
 class ValidationResult(Strict):
     """Cross-validation: residual contact wrench of leave-one-out postures."""
 
-    method: Text
-    postures: Count
-    force: ResidualWrench
-    moment: ResidualWrench
+    method: Text = key("how postures were held out")
+    postures: Count = key("number of postures")
+    force: ResidualWrench = key("N: residual contact force")
+    moment: ResidualWrench = key("N·m: residual contact moment")
 
 
 class ChangeResult(Strict):
     """A change of the unexplained wrench, N and N·m, and the chance that it is noise."""
 
-    force: NotNegative
-    moment: NotNegative
-    p_value: Probability
+    force: NotNegative = key("N: size of the change")
+    moment: NotNegative = key("N·m: size of the change")
+    p_value: Probability = key("probability of such a change by chance")
 
 
 class StabilityResult(Strict):
     """Drift over the campaign; repeatability and hysteresis where postures were visited again."""
 
-    drift: ChangeResult
-    returns: Count
-    repeat: ChangeResult | None = None
-    hysteresis: ChangeResult | None = None
+    drift: ChangeResult = key("change over the campaign")
+    returns: Count = key("number of postures visited again")
+    repeat: ChangeResult | None = key("change between visits of one posture", None)
+    hysteresis: ChangeResult | None = key("part of it between visits from opposite sides", None)
 
 
 class LimitedResult(Strict):
@@ -380,18 +396,18 @@ class LimitedResult(Strict):
     Decision rule: guard band, |deviation| + U ≤ limit (JCGM 106).
     """
 
-    expanded_uncertainty: NotNegative
-    limit: OpenStd = None
-    probability_exceeding: Probability
-    conforms: Flag
+    expanded_uncertainty: NotNegative = key("of the length, coverage 95.45 %")
+    limit: OpenStd = key("the rig file's; null where it states none", None)
+    probability_exceeding: Probability = key("that the error is beyond the limit")
+    conforms: Flag = key("whether the expanded uncertainty is within the limit")
 
 
 class ConformityResult(Strict):
     """The contact wrench's uncertainty at a posture against the rig file's limits."""
 
-    rpy: Vector
-    force: LimitedResult
-    torque: LimitedResult
+    rpy: Vector = key("rad: posture of the terminal")
+    force: LimitedResult = key("N: length of the force's error")
+    torque: LimitedResult = key("N·m: length of the torque's error")
 
 
 class QualityResult(Strict):
@@ -400,8 +416,8 @@ class QualityResult(Strict):
     advice: cures of what the residuals say, harmful or not, that of the surest finding first.
     """
 
-    reasons: Texts = ()
-    advice: Texts = ()
+    reasons: Texts = key("why the gate rejects; empty where it accepts", ())
+    advice: Texts = key("cures of what the residuals say, the surest finding first", ())
 
 
 def _finite(given: dict[str, Any]) -> dict[str, Any]:

@@ -2,38 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal, Self
+from typing import Literal, Self
 
 from pydantic import model_validator
 
-from tdfscal.files.field_types import NotNegative, Number, Strict, Text, fault
-
-DESCRIPTIONS: Final[dict[str, str]] = {
-    "Point.group": "name of the support",
-    "Point.point": "the point's label",
-    "Point.ux": "standard uncertainty of x (k = 1); all three or none",
-    "Point.uy": "standard uncertainty of y",
-    "Point.uz": "standard uncertainty of z",
-    "Point.x": "coordinate, in length_unit",
-    "Point.y": "coordinate, in length_unit",
-    "Point.z": "coordinate, in length_unit",
-    "PointFile.length_unit": "unit of all coordinates and uncertainties",
-    "PointFile.points": "list of points",
-}
-"""What each key says: the descriptions of the published schema."""
+from tdfscal.files.field_types import NotNegative, Number, Strict, Text, fault, key
 
 
 class Point(Strict):
     """One point: the support's name, the point's label, coordinates, standard uncertainties."""
 
-    group: Text
-    point: Text
-    x: Number
-    y: Number
-    z: Number
-    ux: NotNegative | None = None
-    uy: NotNegative | None = None
-    uz: NotNegative | None = None
+    group: Text = key("name of the support")
+    point: Text = key("the point's label")
+    x: Number = key("coordinate, in length_unit")
+    y: Number = key("coordinate, in length_unit")
+    z: Number = key("coordinate, in length_unit")
+    ux: NotNegative | None = key("standard uncertainty of x (k = 1); all three or none", None)
+    uy: NotNegative | None = key("standard uncertainty of y", None)
+    uz: NotNegative | None = key("standard uncertainty of z", None)
 
     @model_validator(mode="after")
     def _all_or_no_uncertainties(self) -> Self:
@@ -46,8 +32,10 @@ class Point(Strict):
 class PointFile(Strict):
     """Points of one file; x, y, z, ux, uy, uz in `length_unit`, ux, uy, uz with k = 1."""
 
-    points: tuple[Point, ...]
-    length_unit: Literal["m", "cm", "mm", "um", "in"]
+    points: tuple[Point, ...] = key("list of points")
+    length_unit: Literal["m", "cm", "mm", "um", "in"] = key(
+        "unit of all coordinates and uncertainties"
+    )
 
     @model_validator(mode="after")
     def _distinct(self) -> Self:

@@ -32,6 +32,7 @@ from tdfscal.files.field_types import (
     Vector,
     fault,
     from_numpy,
+    key,
 )
 from tdfscal.files.rig.checks import (
     check_hinges,
@@ -73,14 +74,15 @@ WithStd = BeforeValidator(_with_std)
 class Quantity(Strict):
     """A scalar with its standard uncertainty."""
 
-    value: Number
-    std: Std
+    value: Number = key("the value")
+    std: Std = key("its standard uncertainty; 0 exact, .inf unknown")
 
 
 class Mass(Quantity):
     """Mass of the terminal with all it carries, kg."""
 
-    value: Positive
+    value: Positive = key("kg")
+    std: Std = key("kg: standard uncertainty; 0 exact, .inf unknown")
 
 
 def _near(given: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -98,28 +100,29 @@ PlaceOnTerminal = Annotated[Vector, AfterValidator(_near)]
 class VectorQuantity(Strict):
     """A vector with its standard uncertainties; a single one stands for all three."""
 
-    value: Vector
-    std: Stds
+    value: Vector = key("the three components")
+    std: Stds = key("standard uncertainty of each; 0 exact, .inf unknown")
 
 
 class Barycenter(VectorQuantity):
     """Barycentre of the terminal with all it carries, m, LCS."""
 
-    value: PlaceOnTerminal
+    value: PlaceOnTerminal = key("m, LCS")
+    std: Stds = key("m: standard uncertainty of each coordinate; 0 exact, .inf unknown")
 
 
 class Gravity(Strict):
     """Gravity along −Z of the BCS: magnitude in m/s², tilt_std in rad per horizontal axis."""
 
-    magnitude: Positive = 9.80665
-    tilt_std: NotNegative = 0.0
+    magnitude: Positive = key("m/s²: along −Z of the BCS", 9.80665)
+    tilt_std: NotNegative = key("rad: levelness of the BCS, per horizontal axis", 0.0)
 
 
 class Inertia(Strict):
     """Inertia of the terminal about the LCS origin, kg m²; std is that of each entry."""
 
-    value: Matrix3
-    std: Std
+    value: Matrix3 = key("kg m², about the LCS origin")
+    std: Std = key("kg m²: standard uncertainty of every entry")
 
     @field_validator("value")
     @classmethod
@@ -131,26 +134,28 @@ class Inertia(Strict):
 class Terminal(Strict):
     """The terminal with all it carries: mass in kg, barycentre in m in the LCS, inertia."""
 
-    mass: Annotated[Mass, WithStd]
-    barycenter: Annotated[Barycenter, WithStd]
-    inertia: Annotated[Inertia, WithStd] | None = None
+    mass: Annotated[Mass, WithStd] = key("kg: quantity")
+    barycenter: Annotated[Barycenter, WithStd] = key("m: quantity, LCS")
+    inertia: Annotated[Inertia, WithStd] | None = key(
+        "kg m²: quantity, 3 × 3 about the LCS origin; used in motion only", None
+    )
 
 
 class Campaign(Strict):
     """When, where and by whom the log was recorded; date in ISO 8601, as a day or a time."""
 
-    date: Date | None = None
-    operator: Text | None = None
-    site: Text | None = None
-    note: Text | None = None
+    date: Date | None = key("ISO 8601; where the log has no wall clock", None)
+    operator: Text | None = key("who ran the campaign", None)
+    site: Text | None = key("where it was run", None)
+    note: Text | None = key("anything else to keep with it", None)
 
 
 class Sensor(Strict):
     """A sensor's papers, carried to report and certificate; due: day of its next calibration."""
 
-    serial: Label | None = None
-    certificate: Label | None = None
-    due: Date | None = None
+    serial: Label | None = key("serial number of the sensor", None)
+    certificate: Label | None = key("number of its certificate", None)
+    due: Date | None = key("day of its next calibration, ISO 8601", None)
 
 
 def _angles(given: Any) -> Any:
@@ -167,16 +172,19 @@ Angles = Annotated[Vector, BeforeValidator(_angles)]
 class Support(Strict):
     """One NCP with its TDFS: hinge in m in the LCS, zero and capacity in N, angles in rad."""
 
-    name: Name
-    hinge: PlaceOnTerminal
-    zero: Annotated[VectorQuantity, WithStd] = VectorQuantity(
-        value=(0.0, 0.0, 0.0), std=(math.inf,) * 3
+    name: Name = key("letters, digits, _ and -")
+    hinge: PlaceOnTerminal = key("m: SHC in the LCS")
+    zero: Annotated[VectorQuantity, WithStd] = key(
+        "N: quantity, reading without load, sensor frame",
+        VectorQuantity(value=(0.0, 0.0, 0.0), std=(math.inf,) * 3),
     )
-    nominal_rpy: Angles = (0.0, 0.0, 0.0)
-    rpy_std: Stds = (math.inf,) * 3
-    capacity: PositiveVector | None = None
-    axes: tuple[Axis, ...] = ("x", "y", "z")
-    sensor: Sensor | None = None
+    nominal_rpy: Angles = key("rad: nominal mounting", (0.0, 0.0, 0.0))
+    rpy_std: Stds = key("rad: prior about the nominal mounting", (math.inf,) * 3)
+    capacity: PositiveVector | None = key("N: full scale; a reading beyond it is saturated", None)
+    axes: tuple[Axis, ...] = key(
+        "what the sensor measures; [z] is a load cell, [] no sensor", ("x", "y", "z")
+    )
+    sensor: Sensor | None = key("the sensor's papers, carried to report and certificate", None)
 
     @field_validator("axes")
     @classmethod
@@ -199,20 +207,22 @@ class Support(Strict):
 class Compliance(Strict):
     """What gives between encoder and hinge, m/N, as a standard uncertainty about none."""
 
-    lateral: NotNegative = 0.0
-    vertical: NotNegative = 0.0
+    lateral: NotNegative = key("m/N: sideways", 0.0)
+    vertical: NotNegative = key("m/N: along Z of the BCS", 0.0)
 
 
 class Uncertainty(Strict):
     """Standard uncertainties that the log's own scatter cannot show."""
 
-    positioner: NotNegative = 0.0
-    hinge: NotNegative = 0.0
-    datum: NotNegative = 0.0
-    force_noise: NotNegative = 0.0
-    force_sensitivity: NotNegative = 0.0
-    hinge_moment: NotNegative = 0.0
-    compliance: Compliance = Compliance()
+    positioner: NotNegative = key("m: repeatability of an NCP, per axis and posture", 0.0)
+    hinge: NotNegative = key("m: each coordinate of each hinge", 0.0)
+    datum: NotNegative = key("m: constant offset of an NCP's servo coordinates, per axis", 0.0)
+    force_noise: NotNegative = key(
+        "N: per axis and posture, beyond the standard error of the mean", 0.0
+    )
+    force_sensitivity: NotNegative = key("relative gain and crosstalk of a sensor", 0.0)
+    hinge_moment: NotNegative = key("N·m: friction of the hinges, per axis and posture", 0.0)
+    compliance: Compliance = key("what gives between encoder and hinge", Compliance())
 
 
 class Drift(Strict):
@@ -222,10 +232,10 @@ class Drift(Strict):
     walk in N/√h and angle in rad/√month: intensities of random walks.
     """
 
-    time: Std = 0.0
-    temperature: Std = 0.0
-    walk: NotNegative = 0.0
-    angle: NotNegative = 0.0
+    time: Std = key("N/h: standard uncertainty of a slope in time", 0.0)
+    temperature: Std = key("N/K: standard uncertainty of a slope against log.temperature", 0.0)
+    walk: NotNegative = key("N/√h: intensity of a random walk", 0.0)
+    angle: NotNegative = key("rad/√month: random walk of the angles between campaigns", 0.0)
 
 
 def _column(given: Any) -> Any:
@@ -241,9 +251,9 @@ FieldName = Annotated[Text, BeforeValidator(_column), WithJsonSchema(_FIELD)]
 class LogTime(Strict):
     """The log's clock: field and unit in CSV and Parquet, source in MCAP."""
 
-    field: FieldName = "time"
-    unit: TimeUnit = "s"
-    source: TimeSource = "log"
+    field: FieldName = key("column; CSV and Parquet", "time")
+    unit: TimeUnit = key("or ms, us, ns; CSV and Parquet", "s")
+    source: TimeSource = key("or header, publish; MCAP", "log")
 
 
 def _one_or_three(given: Any) -> Any:
@@ -306,10 +316,14 @@ class SupportFields(Strict):
     counts, of mV.
     """
 
-    position: Fields
-    force: Fields
-    position_scale: Scale | None = None
-    force_scale: Scale | None = None
+    position: Fields = key("three fields, or one with x, y, z")
+    force: Fields = key("likewise")
+    position_scale: Scale | None = key(
+        "m: per unit of the log, in place of length_unit; one number or three", None
+    )
+    force_scale: Scale | None = key(
+        "N: per unit of the log, in place of force_unit: raw counts, mV", None
+    )
 
 
 def _temperatures(given: Any) -> Any:
@@ -335,23 +349,27 @@ Temperatures = Annotated[
 class LogBlock(Strict):
     """How this rig's recorder names things, and in which units."""
 
-    rows: Rows = "timeseries"
-    time: LogTime = LogTime()
-    delay: Annotated[Quantity, WithStd] | None = None
-    temperature: Temperatures | None = None
-    length_unit: LengthUnit = "m"
-    force_unit: ForceUnit = "N"
-    force_on: Literal["terminal", "sensor"] = "terminal"
-    decimal: Literal[".", ","] = "."
-    supports: dict[Name, SupportFields] | None = None
+    rows: Rows = key("or postures: each row is one averaged posture", "timeseries")
+    time: LogTime = key("the clock: a column, or which stamps of messages", LogTime())
+    delay: Annotated[Quantity, WithStd] | None = key(
+        "s: quantity, force stamps minus position stamps; used in motion only", None
+    )
+    temperature: Temperatures | None = key("°C: field, or one per support", None)
+    length_unit: LengthUnit = key("or mm, um", "m")
+    force_unit: ForceUnit = key("or kN", "N")
+    force_on: Literal["terminal", "sensor"] = key(
+        "or sensor: the reading is the reaction, and its sign is turned", "terminal"
+    )
+    decimal: Literal[".", ","] = key("or ,; CSV", ".")
+    supports: dict[Name, SupportFields] | None = key("one entry per support", None)
 
 
 class InstrumentBlock(Strict):
     """Standard uncertainties of a spherical instrument: m, ppm of the range, arcseconds."""
 
-    range: NotNegative
-    range_ppm: NotNegative
-    angle_arcsec: NotNegative
+    range: NotNegative = key("m: constant part of the range")
+    range_ppm: NotNegative = key("ppm: part that grows with the range")
+    angle_arcsec: NotNegative = key("″: each angle")
 
     @model_validator(mode="after")
     def _not_perfect(self) -> Self:
@@ -363,34 +381,34 @@ class InstrumentBlock(Strict):
 class Targets(Strict):
     """Point files of the targets on the sensors: TDFS frames, and the tracker's frame."""
 
-    nominal: Text
-    measured: Text
+    nominal: Text = key("point file, sensor frames")
+    measured: Text = key("point file, tracker frame")
 
 
 class Moves(Strict):
     """Point files of the NCPs' moves: by the servo in the BCS, and in the tracker's frame."""
 
-    servo: Text
-    measured: Text
+    servo: Text = key("point file, hinge centres in the BCS")
+    measured: Text = key("point file, tracker frame")
 
 
 class TrackerBlock(Strict):
     """A laser-tracker survey; drawing in m, misalignment of body against sensing axes in rad."""
 
-    instrument: InstrumentBlock
-    drawing: NotNegative = 0.0
-    misalignment: NotNegative = 0.0
-    length_unit: PointUnit | None = None
-    targets: Targets
-    moves: Moves
+    instrument: InstrumentBlock = key("standard uncertainties, k = 1")
+    drawing: NotNegative = key("m: nominal points, per coordinate", 0.0)
+    misalignment: NotNegative = key("rad: sensing axes against the sensor's body, per axis", 0.0)
+    length_unit: PointUnit | None = key("of point files that name none: m, cm, mm, um, in", None)
+    targets: Targets = key("targets on the sensors")
+    moves: Moves = key("one point on each NCP, moved")
 
 
 class Contact(Strict):
     """Limit of the contact wrench's error at a posture of the terminal: N, N·m, rad."""
 
-    force: Positive | None = None
-    torque: Positive | None = None
-    rpy: Angles = (0.0, 0.0, 0.0)
+    force: Positive | None = key("N: length of the force's error", None)
+    torque: Positive | None = key("N·m: length of the torque's error", None)
+    rpy: Angles = key("rad: that posture of the terminal", (0.0, 0.0, 0.0))
 
     @model_validator(mode="after")
     def _limits_something(self) -> Self:
@@ -402,10 +420,12 @@ class Contact(Strict):
 class AcceptanceBlock(Strict):
     """Limits of the quality gate; angles in rad."""
 
-    angle_std: Positive = 5.0e-3
-    identifiable: Positive = 0.05
-    birge_max: Positive = 2.0
-    contact: Contact | None = None
+    angle_std: Positive = key("rad: largest standard uncertainty of an angle", 5.0e-3)
+    identifiable: Positive = key("rad: above it an angle counts as not determined (exit 4)", 0.05)
+    birge_max: Positive = key("largest Birge ratio", 2.0)
+    contact: Contact | None = key(
+        "limit of the contact wrench's error at a posture, guard-banded", None
+    )
 
 
 def _three_or_more(given: Any) -> Any:
@@ -418,22 +438,24 @@ def _three_or_more(given: Any) -> Any:
 class RigFile(Strict):
     """What is known of the rig (`rig.yaml`), SI units."""
 
-    format: Literal["tdfscal-rig/1"]
-    name: Text
-    serial: Label | None = None
-    campaign: Campaign | None = None
-    gravity: Gravity = Gravity()
-    terminal: Terminal
+    format: Literal["tdfscal-rig/1"] = key("tdfscal-rig/1")
+    name: Text = key("what the rig is called")
+    serial: Label | None = key("of the rig", None)
+    campaign: Campaign | None = key("when, where and by whom the log was recorded", None)
+    gravity: Gravity = key("m/s² along −Z of the BCS, and how level that is", Gravity())
+    terminal: Terminal = key("the terminal with all it carries")
     supports: Annotated[
         tuple[Support, ...],
         BeforeValidator(_three_or_more),
         Field(json_schema_extra={"minItems": 3}),
-    ]
-    uncertainty: Uncertainty = Uncertainty()
-    drift: Drift = Drift()
-    log: LogBlock | None = None
-    tracker: TrackerBlock | None = None
-    acceptance: AcceptanceBlock = AcceptanceBlock()
+    ] = key("list of three or more, one NCP with its TDFS each")
+    uncertainty: Uncertainty = key(
+        "standard uncertainties that the log's own scatter cannot show", Uncertainty()
+    )
+    drift: Drift = key("zeros that move within a campaign, per channel", Drift())
+    log: LogBlock | None = key("how the recorder names things; see the how-to", None)
+    tracker: TrackerBlock | None = key("a survey; paths relative to this file", None)
+    acceptance: AcceptanceBlock = key("limits of the quality gate", AcceptanceBlock())
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.errors import DataError, RigError
-from tdfscal.files.field_types import Sha256
+from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig import model
@@ -83,8 +83,8 @@ class EmbeddedRig(RigFile):
     noticed; none in files of old.
     """
 
-    sha256: Sha256
-    content_sha256: Sha256 | None = None
+    sha256: Sha256 = key("of the rig file")
+    content_sha256: Sha256 | None = key("of this copy: shows whether it was edited since", None)
 
     @property
     def edited(self) -> bool:

@@ -8,11 +8,8 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
-from tdfscal.files.calibration import descriptions as of_calibration
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.points import model as of_points
 from tdfscal.files.points.model import PointFile
-from tdfscal.files.rig import descriptions as of_rig
 from tdfscal.files.rig.model import RigFile
 from tdfscal.files.saving import make_folder, to_json, write_text
 
@@ -25,9 +22,6 @@ _MODELS: dict[str, tuple[type[BaseModel], str]] = {
 }
 
 
-_DESCRIPTIONS = of_rig.DESCRIPTIONS | of_calibration.DESCRIPTIONS | of_points.DESCRIPTIONS
-
-
 class _WithoutTitles(GenerateJsonSchema):
     """A field's generated title only repeats its key."""
 
@@ -35,16 +29,11 @@ class _WithoutTitles(GenerateJsonSchema):
         return False
 
 
-def _described(schema: dict[str, Any], root: str) -> dict[str, Any]:
-    """Add what the keys say, which editors show."""
-    models = {root: schema, **schema.get("$defs", {})}
-    for model, document in models.items():
-        for key, described in document.get("properties", {}).items():
-            text = _DESCRIPTIONS.get(f"{model}.{key}")
-            if text is None and model == "EmbeddedRig":
-                text = _DESCRIPTIONS.get(f"RigFile.{key}")
-            if text is not None:
-                described.setdefault("description", text)
+def _described_last(schema: dict[str, Any]) -> dict[str, Any]:
+    """Put what a key says behind what it may hold."""
+    for model in (schema, *schema["$defs"].values()):
+        for told in model.get("properties", {}).values():
+            told["description"] = told.pop("description")
     return schema
 
 
@@ -54,7 +43,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         f"{name}.schema.json": {
             "$schema": DIALECT,
             "$id": f"urn:tdfscal:schema:{name}:1",
-            **_described(model.model_json_schema(schema_generator=_WithoutTitles), model.__name__),
+            **_described_last(model.model_json_schema(schema_generator=_WithoutTitles)),
             "title": title,
         }
         for name, (model, title) in _MODELS.items()
