@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +13,9 @@ from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.records import ANGLES
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.exact_quantities import exact_claim, exact_tables
-from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
+from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, probability, utc
 from tdfscal.reporting.traceability import campaign, overdue, provenance
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
 
 _ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
 RESIDUAL_HEADER = ("", "rms before", "rms after", "largest before", "largest after")

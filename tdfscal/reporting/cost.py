@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.reporting.layout import Facts, Report, Section, Table
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table
 from tdfscal.reporting.studies import Row
 from tdfscal.studies.cost import Assumptions, Choice, CostStudy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from tdfscal.reporting.figures.style import Drawing
 
 NOTE = (
     "Hours are those in which the machine cannot assemble; the instrument's and the people's run "
@@ -94,8 +92,6 @@ def cost_document(study: CostStudy, seed: int, files: list[str]) -> dict[str, An
 
 def cost_drawing(study: CostStudy) -> Drawing:
     """Error against cost, a line per method."""
-    from tdfscal.reporting.figures.style import Drawing
-
     known = [c for c in study.choices if not np.isnan(c.rms)]
     best = min(known, key=lambda c: c.rms * c.effort.cost) if known else None
     reading = "No way to calibrate gave a result."

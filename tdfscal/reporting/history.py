@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +12,9 @@ from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.history import date_of
-from tdfscal.reporting.layout import Facts, Report, Section, Table, illustrated
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, illustrated
 from tdfscal.reporting.phrases import probability
 from tdfscal.significance import COVERAGE_FACTOR
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
 
 _ADVICE = {
     "step": (

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from tdfscal.errors import visible
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
+from tdfscal.reporting.figures.drawing import Drawing as Drawing
 
 Row = tuple[str, ...]
 

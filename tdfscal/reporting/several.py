@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.comparison.compatibility import ANGLES, Comparison, History, compare
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.layout import Facts, Report, Section, Table, illustrated
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, probability
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
 
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 

@@ -10,14 +10,12 @@ import numpy as np
 
 from tdfscal.reporting.controldata import cell_document
 from tdfscal.reporting.controlstudies import mean_se, share_said
-from tdfscal.reporting.layout import Report, Section, Table
+from tdfscal.reporting.layout import Drawing, Report, Section, Table
 from tdfscal.reporting.studies import Row
 from tdfscal.studies.success import SuccessStudy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from tdfscal.reporting.figures.style import Drawing
 
 NOTE = (
     "Each controller knows zeros, mass and barycentre, and every sensor is off by a normal turn of "
@@ -113,8 +111,6 @@ def success_document(study: SuccessStudy, files: list[str]) -> dict[str, Any]:
 
 def success_drawing(study: SuccessStudy) -> Drawing:
     """Probability of success against the angle error, a line per stiffness."""
-    from tdfscal.reporting.figures.style import Drawing
-
     middle = len(study.studies) // 2
     good = [d for d in range(len(study.deviations)) if study.success(middle, d).value >= 0.9]
     reading = f"At {_stiffness(study)[middle]} "

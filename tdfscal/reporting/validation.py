@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray, InputFile
 from tdfscal.reporting.calibration import RESIDUAL_HEADER
-from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
+from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import METHODS, inputs_table
 from tdfscal.reporting.validation_causes import REMEDIES, describe, lengths, start_of
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
@@ -20,9 +20,6 @@ from tdfscal.validation.causes import Cause
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.validation.verdict import Verdict
 from tdfscal.wrench.contact_wrench import COMPONENTS
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
 
 #: At most as many postures are listed one by one.
 _LISTED = 12

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from tdfscal.reporting.layout import Items, Report, Section, illustrated
+from tdfscal.reporting.layout import Drawing, Items, Report, Section, illustrated
 from tdfscal.reporting.validation import (
     KEEP,
     RENEW,
@@ -21,9 +21,6 @@ from tdfscal.reporting.validation import (
 )
 from tdfscal.reporting.validation_causes import describe
 from tdfscal.validation.in_motion import MovingValidation
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
 
 
 def document(v: MovingValidation, warnings: Sequence[str]) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from tdfscal.model.calibrated import about_point
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.workflows.arguments import Numbers, PathLikes, listed, one, one_of, triple
 from tdfscal.workflows.calibration import CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
@@ -47,9 +48,6 @@ from tdfscal.wrench.zero_wander import ZeroVariance
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -24,15 +24,13 @@ from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.output_places import check_calibration
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import ANGLES
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 #: What a command takes as a calibration: a file, `-` for standard input, or one in memory.
 CalibrationSource = str | PathLike[str] | CalibrationFile

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tdfscal.comparison.compatibility import Comparison, compare_pair
 from tdfscal.errors import UsageError
 from tdfscal.records import ANGLES
+from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
 from tdfscal.workflows.calibration import CalibrationSource, read_sources, sources_of
@@ -17,8 +18,6 @@ from tdfscal.workflows.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
 
 
 @dataclass(frozen=True, slots=True, repr=False)

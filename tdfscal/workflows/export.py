@@ -12,6 +12,7 @@ from tdfscal.exports import FORMATS, certificate
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
+from tdfscal.reporting.layout import Drawing
 from tdfscal.workflows.arguments import one, one_of
 from tdfscal.workflows.calibration import (
     Calibration,
@@ -26,7 +27,6 @@ from tdfscal.workflows.result import Result
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tdfscal.reporting.figures.style import Drawing
 
 Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc", "certificate"]
 

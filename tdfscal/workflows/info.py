@@ -15,6 +15,7 @@ from tdfscal.logs import expand, is_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.description.document import as_document
 from tdfscal.logs.description.info import LogInfo
+from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
 from tdfscal.workflows.arguments import PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
@@ -24,8 +25,6 @@ from tdfscal.workflows.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
 
 
 @dataclass(frozen=True, slots=True, repr=False)

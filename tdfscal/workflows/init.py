@@ -20,6 +20,7 @@ from tdfscal.logs.description.info import LogInfo
 from tdfscal.logs.description.mapping_guess import sampled
 from tdfscal.logs.description.mapping_text import mapping_document
 from tdfscal.records import FloatArray
+from tdfscal.reporting.layout import Drawing
 from tdfscal.workflows.arguments import PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
 from tdfscal.workflows.inputs_read import inputs_read
@@ -29,8 +30,6 @@ from tdfscal.workflows.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
 
 _GRAVITY = 9.80665
 

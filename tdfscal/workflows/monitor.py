@@ -25,7 +25,7 @@ from tdfscal.model.earlier import free_constants, turned
 from tdfscal.model.parameters import State, deviation
 from tdfscal.numerics.information import Information, without
 from tdfscal.records import ANGLES, BoolArray, Rig
-from tdfscal.reporting.layout import LISTED
+from tdfscal.reporting.layout import LISTED, Drawing
 from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import one
@@ -48,7 +48,6 @@ from tdfscal.workflows.several_campaigns import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tdfscal.reporting.figures.style import Drawing
     from tdfscal.reporting.layout import Report
 
 

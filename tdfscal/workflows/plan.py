@@ -28,6 +28,7 @@ from tdfscal.planning import (
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import ANGLES
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.planning import plan_document, plan_report
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.workflows.arguments import (
@@ -50,9 +51,6 @@ from tdfscal.workflows.samples import delay_of
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 DEFAULT_POSTURES = 24
 DEFAULT_NOISE = 1.0

@@ -15,6 +15,7 @@ from tdfscal import trackercal
 from tdfscal.errors import UsageError
 from tdfscal.files.points import read_point_file
 from tdfscal.records import Instrument
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.registration import document, registration_report
 from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
@@ -24,9 +25,6 @@ from tdfscal.workflows.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)

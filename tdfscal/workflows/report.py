@@ -11,6 +11,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
+from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.workflows.arguments import one
 from tdfscal.workflows.calibration import (
     Calibration,
@@ -24,9 +25,6 @@ from tdfscal.workflows.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report, Section
 
 
 @dataclass(frozen=True, slots=True, repr=False)

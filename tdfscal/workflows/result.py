@@ -9,14 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.errors import UsageError
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.workflows.progress import SILENT, Progress
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 #: Lines of a result's repr, and rows of its table in a notebook, at most.
 _LINES = 6

@@ -13,6 +13,7 @@ from tdfscal.files.outputs import protect, together
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.records import ANGLES
+from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import Recorder, Run
 from tdfscal.workflows.arguments import at_least, one_of
 from tdfscal.workflows.progress import SILENT, Progress
@@ -21,8 +22,6 @@ from tdfscal.workflows.rigs import survey_of
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
 
 #: Samples per second that a recorder can have.
 RATES = (10.0, 20e3)

@@ -16,6 +16,7 @@ from tdfscal.files.saving import write_text
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting import validation_in_motion
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.validation import Origin, document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
@@ -35,9 +36,6 @@ from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 
 Samples = Literal["static", "moving"]

@@ -3,45 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 
 from tdfscal.comparison.compatibility import History
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.figures import (
-    angles,
-    budget,
-    components,
-    drift,
-    methods,
-    observability,
-    residuals,
-    rig,
-    spectrum,
-    survey,
-    timeline,
-    trials,
-    wrench_in_motion,
-)
-from tdfscal.reporting.figures.style import Drawing
+from tdfscal.reporting.figures.drawing import Drawing
 
-_ALL = (
-    angles.draw,
-    methods.draw,
-    residuals.draw,
-    components.draw,
-    budget.draw,
-    timeline.draw,
-    observability.draw,
-    rig.draw,
-    spectrum.draw,
-    wrench_in_motion.draw,
-    trials.draw,
-    survey.draw,
+#: Modules in the order of reading; imported when something is drawn, for matplotlib is slow.
+_IN_ORDER = (
+    *("angles", "methods", "residuals", "components", "budget", "timeline", "observability"),
+    *("rig", "spectrum", "wrench_in_motion", "trials", "survey"),
 )
 
 
 def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     """Return every figure for which the file holds the data, in the order of reading."""
-    found = (draw(calibration) for draw in _ALL)
+    modules = (import_module(f"{__name__}.{name}") for name in _IN_ORDER)
+    found = (module.draw(calibration) for module in modules)
     return tuple(drawing for drawing in found if drawing is not None)
 
 
@@ -49,4 +27,6 @@ def several_drawings(
     history: History, letters: Sequence[str], days: Sequence[float]
 ) -> tuple[Drawing, ...]:
     """Return the figures of several calibrations; days since the first."""
+    from tdfscal.reporting.figures import drift
+
     return (drift.draw(history, letters, days),)

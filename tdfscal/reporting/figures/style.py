@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from matplotlib.transforms import Affine2D
 
 from tdfscal.errors import visible
 from tdfscal.files.saving import make_folder, replacing, write_text
+from tdfscal.reporting.figures.drawing import Drawing as Drawing
 
 WIDTH = 7.3
 """Inches: the text width of an A4 page."""
@@ -57,20 +57,6 @@ _SETTINGS: dict[str, Any] = {
     "svg.fonttype": "path",
     "svg.hashsalt": "tdfscal",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Drawing:
-    """A figure with what it says.
-
-    name : of its file. title : what is drawn. reading : its message, one sentence.
-    paint : draws it; called once per rendering, since a Figure carries state.
-    """
-
-    name: str
-    title: str
-    reading: str
-    paint: Callable[[], Figure]
 
 
 class Sheet(Figure):

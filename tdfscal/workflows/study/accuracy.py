@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.records import FloatArray
 from tdfscal.reporting import stakes, studies
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.studies import Row
 from tdfscal.simulation import Options
 from tdfscal.studies.accuracy import Accuracy, Setup
@@ -24,10 +25,6 @@ from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.rigs import calibrations_named, rig_named, survey_of
 from tdfscal.workflows.study.result import StudyResult, processes
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.errors import UsageError
 from tdfscal.files.model_errors import nearest
@@ -14,6 +14,7 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.files.yaml.reading import read_document
 from tdfscal.reporting import cost as words
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.studies import Row
 from tdfscal.simulation import Options
 from tdfscal.studies import cost as study_of
@@ -23,10 +24,6 @@ from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.rigs import rig_named, survey_of
 from tdfscal.workflows.study.result import StudyResult
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -6,13 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.reporting import controldata as data
 from tdfscal.reporting import controlstudies as words
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.studies import Row
 from tdfscal.studies import docking as study_of
 from tdfscal.workflows.arguments import Numbers, one
@@ -28,10 +29,6 @@ from tdfscal.workflows.study.controlled import (
     steps_of,
 )
 from tdfscal.workflows.study.result import processes
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.records import FloatArray
 from tdfscal.reporting import controldata as data
 from tdfscal.reporting import controlstudies as words
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.studies import Row
 from tdfscal.studies import free_space as study_of
 from tdfscal.workflows.arguments import Numbers, one
@@ -33,10 +34,6 @@ from tdfscal.workflows.study.controlled import (
     steps_of,
 )
 from tdfscal.workflows.study.result import processes
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 _MOVES_HINT = (
     "write a header and 12 numbers per row: initial and target roll, pitch, yaw (rad), x, y, z (m)"

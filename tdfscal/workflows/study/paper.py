@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.reporting import paper as words
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.paper import Item
 from tdfscal.reporting.studies import Row
 from tdfscal.workflows.arguments import one
@@ -21,10 +22,6 @@ from tdfscal.workflows.study.docking import DockingResult, docking
 from tdfscal.workflows.study.free_space import FreeSpaceResult, free_space
 from tdfscal.workflows.study.result import StudyResult
 from tdfscal.workflows.study.sensitivity import SensitivityResult, sensitivity
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -19,7 +19,6 @@ from tdfscal.workflows.result import Result
 if TYPE_CHECKING:
     import pandas as pd
 
-
 #: The page among a study's files.
 PAGE = "study.html"
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.records import Rig
 from tdfscal.reporting import stakes, studies
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.studies import Row
 from tdfscal.studies.sensitivity import Sweep
 from tdfscal.studies.sensitivity import sensitivity as sweep
@@ -24,10 +25,6 @@ from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.rigs import calibrations_named, rig_named
 from tdfscal.workflows.study.result import StudyResult
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.reporting import success as words
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.studies import Row
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking
@@ -21,10 +22,6 @@ from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.rigs import rig_named
 from tdfscal.workflows.study.controlled import Cell, steps_of
 from tdfscal.workflows.study.result import StudyResult, processes
-
-if TYPE_CHECKING:
-    from tdfscal.reporting.figures.style import Drawing
-    from tdfscal.reporting.layout import Report
 
 #: Engagement by default, mm: the peaks are at the mouth, and the full length takes five times as
 #: long.
