@@ -14,8 +14,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
-from tdfscal.files.writers.moving_plan import time_table_csv, waypoints_csv
-from tdfscal.files.writers.plan import plan_csv
+from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
 from tdfscal.planning import (
     Limits,
     Objective,

@@ -1,46 +1,54 @@
-"""A plan as a CSV that a machine can run."""
+"""A plan as a CSV that a machine can run: postures, or a motion as time table or waypoints."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from tdfscal.files.escaping import csv_comment
-from tdfscal.files.saving import write_text
 from tdfscal.planning import Plan
-from tdfscal.records import ANGLES
+from tdfscal.planning.limits import Limits
+from tdfscal.planning.moving_plan import MovingPlan
+from tdfscal.records import ANGLES, FloatArray
 
 AXES = ("x", "y", "z")
 #: How far beyond a posture its approach starts, m: more than any backlash.
 OVERSHOOT = 1.0e-3
 
 
-def save_plan(plan: Plan, path: Path, command: str, seed: int) -> None:
-    """Write a plan, whole or not at all. Raises UsageError where that is not possible."""
-    write_text(path, plan_csv(plan, command, seed))
-
-
 def plan_csv(plan: Plan, command: str, seed: int) -> str:
     """One row per posture in the order to drive: hinge centres in m, squeezes in N, BCS."""
-    names = plan.rig.supports
-    groups = [""] if plan.displacement is None else ["", ".d"]
-    header = ["posture", "approach", "returns"]
-    header += [f"{name}.{axis}" for name in names for axis in AXES]
-    header += [f"{name}.squeeze_{axis}" for name in names for axis in AXES]
-    if len(groups) > 1:
-        header += [f"{name}.d{axis}" for name in names for axis in AXES]
-    lines = [f"# {line}".rstrip() for line in _notes(plan, command, seed)]
-    lines.append(",".join(header))
     returns = set(plan.returns.tolist())
-    for k in range(len(plan)):
-        row = [str(k + 1), f"{plan.approach[k]:+d}", "1" if k in returns else ""]
-        row += [number(v, 9) for v in np.ravel(plan.position[k])]
-        row += [number(v, 4) for v in np.ravel(plan.postures.squeeze[k])]
-        if plan.displacement is not None:
-            row += [number(v, 9) for v in np.ravel(plan.displacement[k])]
-        lines.append(",".join(row))
-    return "\n".join(lines) + "\n"
+    notes = [
+        *_heading(plan, "", command, seed),
+        *_frame(plan.request.limits, ""),
+        f"approach: side to come from. First drive every NCP to x, y and z {1e3 * OVERSHOOT:g} mm",
+        "further to that side (+1: larger coordinates), all alike, then into the posture.",
+        "returns: 1 where the first posture comes again, to show drift.",
+        "Rest at each posture, without contact, until the forces have settled, then record.",
+        *_expected(plan, plan.expected.mean, f"{plan.request.noise:g} N per axis and posture"),
+    ]
+    rows = (
+        [str(k + 1), f"{plan.approach[k]:+d}", "1" if k in returns else ""]
+        for k in range(len(plan))
+    )
+    return _table(
+        plan.rig.supports, notes, ["posture", "approach", "returns"], rows,
+        plan.position, plan.postures.squeeze, plan.displacement,
+    )  # fmt: skip
+
+
+def time_table_csv(plan: MovingPlan, command: str, seed: int) -> str:
+    """One row per tenth of a second: hinge centres in m, squeezes in N, BCS."""
+    return _motion(plan, plan.time, _motion_notes(plan, "time table", command, seed))
+
+
+def waypoints_csv(plan: MovingPlan, command: str, seed: int) -> str:
+    """As few rows as a cubic spline needs, which is at rest at both ends."""
+    notes = _motion_notes(plan, "waypoints", command, seed)
+    spline = "Between the rows runs a cubic spline through all of them, with no speed at both ends."
+    return _motion(plan, plan.waypoints, [*notes, spline])
 
 
 def number(value: float, digits: int) -> str:
@@ -48,44 +56,83 @@ def number(value: float, digits: int) -> str:
     return f"{round(float(value), digits) + 0.0:.{digits}f}"  # never −0.000
 
 
-def _notes(plan: Plan, command: str, seed: int) -> list[str]:
-    limits, rig = plan.request.limits, plan.rig
-    mean = 1e3 * plan.expected.mean
+def _motion(plan: MovingPlan, time: FloatArray, notes: list[str]) -> str:
+    course = plan.trajectory.at(time)
+    return _table(
+        plan.rig.supports, notes, ["t"], ([number(t, 6)] for t in time),
+        plan.position(course), course.squeeze, plan.displacement(course),
+    )  # fmt: skip
+
+
+def _table(
+    supports: Sequence[str],
+    notes: Sequence[str],
+    keys: Sequence[str],
+    rows: Iterable[list[str]],
+    position: FloatArray,
+    squeeze: FloatArray,
+    displacement: FloatArray | None,
+) -> str:
+    """Notes, header and rows; what follows the keys' cells is (N, n, 3), m and N."""
+    columns = [("", position, 9), ("squeeze_", squeeze, 4)]
+    if displacement is not None:
+        columns.append(("d", displacement, 9))
+    header = [f"{s}.{word}{axis}" for word, _, _ in columns for s in supports for axis in AXES]
+    lines = [f"# {line}".rstrip() for line in notes]
+    lines.append(",".join([*keys, *header]))
+    for k, row in enumerate(rows):
+        for _, values, digits in columns:
+            row += [number(v, digits) for v in np.ravel(values[k])]
+        lines.append(",".join(row))
+    return "\n".join(lines) + "\n"
+
+
+def _motion_notes(plan: MovingPlan, what: str, command: str, seed: int) -> list[str]:
+    request = plan.request
+    noise = f"a noise of {request.noise:g} N in a force's mean over a second"
+    return [
+        *_heading(plan, f": {what} of a motion", command, seed),
+        f"t: s, from rest to rest in {request.duration:g} s.",
+        *_frame(request.limits, ", at the start and the end"),
+        "Move without contact, and record all of it.",
+        *_expected(plan, plan.expected.rpy_std.mean(), noise),
+    ]
+
+
+def _heading(plan: Plan | MovingPlan, what: str, command: str, seed: int) -> list[str]:
+    return [
+        f"tdfscal plan for {csv_comment(plan.rig.name)}{what}",
+        f"command: {csv_comment(command)} (seed {seed})",
+    ]
+
+
+def _frame(limits: Limits, when: str) -> list[str]:
+    """What the columns of all plans are; when : the terminal is at home."""
     home = ", ".join(f"{v:g}" for v in limits.home)
     lines = [
-        f"tdfscal plan for {csv_comment(rig.name)}",
-        f"command: {csv_comment(command)} (seed {seed})",
         "frame: BCS. .x .y .z: hinge centre (SHC) to command to the NCP's servo, m.",
-        f"The terminal's LCS origin stands at ({home}) m at home, level.",
+        f"The terminal's LCS origin stands at ({home}) m at home, level{when}.",
     ]
-    if plan.displacement is None:
-        lines += [
+    if limits.stiffness is None:
+        return [
+            *lines,
             ".squeeze_x _y _z: internal force on the terminal to servo to, N, on top of the share",
             "of the weight; the positions are those of the undeformed terminal.",
         ]
-    else:
-        lines += [
-            ".squeeze_x _y _z: internal force on the terminal, N, that the displacement .dx .dy",
-            f".dz, m, makes with {limits.stiffness:g} N/m; the positions contain it already.",
-        ]
-    lines += [
-        f"approach: side to come from. First drive every NCP to x, y and z {1e3 * OVERSHOOT:g} mm",
-        "further to that side (+1: larger coordinates), all alike, then into the posture.",
-        "returns: 1 where the first posture comes again, to show drift.",
-        "Rest at each posture, without contact, until the forces have settled, then record.",
-        f"expected: mean standard uncertainty of an angle {mean:.3g} mrad, with "
-        f"{plan.request.noise:g} N per axis and posture",
-        *(
-            f"expected {name}: "
-            + (
-                "undetermined, as it lacks axes"
-                if np.isnan(row).any()
-                else ", ".join(
-                    f"{angle} {1e3 * std:.3g}" for angle, std in zip(ANGLES, row, strict=True)
-                )
-                + " mrad"
-            )
-            for name, row in zip(rig.supports, plan.expected.rpy_std, strict=True)
-        ),
+    return [
+        *lines,
+        ".squeeze_x _y _z: internal force on the terminal, N, that the displacement .dx .dy",
+        f".dz, m, makes with {limits.stiffness:g} N/m; the positions contain it already.",
     ]
+
+
+def _expected(plan: Plan | MovingPlan, mean: float, noise: str) -> list[str]:
+    """What the plan is worth: the mean over all angles, rad, and each sensor's."""
+    lines = [f"expected: mean standard uncertainty of an angle {1e3 * mean:.3g} mrad, with {noise}"]
+    for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True):
+        angles = ", ".join(f"{a} {1e3 * std:.3g}" for a, std in zip(ANGLES, row, strict=True))
+        open_ = np.isnan(row).any()
+        lines.append(
+            f"expected {name}: {'undetermined, as it lacks axes' if open_ else f'{angles} mrad'}"
+        )
     return lines
