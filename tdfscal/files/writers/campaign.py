@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -19,7 +19,6 @@ from tdfscal.records import Log, Rig, Rows
 from tdfscal.simulation import (
     MOVING,
     Campaign,
-    MovingCampaign,
     Options,
     Recorder,
     Run,
@@ -33,15 +32,13 @@ from tdfscal.simulation.months import simulate_months
 
 LogFormat = Literal["csv", "parquet", "mcap"]
 
-_WRITERS: dict[LogFormat, Callable[[Path, Log], None]] = {
-    "csv": table_log.write_csv,
-    "parquet": table_log.write_parquet,
-    "mcap": mcap_log.write_mcap,
-}
-_BLOCKS: dict[LogFormat, Callable[[Log], dict[str, Any] | None]] = {
-    "csv": table_log.csv_block,
-    "parquet": table_log.parquet_block,
-    "mcap": mcap_log.mcap_block,
+#: What writes a log, and the rig file's `log` block that reads it.
+_FORMATS: dict[
+    LogFormat, tuple[Callable[[Path, Log], None], Callable[[Log], dict[str, Any] | None]]
+] = {
+    "csv": (table_log.write_csv, table_log.csv_block),
+    "parquet": (table_log.write_parquet, table_log.parquet_block),
+    "mcap": (mcap_log.write_mcap, mcap_log.mcap_block),
 }
 #: What the rig file of a campaign in motion says of the delay, s.
 STATED_DELAY = {"value": 0.0, "std": 0.02}
@@ -121,12 +118,20 @@ def _months(
     seed: int,
     overwrite: bool,
 ) -> Run:
-    from tdfscal.files.writers.months import write_months
+    """Write `<date>/` with rig.yaml, log and truth.yaml per campaign, and truth.yaml of all.
 
+    With overwrite, what `simulate` wrote for the same dates is replaced.
+    """
     if months < 1:
         raise UsageError(f"{months} months asked for", hint="ask for one or more")
     played = simulate_months(rig, options, np.random.default_rng(seed), months)
-    write_months(played, folder, format=format, seed=seed, overwrite=overwrite)
+    story = {"name": "months", "seed": seed}
+    with together():
+        make_folder(folder)
+        for date, campaign in zip(played.dates, played.campaigns, strict=True):
+            place = folder / date[:7]
+            write_campaign(campaign, place, format=format, scenario=story, overwrite=overwrite)
+        documents.write_yaml(folder / "truth.yaml", documents.months_document(played, story))
     last = played.campaigns[-1]
     return Run("months", rig, last.truth, last, None)
 
@@ -139,32 +144,20 @@ def write_run(
     seed: int | None = None,
     overwrite: bool = False,
 ) -> tuple[Path, ...]:
-    """Write a played scenario; see `write_campaign`."""
-    story: dict[str, Any] = {"name": played.scenario}
-    if seed is not None:
-        story["seed"] = seed
-    if played.moving is not None:
-        return _write_moving(played.moving, folder, format, played.survey, story, overwrite)
-    if played.campaign is not None:
+    """Write a played scenario; see `write_campaign`. Of one in motion a delay's std is stated."""
+    story: dict[str, Any] = {"name": played.scenario} | ({} if seed is None else {"seed": seed})
+    campaign, moving, survey = played.campaign, played.moving, played.survey
+    if campaign is not None:
         return write_campaign(
-            played.campaign,
-            folder,
-            format=format,
-            session=played.survey,
-            scenario=story,
-            overwrite=overwrite,
+            campaign, folder, format=format, session=survey, scenario=story, overwrite=overwrite
         )
-
-    survey = played.survey
-    assert survey is not None
-
-    def fill(into: Path) -> dict[str, Any]:
-        point_files.write_session(into / "tracker", survey.session)
-        block = documents.tracker_block(survey)
-        documents.write_yaml(into / "rig.yaml", documents.rig_document(played.rig, tracker=block))
-        return documents.truth_document(played.rig, played.truth, story, survey)
-
-    return _write_folder(folder, fill, overwrite)
+    if moving is None:
+        truth = documents.truth_document(played.rig, played.truth, story, survey)
+        return _write_folder(folder, format, played.rig, None, survey, truth, overwrite)
+    truth = documents.moving_truth_document(moving, story, survey)
+    return _write_folder(
+        folder, format, moving.rig, moving.log, survey, truth, overwrite, delay=STATED_DELAY
+    )
 
 
 def write_campaign(
@@ -185,52 +178,33 @@ def write_campaign(
     Raises UsageError for an unknown format, signals that do not fit it, or a folder that is not
     empty.
     """
-    _check_format(format)
-
-    def fill(into: Path) -> dict[str, Any]:
-        with replacing(into / f"log.{format}") as beside:
-            _WRITERS[format](beside, campaign.log)
-        tracker = None
-        if session is not None:
-            point_files.write_session(into / "tracker", session.session)
-            tracker = documents.tracker_block(session)
-        documents.write_yaml(
-            into / "rig.yaml",
-            documents.rig_document(campaign.rig, _BLOCKS[format](campaign.log), tracker),
-        )
-        story = {**(scenario or {}), "options": documents.options_document(campaign.options)}
-        truth = documents.truth_document(campaign.rig, campaign.truth, story, session)
-        truth["postures"] = documents.dwell_document(
-            campaign.start, campaign.end, campaign.force, campaign.postures.pose.rotation
-        )
-        return truth
-
-    return _write_folder(folder, fill, overwrite)
+    story = {**(scenario or {}), "options": documents.options_document(campaign.options)}
+    truth = documents.truth_document(campaign.rig, campaign.truth, story, session)
+    truth["postures"] = documents.dwell_document(
+        campaign.start, campaign.end, campaign.force, campaign.postures.pose.rotation
+    )
+    return _write_folder(folder, format, campaign.rig, campaign.log, session, truth, overwrite)
 
 
-def _write_moving(
-    campaign: MovingCampaign,
-    folder: Path,
-    format: LogFormat,
-    session: Survey | None,
-    scenario: Mapping[str, Any],
-    overwrite: bool,
-) -> tuple[Path, ...]:
-    """Write a campaign without a stop, as `write_campaign`; its rig file states a delay's std."""
-    _check_format(format)
+def write_control_logs(
+    folder: Path, rig: Rig, logs: Sequence[tuple[str, Log]], form: LogFormat
+) -> list[str]:
+    """Write `<name>.<form>` of each log, and the rig.yaml that reads them; returns their names.
 
-    def fill(into: Path) -> dict[str, Any]:
-        with replacing(into / f"log.{format}") as beside:
-            _WRITERS[format](beside, campaign.log)
-        tracker = None
-        if session is not None:
-            point_files.write_session(into / "tracker", session.session)
-            tracker = documents.tracker_block(session)
-        log = {**(_BLOCKS[format](campaign.log) or {}), "delay": STATED_DELAY}
-        documents.write_yaml(into / "rig.yaml", documents.rig_document(campaign.rig, log, tracker))
-        return documents.moving_truth_document(campaign, scenario, session)
+    Raises UsageError where the folder cannot be written.
+    """
+    make_folder(folder)
+    blocks = [_write_log(folder / f"{name}.{form}", log, form) for name, log in logs]
+    documents.write_yaml(folder / "rig.yaml", documents.rig_document(rig, blocks[0]))
+    return [*(f"{name}.{form}" for name, _ in logs), "rig.yaml"]
 
-    return _write_folder(folder, fill, overwrite)
+
+def _write_log(path: Path, log: Log, form: LogFormat) -> dict[str, Any] | None:
+    """Write a log; returns the rig file's block that reads it."""
+    write, block = _FORMATS[form]
+    with replacing(path) as beside:
+        write(beside, log)
+    return block(log)
 
 
 def _check_format(format: str) -> None:
@@ -286,17 +260,32 @@ def _sha256(path: Path) -> str:
 
 
 def _write_folder(
-    folder: Path, fill: Callable[[Path], dict[str, Any]], overwrite: bool
+    folder: Path,
+    format: LogFormat,
+    rig: Rig,
+    log: Log | None,
+    survey: Survey | None,
+    truth: dict[str, Any],
+    overwrite: bool,
+    **stated: Any,
 ) -> tuple[Path, ...]:
-    """Fill a folder; its files appear together, and what `simulate` left there before goes.
+    """Write a folder; its files appear together, and what `simulate` left there before goes.
 
-    fill : writes all but the truth, which it returns.
+    stated : further keys of the rig file's `log` block.
     """
+    _check_format(format)
     _check_folder(folder, overwrite)
+    block = tracker = None
     try:
         with together() as outputs:
             make_folder(folder)
-            truth = fill(folder)
+            if log is not None:
+                block = _write_log(folder / f"log.{format}", log, format)
+            if survey is not None:
+                point_files.write_session(folder / "tracker", survey.session)
+                tracker = documents.tracker_block(survey)
+            rig_file = documents.rig_document(rig, {**(block or {}), **stated} or None, tracker)
+            documents.write_yaml(folder / "rig.yaml", rig_file)
             beside = {staged.target: staged.beside for staged in outputs.staged}
             files = {}
             for name in _OURS[1:]:

@@ -13,6 +13,7 @@ from tdfscal.files.rig.reading import HOUR
 from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.records import CampaignInfo, Drift, FloatArray, Rig, SensorInfo, UncertainValue
 from tdfscal.simulation import MovingCampaign, Options, Survey, Truth
+from tdfscal.simulation.months import Months
 
 TRACKER_BLOCK = {
     "length_unit": "mm",
@@ -170,6 +171,25 @@ def moving_truth_document(
         ],
     }
     return document
+
+
+def months_document(played: Months, story: Mapping[str, Any]) -> dict[str, Any]:
+    """truth.yaml of several campaigns: what happened between them."""
+    rig = played.campaigns[0].rig
+    return {
+        "format": "tdfscal-truth/1",
+        "scenario": dict(story),
+        "walk": rig.drift.angle,
+        "campaigns": [date[:7] for date in played.dates],
+        "steps": [
+            {
+                "campaign": played.dates[step.month][:7],
+                "support": rig.supports[step.sensor],
+                "turn": list(step.turn),
+            }
+            for step in played.steps
+        ],
+    }
 
 
 def plain(value: object) -> Any:

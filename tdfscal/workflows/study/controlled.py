@@ -11,8 +11,7 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.writers.campaign import LogFormat
-from tdfscal.files.writers.control_logs import write_control_logs
+from tdfscal.files.writers.campaign import LogFormat, write_control_logs
 from tdfscal.records import Log, Rig, Series
 from tdfscal.reporting import controldata as data
 from tdfscal.simulation import Options
