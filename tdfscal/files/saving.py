@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from tdfscal.files.outputs import make_folder, replacing, unwritable
+from tdfscal.files.escaping import csv_cell
+from tdfscal.files.outputs import replacing, unwritable
 from tdfscal.files.yaml.scalars import plain_scalar
 
 
@@ -19,6 +23,15 @@ def write_text(path: Path, text: str) -> None:
             beside.write_text(text, encoding="utf-8", newline="\n")
         except OSError as fault:
             raise unwritable(path, fault) from fault
+
+
+def save_rows(path: Path, rows: Iterable[tuple[str | float | int, ...]]) -> None:
+    """Write header and rows, doubles to the last bit, whole or not at all. Raises UsageError."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(
+        [csv_cell(cell) if isinstance(cell, str) else cell for cell in row] for row in rows
+    )
+    write_text(path, stream.getvalue())
 
 
 def to_json(content: Any) -> str:
@@ -71,5 +84,3 @@ def _represent_text(dumper: _PlainDumper, data: str) -> yaml.Node:
 
 _PlainDumper.add_representer(list, _represent_list)
 _PlainDumper.add_representer(str, _represent_text)
-
-__all__ = ["make_folder", "replacing", "to_json", "to_yaml", "write_text"]

@@ -15,11 +15,11 @@ from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
-from tdfscal.files.writers.wrench_recording import read_recording
 from tdfscal.files.writers.wrenches import (
     SUFFIXES,
     columns_of,
     numbers_only,
+    read_recording,
     write_wrenches,
 )
 from tdfscal.model.calibrated import about_point

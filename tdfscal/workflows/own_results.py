@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tdfscal.files.writers.wrench_recording import LIBRARY
+from tdfscal.files.writers.wrenches import LIBRARY
 
 #: How the first line of each table begins: plan, contact wrenches, exported rotations, studies.
 _FIRST_LINES = (

@@ -23,7 +23,7 @@ from tdfscal.exports import FORMATS
 from tdfscal.files.rig.draft import draft
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.files.writers.plan import plan_csv
-from tdfscal.files.writers.wrench_recording import WrenchRecording
+from tdfscal.files.writers.wrenches import WrenchRecording
 from tdfscal.planning import Plan, Request, make_plan
 from tdfscal.reporting.text import render
 from tdfscal.simulation import Recorder, reference_rig

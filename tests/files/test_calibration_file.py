@@ -21,8 +21,9 @@ from tdfscal.files.calibration.document import (
     parse_calibration,
     save_calibration,
 )
+from tdfscal.files.outputs import replacing
 from tdfscal.files.rig.reading import parse_rig
-from tdfscal.files.saving import replacing, to_yaml, write_text
+from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.workflows.calibrate import calibrate
 from tests.cli.running import SAMPLES
 from tests.files.edits import edits

@@ -9,9 +9,10 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.outputs import make_folder
 from tdfscal.files.points.model import PointFile
 from tdfscal.files.rig.model import RigFile
-from tdfscal.files.saving import make_folder, to_json, write_text
+from tdfscal.files.saving import to_json, write_text
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tdfscal.files.saving import make_folder, write_text
+from tdfscal.files.outputs import make_folder
+from tdfscal.files.saving import write_text
 from tdfscal.records import PointSet, TrackerSession
 
 MM = 1000.0

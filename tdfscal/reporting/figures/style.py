@@ -21,7 +21,8 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.transforms import Affine2D
 
 from tdfscal.errors import visible
-from tdfscal.files.saving import make_folder, replacing, write_text
+from tdfscal.files.outputs import make_folder, replacing
+from tdfscal.files.saving import write_text
 from tdfscal.reporting.figures.drawing import Drawing as Drawing
 
 WIDTH = 7.3

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from tdfscal.files.saving import make_folder, write_text
-from tdfscal.files.writers.rows import save_rows
+from tdfscal.files.outputs import make_folder
+from tdfscal.files.saving import save_rows, write_text
 from tdfscal.reporting.layout import Report, Section
 from tdfscal.reporting.studies import Row
 from tdfscal.workflows.arguments import at_least
