@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -27,7 +27,7 @@ from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
-from tdfscal.workflows.result import Result
+from tdfscal.workflows.result import Result, by_column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +37,7 @@ CalibrationSource = str | PathLike[str] | CalibrationFile
 Named = tuple[str, CalibrationFile]
 
 
+ANGLE_COLUMNS = "support angle value std low high"
 #: What a calibration goes by that no file holds.
 IN_MEMORY = "calibration"
 
@@ -92,9 +93,9 @@ class Calibration(Result, CalibrationFile):
         """Return the content of the file as plain JSON values."""
         return file_content(self)
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, list[Any]]:
         """Return one row per angle: support, angle, value, std, low, high, in rad."""
-        return angles_frame(self)
+        return by_column(ANGLE_COLUMNS, angle_rows(self))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return every figure for which there are data, in the order of the report."""
@@ -201,12 +202,12 @@ def paths_of(sources: Iterable[CalibrationSource]) -> list[Path]:
 
 def angles_frame(calibration: CalibrationFile) -> pd.DataFrame:
     """One row per angle: support, angle, value, std, low, high, in rad."""
-    import pandas as pd
+    return Calibration.of(calibration).to_frame()
 
-    rows = [
-        (support.name, angle, support.rpy[j], support.rpy_std[j],
-         support.interval.low[j], support.interval.high[j])
-        for support in calibration.mounted
-        for j, angle in enumerate(ANGLES)
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=["support", "angle", "value", "std", "low", "high"])
+
+def angle_rows(calibration: CalibrationFile) -> Iterator[tuple[str | float, ...]]:
+    """Return what stands under `ANGLE_COLUMNS`."""
+    for support in calibration.mounted:
+        low, high = support.interval.low, support.interval.high
+        each = zip(ANGLES, support.rpy, support.rpy_std, low, high, strict=True)
+        yield from ((support.name, *row) for row in each)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.comparison.compatibility import Comparison, compare_pair
 from tdfscal.errors import UsageError
@@ -14,10 +14,7 @@ from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
 from tdfscal.workflows.calibration import CalibrationSource, read_sources, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
-
-if TYPE_CHECKING:
-    import pandas as pd
+from tdfscal.workflows.result import Result, by_column
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -57,19 +54,15 @@ class CompareResult(Result):
             return documents[0]
         return {"verified": self.verified, "comparisons": documents}
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, list[Any]]:
         """One row per pair and angle: the difference, its standard uncertainty, E_n; rad."""
-        import pandas as pd
-
-        rows = [
+        rows = (
             (*pair.names, name, angle, pair.rpy[i, j], pair.rpy_std[i, j], pair.en[i, j])
             for pair in self.pairs
             for i, name in enumerate(pair.supports)
             for j, angle in enumerate(ANGLES)
-        ]
-        return pd.DataFrame(
-            rows, columns=["of", "against", "support", "angle", "difference", "std", "en"]
         )
+        return by_column("of against support angle difference std en", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return one figure per pair: differences with their expanded uncertainty."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from tdfscal.errors import RejectedError, UsageError
 from tdfscal.exports import FORMATS, certificate
@@ -23,10 +23,6 @@ from tdfscal.workflows.calibration import (
 )
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc", "certificate"]
 
@@ -54,9 +50,9 @@ class ExportResult(Result):
         where = {"content": self.content} if self.output is None else {"output": str(self.output)}
         return {"format": self.format, "calibration_status": self.calibration.status, **where}
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, list[Any]]:
         """One row per angle that is exported, in rad."""
-        return self.calibration.to_frame()
+        return self.calibration.table()
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the calibration's figures."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.errors import RigError
 from tdfscal.files.outputs import protect, together
@@ -21,10 +21,7 @@ from tdfscal.workflows.arguments import PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
 from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
-
-if TYPE_CHECKING:
-    import pandas as pd
+from tdfscal.workflows.result import Result, by_column
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -47,18 +44,15 @@ class InfoResult(Result):
         """Return the description as plain JSON values."""
         return as_document(self.description)
 
-    def to_frame(self) -> pd.DataFrame:
-        """One row per field of each file: path, stream, field, type, unit, count, low, high."""
-        import pandas as pd
-
-        columns = ["path", "stream", "field", "type", "unit", "count", "low", "high"]
-        rows = [
+    def table(self) -> dict[str, list[Any]]:
+        """One row per field of each file."""
+        rows = (
             (str(file.path), stream.name, f.name, f.kind, f.unit, stream.count, f.low, f.high)
             for file in self.description.contents
             for stream in file.streams
             for f in stream.fields
-        ]
-        return pd.DataFrame(rows, columns=columns)
+        )
+        return by_column("path stream field type unit count low high", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the dwells, where some are found."""

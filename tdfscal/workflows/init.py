@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.dwells import no_dwell
@@ -26,10 +26,7 @@ from tdfscal.workflows.campaign import find_logs
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
-
-if TYPE_CHECKING:
-    import pandas as pd
+from tdfscal.workflows.result import Result, by_column
 
 _GRAVITY = 9.80665
 
@@ -70,17 +67,11 @@ class InitResult(Result):
             "notes": [*self.description.guess.notes, *self.notes],
         }
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, list[Any]]:
         """One row per support: hinge in m, nominal mounting in rad."""
-        import pandas as pd
-
-        rows = [
-            (name, *hinge, *rpy)
-            for name, hinge, rpy in zip(
-                self._supports, self.sketch.hinge, self.sketch.nominal_rpy, strict=True
-            )
-        ]
-        return pd.DataFrame(rows, columns=["support", "x", "y", "z", "roll", "pitch", "yaw"])
+        each = zip(self._supports, self.sketch.hinge, self.sketch.nominal_rpy, strict=True)
+        rows = ((name, *hinge, *rpy) for name, hinge, rpy in each)
+        return by_column("support x y z roll pitch yaw", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the dwells, where some are found."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -60,8 +61,34 @@ DEFAULT_DENSITY = 0.1
 Travel = Sequence[str] | Mapping[str | None, Sequence[float]]
 
 
+class _Planned(Result):
+    """What is planned, with the file that a machine drives."""
+
+    __slots__ = ()
+    plan: Plan | MovingPlan
+
+    @property
+    @abstractmethod
+    def content(self) -> str:
+        """The file, CSV."""
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per posture, or instant in s: hinge centres in m, squeezes in N, BCS."""
+        import io
+
+        import pandas as pd
+
+        return pd.read_csv(io.StringIO(self.content), comment="#")
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figure of the uncertainties to expect."""
+        from tdfscal.reporting.figures.plan import draw
+
+        return (draw(self.plan),)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
-class PlanResult(Result):
+class PlanResult(_Planned):
     """A plan. plan : its postures and what to expect. output : the file. seed, command : for it."""
 
     plan: Plan
@@ -83,14 +110,6 @@ class PlanResult(Result):
         output = None if self.output is None else str(self.output)
         return plan_document(self.plan, output, self.seed)
 
-    def to_frame(self) -> pd.DataFrame:
-        """One row per posture: hinge centres in m, squeezes in N, BCS, as in the file."""
-        import io
-
-        import pandas as pd
-
-        return pd.read_csv(io.StringIO(self.content), comment="#")
-
     def expected_frame(self) -> pd.DataFrame:
         """One row per angle: standard uncertainty to expect, and of random postures, in rad."""
         import pandas as pd
@@ -103,15 +122,9 @@ class PlanResult(Result):
         ]
         return pd.DataFrame(rows, columns=["support", "angle", "std", "random_std"])
 
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of the uncertainties to expect."""
-        from tdfscal.reporting.figures.plan import draw
-
-        return (draw(self.plan),)
-
 
 @dataclass(frozen=True, slots=True, repr=False)
-class MovingPlanResult(Result):
+class MovingPlanResult(_Planned):
     """A planned motion. output, waypoints : the files. seed, command : for it."""
 
     plan: MovingPlan
@@ -137,20 +150,6 @@ class MovingPlanResult(Result):
 
         table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
         return moving_plan_document(self.plan, table, spline, self.seed)
-
-    def to_frame(self) -> pd.DataFrame:
-        """One row per instant of the time table: s, hinge centres in m, squeezes in N, BCS."""
-        import io
-
-        import pandas as pd
-
-        return pd.read_csv(io.StringIO(self.content), comment="#")
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of the uncertainties to expect."""
-        from tdfscal.reporting.figures.plan import draw
-
-        return (draw(self.plan),)
 
 
 @together()

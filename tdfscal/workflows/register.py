@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from tdfscal.trackercal.point_matching import Match
 from tdfscal.workflows.arguments import one_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -42,15 +39,11 @@ class RegisterResult(Result):
         """Return plain JSON values; m and rad."""
         return document(self.registration, self.notes)
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, Any]:
         """One row per point: its residual x, y, z and their length, in m."""
-        import pandas as pd
-
         r = self.registration
-        frame = pd.DataFrame(r.residual, columns=["x", "y", "z"])
-        frame.insert(0, "point", r.names)
-        frame["length"] = np.linalg.norm(r.residual, axis=1)
-        return frame
+        columns = (r.names, *r.residual.T, np.linalg.norm(r.residual, axis=1))
+        return dict(zip(("point", "x", "y", "z", "length"), columns, strict=True))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the residuals."""

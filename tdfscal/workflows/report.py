@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
@@ -14,17 +14,16 @@ from tdfscal.files.saving import write_text
 from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.workflows.arguments import one
 from tdfscal.workflows.calibration import (
+    ANGLE_COLUMNS,
     Calibration,
     CalibrationSource,
+    angle_rows,
     paths_of,
     read_sources,
     sources_of,
 )
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
-
-if TYPE_CHECKING:
-    import pandas as pd
+from tdfscal.workflows.result import Result, by_column
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -71,17 +70,10 @@ class ReportResult(Result):
         comparison = document(put_side_by_side(self.named))
         return {"calibrations": documents, "comparison": comparison}
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, list[Any]]:
         """One row per calibration and angle: calibration, created, support, angle …, in rad."""
-        import pandas as pd
-
-        frames = []
-        for name, c in self.named:
-            frame = c.to_frame()
-            frame.insert(0, "calibration", name)
-            frame.insert(1, "created", c.created)
-            frames.append(frame)
-        return pd.concat(frames, ignore_index=True)
+        rows = ((name, c.created, *row) for name, c in self.named for row in angle_rows(c))
+        return by_column(f"calibration created {ANGLE_COLUMNS}", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of the one, or those of all together."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -45,9 +46,15 @@ class Result(ABC):
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON values, SI units: the object that `--json` prints."""
 
-    @abstractmethod
+    def table(self) -> Mapping[str, Any]:
+        """Return the result's main table by column, SI units."""
+        return {}
+
     def to_frame(self) -> pd.DataFrame:
         """Return the result's main table."""
+        import pandas as pd
+
+        return pd.DataFrame(self.table())
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of this result, each named."""
@@ -107,3 +114,9 @@ class Result(ABC):
     def _repr_html_(self) -> str:
         head = f"<pre>{escape(repr(self))}</pre>"
         return head + self.to_frame().to_html(max_rows=_ROWS, index=False)
+
+
+def by_column(names: str, rows: Iterable[Sequence[Any]]) -> dict[str, list[Any]]:
+    """Return rows as columns of these names, which stand between spaces."""
+    whole = list(rows)
+    return {name: [row[k] for row in whole] for k, name in enumerate(names.split())}

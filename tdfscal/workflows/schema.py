@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdfscal.files.outputs import together
 from tdfscal.files.schema import write_schemas
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -31,11 +28,9 @@ class SchemaResult(Result):
         """Return the paths."""
         return {"files": [str(path) for path in self.files]}
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, list[str]]:
         """One row per file: its path."""
-        import pandas as pd
-
-        return pd.DataFrame({"file": [str(path) for path in self.files]})
+        return {"file": [str(path) for path in self.files]}
 
 
 @together()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import check_folder
@@ -17,11 +17,8 @@ from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import Recorder, Run
 from tdfscal.workflows.arguments import at_least, one_of
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
+from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.rigs import survey_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Samples per second that a recorder can have.
 RATES = (10.0, 20e3)
@@ -51,17 +48,14 @@ class SimulateResult(Result):
             "truth": str(self.folder / "truth.yaml"),
         }
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, list[Any]]:
         """One row per angle: support, angle, its true value, in rad."""
-        import pandas as pd
-
-        rpy = self.run.truth.rpy
-        rows = [
-            (name, angle, rpy[i, j])
-            for i, name in enumerate(self.run.rig.supports)
-            for j, angle in enumerate(ANGLES)
-        ]
-        return pd.DataFrame(rows, columns=["support", "angle", "value"])
+        rows = (
+            (name, angle, value)
+            for name, rpy in zip(self.run.rig.supports, self.run.truth.rpy, strict=True)
+            for angle, value in zip(ANGLES, rpy, strict=True)
+        )
+        return by_column("support angle value", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the true turns from the nominal mounting."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -33,10 +33,6 @@ from tdfscal.workflows.result import Result
 from tdfscal.workflows.samples import moving_samples, neither, read_samples, stated_delay
 from tdfscal.workflows.zero_age import zero_age
 from tdfscal.wrench.contact_wrench import COMPONENTS
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 Samples = Literal["static", "moving"]
 #: Dwells from which on a log is tested by its postures.
@@ -86,41 +82,35 @@ class ValidateResult(Result):
             return validation_in_motion.document(v, self.warnings)
         return document(v, self.warnings)
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, FloatArray]:
         """One row per posture and component: residual before and after, its std; N, N·m, LCS.
 
         In motion one row per second: lengths of the residual force and moment, before and after.
         """
-        import pandas as pd
-
         v = self.validation
         if isinstance(v, MovingValidation):
             r = v.residual
-            return pd.DataFrame(
-                {
-                    "time": r.time,
-                    "force_uncalibrated": r.before[:, 0],
-                    "force_calibrated": r.after[:, 0],
-                    "moment_uncalibrated": r.before[:, 1],
-                    "moment_calibrated": r.after[:, 1],
-                }
-            )
+            return {
+                "time": r.time,
+                "force_uncalibrated": r.before[:, 0],
+                "force_calibrated": r.after[:, 0],
+                "moment_uncalibrated": r.before[:, 1],
+                "moment_calibrated": r.after[:, 1],
+            }
         count, parts = v.calibrated.shape
 
         def each(values: FloatArray) -> FloatArray:
             return np.repeat(values[v.used], parts)
 
-        return pd.DataFrame(
-            {
-                "dwell": np.repeat(v.used, parts),
-                "start": each(v.dwells.start),
-                "end": each(v.dwells.end),
-                "component": np.tile(np.array(COMPONENTS), count),
-                "uncalibrated": v.nominal.ravel(),
-                "calibrated": v.calibrated.ravel(),
-                "std": v.std.ravel(),
-            }
-        )
+        return {
+            "dwell": np.repeat(v.used, parts),
+            "start": each(v.dwells.start),
+            "end": each(v.dwells.end),
+            "component": np.tile(np.array(COMPONENTS), count),
+            "uncalibrated": v.nominal.ravel(),
+            "calibrated": v.calibrated.ravel(),
+            "std": v.std.ravel(),
+        }
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the residual wrench, before and after."""

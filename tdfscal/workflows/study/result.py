@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Any, Self
 
 from tdfscal.files.outputs import make_folder
 from tdfscal.files.saving import save_rows, write_text
@@ -15,9 +15,6 @@ from tdfscal.reporting.layout import Report, Section
 from tdfscal.reporting.studies import Row
 from tdfscal.workflows.arguments import at_least
 from tdfscal.workflows.result import Result
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: The page among a study's files.
 PAGE = "study.html"
@@ -37,12 +34,10 @@ class StudyResult(Result):
     def tables(self) -> Mapping[str, Iterable[Row]]:
         """Return each CSV file's rows, a header first; the main table is the first."""
 
-    def to_frame(self) -> pd.DataFrame:
-        """Return the main table."""
-        import pandas as pd
-
+    def table(self) -> dict[str, list[Any]]:
+        """Return the first of `tables`."""
         header, *body = next(iter(self.tables().values()))
-        return pd.DataFrame(body, columns=[str(name) for name in header])
+        return {str(name): [row[k] for row in body] for k, name in enumerate(header)}
 
     def saved(self, folder: Path | None) -> Self:
         """Write tables (CSV), figures (PNG, SVG) and a page into a folder; None writes none.
