@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import stat
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Generator, Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.logs.bag.rosbag2 import Bag, has_metadata, read_bag
 from tdfscal.logs.common.contents import Contents
-from tdfscal.logs.common.request import Reader
+from tdfscal.logs.common.request import Outcome, Piece, Reached, Reader, Request
 from tdfscal.records import LogMapping
+
+if TYPE_CHECKING:
+    from tdfscal.logs.messages.buffer import Recording
 
 Kind = Literal["text", "parquet", "mcap", "bag"]
 _KINDS: Final[dict[str, Kind]] = {
@@ -106,14 +108,30 @@ def reader_of(path: Path, mapping: LogMapping | None, bag: Bag | None = None) ->
             where=str(path),
             hint="add a `log:` block to rig.yaml; `tdfscal info` proposes one",
         )
-    check = bag.check if bag else None
-    if kind == "mcap":
-        from tdfscal.logs.mcap.reader import read_mcap
+    from tdfscal.logs.messages.reader import read_recording
 
-        return partial(read_mcap, check=check)
-    from tdfscal.logs.bag.reader import read_bag_file
+    def read(
+        path: Path, request: Request, *, salvage: bool, reached: Reached
+    ) -> Generator[Piece, None, Outcome]:
+        check = bag.check if bag else None
+        return read_recording(_recording(path, salvage), request, reached=reached, check=check)
 
-    return partial(read_bag_file, check=check)
+    return read
+
+
+def _recording(path: Path, salvage: bool) -> Recording:
+    """A file of messages; what reads its container is imported for it alone."""
+    if kind_of(path) == "mcap":
+        from tdfscal.logs.mcap.container import Container
+
+        return Container(path, salvage)
+    if path.suffix.lower() == ".bag":
+        from tdfscal.logs.bag.ros1 import Ros1Recording
+
+        return Ros1Recording(path, salvage)
+    from tdfscal.logs.bag.sqlite import SqliteRecording
+
+    return SqliteRecording(path, salvage)
 
 
 def contents_of(path: Path) -> Contents:
@@ -125,23 +143,17 @@ def contents_of(path: Path) -> Contents:
     """
     kind = kind_of(path)
     check_content(path)
-    match kind:
-        case "parquet":
-            from tdfscal.logs.parquet.contents import parquet_contents
+    if kind == "parquet":
+        from tdfscal.logs.parquet.contents import parquet_contents
 
-            return parquet_contents(path)
-        case "mcap":
-            from tdfscal.logs.mcap.reader import mcap_contents
+        return parquet_contents(path)
+    if kind == "text":
+        from tdfscal.logs.text.contents import text_contents
 
-            return mcap_contents(path)
-        case "bag":
-            from tdfscal.logs.bag.reader import bag_contents
+        return text_contents(path)
+    from tdfscal.logs.messages.contents import recording_contents
 
-            return bag_contents(path)
-        case "text":
-            from tdfscal.logs.text.contents import text_contents
-
-            return text_contents(path)
+    return recording_contents(_recording(path, salvage=False), kind)
 
 
 def check_content(path: Path) -> None:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import struct
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from mcap.records import Channel, Schema
 
-from tdfscal.logs.messages.buffer import DATA, Messages
+from tdfscal.logs.messages.buffer import DATA, Messages, Recording
 
 _HEAD: Final = struct.Struct("<BQHIQQ")
 _MESSAGE: Final = 5  # the kind of record
@@ -20,21 +18,8 @@ _AT_ONCE: Final = 4 << 20
 
 
 @dataclass(slots=True)
-class Stored(ABC):
-    """A `Recording` of any bag; none has checksums."""
-
-    path: Path
-    salvage: bool
-    channels: dict[int, Channel] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    counts: dict[int, int] = field(default_factory=dict)
-    lost: list[str] = field(default_factory=list)
-    checked: bool = False
-    reached: int = 0
-
-    @abstractmethod
-    def messages(self) -> Iterator[Messages]:
-        """Yield the messages in file order, some at a time."""
+class Stored(Recording):
+    """A recording in any bag; none has checksums."""
 
     def define(
         self, number: int, topic: str, encoding: str, kind: str, schema: tuple[str, bytes]

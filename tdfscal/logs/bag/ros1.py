@@ -25,15 +25,10 @@ _DAMAGE: Final = (
 
 
 class Ros1Recording(Stored):
-    """A `.bag` file while it is read; see `messages.buffer.Recording`."""
+    """A `.bag` file while it is read."""
 
     def messages(self) -> Iterator[Messages]:
-        """Yield the messages in the order of their times.
-
-        Raises
-        ------
-        DataError, ValueError : it is no such file, or damaged.
-        """
+        """Yield the messages in the order of their times."""
         with self.path.open("rb") as file:
             if file.read(len(_OPENING)) != _OPENING:
                 raise DataError("the file is no ROS 1 bag", where=str(self.path),

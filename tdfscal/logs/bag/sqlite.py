@@ -19,15 +19,10 @@ _MOST_TOPICS: Final = 1 << 16
 
 
 class SqliteRecording(Stored):
-    """A `.db3` file while it is read; see `messages.buffer.Recording`."""
+    """A `.db3` file while it is read."""
 
     def messages(self) -> Iterator[Messages]:
-        """Yield the messages in the order of recording.
-
-        Raises
-        ------
-        DataError, ValueError : it is no such file, or damaged.
-        """
+        """Yield the messages in the order of recording."""
         _check_whole(self.path)
         uri = f"file:{quote(str(self.path.resolve()))}?mode=ro"
         try:

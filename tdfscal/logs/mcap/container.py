@@ -11,7 +11,6 @@ import zlib
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Final
 
 from mcap.exceptions import McapError
@@ -28,8 +27,8 @@ from tdfscal.logs.mcap.chunk import (
     parse_chunk,
 )
 from tdfscal.logs.mcap.record_stream import HEAD, HINT, RecordStream, TruncatedError
-from tdfscal.logs.mcap.summary import Definitions, repeated_definitions
-from tdfscal.logs.messages.buffer import Messages
+from tdfscal.logs.mcap.summary import Definitions, announced_topics, repeated_definitions
+from tdfscal.logs.messages.buffer import Messages, Recording
 
 _ALWAYS: Final = 1 << 30
 _MAX_EXPANSION: Final = 1000  # beyond that
@@ -46,34 +45,21 @@ _DAMAGE: Final = (ValueError, McapError, struct.error)
 
 
 @dataclass(slots=True)
-class Container:
-    """One MCAP file while it is read; what it says of itself fills in on the way.
+class Container(Recording):
+    """One MCAP file while it is read."""
 
-    channels, schemas : by id, as met so far. counts : messages by channel, as met.
-    lost : what could not be read (only with `salvage`). checked : a CRC covers every message.
-    """
-
-    path: Path
-    salvage: bool
-    channels: dict[int, Channel] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    counts: dict[int, int] = field(default_factory=dict)
-    lost: list[str] = field(default_factory=list)
     checked: bool = True
     _chunks: list[tuple[int, int]] = field(default_factory=list)
-    reached: int = 0
-    """Bytes of the file that are read."""
     _expanded: int = 0
     _repeated: Definitions | None = None
     _loose: bool = False
 
-    def messages(self) -> Iterator[Messages]:
-        """Yield the messages chunk by chunk, in file order.
+    def announced(self) -> frozenset[str] | None:
+        """Return the topics of the summary, where it is whole."""
+        return announced_topics(self.path)
 
-        Raises
-        ------
-        DataError : whatever is damaged, unless `salvage`.
-        """
+    def messages(self) -> Iterator[Messages]:
+        """Yield the messages chunk by chunk, in file order."""
         with self.path.open("rb") as file:
             stream = RecordStream(file, self.path)
             stream.opening()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from mcap.records import Channel, Schema
@@ -63,7 +64,8 @@ class Messages:
         return {int(c): int(found[c]) for c in np.flatnonzero(found)}
 
 
-class Recording(Protocol):
+@dataclass(slots=True)
+class Recording(ABC):
     """A file of messages while it is read; what it says of itself fills in on the way.
 
     channels, schemas : by id, as met so far. counts : messages by channel, as met.
@@ -73,16 +75,25 @@ class Recording(Protocol):
 
     path: Path
     salvage: bool
-    channels: dict[int, Channel]
-    schemas: dict[int, Schema]
-    counts: dict[int, int]
-    lost: list[str]
-    checked: bool
-    reached: int
+    channels: dict[int, Channel] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)
+    lost: list[str] = field(default_factory=list)
+    checked: bool = False
+    reached: int = 0
 
+    @abstractmethod
     def messages(self) -> Iterator[Messages]:
-        """Yield the messages in file order, some at a time."""
-        ...
+        """Yield the messages in file order, some at a time.
+
+        Raises
+        ------
+        DataError, ValueError : whatever is damaged, unless `salvage`.
+        """
+
+    def announced(self) -> frozenset[str] | None:
+        """Return its topics, where they are known before it is read."""
+        return None
 
 
 def gather(data: bytes, offset: IntArray, dtype: str) -> np.ndarray[Any, Any]:

@@ -25,12 +25,11 @@ def read_recording(
     request: Request,
     *,
     reached: Reached,
-    announced: frozenset[str] | None = None,
     check: Check | None = None,
 ) -> Generator[Piece, None, Outcome]:
     """Read a recording in pieces; see `request.Reader`.
 
-    announced : its topics, where they are known before it is read.
+    check : of its counts against those of the recording that it is part of.
 
     Raises
     ------
@@ -38,7 +37,7 @@ def read_recording(
     """
     path = recording.path
     topics = Topics(recording, request)
-    if announced is not None:
+    if not recording.salvage and (announced := recording.announced()) is not None:
         topics.check_present(announced)
     waiting: list[Piece] = []
     size = 0

@@ -17,8 +17,8 @@ from typing import Final
 
 import pytest
 
+from tdfscal.logs.formats import contents_of
 from tdfscal.logs.mcap.container import Container
-from tdfscal.logs.mcap.reader import mcap_contents
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 FEATURES: Final = ("ch", "mx", "st", "rsh", "rch", "ax", "mdx", "chx", "sum", "pad", "crc")
@@ -189,5 +189,5 @@ def test_every_combination_is_read(tmp_path: Path, name: str) -> None:
 def test_extended_records_are_described(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(build(INPUTS["TenMessages"], frozenset(FEATURES)))
-    (stream,) = mcap_contents(path).streams
+    (stream,) = contents_of(path).streams
     assert (stream.name, stream.count) == ("example", 10)
