@@ -27,7 +27,7 @@ from tdfscal.logs.mcap.chunk import (
     parse_chunk,
 )
 from tdfscal.logs.mcap.record_stream import HEAD, HINT, RecordStream, TruncatedError
-from tdfscal.logs.mcap.summary import Definitions, announced_topics, repeated_definitions
+from tdfscal.logs.mcap.summary import Summary, read_summary
 from tdfscal.logs.messages.buffer import Messages, Recording
 
 _ALWAYS: Final = 1 << 30
@@ -51,12 +51,14 @@ class Container(Recording):
     checked: bool = True
     _chunks: list[tuple[int, int]] = field(default_factory=list)
     _expanded: int = 0
-    _repeated: Definitions | None = None
+    _summary: Summary | None = None
     _loose: bool = False
 
     def announced(self) -> frozenset[str] | None:
         """Return the topics of the summary, where it is whole."""
-        return announced_topics(self.path)
+        summary = read_summary(self.path)
+        topics = frozenset(channel.topic for channel in summary.channels.values())
+        return topics if summary.complete else None
 
     def messages(self) -> Iterator[Messages]:
         """Yield the messages chunk by chunk, in file order."""
@@ -159,9 +161,11 @@ class Container(Recording):
         lacking = [number for number in present if not self._defined(number)]
         if not lacking:
             return
-        if self._repeated is None:
-            self._repeated = repeated_definitions(self.path)
-        schemas, channels = self._repeated
+        if self._summary is None:
+            self._summary = read_summary(self.path)
+        schemas, channels, _, sound = self._summary
+        if not sound:
+            return
         recalled: list[str] = []
         for number in (n for n in lacking if n in channels):
             channel = self.channels.setdefault(number, channels[number])

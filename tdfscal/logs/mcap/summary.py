@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -23,48 +23,46 @@ _FOOTER_BYTES: Final = _HEAD.size + 20 + _MAGIC_BYTES
 _LARGEST: Final = 64 << 20
 _DAMAGE: Final = (OSError, ValueError, struct.error, McapError)
 
-Definitions = tuple[Mapping[int, Schema], Mapping[int, Channel]]
-"""Schemas and channels by id."""
+
+class Summary(NamedTuple):
+    """Schemas and channels by id. complete : the file has no others. sound : no checksum denies it.
+
+    A name in a summary whose checksum does not match may be another one.
+    """
+
+    schemas: Mapping[int, Schema]
+    channels: Mapping[int, Channel]
+    complete: bool
+    sound: bool
 
 
-def announced_topics(path: Path) -> frozenset[str] | None:
-    """Return the topics of the summary; None without one, or where it may not name all.
+def read_summary(path: Path) -> Summary:
+    """Return what a file says at its end; nothing where that is missing or damaged.
 
     What is damaged is left to the reading of the file, which says where.
     """
-    topics: set[str] = set()
-    channels, stated = 0, None
-    try:
-        for opcode, content in _records(_summary(path)[0]):
-            if opcode == Opcode.CHANNEL:
-                topics.add(Channel.read(exact(content)).topic)
-                channels += 1
-            elif opcode == Opcode.STATISTICS:
-                stated = Statistics.read(exact(content)).channel_count
-    except _DAMAGE:
-        return None
-    return frozenset(topics) if stated and channels == stated else None
-
-
-def repeated_definitions(path: Path) -> Definitions:
-    """Return the schemas and channels of the summary; none where it is missing or damaged.
-
-    A summary whose checksum does not match is not believed: a name in it may be another one.
-    """
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
+    stated = 0
     try:
         data, sound = _summary(path)
-        for opcode, content in _records(data) if sound else ():
+        position = 0
+        while position < len(data):
+            opcode, length = _HEAD.unpack_from(data, position)
+            position += _HEAD.size
+            content = exact(data[position : position + length])
+            position += length
             if opcode == Opcode.SCHEMA:
-                schema = Schema.read(exact(content))
+                schema = Schema.read(content)
                 schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(exact(content))
+                channel = Channel.read(content)
                 channels[channel.id] = channel
+            elif opcode == Opcode.STATISTICS:
+                stated = Statistics.read(content).channel_count
     except _DAMAGE:
-        return {}, {}
-    return schemas, channels
+        return Summary({}, {}, complete=False, sound=False)
+    return Summary(schemas, channels, complete=len(channels) == stated > 0, sound=sound)
 
 
 def _summary(path: Path) -> tuple[bytes, bool]:
@@ -90,12 +88,3 @@ def _summary(path: Path) -> tuple[bytes, bool]:
         data = file.read(size - start - _FOOTER_BYTES)
     covered = zlib.crc32(head + content[:16], zlib.crc32(data))
     return data, footer.summary_crc in (0, covered)
-
-
-def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    position = 0
-    while position < len(data):
-        opcode, length = _HEAD.unpack_from(data, position)
-        position += _HEAD.size
-        yield opcode, data[position : position + length]
-        position += length

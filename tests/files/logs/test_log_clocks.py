@@ -15,7 +15,7 @@ from mcap.writer import Writer
 from tdfscal.errors import DataError
 from tdfscal.logs import iter_log, read_log
 from tdfscal.logs.common.clock import Clock, apart, shown
-from tdfscal.logs.mcap.summary import announced_topics
+from tdfscal.logs.mcap.container import Container
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     LOG_TIME,
@@ -66,7 +66,7 @@ def test_header_times_are_compared_with_log_times(tmp_path: Path) -> None:
 def test_missing_topics_are_named_before_the_file_is_read(tmp_path: Path) -> None:
     content = bytearray(mcap_bytes(make_truth(60)))
     path = write(tmp_path / "log.mcap", bytes(content))
-    assert announced_topics(path) == frozenset(
+    assert Container(path, False).announced() == frozenset(
         f"/{s}/{t}" for s in SUPPORTS for t in ("position", "wrench")
     )
     content[len(content) // 3] ^= 255  # would be noticed if the file was read
@@ -75,7 +75,7 @@ def test_missing_topics_are_named_before_the_file_is_read(tmp_path: Path) -> Non
     with pytest.raises(DataError, match=r"no topic for /ncp1/pose.point.*/ncp1/position"):
         read_log([path], wrong, SUPPORTS)
     bare = write(tmp_path / "bare.mcap", mcap_bytes(make_truth(3), summary=False))
-    assert announced_topics(bare) is None
+    assert Container(bare, False).announced() is None
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "mcap"])
