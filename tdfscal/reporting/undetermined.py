@@ -11,10 +11,9 @@ import numpy as np
 
 from tdfscal import __version__
 from tdfscal.errors import NotConvergedError, TdfscalError
-from tdfscal.files.calibration import evidence
+from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
 from tdfscal.files.calibration.parts import RejectedPosture
-from tdfscal.files.calibration.statistics import rejected
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile
@@ -53,11 +52,11 @@ class Attempt:
         seen = self.seen
         if not isinstance(seen, Undetermined):
             return None
-        held = evidence.dwells(seen)
+        held, left_out = statistics.dwells(seen), statistics.rejected(seen.dwells, seen.rejected)
         return DwellLog(
             EmbeddedRig.model_validate({**self.rig.document, "sha256": self.rig.sha256}),
-            PostureTable.model_validate(evidence.postures(seen)),
-            tuple(map(RejectedPosture.model_validate, rejected(seen.dwells, seen.rejected))),
+            PostureTable.model_validate(statistics.postures(seen)),
+            tuple(map(RejectedPosture.model_validate, left_out)),
             None if held is None else DwellTable.model_validate(held),
         )
 

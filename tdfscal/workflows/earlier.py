@@ -12,7 +12,8 @@ import numpy as np
 
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
-from tdfscal.files.calibration.life import campaign_document, instant
+from tdfscal.files.calibration.life import instant
+from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.model.calibrated import with_rotations
 from tdfscal.model.earlier import free_constants, joint_prior, turned
 from tdfscal.model.parameters import State

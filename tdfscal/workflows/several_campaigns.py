@@ -16,7 +16,7 @@ from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.from_results import from_motion, from_self
-from tdfscal.files.calibration.life import campaign_document
+from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.logs import TimeWindow, is_log
 from tdfscal.model.parameters import layout

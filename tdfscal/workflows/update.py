@@ -15,7 +15,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import published_std
-from tdfscal.files.calibration.life import campaign_document
+from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text

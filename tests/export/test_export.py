@@ -29,7 +29,8 @@ from tdfscal.exports import (
     ros_transforms,
     urdf,
 )
-from tdfscal.files.calibration.document import CONVENTION_WITH_SENSITIVITY, Calibration
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tests.reporting.samples import NASTY, changed, run, sample, saved
 
 PLAIN = sample().calibration

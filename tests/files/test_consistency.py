@@ -12,9 +12,9 @@ import pytest
 from pydantic_core import PydanticCustomError
 from scipy import stats
 
+from tdfscal.files.calibration.consistency import check_stated
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import parameters_document
-from tdfscal.files.calibration.redundancy import check_stated
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.model.calibrated import independent
 from tdfscal.records import FloatArray, UncertainValue

@@ -114,9 +114,9 @@ def test_where_roll_and_yaw_are_one_turn_only_turns_are_stated() -> None:
 
 
 def test_a_row_for_each_support() -> None:
-    check_shape([1, 2, 3], 3, "low")
+    check_shape([1, 2, 3], 3, "low", "monte_carlo")
     for rows in ([1, 2], [1, 2, 3, 4]):
-        assert place_of(check_shape, rows, 3, "low") == ("monte_carlo", "low")
+        assert place_of(check_shape, rows, 3, "low", "monte_carlo") == ("monte_carlo", "low")
         found = place_of(check_shape, rows, 3, "points", "tracker")
         assert found == ("tracker", "points")
 

@@ -12,14 +12,15 @@ import numpy as np
 from tdfscal import __version__
 from tdfscal.acceptance.turns import locked_warnings, turn_std
 from tdfscal.errors import visible
-from tdfscal.files.calibration.document import Calibration, parameter_names
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.life import measured_document
+from tdfscal.files.calibration.parameters import turn_parameters
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
     CONVENTION,
     CONVENTION_WITH_SENSITIVITY,
     COVARIANCE_DEFINITION,
-    none_where_open,
+    measured_only,
 )
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.numerics import so3
@@ -69,43 +70,9 @@ def assembled(
     **parts: Any,
 ) -> Calibration:
     """Return the file's model of a result; parts : its further keys."""
-    names, axes = origin.rig.rig.supports, origin.rig.rig.axes
-    rpy, quaternion = so3.to_rpy(angles.rotation), so3.to_quaternion(angles.rotation)
-    nobody: dict[str, Any] = {
-        "rotation": None,
-        "rpy": (None,) * 3,
-        "rpy_std": (None,) * 3,
-        "rpy_interval": None,
-        "quaternion_xyzw": None,
-    }
-    locked, turns = so3.locked(angles.rotation), turn_std(angles.covariance)
+    names = origin.rig.rig.supports
     stand = np.repeat(angles.determined, 3)
     covariance = angles.covariance[np.ix_(stand, stand)]
-    supports = [
-        {
-            "name": name,
-            **(
-                {
-                    "rotation": angles.rotation[i],
-                    "rpy": rpy[i],
-                    "rpy_std": (None,) * 3 if locked[i] else angles.std[i],
-                    "turn_std": turns[i],
-                    "rpy_interval": {
-                        "coverage": INTERVAL_COVERAGE,
-                        "low": angles.low[i],
-                        "high": angles.high[i],
-                    },
-                    "quaternion_xyzw": quaternion[i],
-                }
-                if angles.determined[i]
-                else nobody | {"directions": _directions(origin, angles.rotation[i], i)}
-            ),
-            "zero": _measured(zero[i], axes[i]),
-            "zero_std": _measured(none_where_open(zero_std[i]), axes[i]),
-            "sensitivity": None if sensitivity is None else sensitivity[i],
-        }
-        for i, name in enumerate(names)
-    ]
     document = {
         "format": CALIBRATION_FORMAT,
         "status": "rejected" if reasons else "accepted",
@@ -120,11 +87,9 @@ def assembled(
         "seed": origin.seed,
         "inputs": origin.inputs,
         "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
-        "supports": supports,
+        "supports": _supports(origin, angles, zero, zero_std, sensitivity),
         "covariance": {
-            "parameters": parameter_names(
-                tuple(n for n, known in zip(names, angles.determined, strict=True) if known)
-            ),
+            "parameters": turn_parameters(tuple(np.array(names)[angles.determined].tolist())),
             "definition": COVARIANCE_DEFINITION,
             "matrix": (covariance + covariance.T) / 2,
         },
@@ -137,15 +102,41 @@ def assembled(
     return Calibration.model_validate(document | parts)
 
 
-def _measured(values: Sequence[Any], axes: Sequence[bool]) -> tuple[Any, ...]:
-    """Values per axis; None for an axis that is not measured."""
-    return tuple(v if there else None for v, there in zip(values, axes, strict=True))
-
-
-def _directions(origin: Provenance, rotation: FloatArray, index: int) -> dict[str, FloatArray]:
-    """Directions in the BCS of the axes that a sensor measures."""
-    axes = origin.rig.rig.axes[index]
-    return {name: rotation[:, j] for j, name in enumerate("xyz") if axes[j]}
+def _supports(
+    origin: Provenance,
+    angles: Angles,
+    zero: FloatArray,
+    zero_std: FloatArray,
+    sensitivity: FloatArray | None,
+) -> list[dict[str, Any]]:
+    """What each sensor's entry says; one that is undetermined has the directions of its axes."""
+    axes = origin.rig.rig.axes
+    rpy, quaternion = so3.to_rpy(angles.rotation), so3.to_quaternion(angles.rotation)
+    locked, turns = so3.locked(angles.rotation), turn_std(angles.covariance)
+    zeros, zero_stds = measured_only(zero, axes), measured_only(zero_std, axes)
+    nobody = (None,) * 3
+    supports: list[dict[str, Any]] = []
+    for i, name in enumerate(origin.rig.rig.supports):
+        R, known = angles.rotation[i], bool(angles.determined[i])
+        ends = {"coverage": INTERVAL_COVERAGE, "low": angles.low[i], "high": angles.high[i]}
+        supports.append(
+            {
+                "name": name,
+                "rotation": R if known else None,
+                "rpy": rpy[i] if known else nobody,
+                "rpy_std": angles.std[i] if known and not locked[i] else nobody,
+                "turn_std": turns[i] if known else None,
+                "rpy_interval": ends if known else None,
+                "quaternion_xyzw": quaternion[i] if known else None,
+                "zero": zeros[i],
+                "zero_std": zero_stds[i],
+                "sensitivity": None if sensitivity is None else sensitivity[i],
+                "directions": None
+                if known
+                else {axis: R[:, j] for j, axis in enumerate("xyz") if axes[i, j]},
+            }
+        )
+    return supports
 
 
 def _budget(

@@ -1,16 +1,28 @@
-"""A calibration file says the same thing several times; these checks compare."""
+"""What a calibration file says several times agrees, and its parts fit together."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence, Sized
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from tdfscal.files.calibration.parts import Mounting
+from tdfscal.files.calibration.parameters import (
+    Parameters,
+    calibrated_from,
+    places,
+    turn_parameters,
+)
+from tdfscal.files.calibration.parts import CONVENTION, CONVENTION_WITH_SENSITIVITY, Mounting
 from tdfscal.files.field_types import fault
+from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.numerics import so3
-from tdfscal.records import FloatArray
+from tdfscal.numerics.distributions import chi2_sf, coverage_factor
+from tdfscal.records import ANGLES, FloatArray
+
+if TYPE_CHECKING:
+    from tdfscal.files.calibration.document import Calibration
 
 SAME = 1e-9
 """Two statements of one rotation agree within this, per matrix element."""
@@ -21,6 +33,80 @@ ALTERED = (
     "the file as it was written, with all digits, or calibrate again"
 )
 """What to do with a calibration file that was edited."""
+
+
+def check(c: Calibration) -> None:
+    """Raise the model's fault, which names the place, where a file contradicts itself."""
+    _check_status(c)
+    _check_names(c)
+    _check_rotations(c)
+    _check_shapes(c)
+    check_stated(c)
+    if c.rig.edited:
+        raise fault("was edited after the calibration", "rig", hint=ALTERED)
+
+
+def _check_status(c: Calibration) -> None:
+    if (c.status == "accepted") == bool(c.quality.reasons):
+        raise fault(f"is `{c.status}` against `quality.reasons`", "status")
+    if c.method == "self" and c.estimator is None:
+        raise fault("lacks `estimator`, which the method `self` has")
+    if c.method == "tracker" and c.estimator is not None:
+        raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
+    if c.method == "self" and (c.fit is None or c.observability is None):
+        raise fault("lacks `fit` or `observability`, which the method `self` has")
+    scaled = any(support.sensitivity is not None for support in c.supports)
+    if c.convention != (CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION):
+        given = "some supports" if scaled else "no support"
+        raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
+
+
+def _check_names(c: Calibration) -> None:
+    if c.support_names != tuple(support.name for support in c.rig.supports):
+        raise fault("are not those of the embedded rig, in its order", "supports")
+    for index, (support, rig) in enumerate(zip(c.supports, c.rig.supports, strict=True)):
+        if not support.determined and set(rig.axes) == {"x", "y", "z"}:
+            raise fault("is missing, though the sensor lacks no axis", "supports", index)
+    stand = tuple(support.name for support in c.supports if support.determined)
+    if not stand:
+        raise fault("have no rotation, none of them", "supports")
+    if c.covariance.parameters != turn_parameters(stand):
+        raise fault(
+            f"must be {stand[0]}.rx, {stand[0]}.ry and so on, in the order of the supports",
+            *("covariance", "parameters"),
+        )
+    size = 3 * len(stand)
+    rows = c.covariance.matrix
+    if len(rows) != size or any(len(row) != size for row in rows):
+        raise fault(f"must have {size} rows of {size} numbers", "covariance", "matrix")
+
+
+def _check_rotations(c: Calibration) -> None:
+    matrix = np.array(c.covariance.matrix)
+    check_covariance(matrix)
+    if c.parameters is not None:
+        turns = np.flatnonzero(np.repeat(c.determined, 3)).tolist()
+        check_parameters(c.parameters, c.support_names, turns, matrix)
+    for index, support in enumerate(c.supports):
+        block = slice(3 * index, 3 * index + 3)
+        if support.mounting is not None:
+            check_rotation(support.mounting, c.rotation_covariance[block, block], index)
+
+
+def _check_shapes(c: Calibration) -> None:
+    tables: list[tuple[Any, tuple[str, ...], tuple[str | int, ...]]] = [
+        (c.monte_carlo, ("rpy_std", "low", "high"), ("monte_carlo",)),
+        (c.dwells, ("force",), ("dwells",)),
+        *((one, ("zero", "zero_std"), ("campaigns", k)) for k, one in enumerate(c.campaigns)),
+        *((one, ("rpy", "rpy_std"), ("methods", k)) for k, one in enumerate(c.methods or ())),
+    ]
+    for table, names, place in tables:
+        for name in names if table is not None else ():
+            check_shape(getattr(table, name), len(c.supports), name, *place)
+    if c.monte_carlo is not None and c.monte_carlo.histogram is not None:
+        check_shape(c.monte_carlo.histogram.counts, len(c.supports), "histogram", "monte_carlo")
+    if c.fit is not None and c.fit.channel_noise is not None:
+        check_shape(c.fit.channel_noise, len(c.supports), "channel_noise", "fit")
 
 
 def check_covariance(matrix: FloatArray, place: tuple[str, str] = ("covariance", "matrix")) -> None:
@@ -80,13 +166,134 @@ def from_directions(
 
 
 def check_shape(rows: Sized, n: int, name: str, *place: str | int) -> None:
-    """Refuse a table, of the Monte Carlo or at another place, that has not one row per support."""
+    """Refuse a table that has not one row per support."""
     if len(rows) != n:
-        where = place or ("monte_carlo",)
-        raise fault(f"must have a row per support, {n}, got {len(rows)}", *where, name)
+        raise fault(f"must have a row per support, {n}, got {len(rows)}", *place, name)
 
 
 def _from_quaternion(q: tuple[float, float, float, float]) -> FloatArray:
     """Rotation of q = (x, y, z, w); no rotation where q is not of unit length."""
     v, w = np.array(q[:3]), np.float64(q[3])
     return np.asarray((w**2 - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * so3.hat(v))
+
+
+def check_parameters(
+    block: Parameters,
+    supports: tuple[str, ...],
+    turns: list[int],
+    rotation_covariance: FloatArray,
+) -> None:
+    """Raise the model's fault where the block contradicts itself or the rotations' covariance.
+
+    turns : places of the rotations that the covariance (of as many rows) is about.
+    """
+    place = places(block, supports)
+    matrix = np.array(block.matrix)
+    if matrix.shape != (len(place), len(place)) or len(block.value) != len(place):
+        raise fault(f"must have {len(place)} rows of {len(place)} numbers", "parameters", "matrix")
+    scale = np.sqrt(np.diagonal(matrix).clip(1e-300))
+    unit = matrix / np.outer(scale, scale)
+    if np.abs(unit - unit.T).max() > 1e-9 or np.linalg.eigvalsh(unit)[0] < -1e-9:
+        raise fault("is no covariance", "parameters", "matrix", hint=ALTERED)
+    unscaled = block.unscaled
+    if unscaled is not None:
+        if np.shape(unscaled) != rotation_covariance.shape:
+            size = len(rotation_covariance)
+            raise fault(f"must have {size} rows of {size} numbers", "parameters", "unscaled")
+        check_covariance(np.array(unscaled), ("parameters", "unscaled"))
+    if not set(turns) <= set(place) or len(turns) != len(rotation_covariance):
+        raise fault("lacks turns that `covariance` has", "parameters", "parameters")
+    rows = [place.index(turn) for turn in turns]
+    own = matrix[np.ix_(rows, rows)]
+    if np.abs(own - rotation_covariance).max() > 1e-9 * np.abs(own).max():
+        raise fault("does not contain `covariance`", "parameters", "matrix", hint=ALTERED)
+
+
+def check_stated(c: Calibration) -> None:
+    """Refuse a file whose zeros, load, intervals, budget or χ² disagree with what they follow from.
+
+    Raises the model's fault, which names the place.
+    """
+    _check_intervals(c)
+    _check_budget(c)
+    _check_fit(c)
+    if c.parameters is not None:
+        given = calibrated_from(c.parameters, c.loaded_rig().rig, c.rotation)
+        _check_state(c, given.state, np.sqrt(np.diagonal(given.covariance)))
+
+
+def _check_state(c: Calibration, state: State, std: FloatArray) -> None:
+    """Compare with the block of all parameters; std (P,), by it."""
+    n, place = len(c.supports), layout(len(c.supports))
+    for index, support in enumerate(c.supports):
+        where = ("supports", index)
+        own = np.array([value is not None for value in support.zero])
+        _same(support.offset, np.where(own, state.zero[index], 0.0), *where, "zero")
+        stated = [s for s, there in zip(support.zero_std, own, strict=True) if there]
+        _same_std(stated, std[place["zero"]].reshape(n, 3)[index, own], *where, "zero_std")
+        scale = np.eye(3) + symmetric(state.sensitivity)[index]
+        _same(c.sensitivity[index], scale, *where, "sensitivity")
+    mass, bary = c.terminal.mass, c.terminal.barycenter
+    _same(mass.value, state.mass, "terminal", "mass", "value")
+    _same_std([mass.std], std[place["mass"]], "terminal", "mass", "std")
+    _same(bary.value, state.barycentre, "terminal", "barycenter", "value")
+    _same_std(bary.std, std[place["barycentre"]], "terminal", "barycenter", "std")
+
+
+def _check_intervals(c: Calibration) -> None:
+    """An interval is that of the Monte Carlo, or ± k standard uncertainties of some dof."""
+    trials = c.monte_carlo
+    for index, support in enumerate(c.supports):
+        mounting = support.mounting
+        if mounting is None or None in support.rpy_std:
+            continue
+        low, high = np.array(mounting.interval.low), np.array(mounting.interval.high)
+        if trials is not None:
+            drawn = np.array([trials.low[index], trials.high[index]])
+            if np.allclose([low, high], drawn, rtol=0, atol=SAME):
+                continue
+        half, coverage = (high - low) / 2, mounting.interval.coverage
+        least, most = (
+            coverage_factor(coverage, dof) * np.array(mounting.rpy_std) for dof in (np.inf, 1.0)
+        )
+        off = np.abs((low + high) / 2 - mounting.rpy)
+        if np.any((off > SAME) | (half < least - SAME) | (half > most + SAME)):
+            place = ("supports", index, "rpy_interval")
+            raise fault("does not follow from `rpy` and `rpy_std`", *place, hint=ALTERED)
+
+
+def _check_budget(c: Calibration) -> None:
+    """The sources' variances add up to each angle's."""
+    stds = {s.name: s.rpy_std for s in c.supports if None not in s.rpy_std}
+    for index, angle in enumerate(c.budget.angles if c.budget is not None else ()):
+        if angle.support in stds:
+            stated = stds[angle.support][ANGLES.index(angle.angle)]
+            total = np.sqrt(sum(angle.variance.values()))
+            _same_std([stated], np.array([total]), "budget", "angles", index, "variance")
+
+
+def _check_fit(c: Calibration) -> None:
+    """p-value and Birge ratio follow from χ² and its degrees of freedom; campaigns add up to it."""
+    if c.fit is None:
+        return
+    chi2, dof = c.fit.chi2, c.fit.dof
+    if dof:
+        _same(c.fit.p_value, chi2_sf(chi2, dof), "fit", "p_value")
+        _same(c.fit.birge, np.sqrt(chi2 / dof), "fit", "birge")
+    if c.campaigns:
+        _same(chi2, sum(one.chi2 for one in c.campaigns), "fit", "chi2")
+        _same(dof, sum(one.dof for one in c.campaigns), "fit", "dof")
+
+
+def _same(stated: npt.ArrayLike, other: npt.ArrayLike, *place: str | int) -> None:
+    """Compare two statements of a value to rounding; a nanometre, a nanonewton."""
+    if not np.allclose(stated, other, rtol=SAME, atol=SAME):
+        raise fault("is not what the file says elsewhere", *place, hint=ALTERED)
+
+
+def _same_std(stated: Sequence[float | None], other: FloatArray, *place: str | int) -> None:
+    """Compare standard uncertainties; None is open, which a covariance cannot say."""
+    values = np.array(stated, dtype=np.float64)  # None becomes no number
+    known = np.isfinite(values)
+    if not np.allclose(values[known], other[known], rtol=SAME_STD, atol=0):
+        raise fault("does not follow from the covariance", *place, hint=ALTERED)

@@ -9,23 +9,14 @@ import numpy as np
 from pydantic import model_validator
 
 from tdfscal.errors import DataError
-from tdfscal.files.calibration.consistency import (
-    ALTERED,
-    check_covariance,
-    check_rotation,
-    check_shape,
-    from_directions,
-)
+from tdfscal.files.calibration.consistency import ALTERED, check, from_directions
 from tdfscal.files.calibration.evidence_model import DwellTable, MethodAngles, PostureTable
 from tdfscal.files.calibration.life import CampaignResult, HistoryEntry, Instant, MeasuredResult
 from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.files.calibration.nuisances import ComplianceResult, DriftResult
-from tdfscal.files.calibration.parameters import Parameters, check_parameters
+from tdfscal.files.calibration.parameters import Parameters
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
-    CONVENTION,
-    CONVENTION_WITH_SENSITIVITY,
-    COVARIANCE_DEFINITION,
     Budget,
     ConformityResult,
     Convention,
@@ -44,7 +35,6 @@ from tdfscal.files.calibration.parts import (
     TrackerStatistics,
     ValidationResult,
 )
-from tdfscal.files.calibration.redundancy import check_stated
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, Text, fault, key
 from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
@@ -55,7 +45,6 @@ from tdfscal.files.yaml.reading import Document, Format, parse_document, read_do
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.records import BoolArray, FloatArray, Rotations
 
-AXES = ("rx", "ry", "rz")
 CALIBRATION_SUFFIXES = (".json", ".yaml", ".yml")
 
 
@@ -132,85 +121,12 @@ class Calibration(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        self._check_status()
-        self._check_names()
-        self._check_rotations()
-        self._check_shapes()
-        check_stated(self)
-        if self.rig.edited:
-            raise fault("was edited after the calibration", "rig", hint=ALTERED)
+        check(self)
         # Without defaults that a later version may add: the file does not state them.
         own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
         if self.content_sha256 not in (None, content_sha256(own, ())):
             raise fault("was altered after it was written", hint=ALTERED)
         return self
-
-    def _check_rotations(self) -> None:
-        check_covariance(np.array(self.covariance.matrix))
-        if self.parameters is not None:
-            check_parameters(
-                self.parameters,
-                self.support_names,
-                np.flatnonzero(np.repeat(self.determined, 3)).tolist(),
-                np.array(self.covariance.matrix),
-            )
-        for index, support in enumerate(self.supports):
-            block = slice(3 * index, 3 * index + 3)
-            if support.mounting is not None:
-                check_rotation(support.mounting, self.rotation_covariance[block, block], index)
-
-    def _check_shapes(self) -> None:
-        if self.monte_carlo is not None:
-            for name in ("rpy_std", "low", "high"):
-                check_shape(getattr(self.monte_carlo, name), len(self.supports), name)
-            if self.monte_carlo.histogram is not None:
-                check_shape(self.monte_carlo.histogram.counts, len(self.supports), "histogram")
-        if self.fit is not None and self.fit.channel_noise is not None:
-            check_shape(self.fit.channel_noise, len(self.supports), "channel_noise", "fit")
-        if self.dwells is not None:
-            check_shape(self.dwells.force, len(self.supports), "force", "dwells")
-        for index, campaign in enumerate(self.campaigns):
-            for name in ("zero", "zero_std"):
-                check_shape(getattr(campaign, name), len(self.supports), name, "campaigns", index)
-        for index, alone in enumerate(self.methods or ()):
-            for name in ("rpy", "rpy_std"):
-                check_shape(getattr(alone, name), len(self.supports), name, "methods", index)
-
-    def _check_status(self) -> None:
-        if (self.status == "accepted") == bool(self.quality.reasons):
-            raise fault(f"is `{self.status}` against `quality.reasons`", "status")
-        if self.method == "self" and self.estimator is None:
-            raise fault("lacks `estimator`, which the method `self` has")
-        if self.method == "tracker" and self.estimator is not None:
-            raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
-        if self.method == "self" and (self.fit is None or self.observability is None):
-            raise fault("lacks `fit` or `observability`, which the method `self` has")
-        scaled = any(support.sensitivity is not None for support in self.supports)
-        if self.convention != (CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION):
-            given = "some supports" if scaled else "no support"
-            raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
-
-    def _check_names(self) -> None:
-        names = self.support_names
-        if names != tuple(support.name for support in self.rig.supports):
-            raise fault("are not those of the embedded rig, in its order", "supports")
-        lacks = [not support.determined for support in self.supports]
-        whole = [set(support.axes) == {"x", "y", "z"} for support in self.rig.supports]
-        for index, (missing, all_axes) in enumerate(zip(lacks, whole, strict=True)):
-            if missing and all_axes:
-                raise fault("is missing, though the sensor lacks no axis", "supports", index)
-        stand = tuple(support.name for support in self.supports if support.determined)
-        if not stand:
-            raise fault("have no rotation, none of them", "supports")
-        if self.covariance.parameters != parameter_names(stand):
-            raise fault(
-                f"must be {stand[0]}.rx, {stand[0]}.ry and so on, in the order of the supports",
-                *("covariance", "parameters"),
-            )
-        size = 3 * len(stand)
-        rows = self.covariance.matrix
-        if len(rows) != size or any(len(row) != size for row in rows):
-            raise fault(f"must have {size} rows of {size} numbers", "covariance", "matrix")
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Calibration) and self.model_dump() == other.model_dump()
@@ -308,11 +224,6 @@ class Calibration(Strict):
         return embedded_rig(self.rig, Path(source))
 
 
-def parameter_names(supports: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of the covariance's rows: `ncp1.rx`, `ncp1.ry`, `ncp1.rz`, `ncp2.rx` …."""
-    return tuple(f"{name}.{axis}" for name in supports for axis in AXES)
-
-
 def load_calibration(path: Path | str) -> Calibration:
     """Read and check a calibration file, JSON where its suffix is .json, else YAML.
 
@@ -363,19 +274,3 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 def _from_document(document: Document) -> Calibration:
     require_format(document, CALIBRATION_FORMAT, DataError)
     return checked(Calibration, document, DataError)
-
-
-__all__ = [
-    "CALIBRATION_FORMAT",
-    "CALIBRATION_SUFFIXES",
-    "CONVENTION",
-    "CONVENTION_WITH_SENSITIVITY",
-    "COVARIANCE_DEFINITION",
-    "Calibration",
-    "dump_calibration",
-    "file_content",
-    "load_calibration",
-    "parameter_names",
-    "parse_calibration",
-    "save_calibration",
-]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.comparison.joint import Joint
-from tdfscal.files.calibration import evidence, statistics
+from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.assembled import Angles, Provenance, assembled
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.motion import held_out_document, motion_document
@@ -178,7 +178,7 @@ def from_joint(
             "consistency_p_value": both.test.p_value,
             "largest_en": float(np.abs(both.test.en).max()),
         },
-        methods=evidence.methods(own, tracker),
+        methods=statistics.methods(own, tracker),
         **parts,
     )
 
@@ -208,10 +208,10 @@ def _self_parts(
             state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
         ),
         "fit": statistics.fit(result) | statistics.totals(origin.campaigns),
-        "postures": evidence.postures(result),
-        "dwells": evidence.dwells(result),
+        "postures": statistics.postures(result),
+        "dwells": statistics.dwells(result),
         "observability": statistics.observability(result.observability)
-        | {"loads": evidence.loads(result)},
+        | {"loads": statistics.loads(result)},
         "monte_carlo": statistics.trials(
             trials,
             origin.seed,

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import BeforeValidator, StringConstraints, model_validator
 
 from tdfscal.files.calibration.parts import Input, OpenAngles, OpenStds, TerminalResult
@@ -21,8 +18,7 @@ from tdfscal.files.field_types import (
     from_numpy,
     key,
 )
-from tdfscal.model.parameters import State
-from tdfscal.records import BoolArray, FloatArray, InputFile, Measured
+from tdfscal.records import Measured
 
 Instant = Annotated[
     str,
@@ -95,48 +91,4 @@ def measured_document(measured: Measured) -> dict[str, Any]:
         "begin": instant(measured.begin),
         "end": instant(measured.end),
         "source": measured.source,
-    }
-
-
-def campaign_document(
-    name: str,
-    measured: Measured | None,
-    inputs: Sequence[InputFile],
-    state: State,
-    std: State,
-    axes: BoolArray,
-    *,
-    postures: int,
-    chi2: float,
-    dof: int,
-) -> dict[str, Any]:
-    """The block of one campaign; std : standard uncertainties, ∞ where there is none.
-
-    axes : (n, 3), which it measured.
-    """
-
-    def measured_only(values: FloatArray) -> list[list[Any]]:
-        return [
-            [value if there else None for value, there in zip(finite(row), of, strict=True)]
-            for row, of in zip(values, axes, strict=True)
-        ]
-
-    def finite(values: FloatArray) -> list[Any]:
-        return [float(s) if np.isfinite(s) else None for s in values]
-
-    return {
-        "name": name,
-        "measured": None if measured is None else measured_document(measured),
-        "inputs": [
-            {key: value for key, value in asdict(f).items() if value is not None} for f in inputs
-        ],
-        "zero": measured_only(state.zero),
-        "zero_std": measured_only(std.zero),
-        "terminal": {
-            "mass": {"value": float(state.mass), "std": finite(np.reshape(std.mass, 1))[0]},
-            "barycenter": {"value": state.barycentre, "std": finite(std.barycentre)},
-        },
-        "postures": postures,
-        "chi2": chi2,
-        "dof": dof,
     }

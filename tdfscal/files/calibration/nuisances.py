@@ -6,10 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.files.calibration.parts import OpenAngles, OpenStd, OpenStds, none_where_open
+from tdfscal.files.calibration.parts import (
+    OpenAngles,
+    OpenStd,
+    OpenStds,
+    measured_only,
+    none_where_open,
+)
 from tdfscal.files.field_types import Number, Strict, key
 from tdfscal.files.rig.reading import HOUR
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import BoolArray
 from tdfscal.selfcal.covariance import information_root
 from tdfscal.selfcal.nuisances import Estimate, compliance_estimates, drift_estimates
 from tdfscal.selfcal.pipeline import SelfCalibration
@@ -68,8 +74,8 @@ def nuisance_documents(result: SelfCalibration) -> dict[str, Any]:
         if estimate.value is not None and estimate.std is not None:
             unit = HOUR ** _POWERS_OF_TIME.get(estimate.kind, 0)
             axes = fit.rig.axes
-            drift[estimate.kind]["value"] = _channels(unit * estimate.value, axes)
-            drift[estimate.kind]["std"] = _channels(unit * estimate.std, axes)
+            drift[estimate.kind]["value"] = measured_only(unit * estimate.value, axes)
+            drift[estimate.kind]["std"] = measured_only(unit * estimate.std, axes)
     give = {
         estimate.kind: {
             "value": float(np.asarray(estimate.value)),
@@ -79,13 +85,6 @@ def nuisance_documents(result: SelfCalibration) -> dict[str, Any]:
         for estimate in compliance_estimates(fit, parts, found)
     }
     return {"drift": drift or None, "compliance": give or None}
-
-
-def _channels(values: FloatArray, axes: BoolArray) -> tuple[tuple[float | None, ...], ...]:
-    return tuple(
-        tuple(none_where_open(v) if there else None for v, there in zip(row, of, strict=True))
-        for row, of in zip(values, axes, strict=True)
-    )
 
 
 def _shares(estimate: Estimate, determined: BoolArray) -> tuple[tuple[float | None, ...], ...]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import BeforeValidator
 
-from tdfscal.files.calibration.consistency import ALTERED, check_covariance
 from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy, key
 from tdfscal.model.parameters import deviation, layout, nominal, parameter_count, retract
 from tdfscal.records import FloatArray, Rig
@@ -64,6 +63,11 @@ def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def turn_parameters(supports: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the covariance's rows: `ncp1.rx`, `ncp1.ry`, `ncp1.rz`, `ncp2.rx` …."""
+    return tuple(f"{name}.{axis}" for name in supports for axis in _COMPONENTS["rotation"])
+
+
 def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -> dict[str, Any]:
     """The block of a calibration whose covariance is joint; unscaled : (3n, 3n), rad²."""
     names = np.array(parameter_order(given.rig.supports))
@@ -80,7 +84,7 @@ def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -
 
 def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibrated:
     """Read the block back; rotation (n, 3, 3) as the file gives it."""
-    place = _places(block, rig.supports)
+    place = places(block, rig.supports)
     from tdfscal.model.calibrated import Calibrated
 
     size = parameter_count(rig.n)
@@ -97,39 +101,8 @@ def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibr
     )
 
 
-def check_parameters(
-    block: Parameters,
-    supports: tuple[str, ...],
-    turns: list[int],
-    rotation_covariance: FloatArray,
-) -> None:
-    """Raise the model's fault where the block contradicts itself or the rotations' covariance.
-
-    turns : places of the rotations that the covariance (of as many rows) is about.
-    """
-    place = _places(block, supports)
-    matrix = np.array(block.matrix)
-    if matrix.shape != (len(place), len(place)) or len(block.value) != len(place):
-        raise fault(f"must have {len(place)} rows of {len(place)} numbers", "parameters", "matrix")
-    scale = np.sqrt(np.diagonal(matrix).clip(1e-300))
-    unit = matrix / np.outer(scale, scale)
-    if np.abs(unit - unit.T).max() > 1e-9 or np.linalg.eigvalsh(unit)[0] < -1e-9:
-        raise fault("is no covariance", "parameters", "matrix", hint=ALTERED)
-    unscaled = block.unscaled
-    if unscaled is not None:
-        if np.shape(unscaled) != rotation_covariance.shape:
-            size = len(rotation_covariance)
-            raise fault(f"must have {size} rows of {size} numbers", "parameters", "unscaled")
-        check_covariance(np.array(unscaled), ("parameters", "unscaled"))
-    if not set(turns) <= set(place) or len(turns) != len(rotation_covariance):
-        raise fault("lacks turns that `covariance` has", "parameters", "parameters")
-    rows = [place.index(turn) for turn in turns]
-    own = matrix[np.ix_(rows, rows)]
-    if np.abs(own - rotation_covariance).max() > 1e-9 * np.abs(own).max():
-        raise fault("does not contain `covariance`", "parameters", "matrix", hint=ALTERED)
-
-
-def _places(block: Parameters, supports: tuple[str, ...]) -> list[int]:
+def places(block: Parameters, supports: tuple[str, ...]) -> list[int]:
+    """Where the block's parameters are among all; raises the model's fault."""
     order: Mapping[str, int] = {name: k for k, name in enumerate(parameter_order(supports))}
     for name in block.parameters:
         if name not in order:

@@ -37,7 +37,7 @@ from tdfscal.files.field_types import (
     from_numpy,
     key,
 )
-from tdfscal.records import InputFile, Integrity
+from tdfscal.records import BoolArray, FloatArray, InputFile, Integrity
 
 CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
 
@@ -57,6 +57,15 @@ def none_where_open(value: Any) -> Any:
     if isinstance(value, np.generic):
         return None if value == np.inf else value.item()
     return value
+
+
+def measured_only(values: FloatArray, axes: BoolArray) -> list[list[float | None]]:
+    """Return values (n, 3) as a file has them: None for an axis not measured, and for ∞."""
+    there = axes & (values != np.inf)
+    return [
+        [float(v) if known else None for v, known in zip(row, of, strict=True)]
+        for row, of in zip(values, there, strict=True)
+    ]
 
 
 Angle = Literal["roll", "pitch", "yaw"]
