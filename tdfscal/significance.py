@@ -21,39 +21,41 @@ EXPANDED_COVERAGE: Final = erf(COVERAGE_FACTOR / sqrt(2.0))
 
 # The self-calibration -----------------------------------------------------------------------------
 
-#: That a faultless campaign loses a posture as an outlier.
-OUTLYING_POSTURE: Final = 1e-3
+#: That a faultless campaign, or log in motion, is questioned in any way: suspicions, outlying
+#: postures, unequal noise, a changed rig. The shares below make up the whole of it; what the tests
+#: have in common, and the shapes of their rejections, leave it nearer six in a thousand.
+QUESTIONED: Final = 8e-3
+#: Of it: that a faultless campaign loses a posture as an outlier.
+OUTLYING_POSTURE: Final = 0.125 * QUESTIONED
+#: That score tests raise any suspicion of an undeclared error.
+UNDECLARED_ERROR: Final = 0.45 * QUESTIONED
+#: That a sensor is said to have turned on the way, or a zero to have jumped. Divided among all
+#: splits, which are so much alike that half of it comes true.
+WITHIN_CAMPAIGN: Final = 0.15 * QUESTIONED
+#: That any positioner's frame is called turned, scaled or not square.
+FRAME_MISFIT: Final = 0.05 * QUESTIONED
+#: That χ² of the residuals is reported; the Birge ratio has inflated already.
+MISFIT: Final = 0.075 * QUESTIONED
+#: That the campaign is weighted by unequal noise of its channels, which costs it little.
+UNEQUAL_NOISE: Final = 0.075 * QUESTIONED
+#: That noise alone is reported as drift, hysteresis or lack of repeatability, per test of three.
+CHANGED_RIG: Final = 0.025 * QUESTIONED
 #: Share of postures or points left out above which not they are wrong, but the model (theory, 3).
 MOST_REJECTED: Final = 0.10
 #: That the less likely of two mountings is the true one: both are named, and neither is chosen, as
 #: long as it is likelier than this. Half a turn is a crash, not an error of measurement.
 AMBIGUOUS_MOUNTING: Final = 1e-6
-#: That a faultless campaign is weighted by unequal noise of its channels, which costs it little.
-UNEQUAL_NOISE: Final = 2e-3
-#: That a faultless campaign, or log in motion, raises any suspicion of an undeclared error (score
-#: tests). With `FRAME_MISFIT`, `WITHIN_CAMPAIGN` and `MISFIT`, which asks for noise, it makes up
-#: the one campaign in a hundred that is questioned for nothing.
-UNDECLARED_ERROR: Final = 0.006
-#: Shares of that level. The direction of gravity has most: it turns every sensor alike, and only
-#: internal forces betray it, so that it does harm before it is plain. Friction shows faintly too.
-#: The other suspects share the rest.
+#: Shares of `UNDECLARED_ERROR`. The direction of gravity has most: it turns every sensor alike, and
+#: only internal forces betray it, so that it does harm before it is plain. Friction shows faintly
+#: too. The other suspects share the rest.
 UNDECLARED_GRAVITY_SHARE: Final = 0.7
 UNDECLARED_FRICTION_SHARE: Final = 0.15
-#: That a faultless campaign has any positioner's frame called turned, scaled or not square.
-FRAME_MISFIT: Final = 1e-3
 #: Standard uncertainties of an angle: an undeclared error that moves it farther spoils the result.
 HARMFUL_SHIFT: Final = 2.0
 #: Where chance gives as much with less than this probability, one that moves it by so many already:
 #: what is certainly undeclared passes for noise too, and widens the uncertainties themselves.
 CERTAINLY_UNDECLARED: Final = 1e-6
 CERTAIN_SHIFT: Final = 1.0
-#: That noise alone is reported as drift, hysteresis or lack of repeatability, per test.
-CHANGED_RIG: Final = 1e-3
-#: That a faultless campaign is said to hold a sensor that turned or a zero that jumped on the way.
-#: Divided among all splits, which are so much alike that six tenths of it come true.
-WITHIN_CAMPAIGN: Final = 2e-3
-#: χ² of the residuals less probable than this is reported; the Birge ratio has inflated already.
-MISFIT: Final = 1e-3
 #: Residuals this improbably small: the stated uncertainties are too large.
 OVERSTATED_NOISE: Final = 1e-4
 

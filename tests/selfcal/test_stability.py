@@ -37,7 +37,7 @@ def test_returns_are_found_and_quiet_on_a_sound_machine() -> None:
 
 
 def test_a_drifting_zero_shows_as_trend_and_between_visits() -> None:
-    batch = returning(Faults(drifts=(Drift(0, (6.0, -6.0, 6.0)),)))
+    batch = returning(Faults(drifts=(Drift(0, (0.7, -0.7, 0.7)),)))
     for i in range(5):
         result = calibrated(batch, RIG, i)
         assert result.stability.repeat is not None
