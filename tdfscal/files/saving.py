@@ -25,7 +25,7 @@ def write_text(path: Path, text: str) -> None:
             raise unwritable(path, fault) from fault
 
 
-def save_rows(path: Path, rows: Iterable[tuple[str | float | int, ...]]) -> None:
+def save_rows(path: Path, rows: Iterable[tuple[str | float | int | None, ...]]) -> None:
     """Write header and rows, doubles to the last bit, whole or not at all. Raises UsageError."""
     stream = io.StringIO()
     csv.writer(stream, lineterminator="\n").writerows(

@@ -113,6 +113,7 @@ class CostStudy:
     rig: Rig
     assumptions: Assumptions
     runs: int
+    seed: int
     choices: tuple[Choice, ...]
 
 
@@ -154,7 +155,8 @@ def cost(
         effort = self_effort(assumptions, seconds)
         choices.append(_choice("self, moving", f"{seconds:g} s", effort, found))
     order = {"self, static": 0, "self, moving": 1, "tracker": 2, "joint": 3}
-    return CostStudy(rig, assumptions, runs, tuple(sorted(choices, key=lambda c: order[c.method])))
+    ways = tuple(sorted(choices, key=lambda c: order[c.method]))
+    return CostStudy(rig, assumptions, runs, seed, ways)
 
 
 def _choice(method: str, what: str, effort: Effort, found: list[float | None]) -> Choice:

@@ -12,7 +12,7 @@ import pytest
 
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.campaign import simulate_to_folder
-from tdfscal.reporting import controlfigures
+from tdfscal.reporting.studies import free_space as figures
 from tdfscal.simulation import Recorder, make_rig
 from tdfscal.studies import cost, docking, free_space, success
 from tdfscal.studies.compared_calibrations import KNOWS
@@ -94,7 +94,7 @@ def test_the_logs_of_a_run_are_those_of_any_recorder(
     """`info` finds every stream, and `apply` finds the wrench that the controller saw."""
     shortened(monkeypatch, free_space.Setup, duration=1.0, rest=3.0)
     if form != "csv":  # figures take their time, and do not depend on the logs
-        monkeypatch.setattr(controlfigures, "free_space_drawings", lambda study: ())
+        monkeypatch.setattr(figures, "drawings", lambda study: ())
     out, target = tmp_path / "out", tmp_path / "wrench.csv"
     line = ("study", "free-space", bench.rig, "-o", out, "--calibration", bench.calibration)
     seen = run(capsys, *line, "--moves", bench.moves, "--runs", 1, "--logs", form, "--json", "-q")

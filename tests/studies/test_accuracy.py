@@ -11,7 +11,7 @@ from tdfscal.errors import UsageError
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
-from tdfscal.reporting.studies import accuracy_report
+from tdfscal.reporting.studies.accuracy import report
 from tdfscal.reporting.text import render
 from tdfscal.selfcal.linear_method import fit_linear
 from tdfscal.selfcal.pipeline import self_calibrate
@@ -65,7 +65,7 @@ def test_unbiased_and_as_accurate_as_stated() -> None:
 
 
 def test_table_2_in_words(study: Accuracy) -> None:
-    text = render(accuracy_report(study))
+    text = render(report(study, {}))
     assert "is the most accurate on this rig" in text.replace("\n  ", " ")
     assert f"{1e3 * study.of('tracker').std[1, 2]:.4f}" in text
     assert max(map(len, text.splitlines())) <= 80

@@ -11,7 +11,7 @@ import pytest
 from tdfscal.errors import UsageError
 from tdfscal.numerics import so3
 from tdfscal.records import UncertainValue
-from tdfscal.reporting.studies import sensitivity_document
+from tdfscal.reporting.studies.sensitivity import document as sensitivity_document
 from tdfscal.simulation import make_rig, reference_rig
 from tdfscal.studies.sensitivity import jacobian, sensitivity
 
@@ -78,7 +78,7 @@ def test_nonsense_is_refused() -> None:
 def test_the_document_is_strict_json() -> None:
     rig = reference_rig()
     sweeps = [sensitivity(rig, np.zeros(3), internal=internal) for internal in (0.0, 100.0)]
-    document = sensitivity_document(rig.name, rig.supports, sweeps, ["sensitivity.csv"])
+    document = sensitivity_document(rig, sweeps, {}, ["sensitivity.csv"])
     back = json.loads(json.dumps(document, allow_nan=False))
     assert back["span"] == 0.05
     assert back["sweeps"][0]["supports"][1]["force_error"] == sweeps[0].force[1, :, -1].tolist()

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from tdfscal.files.output_places import check_folder
-from tdfscal.files.outputs import protect, together
+from tdfscal.files.outputs import together
 from tdfscal.records import FloatArray
-from tdfscal.reporting import stakes, studies
-from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.studies import Row
 from tdfscal.simulation import Options
 from tdfscal.studies.accuracy import Accuracy, Setup
 from tdfscal.studies.accuracy import accuracy as simulate_accuracy
-from tdfscal.workflows.arguments import at_least, one
+from tdfscal.workflows.arguments import at_least
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
-from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.rigs import calibrations_named, rig_named, survey_of
-from tdfscal.workflows.study.result import StudyResult, processes
+from tdfscal.workflows.rigs import calibrations_named, survey_of
+from tdfscal.workflows.study.result import StudyResult, processes, start
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -35,32 +28,9 @@ class AccuracyResult(StudyResult):
 
     """
 
+    _name = "accuracy"
     study: Accuracy
     stated: dict[str, FloatArray]
-
-    def to_report(self) -> Report:
-        """Return Table 2, and how given calibrations compare with it."""
-        against = stakes.stated_against(self.study, self.stated)
-        return studies.accuracy_report(self.study, against)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the study as plain JSON values."""
-        found = studies.accuracy_document(self.study, list(self.files))
-        return found | {"calibrations": stakes.stated_document(self.study, self.stated)}
-
-    def tables(self) -> dict[str, Iterable[Row]]:
-        """Return standard deviations, histograms and every error."""
-        return {
-            "accuracy.csv": studies.accuracy_rows(self.study),
-            "histograms.csv": studies.histogram_rows(self.study),
-            "errors.csv": studies.error_rows(self.study),
-        }
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the histograms of each sensor, and all standard deviations together."""
-        from tdfscal.reporting.studyfigures import accuracy_drawings
-
-        return accuracy_drawings(self.study)
 
 
 @together()
@@ -101,13 +71,11 @@ def accuracy(
     TdfscalError
         By cause: UsageError, RigError, DataError.
     """
-    folder = one(output)
-    protect(inputs_read(rigs=[Path(rig)], files=paths_of(sources_of(calibration))))
     at_least("--runs", runs, 2)
     at_least("--postures", postures, 1)
     at_least("--seed", seed, 0)
     shared_by = processes(workers)
-    loaded = rig_named(rig)
+    loaded, folder = start(rig, output, paths_of(sources_of(calibration)))
     named = calibrations_named(sources_of(calibration), loaded)
     stated = {name: c.rpy_std for name, c in named.items()}
     setup = Setup(
@@ -119,8 +87,6 @@ def accuracy(
         runs=runs,
         seed=seed,
     )
-    if folder is not None:
-        check_folder(folder)
     study = simulate_accuracy(
         setup,
         workers=shared_by,

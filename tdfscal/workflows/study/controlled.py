@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self, get_args
@@ -13,12 +13,13 @@ from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.campaign import LogFormat, write_control_logs
 from tdfscal.records import Log, Rig, Series
-from tdfscal.reporting import controldata as data
 from tdfscal.simulation import Options
 from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.simulation.control.stability import designed, real_mass, require_stable
 from tdfscal.studies.compared_calibrations import BEST, SQUEEZE, Arms, drifted, given, simulated
+from tdfscal.studies.docking import DockingStudy
+from tdfscal.studies.free_space import FreeSpaceStudy
 from tdfscal.workflows.arguments import Numbers, at_least, numbers, one_of, triple
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.calibration_in_use import calibrated
@@ -27,14 +28,14 @@ from tdfscal.workflows.rigs import calibrations_named, survey_of
 from tdfscal.workflows.study.result import StudyResult
 from tdfscal.wrench.filtering import Walk, checked_walk
 
-#: Rows of a lane in traces.csv at most, about.
-_TRACE_ROWS = 600
 #: Filters that a controller can run.
 FILTERS = ("low-pass", "kalman", "none")
 #: Rotational over translational stiffness, damping or mass where one number is given, m².
 _TURNS = 0.3
 #: Hz, of records that are written as logs.
 _LOG_RATE = 25.0
+
+Study = DockingStudy | FreeSpaceStudy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,12 +217,7 @@ class ControlledResult(StudyResult):
 
     __slots__ = ()
 
-    study: data.Study
-
-    def traces(self) -> dict[str, Iterable[data.Row]]:
-        """Return the rows of `traces.csv`."""
-        each = -(-len(self.study.result.traces.time) // _TRACE_ROWS)
-        return {"traces.csv": data.trace_rows(self.study, each)}
+    study: Study
 
     def with_logs(self, folder: Path | None, form: LogFormat | None) -> Self:
         """Write each run's log in this format into the folder's `logs`; None writes none."""
@@ -230,7 +226,7 @@ class ControlledResult(StudyResult):
         return replace(self, files=(*self.files, *_logs(folder, self.study, form)))
 
 
-def _logs(folder: Path, study: data.Study, form: LogFormat) -> list[str]:
+def _logs(folder: Path, study: Study, form: LogFormat) -> list[str]:
     """One log per lane in the folder's `logs`."""
     rig = study.setup.rig
     traces = study.result.traces

@@ -2,52 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from tdfscal.errors import UsageError
 from tdfscal.files.model_errors import nearest
-from tdfscal.files.output_places import check_folder
-from tdfscal.files.outputs import protect, together
+from tdfscal.files.outputs import together
 from tdfscal.files.yaml.reading import read_document
-from tdfscal.reporting import cost as words
-from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.studies import Row
 from tdfscal.simulation import Options
 from tdfscal.studies import cost as study_of
 from tdfscal.studies.cost import Assumptions
 from tdfscal.workflows.arguments import at_least, one
-from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.rigs import rig_named, survey_of
-from tdfscal.workflows.study.result import StudyResult
+from tdfscal.workflows.rigs import survey_of
+from tdfscal.workflows.study.result import StudyResult, start
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class CostResult(StudyResult):
     """Effort and error of each way to calibrate."""
 
+    _name = "cost"
     study: study_of.CostStudy
-    seed: int
-
-    def to_report(self) -> Report:
-        """Return effort, error and the assumptions."""
-        return words.cost_report(self.study)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the study as plain JSON values."""
-        return words.cost_document(self.study, self.seed, list(self.files))
-
-    def tables(self) -> dict[str, Iterable[Row]]:
-        """Return one row per way to calibrate."""
-        return {"cost.csv": words.cost_rows(self.study)}
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return error against cost."""
-        return (words.cost_drawing(self.study),)
 
 
 @together()
@@ -80,15 +57,12 @@ def cost(
     TdfscalError
         By cause: UsageError, RigError.
     """
-    folder, given = one(output), one(assumptions)
-    protect(inputs_read(rigs=[Path(rig)], files=[] if given is None else [given]))
+    given = one(assumptions)
     at_least("--runs", runs, 1)
     at_least("--seed", seed, 0)
     at_least("--squeeze", squeeze, 0)
     assumed = Assumptions() if given is None else read_assumptions(given)
-    loaded = rig_named(rig)
-    if folder is not None:
-        check_folder(folder)
+    loaded, folder = start(rig, output, [] if given is None else [given])
     study = study_of.cost(
         loaded.rig,
         assumed,
@@ -98,7 +72,7 @@ def cost(
         survey=survey_of(loaded, distance),
         progress=progress.count,
     )
-    return CostResult(study, seed).saved(folder)
+    return CostResult(study).saved(folder)
 
 
 def read_assumptions(path: Path) -> Assumptions:

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
-from typing import Any
 
-from tdfscal.files.output_places import check_folder
-from tdfscal.files.outputs import protect, together
+from tdfscal.files.outputs import together
 from tdfscal.files.writers.campaign import LogFormat
-from tdfscal.reporting import controldata as data
-from tdfscal.reporting import controlstudies as words
-from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.studies import Row
 from tdfscal.studies import docking as study_of
-from tdfscal.workflows.arguments import Numbers, one
+from tdfscal.workflows.arguments import Numbers
 from tdfscal.workflows.calibration import CalibrationSource, sources_of
-from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.rigs import rig_named
 from tdfscal.workflows.study.controlled import (
     Cell,
     Choices,
@@ -28,32 +19,15 @@ from tdfscal.workflows.study.controlled import (
     files_of,
     steps_of,
 )
-from tdfscal.workflows.study.result import processes
+from tdfscal.workflows.study.result import processes, start
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class DockingResult(ControlledResult):
     """Contact while docking."""
 
+    _name = "docking"
     study: study_of.DockingStudy
-
-    def to_report(self) -> Report:
-        """Return largest contact forces and torques, and their ratios, beside the paper's."""
-        return words.docking_report(self.study)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the study as plain JSON values."""
-        return data.docking_document(self.study, list(self.files))
-
-    def tables(self) -> dict[str, Iterable[Row]]:
-        """Return largest contact forces and torques, and the traces."""
-        return {"maxima.csv": data.docking_rows(self.study), **self.traces()}
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figures."""
-        from tdfscal.reporting.controlfigures import docking_drawings
-
-        return docking_drawings(self.study)
 
 
 @together()
@@ -114,8 +88,6 @@ def docking(
     TdfscalError
         By cause: UsageError, RigError, DataError.
     """
-    folder = one(output)
-    protect(inputs_read(rigs=[Path(rig)], files=files_of(calibration, truth)))
     cell = Cell(
         stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
         contact=contact_stiffness, friction=friction, clearance=clearance, engagement=engagement,
@@ -126,13 +98,11 @@ def docking(
         cell=cell,
     )  # fmt: skip
     shared_by = processes(workers)
-    loaded = rig_named(rig)
+    loaded, folder = start(rig, output, files_of(calibration, truth))
     gears = cell.gears()
     setup = study_of.Setup(
         loaded.rig, controller=choices.controller(loaded.rig, gears), gears=gears
     )
-    if folder is not None:
-        check_folder(folder)
     arms, study_seed = choices.arms(loaded, progress)
     told = steps_of(progress, f"docking, {runs} runs × {len(arms.arms)} calibrations")
     study = study_of.docking(setup, arms, study_seed, seed, workers=shared_by, progress=told)

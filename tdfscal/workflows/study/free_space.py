@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.files.output_places import check_folder
-from tdfscal.files.outputs import protect, together
+from tdfscal.files.outputs import together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.records import FloatArray
-from tdfscal.reporting import controldata as data
-from tdfscal.reporting import controlstudies as words
-from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.studies import Row
 from tdfscal.studies import free_space as study_of
-from tdfscal.workflows.arguments import Numbers, one
+from tdfscal.workflows.arguments import Numbers
 from tdfscal.workflows.calibration import CalibrationSource, sources_of
-from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.rigs import rig_named
 from tdfscal.workflows.study.controlled import (
     Cell,
     Choices,
@@ -33,7 +25,7 @@ from tdfscal.workflows.study.controlled import (
     files_of,
     steps_of,
 )
-from tdfscal.workflows.study.result import processes
+from tdfscal.workflows.study.result import processes, start
 
 _MOVES_HINT = (
     "write a header and 12 numbers per row: initial and target roll, pitch, yaw (rad), x, y, z (m)"
@@ -44,25 +36,8 @@ _MOVES_HINT = (
 class FreeSpaceResult(ControlledResult):
     """Deviations in free space."""
 
+    _name = "free_space"
     study: study_of.FreeSpaceStudy
-
-    def to_report(self) -> Report:
-        """Return deviations and their ratios beside the paper's."""
-        return words.free_space_report(self.study)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the study as plain JSON values."""
-        return data.free_space_document(self.study, list(self.files))
-
-    def tables(self) -> dict[str, Iterable[Row]]:
-        """Return deviations, and the traces."""
-        return {"deviations.csv": data.free_space_rows(self.study), **self.traces()}
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figures."""
-        from tdfscal.reporting.controlfigures import free_space_drawings
-
-        return free_space_drawings(self.study)
 
 
 @together()
@@ -118,9 +93,6 @@ def free_space(
     TdfscalError
         By cause: UsageError, RigError, DataError.
     """
-    folder = one(output)
-    files = [*files_of(calibration, truth), *([Path(moves)] if moves is not None else [])]
-    protect(inputs_read(rigs=[Path(rig)], files=files))
     cell = Cell(
         stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
     )  # fmt: skip
@@ -130,12 +102,11 @@ def free_space(
         cell=cell,
     )  # fmt: skip
     shared_by = processes(workers)
-    loaded = rig_named(rig)
+    files = [*files_of(calibration, truth), *([Path(moves)] if moves is not None else [])]
+    loaded, folder = start(rig, output, files)
     table = study_of.MOVES.copy() if moves is None else read_moves(Path(moves))
     controller = choices.controller(loaded.rig, cell.gears())
     setup = study_of.Setup(loaded.rig, controller=controller, moves=table)
-    if folder is not None:
-        check_folder(folder)
     arms, study_seed = choices.arms(loaded, progress)
     told = steps_of(progress, f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")
     study = study_of.free_space(setup, arms, study_seed, seed, workers=shared_by, progress=told)

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
-from tdfscal.files.output_places import check_folder
-from tdfscal.files.outputs import protect, together
-from tdfscal.reporting import paper as words
-from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.paper import Item
-from tdfscal.reporting.studies import Row
-from tdfscal.workflows.arguments import one
-from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.files.outputs import together
+from tdfscal.reporting.layout import Drawing
+from tdfscal.reporting.studies import paper as words
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.accuracy import AccuracyResult, accuracy
 from tdfscal.workflows.study.docking import DockingResult, docking
 from tdfscal.workflows.study.free_space import FreeSpaceResult, free_space
-from tdfscal.workflows.study.result import StudyResult
+from tdfscal.workflows.study.result import StudyResult, start
 from tdfscal.workflows.study.sensitivity import SensitivityResult, sensitivity
 
 
@@ -28,37 +21,22 @@ from tdfscal.workflows.study.sensitivity import SensitivityResult, sensitivity
 class PaperResult(StudyResult):
     """The paper's numbers beside this rig's, and the studies that they come from."""
 
+    _name = "paper"
     sensitivity: SensitivityResult
     accuracy: AccuracyResult
     free_space: FreeSpaceResult
     docking: DockingResult
     seed: int
 
-    @property
-    def items(self) -> tuple[Item, ...]:
-        """One line per number of the paper."""
-        return (
+    def _content(self) -> tuple[Any, ...]:
+        runs, campaigns = self.docking.study.arms.runs, self.accuracy.study.setup.runs
+        items = (
             *words.sensitivity_items(self.sensitivity.sweeps[0]),
             *words.accuracy_items(self.accuracy.study),
             *words.free_space_items(self.free_space.study),
             *words.docking_items(self.docking.study),
         )
-
-    def _counts(self) -> tuple[int, int]:
-        return self.docking.study.arms.runs, self.accuracy.study.setup.runs
-
-    def to_report(self) -> Report:
-        """Return the table, with the reason of each verdict."""
-        return words.paper_report(self.sensitivity.rig.name, *self._counts(), self.items)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the table as plain JSON values."""
-        name, files = self.sensitivity.rig.name, list(self.files)
-        return words.paper_document(name, self.seed, *self._counts(), self.items, files)
-
-    def tables(self) -> dict[str, Iterable[Row]]:
-        """Return one row per number of the paper."""
-        return {"paper.csv": words.paper_rows(self.items)}
+        return self.sensitivity.rig.name, self.seed, runs, campaigns, items
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of all four studies."""
@@ -96,10 +74,7 @@ def paper(
     TdfscalError
         By cause: UsageError, RigError.
     """
-    folder = one(output)
-    protect(inputs_read(rigs=[Path(rig)]))
-    if folder is not None:
-        check_folder(folder)
+    _, folder = start(rig, output)
     shared: dict[str, Any] = {"seed": seed, "workers": workers, "progress": progress}
     return PaperResult(
         sensitivity(rig),

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import os
-from abc import abstractmethod
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
+from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
-from tdfscal.files.outputs import make_folder
+from tdfscal.files.output_places import check_folder
+from tdfscal.files.outputs import make_folder, protect
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import save_rows, write_text
-from tdfscal.reporting.layout import Report, Section
-from tdfscal.reporting.studies import Row
-from tdfscal.workflows.arguments import at_least
+from tdfscal.reporting.layout import Drawing, Report, Section
+from tdfscal.workflows.arguments import at_least, one
+from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.result import Result
+from tdfscal.workflows.rigs import rig_named
 
 #: The page among a study's files.
 PAGE = "study.html"
@@ -26,18 +30,42 @@ class StudyResult(Result):
 
     files: tuple[str, ...] = field(default=())
 
-    @abstractmethod
+    #: Of the study, and of the module that lays it out.
+    _name: ClassVar[str]
+
+    def _content(self) -> tuple[Any, ...]:
+        """What the functions of that module take."""
+        return tuple(getattr(self, f.name) for f in fields(self) if f.name != "files")
+
+    def _laid_out(self, what: str, *more: Any) -> Any:
+        # The module draws: it is imported where it is needed.
+        module = import_module(f"tdfscal.reporting.studies.{self._name}")
+        return getattr(module, what)(*self._content(), *more)
+
     def to_report(self) -> Report:
         """Return the study in words and tables."""
+        report: Report = self._laid_out("report")
+        return report
 
-    @abstractmethod
-    def tables(self) -> Mapping[str, Iterable[Row]]:
-        """Return each CSV file's rows, a header first; the main table is the first."""
+    def to_dict(self) -> dict[str, Any]:
+        """Return the study as plain JSON values, SI units."""
+        document: dict[str, Any] = self._laid_out("document", list(self.files))
+        return document
+
+    def tables(self) -> dict[str, Iterable[dict[str, Any]]]:
+        """Return the rows of each CSV file, by their columns; the main table is the first."""
+        tables: dict[str, Iterable[dict[str, Any]]] = self._laid_out("tables")
+        return tables
+
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figures."""
+        drawings: tuple[Drawing, ...] = self._laid_out("drawings")
+        return drawings
 
     def table(self) -> dict[str, list[Any]]:
         """Return the first of `tables`."""
-        header, *body = next(iter(self.tables().values()))
-        return {str(name): [row[k] for row in body] for k, name in enumerate(header)}
+        rows = list(next(iter(self.tables().values())))
+        return {name: [row[name] for row in rows] for name in rows[0]}
 
     def saved(self, folder: Path | None) -> Self:
         """Write tables (CSV), figures (PNG, SVG) and a page into a folder; None writes none.
@@ -51,12 +79,28 @@ class StudyResult(Result):
 
         make_folder(folder)
         tables, drawings, report = self.tables(), self.drawings(), self.to_report()
-        for name, rows in tables.items():
-            save_rows(folder / name, rows)
+        for name, each in tables.items():
+            rows = list(each)
+            save_rows(folder / name, [tuple(rows[0]), *(tuple(row.values()) for row in rows)])
         figures = [path.name for drawing in drawings for path in style.save(drawing, folder)]
         shown = tuple(Section(d.title, (), d.reading, d) for d in drawings)
         write_text(folder / PAGE, render(replace(report, sections=report.sections + shown)))
         return replace(self, files=(*tables, *figures, PAGE))
+
+
+def start(
+    rig: str | PathLike[str], output: str | PathLike[str] | None, files: Sequence[Path] = ()
+) -> tuple[LoadedRig, Path | None]:
+    """Load the rig, and look whether the folder can be written; files : what else is read.
+
+    Raises UsageError, RigError.
+    """
+    folder = one(output)
+    protect(inputs_read(rigs=[Path(rig)], files=files))
+    loaded = rig_named(rig)
+    if folder is not None:
+        check_folder(folder)
+    return loaded, folder
 
 
 def processes(workers: int | None) -> int:

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
-from typing import Any
 
-from tdfscal.files.output_places import check_folder
-from tdfscal.files.outputs import protect, together
-from tdfscal.reporting import success as words
-from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.studies import Row
+from tdfscal.files.outputs import together
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking
 from tdfscal.studies import success as study_of
-from tdfscal.workflows.arguments import Numbers, at_least, numbers, one
-from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.arguments import Numbers, at_least, numbers
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.rigs import rig_named
 from tdfscal.workflows.study.controlled import Cell, steps_of
-from tdfscal.workflows.study.result import StudyResult, processes
+from tdfscal.workflows.study.result import StudyResult, processes, start
 
 #: Engagement by default, mm: the peaks are at the mouth, and the full length takes five times as
 #: long.
@@ -32,23 +24,8 @@ ENGAGEMENT = 60.0
 class SuccessResult(StudyResult):
     """Assemblies that succeed."""
 
+    _name = "success"
     study: study_of.SuccessStudy
-
-    def to_report(self) -> Report:
-        """Return probabilities with their intervals, forces and jams."""
-        return words.success_report(self.study)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the study as plain JSON values."""
-        return words.success_document(self.study, list(self.files))
-
-    def tables(self) -> dict[str, Iterable[Row]]:
-        """Return one row per angle error and stiffness."""
-        return {"success.csv": words.success_rows(self.study)}
-
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the probability against the angle error."""
-        return (words.success_drawing(self.study),)
 
 
 @together()
@@ -93,8 +70,6 @@ def success(
     TdfscalError
         By cause: UsageError, RigError.
     """
-    folder = one(output)
-    protect(inputs_read(rigs=[Path(rig)]))
     at_least("--runs", runs, 1)
     at_least("--seed", seed, 0)
     shared_by = processes(workers)
@@ -106,10 +81,8 @@ def success(
         stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
         contact=contact_stiffness, friction=friction, clearance=clearance, engagement=engagement,
     )  # fmt: skip
-    loaded = rig_named(rig)
+    loaded, folder = start(rig, output)
     setup = docking.Setup(loaded.rig, gears=cell.gears())
-    if folder is not None:
-        check_folder(folder)
     study = study_of.success(
         setup,
         lambda gears: cell.controller(loaded.rig, Controller(), gears),

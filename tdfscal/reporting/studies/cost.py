@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table
-from tdfscal.reporting.studies import Row
+from tdfscal.reporting.figures.style import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    Drawing,
+    figure,
+    legend_above,
+)  # fmt: skip
+from tdfscal.reporting.layout import Facts, Report, Section, Table
+from tdfscal.reporting.studies.cells import Row, number
 from tdfscal.studies.cost import Assumptions, Choice, CostStudy
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-NOTE = (
+_NOTE = (
     "Hours are those in which the machine cannot assemble; the instrument's and the people's run "
     "beside them. The error is that of simulated calibrations against the truth, rms over all "
     "angles. The assumptions are ours, not the paper's; change them in a YAML file of these keys "
@@ -31,7 +38,7 @@ def _error_said(choice: Choice) -> str:
     return f"{1e3 * choice.rms:.3f}" + ("" if np.isnan(std) else f" ± {1e3 * std:.2g}")
 
 
-def cost_report(study: CostStudy) -> Report:
+def report(study: CostStudy) -> Report:
     """Lay out effort and error of each way to calibrate, and the assumptions."""
     lost = any(c.failed for c in study.choices)
     rows = tuple(
@@ -50,7 +57,7 @@ def cost_report(study: CostStudy) -> Report:
         Table("Effort, and rms error of an angle ± standard error", header, rows),
         "Assumptions:",
         Facts(assumed),
-        NOTE,
+        _NOTE,
     )
     return Report(
         title=f"Cost and accuracy: {study.rig.name}",
@@ -59,38 +66,42 @@ def cost_report(study: CostStudy) -> Report:
     )
 
 
-def cost_rows(study: CostStudy) -> Iterator[Row]:
-    """Header and rows of cost.csv."""
-    yield ("method", "what", "machine_h", "tracker_h", "people_h", "cost", "rms_error_rad",
-           "standard_error_rad", "runs", "failed")  # fmt: skip
-    for c in study.choices:
-        e = c.effort
-        yield (
-            c.method, c.what, e.machine, e.instrument, e.people, e.cost,
-            *("" if np.isnan(v) else v for v in (c.rms, c.standard_error)),
-            int(c.error.size), c.failed,
-        )  # fmt: skip
-
-
-def cost_document(study: CostStudy, seed: int, files: list[str]) -> dict[str, Any]:
+def document(study: CostStudy, files: list[str]) -> dict[str, Any]:
     """The study as plain JSON values."""
-    header, *rows = cost_rows(study)
     return {
         "format": "tdfscal-study-cost/1",
         "rig": study.rig.name,
-        "seed": seed,
+        "seed": study.seed,
         "runs": study.runs,
         "assumptions": {f.name: getattr(study.assumptions, f.name) for f in fields(Assumptions)},
-        "choices": [
-            {str(n): None if v == "" else v for n, v in zip(header, row, strict=True)}
-            for row in rows
-        ],
-        "note": NOTE,
+        "choices": list(_choices(study)),
+        "note": _NOTE,
         "files": files,
     }
 
 
-def cost_drawing(study: CostStudy) -> Drawing:
+def tables(study: CostStudy) -> dict[str, Iterable[Row]]:
+    """One row per way to calibrate."""
+    return {"cost.csv": _choices(study)}
+
+
+def _choices(study: CostStudy) -> Iterator[Row]:
+    for c in study.choices:
+        yield {
+            "method": c.method,
+            "what": c.what,
+            "machine_h": c.effort.machine,
+            "tracker_h": c.effort.instrument,
+            "people_h": c.effort.people,
+            "cost": c.effort.cost,
+            "rms_error_rad": number(c.rms),
+            "standard_error_rad": number(c.standard_error),
+            "runs": int(c.error.size),
+            "failed": c.failed,
+        }
+
+
+def drawings(study: CostStudy) -> tuple[Drawing, ...]:
     """Error against cost, a line per method."""
     known = [c for c in study.choices if not np.isnan(c.rms)]
     best = min(known, key=lambda c: c.rms * c.effort.cost) if known else None
@@ -100,12 +111,10 @@ def cost_drawing(study: CostStudy) -> Drawing:
             f"Least error times cost: {best.method}, {best.what}, {1e3 * best.rms:.2g} mrad for "
             f"{best.effort.cost:.0f}."
         )
-    return Drawing("cost", "Accuracy against cost", reading, partial(_paint, study))
+    return (Drawing("cost", "Accuracy against cost", reading, partial(_paint, study)),)
 
 
 def _paint(study: CostStudy) -> Figure:
-    from tdfscal.reporting.figures.style import BLUE, GREEN, INK, ORANGE, figure, legend_above
-
     looks = {"self, static": (BLUE, "o"), "self, moving": (GREEN, "^"), "tracker": (ORANGE, "s"),
              "joint": (INK, "D")}  # fmt: skip
     fig = figure(3.6)

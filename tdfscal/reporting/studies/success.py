@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from tdfscal.reporting.controldata import cell_document
-from tdfscal.reporting.controlstudies import mean_se, share_said
-from tdfscal.reporting.layout import Drawing, Report, Section, Table
-from tdfscal.reporting.studies import Row
+from tdfscal.reporting.figures.style import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    RED,
+    Drawing,
+    figure,
+    legend_above,
+)  # fmt: skip
+from tdfscal.reporting.layout import Report, Section, Table
+from tdfscal.reporting.studies.cells import Row, mean_of, mean_se, number, share_said
+from tdfscal.reporting.studies.controlled import cell_document
 from tdfscal.studies.success import SuccessStudy
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-NOTE = (
+_NOTE = (
     "Each controller knows zeros, mass and barycentre, and every sensor is off by a normal turn of "
     "the stated standard deviation about each axis. A run succeeds where it seats and no true "
     "force before was beyond its limit along any axis; intervals are Clopper and Pearson's, 95 %. "
@@ -29,7 +36,7 @@ def _stiffness(study: SuccessStudy) -> tuple[str, ...]:
     return tuple(f"{1e-6 * k:.2g} N/µm" for k in study.stiffness)
 
 
-def success_report(study: SuccessStudy) -> Report:
+def report(study: SuccessStudy) -> Report:
     """Lay out success, forces and jams by angle error and contact stiffness."""
     rows, columns = range(len(study.deviations)), range(len(study.studies))
     names = [f"{1e3 * d:g} mrad" for d in study.deviations]
@@ -60,7 +67,7 @@ def success_report(study: SuccessStudy) -> Report:
             (("N·s/m", *(f"{one.setup.controller.impedance.damping[0]:.3g}"
                          for one in study.studies)),),
         ),
-        NOTE,
+        _NOTE,
     )  # fmt: skip
     return Report(
         title=f"Success of the assembly: {setup.rig.name}",
@@ -70,25 +77,8 @@ def success_report(study: SuccessStudy) -> Report:
     )
 
 
-def success_rows(study: SuccessStudy) -> Iterator[Row]:
-    """Header and rows of success.csv."""
-    yield ("contact_N_per_m", "damping_Ns_per_m", "angle_std_rad", "runs", "succeeded", "low",
-           "high", "seated", "jammed", "touched", "force_N", "force_standard_error_N")  # fmt: skip
-    for s, one in enumerate(study.studies):
-        for d, deviation in enumerate(study.deviations.tolist()):
-            found, force = study.success(s, d), study.force(s, d)
-            error = np.std(force, ddof=1) / np.sqrt(force.size) if force.size > 1 else None
-            yield (
-                float(study.stiffness[s]), one.setup.controller.impedance.damping[0], deviation,
-                found.runs, found.count, found.low, found.high, int(one.seated[d].sum()),
-                int(one.jammed[d].sum()), int(one.touched[d].sum()),
-                float(force.mean()) if force.size else "", "" if error is None else float(error),
-            )  # fmt: skip
-
-
-def success_document(study: SuccessStudy, files: list[str]) -> dict[str, Any]:
+def document(study: SuccessStudy, files: list[str]) -> dict[str, Any]:
     """The study as plain JSON values, SI units."""
-    header, *rows = success_rows(study)
     setup = study.studies[len(study.studies) // 2].setup
     return {
         "format": "tdfscal-study-success/1",
@@ -97,19 +87,39 @@ def success_document(study: SuccessStudy, files: list[str]) -> dict[str, Any]:
         "runs": study.runs,
         "engagement": setup.gears.length,
         "cell": cell_document(setup.controller),
-        "cases": [
-            {
-                str(name): None if value == "" else value
-                for name, value in zip(header, row, strict=True)
-            }
-            for row in rows
-        ],
-        "note": NOTE,
+        "cases": list(_cases(study)),
+        "note": _NOTE,
         "files": files,
     }
 
 
-def success_drawing(study: SuccessStudy) -> Drawing:
+def tables(study: SuccessStudy) -> dict[str, Iterable[Row]]:
+    """One row per angle error and stiffness."""
+    return {"success.csv": _cases(study)}
+
+
+def _cases(study: SuccessStudy) -> Iterator[Row]:
+    for s, one in enumerate(study.studies):
+        for d, deviation in enumerate(study.deviations.tolist()):
+            found = study.success(s, d)
+            force, error = map(number, mean_of(study.force(s, d)))
+            yield {
+                "contact_N_per_m": float(study.stiffness[s]),
+                "damping_Ns_per_m": one.setup.controller.impedance.damping[0],
+                "angle_std_rad": deviation,
+                "runs": found.runs,
+                "succeeded": found.count,
+                "low": found.low,
+                "high": found.high,
+                "seated": int(one.seated[d].sum()),
+                "jammed": int(one.jammed[d].sum()),
+                "touched": int(one.touched[d].sum()),
+                "force_N": force,
+                "force_standard_error_N": error,
+            }
+
+
+def drawings(study: SuccessStudy) -> tuple[Drawing, ...]:
     """Probability of success against the angle error, a line per stiffness."""
     middle = len(study.studies) // 2
     good = [d for d in range(len(study.deviations)) if study.success(middle, d).value >= 0.9]
@@ -118,17 +128,11 @@ def success_drawing(study: SuccessStudy) -> Drawing:
         reading += f"nine in ten succeed up to {1e3 * study.deviations[good[-1]]:g} mrad per axis."
     else:
         reading += "no angle error lets nine in ten succeed."
-    return Drawing(
-        "success",
-        "Assembly without a force above its limit, against the error of the angles",
-        reading,
-        partial(_paint, study),
-    )
+    title = "Assembly without a force above its limit, against the error of the angles"
+    return (Drawing("success", title, reading, partial(_paint, study)),)
 
 
 def _paint(study: SuccessStudy) -> Figure:
-    from tdfscal.reporting.figures.style import BLUE, GREEN, INK, ORANGE, RED, figure, legend_above
-
     marks = ((INK, ":", "x"), (ORANGE, "--", "s"), (BLUE, "-", "o"), (GREEN, "-.", "^"),
              (RED, "-", "v"))  # fmt: skip
     fig = figure(3.4)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Items, Report, Section, Table
+from tdfscal.reporting.studies.cells import Row, mean_of, number, with_error
 from tdfscal.studies import docking, free_space
 from tdfscal.studies.accuracy import Accuracy
 from tdfscal.studies.compared_calibrations import LIKE
@@ -21,8 +21,6 @@ from tdfscal.studies.sensitivity import Sweep
 #: A number is reproduced within this share of the paper's, and is not where it lies beyond that by
 #: more than two standard errors of ours.
 _CLOSE = 0.25
-
-Row = tuple[str | float | int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,17 +64,14 @@ def verdict(item: Item) -> str:
     return "reproduced" if item.reproduced else "not reproduced"
 
 
-def value_said(item: Item) -> str:
-    """Our number with its standard error."""
-    if np.isnan(item.here):
-        return "–"
-    std = "" if np.isnan(item.std) else f" ± {item.std:.2g}"
-    return f"{item.here:.3g}{std}"
-
-
 def paper_said(item: Item) -> str:
     """The paper's number."""
     return "–" if np.isnan(item.paper) else f"{item.bound}{' ' * bool(item.bound)}{item.paper:.4g}"
+
+
+def _here(item: Item) -> str:
+    """Our number with its standard error."""
+    return with_error(item.here, item.std)
 
 
 def sentence(item: Item) -> str:
@@ -84,7 +79,7 @@ def sentence(item: Item) -> str:
     unit = f" {item.unit}" if item.unit else ""
     return (
         f"{item.figure}, {item.quantity}: {paper_said(item)}{unit} in the paper, "
-        f"{value_said(item)}{unit} here; {verdict(item)}: {item.why}"
+        f"{_here(item)}{unit} here; {verdict(item)}: {item.why}"
     )
 
 
@@ -94,14 +89,6 @@ _LINEAR = (
     "maximum likelihood of the same data stands below"
 )
 _ANGLES = "what zeros, mass and barycentre leave is common to all arms"
-
-
-def mean_of(values: FloatArray) -> tuple[float, float]:
-    """Mean and standard error over runs (N,)."""
-    if values.size == 0:
-        return np.nan, np.nan
-    std = float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else np.nan
-    return float(values.mean()), std
 
 
 def free_space_items(study: FreeSpaceStudy) -> list[Item]:
@@ -237,12 +224,13 @@ def accuracy_items(study: Accuracy) -> list[Item]:
     return items
 
 
-def paper_report(rig: str, runs: int, campaigns: int, items: Sequence[Item]) -> Report:
+def report(rig: str, seed: int, runs: int, campaigns: int, items: Sequence[Item]) -> Report:
     """One table, paper against here, and the verdict of each line with its reason."""
+    del seed
     reasons = list(dict.fromkeys(i.why for i in items))
     short = {"reproduced": "yes", "not reproduced": "no"}
     rows = tuple(
-        (i.figure, i.quantity + (f", {i.unit}" if i.unit else ""), paper_said(i), value_said(i),
+        (i.figure, i.quantity + (f", {i.unit}" if i.unit else ""), paper_said(i), _here(i),
          short.get(verdict(i), verdict(i)), str(reasons.index(i.why) + 1))
         for i in items
     )  # fmt: skip
@@ -263,32 +251,40 @@ def paper_report(rig: str, runs: int, campaigns: int, items: Sequence[Item]) -> 
     )
 
 
-def paper_document(
+def document(
     rig: str, seed: int, runs: int, campaigns: int, items: Sequence[Item], files: list[str]
 ) -> dict[str, Any]:
     """The comparison as plain JSON values."""
-    header, *rows = paper_rows(items)
     return {
         "format": "tdfscal-study-paper/1",
         "rig": rig,
         "seed": seed,
         "runs": runs,
         "campaigns": campaigns,
-        "items": [
-            {str(n): None if v == "" else v for n, v in zip(header, row, strict=True)}
-            for row in rows
-        ],
+        "items": list(_rows(items)),
         "files": files,
     }
 
 
-def paper_rows(items: Sequence[Item]) -> Iterator[Row]:
-    """Header and rows of paper.csv."""
-    yield "figure", "quantity", "unit", "bound", "paper", "here", "standard_error", "like", \
-        "verdict", "why"  # fmt: skip
+def tables(
+    rig: str, seed: int, runs: int, campaigns: int, items: Sequence[Item]
+) -> dict[str, Iterable[Row]]:
+    """One row per number of the paper."""
+    del rig, seed, runs, campaigns
+    return {"paper.csv": _rows(items)}
+
+
+def _rows(items: Sequence[Item]) -> Iterator[Row]:
     for item in items:
-        yield (
-            item.figure, item.quantity, item.unit, item.bound,
-            *("" if np.isnan(v) else float(v) for v in (item.paper, item.here, item.std)),
-            "like" if item.like else "unlike", verdict(item), item.why,
-        )  # fmt: skip
+        yield {
+            "figure": item.figure,
+            "quantity": item.quantity,
+            "unit": item.unit,
+            "bound": item.bound,
+            "paper": number(item.paper),
+            "here": number(item.here),
+            "standard_error": number(item.std),
+            "like": "like" if item.like else "unlike",
+            "verdict": verdict(item),
+            "why": item.why,
+        }

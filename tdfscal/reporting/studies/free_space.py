@@ -1,0 +1,123 @@
+"""Free space under impedance control, beside the paper's figures (Table 4, Fig. 16)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tdfscal.reporting.figures.style import Drawing, figure, logarithmic
+from tdfscal.reporting.layout import Report, Section, Table
+from tdfscal.reporting.studies import controlled as shared
+from tdfscal.reporting.studies.cells import Row, mean_se
+from tdfscal.reporting.studies.paper import free_space_items
+from tdfscal.studies.free_space import PAPER, FreeSpaceStudy
+
+_NOTE = (
+    "The paper's arms differ in their angles alone, and so do the first four here: their zeros, "
+    "mass and barycentre are the rig file's, within what it states of them. The paper's self is "
+    "the linear method (Eq. 24); its numbers stand beside that one only. docs/control.md has the "
+    "model and its parameters."
+)
+
+
+def report(study: FreeSpaceStudy) -> Report:
+    """Lay out the deviations, their ratios, what of the paper they reproduce, and why."""
+    rows = []
+    for c, arm in enumerate(study.arms.arms):
+        paper = PAPER.get(arm.name)
+        row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
+        for quantity in (0, 1):
+            values = 1e3 * study.length[c, ..., quantity].mean(axis=0)
+            row += [mean_se(values, study.arms.runs), f"{paper[quantity]:.3f}" if paper else ""]
+        rows.append(tuple(row))
+    header = ("", "rms angle error, mrad", "position, mm", "paper", "posture, mrad", "paper")
+    caption = "Deviation of the final pose, mean over moves and runs ± standard error"
+    quantities = ("position", "posture")
+    blocks = (
+        Table(caption, header, tuple(rows)),
+        shared.ratio_table("Ratios of the means ± standard error", quantities, study, PAPER),
+        shared.knows(study.arms),
+        *shared.against_paper(study.arms, free_space_items(study)),
+        _NOTE,
+    )
+    return Report(
+        title=f"Free space: {study.setup.rig.name}",
+        subtitle=f"{len(study.setup.moves)} moves in free space, {study.arms.runs} runs; "
+        f"{shared.machine(study)}; {study.arms.origin}",
+        sections=(Section("Free space", blocks),),
+    )
+
+
+def document(study: FreeSpaceStudy, files: list[str]) -> dict[str, Any]:
+    """The study as plain JSON values, SI units."""
+    length = study.length.mean(axis=1)  # (C, N, 2)
+    return {
+        "format": "tdfscal-study-free-space/1",
+        **shared.head_document(study),
+        "moves": len(study.setup.moves),
+        "calibrations": [
+            {
+                **shared.arm_document(arm, PAPER, 1e-3),
+                "position": shared.moments(length[c, ..., 0]),
+                "posture": shared.moments(length[c, ..., 1]),
+            }
+            for c, arm in enumerate(study.arms.arms)
+        ],
+        "ratios": shared.ratios(study, PAPER, ("position", "posture")),
+        "note": _NOTE,
+        "files": files,
+    }
+
+
+def tables(study: FreeSpaceStudy) -> dict[str, Iterable[Row]]:
+    """Deviations, and the traces."""
+    return {"deviations.csv": _deviations(study), "traces.csv": shared.trace_rows(study)}
+
+
+def _deviations(study: FreeSpaceStudy) -> Iterator[Row]:
+    units = ("m",) * 3 + ("rad",) * 3
+    names = [f"{name}_{unit}" for name, unit in zip(shared.DEVIATION, units, strict=True)]
+    for place in np.ndindex(study.length.shape[:3]):
+        c, m, run = place
+        yield {
+            "calibration": study.names[c],
+            "move": m + 1,
+            "run": run + 1,
+            **dict(zip(names, study.deviation[place].tolist(), strict=True)),
+            "position_m": float(study.length[(*place, 0)]),
+            "posture_rad": float(study.length[(*place, 1)]),
+        }
+
+
+def drawings(study: FreeSpaceStudy) -> tuple[Drawing, ...]:
+    """Fig. 16."""
+    means = 1e3 * study.length.mean(axis=(1, 2))
+    said = ", ".join(
+        f"{name} {mm:.3g} mm and {mrad:.3g} mrad"
+        for name, (mm, mrad) in zip(study.names, means, strict=True)
+    )
+    title = "Deviation of the final pose after each move in free space, rms over runs"
+    return (Drawing("free-space", title, f"Mean lengths: {said}.", partial(_paint, study)),)
+
+
+def _paint(study: FreeSpaceStudy) -> Figure:
+    fig = figure(4.6)
+    grid = fig.subplots(2, 3, sharex=True)
+    names = ("x", "y", "z", "about x", "about y", "about z")
+    rms = 1e3 * np.sqrt(np.mean(study.deviation**2, axis=2))  # (C, M, 6)
+    move = np.arange(1.0, rms.shape[1] + 1.0)
+    for axis, ax in enumerate(grid.flat):
+        shared.marked(ax, move, rms[:, :, axis], study.names)
+        logarithmic(ax)
+        ax.set_title(names[axis])
+        ax.set_xticks(move)
+        if axis % 3 == 0:
+            ax.set_ylabel("rms over runs, " + ("mm" if axis < 3 else "mrad"))
+        if axis >= 3:
+            ax.set_xlabel("move")
+    shared.legend(fig, grid.flat[0])
+    return fig
