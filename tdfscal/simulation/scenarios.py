@@ -49,43 +49,27 @@ class Run:
     moving: MovingCampaign | None = None
 
 
-def _with(faults: Faults) -> Callable[[Rig, Options], Setup]:
-    def change(rig: Rig, options: Options) -> Setup:
-        return rig, replace(options, faults=faults)
-
-    return change
+def _with(faults: Callable[[Rig, int], Faults]) -> Callable[[Rig, Options], Setup]:
+    """A campaign with faults that the rig file does not declare, by the rig and its postures."""
+    return lambda rig, options: (rig, replace(options, faults=faults(rig, options.count)))
 
 
 def _plain(rig: Rig, options: Options) -> Setup:
     return rig, options
 
 
-def _contact(rig: Rig, options: Options) -> Setup:
-    touched = sorted({options.count // 3, (2 * options.count) // 3})
-    contacts = tuple(Contact(k, (15.0, -25.0, 40.0), (6.0, 4.0, -3.0)) for k in touched)
-    return rig, replace(options, faults=Faults(contacts=contacts))
-
-
-def _zero_shift(rig: Rig, options: Options) -> Setup:
-    shift = ZeroShift(0, options.count // 2, (8.0, -5.0, 12.0))
-    return rig, replace(options, faults=Faults(zero_shifts=(shift,)))
+def _contact(rig: Rig, postures: int) -> Faults:
+    touched = sorted({postures // 3, (2 * postures) // 3})
+    return Faults(
+        contacts=tuple(Contact(k, (15.0, -25.0, 40.0), (6.0, 4.0, -3.0)) for k in touched)
+    )
 
 
 def _saturation(rig: Rig, options: Options) -> Setup:
     share = float(rig.mass.value) * rig.gravity / rig.n
     # Leaning shifts a few per cent of the load: some sensors pass 105 % of an even share.
     capacity = np.minimum(rig.capacity, [share, share, 1.05 * share])
-    stated = replace(rig, capacity=capacity)
-    return stated, replace(options, faults=Faults(saturated=True))
-
-
-def _dead_axis(rig: Rig, options: Options) -> Setup:
-    dead = DeadAxis(rig.n - 1, 0, options.count // 4)
-    return rig, replace(options, faults=Faults(dead_axes=(dead,)))
-
-
-def _dead_channel(rig: Rig, options: Options) -> Setup:
-    return rig, replace(options, faults=Faults(dead_axes=(DeadAxis(rig.n - 1, 1),)))
+    return replace(rig, capacity=capacity), replace(options, faults=Faults(saturated=True))
 
 
 def _load_cells(rig: Rig, options: Options) -> Setup:
@@ -95,26 +79,16 @@ def _load_cells(rig: Rig, options: Options) -> Setup:
     return replace(rig, axes=axes), options
 
 
-def _warming(rig: Rig, options: Options) -> Setup:
+def _warming(rig: Rig, postures: int) -> Faults:
     """Zeros that follow the hall by 0.1 to 0.3 N/K, 10 K: 3 N; the temperature is logged."""
     slopes = np.resize([0.3, -0.2, 0.3, -0.3, 0.1, 0.2, 0.1, 0.3, -0.3], (rig.n, 3))
     slope = tuple((float(x), float(y), float(z)) for x, y, z in slopes)
-    return rig, replace(options, faults=Faults(warming=Warming(10.0, slope)))
-
-
-def _walk(rig: Rig, options: Options) -> Setup:
-    walks = tuple(Walk(sensor, 1.0) for sensor in range(rig.n))
-    return rig, replace(options, faults=Faults(walks=walks))
+    return Faults(warming=Warming(10.0, slope))
 
 
 def _soft_supports(rig: Rig, options: Options) -> Setup:
     # Sideways 1 N/µm lies behind the encoders; vertically they are stiff.
     return rig, replace(options, internal=None, stiffness=np.array([1e6, 1e6, 2e7]))
-
-
-def _jolt(rig: Rig, options: Options) -> Setup:
-    jolt = Jolt(options.count // 2, (0.0, 0.0, -300.0))
-    return rig, replace(options, faults=Faults(jolts=(jolt,)))
 
 
 def _no_squeeze(rig: Rig, options: Options) -> Setup:
@@ -125,22 +99,32 @@ def _no_squeeze(rig: Rig, options: Options) -> Setup:
 SCENARIOS: dict[str, Callable[[Rig, Options], Setup]] = {
     "self": _plain,
     "tracker": _plain,
-    "contact": _contact,
-    "crosstalk": _with(Faults(crosstalk=(Crosstalk(0, (0.02, -0.02, 0.02)),))),
-    "dead-axis": _dead_axis,
-    "dead-channel": _dead_channel,
-    "drift": _with(Faults(drifts=(Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0))))),
-    "gain": _with(Faults(gains=(Gain(0, (0.02, -0.01, 0.02)),))),
-    "jolt": _jolt,
+    "contact": _with(_contact),
+    "crosstalk": _with(
+        lambda rig, postures: Faults(crosstalk=(Crosstalk(0, (0.02, -0.02, 0.02)),))
+    ),
+    "dead-axis": _with(
+        lambda rig, postures: Faults(dead_axes=(DeadAxis(rig.n - 1, 0, postures // 4),))
+    ),
+    "dead-channel": _with(lambda rig, postures: Faults(dead_axes=(DeadAxis(rig.n - 1, 1),))),
+    "drift": _with(
+        lambda rig, postures: Faults(
+            drifts=(Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0)))
+        )
+    ),
+    "gain": _with(lambda rig, postures: Faults(gains=(Gain(0, (0.02, -0.01, 0.02)),))),
+    "jolt": _with(lambda rig, postures: Faults(jolts=(Jolt(postures // 2, (0.0, 0.0, -300.0)),))),
     "load-cells": _load_cells,
     "no-squeeze": _no_squeeze,
     "saturation": _saturation,
     "soft-supports": _soft_supports,
-    "swapped": _with(Faults(swapped=((0, 1),))),
-    "turned-frame": _with(Faults(frames=(Frame(1, (6e-4, -5e-4, 6e-4)),))),
-    "walk": _walk,
-    "warming": _warming,
-    "zero-shift": _zero_shift,
+    "swapped": _with(lambda rig, postures: Faults(swapped=((0, 1),))),
+    "turned-frame": _with(lambda rig, postures: Faults(frames=(Frame(1, (6e-4, -5e-4, 6e-4)),))),
+    "walk": _with(lambda rig, postures: Faults(walks=tuple(Walk(k, 1.0) for k in range(rig.n)))),
+    "warming": _with(_warming),
+    "zero-shift": _with(
+        lambda rig, postures: Faults(zero_shifts=(ZeroShift(0, postures // 2, (8.0, -5.0, 12.0)),))
+    ),
 }
 """What each scenario changes. "self": log and tracker session; "tracker": the session only;
 "no-squeeze": vertical loads only; "load-cells": the last sensors, at most two, measure z alone, and
