@@ -17,11 +17,10 @@ from tdfscal.simulation.faults import (
     Slip,
     ZeroShift,
 )
-from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
-from tdfscal.simulation.moving_options import MovingOptions, Touch
+from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.options import Options, Recorder, SurveyOptions
 from tdfscal.simulation.posture_means import Batch, simulate_dwells
-from tdfscal.simulation.postures import Postures, internal_part
+from tdfscal.simulation.postures import internal_part
 from tdfscal.simulation.reference_rig import make_rig, reference_rig
 from tdfscal.simulation.scenarios import MOVING, SCENARIOS, Run, run, run_moving
 from tdfscal.simulation.survey import Survey, measure, simulate_survey
@@ -42,16 +41,13 @@ __all__ = [
     "Jolt",
     "Load",
     "MovingCampaign",
-    "MovingOptions",
     "Options",
     "Pose",
-    "Postures",
     "Recorder",
     "Run",
     "Slip",
     "Survey",
     "SurveyOptions",
-    "Touch",
     "Truth",
     "ZeroShift",
     "draw_truths",
@@ -64,6 +60,5 @@ __all__ = [
     "settle",
     "simulate_campaign",
     "simulate_dwells",
-    "simulate_moving",
     "simulate_survey",
 ]

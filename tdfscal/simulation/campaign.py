@@ -67,11 +67,12 @@ def simulate_campaign(
         timeline_rng, force_rng, position_rng = record_rng.spawn(3)
         timeline = draw_timeline(options.recorder, options.count, timeline_rng)
         start, end = timeline.start, timeline.end
+        stamps = timeline.samples(options.recorder.force_rate)
         log = Log(
             supports=rig.supports,
             position=_record_positions(rig, options, stage, timeline, position_rng),
             force=_record_forces(rig, options, stage, timeline, force_rng),
-            temperature=_record_temperature(options, timeline),
+            temperature=faults.thermometer(options.faults, stamps, timeline.place(stamps)),
         )
     return Campaign(
         rig=rig,
@@ -127,14 +128,6 @@ def _record_forces(
         + sensor_noise(sd, recorder.noise_correlation, recorder.force_rate, len(time), noise_rng)
     )
     return _series(time, faults.recorded(options.faults, signal, place, rig))
-
-
-def _record_temperature(options: Options, timeline: Timeline) -> tuple[Series, ...]:
-    if options.faults.warming is None:
-        return ()
-    time = timeline.samples(options.recorder.force_rate)
-    value = faults.temperature(options.faults, timeline.place(time))
-    return (Series(time, np.repeat(value[:, None], 3, axis=1)),)
 
 
 def _true_forces(

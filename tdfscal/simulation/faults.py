@@ -6,12 +6,12 @@ was taken, so that the same code serves a time series and the means of dwells.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import FloatArray, Rig, Series
 from tdfscal.simulation import rotations
 
 Vector = tuple[float, float, float]
@@ -172,36 +172,17 @@ class Place:
 
 def check(faults: Faults, sensors: int, postures: int) -> None:
     """Raise UsageError where a fault names a sensor, axis or posture that is not there."""
-    at_sensor = [
-        *(f.sensor for f in faults.zero_shifts),
-        *(f.sensor for f in faults.slips),
-        *(f.sensor for f in faults.drifts),
-        *(f.sensor for f in faults.walks),
-        *(f.sensor for f in faults.frames),
-        *(f.sensor for f in faults.gains),
-        *(f.sensor for f in faults.crosstalk),
-        *(f.sensor for f in faults.dead_axes),
-        *(index for pair in faults.swapped for index in pair),
-    ]
-    at_posture = [
-        *(f.posture for f in faults.zero_shifts),
-        *(f.posture for f in faults.slips),
-        *(f.posture for f in faults.contacts),
-        *(f.posture for f in faults.jolts),
-        *(f.posture for f in faults.dead_axes),
-    ]
-    at_axis = [f.axis for f in faults.dead_axes]
-    for what, named, count in (
-        ("sensor", at_sensor, sensors),
-        ("posture", at_posture, postures),
-        ("axis", at_axis, 3),
-    ):
-        for index in named:
-            if not 0 <= index < count:
-                raise UsageError(
-                    f"a fault names {what} {index}, but there are {count}",
-                    hint=f"count each {what} from 0 to {count - 1}",
-                )
+    counts = {"sensor": sensors, "posture": postures, "axis": 3}
+    groups = (getattr(faults, f.name) for f in fields(faults))
+    each = [fault for group in groups if isinstance(group, tuple) for fault in group]
+    named = [(what, getattr(f, what)) for f in each for what in counts if hasattr(f, what)]
+    named += [("sensor", index) for pair in faults.swapped for index in pair]
+    for what, index in named:
+        if not 0 <= index < counts[what]:
+            raise UsageError(
+                f"a fault names {what} {index}, but there are {counts[what]}",
+                hint=f"count each {what} from 0 to {counts[what] - 1}",
+            )
 
 
 def sensitivity(faults: Faults, sensors: int) -> FloatArray:
@@ -258,6 +239,13 @@ def temperature(faults: Faults, place: Place) -> FloatArray:
     """Temperature of the hall (N,), °C."""
     rise = 0.0 if faults.warming is None else faults.warming.rise
     return np.asarray(20.0 + rise * (1.0 - np.exp(-3.0 * place.progress)))
+
+
+def thermometer(faults: Faults, time: FloatArray, place: Place) -> tuple[Series, ...]:
+    """What a thermometer logs at times (N,), s, of these places; nothing in a steady hall."""
+    if faults.warming is None:
+        return ()
+    return (Series(time, np.repeat(temperature(faults, place)[:, None], 3, axis=1)),)
 
 
 def zero_walk(

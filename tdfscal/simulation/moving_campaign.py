@@ -17,6 +17,7 @@ from tdfscal.simulation.error_field import draw_field
 from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.options import Options
 from tdfscal.simulation.postures import internal_part, reading
+from tdfscal.simulation.time_course import correlated
 from tdfscal.simulation.trajectories import Trajectory, draw_trajectory
 from tdfscal.simulation.truth import Truth, draw_truths
 
@@ -80,7 +81,10 @@ def simulate_moving(
     noise_rng, slow_rng, encoder_rng = record_rng.spawn(3)
     signal = reading(truth, force)
     signal = signal + options.noise * noise_rng.standard_normal(signal.shape)
-    signal = signal + _slow(options, signal.shape, slow_rng)
+    if options.slow_noise > 0.0:
+        white = slow_rng.standard_normal(signal.shape)
+        slow = correlated(white, options.slow_time, options.rate)
+        signal = signal + options.slow_noise * slow
     place = faults.Place(np.zeros(count), stamp / options.duration)
     signal = signal + faults.zero_offset(options.faults, rig.n, place)
     shown = CubicSpline(knots, servo)(stamp)
@@ -91,18 +95,9 @@ def simulate_moving(
         supports=rig.supports,
         position=tuple(Series(stamp, np.ascontiguousarray(shown[:, i])) for i in range(rig.n)),
         force=tuple(Series(stamp, np.ascontiguousarray(signal[:, i])) for i in range(rig.n)),
-        temperature=_temperature(options, stamp, place),
+        temperature=faults.thermometer(options.faults, stamp, place),
     )
     return MovingCampaign(rig, options, truth, inertia, log, stamp, force)
-
-
-def _temperature(
-    options: MovingOptions, stamp: FloatArray, place: faults.Place
-) -> tuple[Series, ...]:
-    if options.faults.warming is None:
-        return ()
-    value = faults.temperature(options.faults, place)
-    return (Series(stamp, np.repeat(value[:, None], 3, axis=1)),)
 
 
 def _servo(rig: Rig, truth: Truth, way: Trajectory, time: FloatArray) -> FloatArray:
@@ -189,15 +184,3 @@ def _touched(
         share = share * np.clip((touch.end - time) / _TOUCH, 0, 1)
         out += share[:, None, None] * CubicSpline(knots, change)(time)
     return out
-
-
-def _slow(options: MovingOptions, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
-    """Stationary Ornstein–Uhlenbeck noise of this shape, N."""
-    white = rng.standard_normal(shape)
-    if options.slow_noise == 0.0:
-        return np.zeros(shape)
-    from scipy.signal import lfilter  # slow to import, rarely needed
-
-    phi = np.exp(-1.0 / (options.rate * options.slow_time))
-    white[1:] *= np.sqrt(1.0 - phi**2)
-    return np.asarray(options.slow_noise * lfilter([1.0], [1.0, -phi], white, axis=0))

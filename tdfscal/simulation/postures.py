@@ -97,12 +97,8 @@ def _commanded(rig: Rig, command: FloatArray, trials: int) -> Postures:
         raise UsageError(
             f"expected commanded hinge centres of shape (K, {rig.n}, 3), m, got {command.shape}"
         )
-    middle, centre = rig.hinge.mean(axis=0), command.mean(axis=1)
-    R = rotations.fit_rotation(rig.hinge - middle, command - centre[:, None, :])
-    pose = Pose(
-        np.repeat(R[None], trials, axis=0),
-        np.repeat((centre - R @ middle)[None], trials, axis=0),
-    )
+    each = (np.repeat(part[None], trials, axis=0) for part in rotations.fit(rig.hinge, command))
+    pose = Pose(*each)
     return Postures(pose, command - pose.place(rig.hinge))
 
 

@@ -59,6 +59,13 @@ def fit_rotation(body: FloatArray, world: FloatArray) -> FloatArray:
     return np.asarray((u * d[..., None, :]) @ vt, dtype=np.float64)
 
 
+def fit(body: FloatArray, world: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rigid transform that takes points body (n, 3) best to world (..., n, 3): R, T."""
+    middle, centre = body.mean(axis=0), world.mean(axis=-2)
+    R = fit_rotation(body - middle, world - centre[..., None, :])
+    return R, centre - R @ middle
+
+
 def to_rpy(R: FloatArray) -> FloatArray:
     """Roll, pitch, yaw (..., 3), rad, of R (..., 3, 3)."""
     pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))

@@ -114,9 +114,14 @@ def sensor_noise(
     """Stationary noise (count, n, 3) of standard deviation sd (n,), N: white or AR(1)."""
     white = rng.standard_normal((count, len(sd), 3))
     if correlation > 0.0:
-        from scipy.signal import lfilter  # slow to import, rarely needed
-
-        phi = np.exp(-1.0 / (rate * correlation))
-        white[1:] *= np.sqrt(1.0 - phi**2)  # the first value is already stationary
-        white = lfilter([1.0], [1.0, -phi], white, axis=0)
+        white = correlated(white, correlation, rate)
     return np.asarray(sd[:, None] * white, dtype=np.float64)
+
+
+def correlated(white: FloatArray, time: float, rate: float) -> FloatArray:
+    """Stationary AR(1) noise of unit variance, from white (N, ...); correlation time, s."""
+    from scipy.signal import lfilter  # slow to import, rarely needed
+
+    phi = np.exp(-1.0 / (rate * time))
+    white[1:] *= np.sqrt(1.0 - phi**2)  # the first value is already stationary
+    return np.asarray(lfilter([1.0], [1.0, -phi], white, axis=0))

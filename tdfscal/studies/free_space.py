@@ -144,8 +144,6 @@ def free_space(
 
 def _deviation(rig: Rig, servo: FloatArray, plan: Pose) -> FloatArray:
     """Deviation (L, 6) of the pose by encoder values (L, n, 3) from the planned one."""
-    middle, centre = rig.hinge.mean(axis=0), servo.mean(axis=1)
-    R = rotations.fit_rotation(rig.hinge - middle, servo - centre[:, None, :])
-    T = centre - R @ middle
+    R, T = rotations.fit(rig.hinge, servo)
     turn = rotations.log(np.swapaxes(plan.rotation, -1, -2) @ R)
     return np.concatenate([T - plan.translation, turn], axis=1)

@@ -58,14 +58,7 @@ def survey_error(
         )
         places = places.reshape(-1, 3)
         really = places + rig.declared.positioner * rng.standard_normal(places.shape)
-        A, a = _fit(seen(really), places)
-        B, b = _fit(body, seen(body + mouth) @ A.T + a)
+        A, a = rotations.fit(seen(really), places)
+        B, b = rotations.fit(body, seen(body + mouth) @ A.T + a)
         R_all[run], t_all[run] = B, b - mouth
     return R_all, t_all
-
-
-def _fit(body: FloatArray, world: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rigid transform that takes body (N, 3) to world (N, 3)."""
-    middle, centre = body.mean(axis=0), world.mean(axis=0)
-    R = rotations.fit_rotation(body - middle, world - centre)
-    return R, centre - R @ middle

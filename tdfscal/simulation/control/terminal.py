@@ -79,12 +79,6 @@ class Body:
     stiffness: FloatArray
     decay: FloatArray
 
-    @property
-    def modes(self) -> FloatArray:
-        """Natural frequencies (..., 6), Hz, the lowest first."""
-        square = np.linalg.eigvals(np.linalg.solve(self.mass, self.stiffness)).real
-        return np.asarray(np.sort(np.sqrt(square)) / (2.0 * np.pi))
-
     def step(self, step: float) -> FloatArray:
         """(..., 12, 18): what (rate, net force, its slope in time), held over `step` (s), add to
         displacement and rate.
