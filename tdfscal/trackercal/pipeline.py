@@ -84,19 +84,14 @@ def calibrate_tracker(
     DataError : points are missing, misnamed, mirrored, in a wrong unit, or too many outlie.
     NotIdentifiableError : targets or moves do not determine a rotation.
     """
-    all_moves = match_points(session.moves, session.servo)
-    all_targets = match_points(session.targets, session.nominal)
-    unmatched = describe_unmatched(all_moves) + describe_unmatched(all_targets)
-    _require_supports(rig, all_targets)
-    move_points, notes = _of_supports(rig, all_moves)
-    moves, targets = _fit(rig, session, move_points, all_targets, None)
+    move_points, target_points, notes = _matched(rig, session)
+    moves, targets = _fit(rig, session, move_points, target_points, None)
     _refuse_many_outliers(moves, targets, session.targets.source)
     chi2 = moves.fit.chi2 + sum(t.fit.chi2 for t in targets)
     dof = moves.fit.dof + sum(t.fit.dof for t in targets)
     axes = examine_axes(moves)
     components = estimate_components(moves, targets)
-    moves, targets = _fit(rig, session, move_points, all_targets, components)
-
+    moves, targets = _fit(rig, session, move_points, target_points, components)
     R_b = moves.fit.rotation
     X = so3.project(np.stack([R_b.T @ t.fit.rotation for t in targets]))
     shares = _shares(moves, targets)
@@ -142,13 +137,20 @@ def calibrate_tracker(
         coplanar_targets=tuple(
             name for name, t in zip(rig.supports, targets, strict=True) if not t.fit.handed
         ),
-        warnings=(
-            *unmatched,
-            *notes,
-            *survey_warnings(rig, X, moves, targets, axes, components),
-        ),
+        warnings=(*notes, *survey_warnings(rig, X, moves, targets, axes, components)),
         exact=exact_quantities(rig.supports, X, session, misalignment),
     )
+
+
+def _matched(
+    rig: Rig, session: TrackerSession
+) -> tuple[MatchedPoints, MatchedPoints, tuple[str, ...]]:
+    """Moves of the rig's supports, and targets; with what is to be said of them."""
+    moves = match_points(session.moves, session.servo)
+    targets = match_points(session.targets, session.nominal)
+    _require_supports(rig, targets)
+    usable, notes = _of_supports(rig, moves)
+    return usable, targets, (*describe_unmatched(moves), *describe_unmatched(targets), *notes)
 
 
 def _fit(

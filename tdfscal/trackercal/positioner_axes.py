@@ -41,23 +41,21 @@ class AxisFault:
 class AxisTest:
     """One support's moves with axes of their own.
 
-    affine_p : probability of so good an affine fit by chance; None where the moves do not span
-    all axes. scale : (3,), relative. squareness : (3,), rad, departure from 90° of yz, zx, xy.
-    bow : (3,), m, largest departure of the x, y, z axis from straight over the travel, or None.
-    turn : (3,), rad, of this NCP's axes against the other NCPs', BCS, or None. *_std: standard
-    uncertainties.
+    scale : (3,), relative. squareness : (3,), rad, departure from 90° of yz, zx, xy. bow : (3,), m,
+    largest departure of the x, y, z axis from straight over the travel. turn : (3,), rad, of this
+    NCP's axes against the other NCPs', BCS. *_std: standard uncertainties. None where the moves do
+    not tell.
     """
 
     support: str
-    affine_p: float | None
-    scale: FloatArray | None
-    scale_std: FloatArray | None
-    squareness: FloatArray | None
-    squareness_std: FloatArray | None
-    bow: FloatArray | None
-    turn: FloatArray | None
-    turn_std: FloatArray | None
-    faults: tuple[AxisFault, ...]
+    faults: tuple[AxisFault, ...] = ()
+    turn: FloatArray | None = None
+    turn_std: FloatArray | None = None
+    scale: FloatArray | None = None
+    scale_std: FloatArray | None = None
+    squareness: FloatArray | None = None
+    squareness_std: FloatArray | None = None
+    bow: FloatArray | None = None
 
 
 def examine_axes(moves: SurveyFit) -> tuple[AxisTest, ...]:
@@ -73,37 +71,27 @@ def examine_axes(moves: SurveyFit) -> tuple[AxisTest, ...]:
 
 def _examine(moves: SurveyFit, g: int, limit: float) -> AxisTest:
     support, which = moves.groups[g], np.flatnonzero(moves.group == g)
-    untestable = AxisTest(support, *(None,) * 8, ())
     points, noise = moves.points.take(which), moves.noise.take(which)
     try:
         fit = solve(points.measured, points.reference, *noise.totals(len(which)))
     except TdfscalError:
-        return untestable  # too few moves of this support alone; the joint fit does not need them
+        return AxisTest(
+            support
+        )  # too few moves of this support alone; the joint fit does not need them
     faults: list[AxisFault] = []
     servo = points.reference - points.reference.mean(axis=0)
     turn, turn_std = _turn(moves, fit, faults, support, limit)
     affine = extend(fit, np.einsum("ij,njq->niq", fit.rotation, affine_columns(servo)))
     if affine is None or fit.dof < 6:
-        return AxisTest(support, *(None,) * 6, turn, turn_std, tuple(faults))
-    std = np.sqrt(np.diag(affine.covariance))
+        return AxisTest(support, tuple(faults), turn, turn_std)
+    value, std = affine.value, np.sqrt(np.diag(affine.covariance))
     for k, (name, kind, unit) in enumerate(_AFFINE_NAMES):
-        p = float(chi2_sf((affine.value[k] / std[k]) ** 2, 1))
+        p = float(chi2_sf((value[k] / std[k]) ** 2, 1))
         if p < limit:
-            faults.append(
-                AxisFault(support, name, kind, float(affine.value[k]), float(std[k]), unit, p)
-            )
-    return AxisTest(
-        support=support,
-        affine_p=float(chi2_sf(affine.chi2_drop, 6)),
-        scale=affine.value[:3],
-        scale_std=std[:3],
-        squareness=affine.value[3:],
-        squareness_std=std[3:],
-        bow=_bow(fit, servo, support, limit, faults),
-        turn=turn,
-        turn_std=turn_std,
-        faults=tuple(faults),
-    )
+            faults.append(AxisFault(support, name, kind, float(value[k]), float(std[k]), unit, p))
+    bow = _bow(fit, servo, support, limit, faults)
+    each = (value[:3], std[:3], value[3:], std[3:])
+    return AxisTest(support, tuple(faults), turn, turn_std, *each, bow)
 
 
 _AFFINE_NAMES = (
@@ -163,16 +151,6 @@ def _turn(
     p, std = float(chi2_sf(d @ np.linalg.solve(cov, d), 3)), np.sqrt(np.diag(cov))
     if p < limit:
         k = int(np.argmax(np.abs(d) / std))
-        name = f"all axes about {'xyz'[k]}"
-        faults.append(
-            AxisFault(
-                support,
-                name,
-                "turned against the other NCPs'",
-                float(d[k]),
-                float(std[k]),
-                "rad",
-                p,
-            )
-        )
+        name, kind = f"all axes about {'xyz'[k]}", "turned against the other NCPs'"
+        faults.append(AxisFault(support, name, kind, float(d[k]), float(std[k]), "rad", p))
     return d, std
