@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal import trackercal
 from tdfscal.errors import UsageError
-from tdfscal.files.points import read_point_file
+from tdfscal.files.points.reading import read_point_file
 from tdfscal.records import Instrument
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.registration import document, registration_report

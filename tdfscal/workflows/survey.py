@@ -6,7 +6,7 @@ import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.hashing import input_file, note_outside
-from tdfscal.files.points import read_tracker_session
+from tdfscal.files.points.reading import read_tracker_session
 from tdfscal.records import InputFile
 from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
 from tdfscal.workflows.campaign import Campaign
@@ -33,15 +33,7 @@ def surveyed(
                 where=str(path),
                 hint="correct the paths of the tracker block in rig.yaml",
             )
-    session, notes = read_tracker_session(
-        instrument=files.instrument,
-        drawing=files.drawing,
-        length_unit=files.length_unit,
-        nominal=files.nominal,
-        targets=files.targets,
-        servo=files.servo,
-        moves=files.moves,
-    )
+    session, notes = read_tracker_session(files)
     options = {} if trials is None else {"trials": trials}
     result = calibrate_tracker(
         campaign.rig.rig, session, misalignment=files.misalignment, rng=rng, **options

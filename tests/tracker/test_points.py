@@ -8,9 +8,10 @@ import pytest
 from pydantic import ValidationError
 
 from tdfscal.errors import DataError, UsageError
-from tdfscal.files.points import read_point_file, read_points, read_tracker_session
 from tdfscal.files.points.model import PointFile
-from tdfscal.records import Instrument
+from tdfscal.files.points.reading import read_point_file, read_tracker_session
+from tdfscal.files.rig.reading import TrackerFiles
+from tdfscal.records import Instrument, PointSet
 
 PLAIN = "group,point,x,y,z\nncp1,P1,1,2,3\nncp1,P2,4,5,6\n"
 SA = """// SpatialAnalyzer SA 2024.1 ( x64 )
@@ -22,6 +23,10 @@ ncp1,  P2,  4,  5,  6
 """
 LEICA = "Group;Point;X [mm];Y [mm];Z [mm];U(95) X [mm];U(95) Y [mm];U(95) Z [µm]\n"
 METRES = np.array([[1.0, 2, 3], [4, 5, 6]])
+
+
+def read_points(path: Path, *, length_unit: str | None) -> PointSet:
+    return read_point_file(path, length_unit=length_unit).points
 
 
 def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
@@ -287,15 +292,17 @@ def test_the_model_refuses(change: dict[str, object]) -> None:
 def test_a_session_is_read_with_its_notes(tmp_path: Path) -> None:
     plain, leica = write(tmp_path, PLAIN), tmp_path / "leica.csv"
     leica.write_text(LEICA + "ncp1;P1;1000;2000;3000;0,1;0,2;300\n", encoding="utf-8")
-    session, notes = read_tracker_session(
-        instrument=Instrument(1e-5, 5.0, 2.0),
+    files = TrackerFiles(
+        Instrument(1e-5, 5.0, 2.0),
         drawing=1e-5,
+        misalignment=0.0,
         length_unit="mm",
         nominal=plain,
         targets=leica,
         servo=plain,
         moves=plain,
     )
+    session, notes = read_tracker_session(files)
     assert session.targets.std is not None
     assert session.nominal.std is None
     assert len(notes) == 1

@@ -1,4 +1,4 @@
-"""Numbers as point files write them, and what their last digit is worth."""
+"""Numbers and length units as point files write them, and what a number's last digit is worth."""
 
 from __future__ import annotations
 
@@ -6,7 +6,19 @@ import math
 import re
 from collections.abc import Iterable
 
+from tdfscal.errors import DataError
+
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:e([+-]?\d+))?", re.IGNORECASE)
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+_SPELLINGS = {
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "cm": ("cm", "centimeter", "centimeters", "centimetre", "centimetres"),
+    "mm": ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
+    "um": ("um", "µm", "μm", "micron", "microns", "micrometer", "micrometre"),
+    "in": ("in", "inch", "inches", '"'),
+}
+SPELLINGS = {spelling: unit for unit, all_of in _SPELLINGS.items() for spelling in all_of}
+"""Every spelling of a unit that is known, and which of METRES it means."""
 
 
 def as_number(cell: str, *, comma: bool = False) -> float | None:
@@ -22,6 +34,18 @@ def last_digit(cells: Iterable[str], *, comma: bool = False) -> float:
     """Return the worth of the last digit of the most finely written of these numbers; 0 of none."""
     worth = [_last(_plain(cell, comma)) for cell in cells]
     return min((w for w in worth if w > 0), default=0.0)
+
+
+def to_metres(unit: str, where: str) -> float:
+    """Return the factor from `unit`, however spelt, to m; DataError where it is no length unit."""
+    try:
+        return METRES[SPELLINGS[unit.strip().lower().rstrip(".")]]
+    except KeyError:
+        raise DataError(
+            f"`{unit.strip()}` is not a length unit known here",
+            where=where,
+            hint=f"use one of {', '.join(METRES)}",
+        ) from None
 
 
 def _plain(cell: str, comma: bool) -> str:

@@ -9,9 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.files.points.columns import Columns, is_header, read_header
-from tdfscal.files.points.headless import by_cells, in_words, spatial_analyzer
-from tdfscal.files.points.numbers import as_number, last_digit
+from tdfscal.files.points.columns import (
+    Columns,
+    by_cells,
+    in_words,
+    is_header,
+    read_header,
+    spatial_analyzer,
+)
+from tdfscal.files.points.numbers import as_number, last_digit, to_metres
 from tdfscal.files.points.text import (
     Line,
     Preamble,
@@ -23,8 +29,8 @@ from tdfscal.files.points.text import (
     split,
 )
 from tdfscal.files.points.uncertainties import coverage_of, standard_uncertainties
-from tdfscal.files.points.units import to_metres
-from tdfscal.records import FloatArray, PointSet
+from tdfscal.files.rig.reading import TrackerFiles
+from tdfscal.records import FloatArray, PointSet, TrackerSession
 
 #: Lines before the header at most, as instruments write them about themselves.
 _PREAMBLE = 60
@@ -51,16 +57,17 @@ class _Table:
         return f"{self.source}, line {self.rows[row][0].number}"
 
 
-def read_points(path: Path | str, *, length_unit: str | None) -> PointSet:
-    """Read a point file; coordinates in m, standard uncertainties with k = 1.
-
-    length_unit : of a file that names none. See `read_point_file` for errors and for the notes.
-    """
-    return read_point_file(path, length_unit=length_unit).points
+def read_tracker_session(files: TrackerFiles) -> tuple[TrackerSession, tuple[str, ...]]:
+    """Read a survey and the notes on its files; errors as `read_point_file`."""
+    read = [read_point_file(path, length_unit=files.length_unit) for path in files.paths]
+    session = TrackerSession(files.instrument, files.drawing, *(file.points for file in read))
+    return session, tuple(note for file in read for note in file.notes)
 
 
 def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReading:
     """Read a point file with notes on what was assumed: coverage, names, columns ignored.
+
+    length_unit : of a file that names none. Coordinates in m, standard uncertainties with k = 1.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.points.columns import is_column_name
-from tdfscal.files.points.units import SPELLINGS, to_metres
+from tdfscal.files.points.numbers import SPELLINGS, to_metres
 
 _AXES = re.compile(r"AXES\s*=\s*(?P<kind>[A-Za-z]+)(?P<rest>.*)", re.IGNORECASE)
 _PARENTHESES = re.compile(r"\(\s*(?:in\s+)?([^()]+?)\s*\)")
