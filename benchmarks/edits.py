@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 
 from tdfscal.errors import TdfscalError
-from tdfscal.exports import c_header, csv_table
+from tdfscal.exports.cheader import c_header
+from tdfscal.exports.csvtable import csv_table
 from tdfscal.files.calibration.document import Calibration, file_content, parse_calibration
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.simulation import Recorder

@@ -7,7 +7,7 @@ Frames: BCS, the base of the mechanism; LCS, the terminal; a sensor's own frame.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -200,6 +200,15 @@ class LogMapping:
     temperature: tuple[str, ...] = ()
     position_scale: tuple[Scale | None, ...] = ()
     force_scale: tuple[Scale | None, ...] = ()
+
+    @classmethod
+    def default(cls, supports: tuple[str, ...]) -> Self:
+        """Return that of a log whose fields are `time` and `<name>.x .y .z .fx .fy .fz`."""
+        return cls(
+            supports,
+            position=tuple(tuple(f"{name}.{axis}" for axis in "xyz") for name in supports),
+            force=tuple(tuple(f"{name}.f{axis}" for axis in "xyz") for name in supports),
+        )
 
 
 @dataclass(frozen=True, slots=True)

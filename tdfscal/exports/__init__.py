@@ -30,14 +30,3 @@ FORMATS: dict[str, Callable[[Calibration, str], str]] = {
     "dcc": lambda calibration, parent: certificate(calibration),
 }
 """Format → writer of (calibration, parent frame)."""
-
-__all__ = [
-    "FORMATS",
-    "c_header",
-    "certificate",
-    "csv_table",
-    "ros_launch",
-    "ros_parameters",
-    "ros_transforms",
-    "urdf",
-]

@@ -151,7 +151,6 @@ Flag = Annotated[bool, Field(strict=True), BeforeValidator(from_numpy)]
 
 Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three)]
 PositiveVector = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
-NotNegativeVector = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(_three)]
 Vectors = Annotated[tuple[Vector, ...], BeforeValidator(from_numpy)]
 Matrix = Annotated[
     tuple[Annotated[tuple[Number, ...], BeforeValidator(from_numpy)], ...],

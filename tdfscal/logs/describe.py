@@ -12,7 +12,7 @@ import numpy as np
 from tdfscal.dwells import dwells_of_bins, find_dwells, motion_offset, no_dwell, reduce_to_bins
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
-from tdfscal.files.rig.reading import LoadedRig, default_mapping
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.logs.common.clock import GAP
 from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.description.info import LogInfo, Signal, Source
@@ -54,7 +54,7 @@ def describe_logs(
     mapping, source = guess.mapping, "guessed"
     supports = guess.mapping.supports if guess.mapping else ()
     if rig is not None and (rig.log is not None or guess.mapping is None):
-        mapping, source = rig.log or default_mapping(rig.rig.supports), "rig"
+        mapping, source = rig.log or LogMapping.default(rig.rig.supports), "rig"
         supports = rig.rig.supports
     if mapping is None:
         return LogInfo(contents, guess, None, "guessed", problems=(*problems, *guess.notes))

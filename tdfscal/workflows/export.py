@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tdfscal.errors import RejectedError, UsageError
-from tdfscal.exports import FORMATS, certificate
+from tdfscal.exports import FORMATS
+from tdfscal.exports.certificate import certificate
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text

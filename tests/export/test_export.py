@@ -20,15 +20,11 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import UsageError
-from tdfscal.exports import (
-    FORMATS,
-    c_header,
-    csv_table,
-    ros_launch,
-    ros_parameters,
-    ros_transforms,
-    urdf,
-)
+from tdfscal.exports import FORMATS
+from tdfscal.exports.cheader import c_header
+from tdfscal.exports.csvtable import csv_table
+from tdfscal.exports.ros import ros_launch, ros_parameters, ros_transforms
+from tdfscal.exports.urdf import urdf
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tests.reporting.samples import NASTY, changed, run, sample, saved

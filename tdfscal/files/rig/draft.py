@@ -19,6 +19,19 @@ from tdfscal.records import FloatArray
 CONFIRM: Final = "confirm"
 _WIDTH: Final = 90
 _KEY: Final = re.compile(r"^(?P<indent>\s*)(?P<item>-\s+)?(?P<key>[\w.]+):(?P<rest>.*)$")
+_MARKS: Final = {
+    key: f"  # {CONFIRM}: {what}".removesuffix(": ")
+    for key, what in {
+        "rows": "each row is one averaged posture",
+        "time": "which field is the clock",
+        "length_unit": "of the positions",
+        "force_unit": "of the forces",
+        "force_on": "or sensor, where the reading is the reaction",
+        "decimal": "",
+        "delay": "s, force minus position stamps; in motion",
+        "supports": "these fields are this support's",
+    }.items()
+}
 _MARK: Final = re.compile(rf"#.*\b{CONFIRM}\b")
 
 
@@ -73,6 +86,7 @@ def draft(
             f"    nominal_rpy: [{quarter}]  # {CONFIRM}",
             "    rpy_std: .inf",
         ]
+    head, fields = {k: v for k, v in log.items() if k != "supports"}, log["supports"]
     lines += [
         "# Standard uncertainties, k = 1, that the log's own scatter cannot show.",
         "uncertainty:",
@@ -83,7 +97,7 @@ def draft(
         f"  force_sensitivity: 0.0  # {CONFIRM}: relative, gain and crosstalk; 0.002 is usual",
         f"  hinge_moment: 0.0  # {CONFIRM}: N·m, friction of the hinges",
         *(line for reason in reasons for line in _remark(reason)),
-        *_log_lines(log),
+        *log_lines({**head, "delay": {"value": 0.0, "std": 0.005}, "supports": fields}, _MARKS),
         "acceptance:",
         "  angle_std: 5.0e-3  # rad, largest standard uncertainty of any angle that is accepted",
         "  birge_max: 2.0",
@@ -131,25 +145,17 @@ def unconfirmed_in(path: Path) -> tuple[str, ...]:
         return ()
 
 
-def _log_lines(log: Mapping[str, Any]) -> list[str]:
-    marks = {
-        "rows": "each row is one averaged posture",
-        "time": "which field is the clock",
-        "length_unit": "of the positions",
-        "force_unit": "of the forces",
-        "force_on": "or sensor, where the reading is the reaction",
-        "decimal": "",
-    }
-    lines = ["log:"]
+def log_lines(log: Mapping[str, Any], marks: Mapping[str, str] | None = None) -> list[str]:
+    """The log block as YAML; marks : what is said behind a key, and behind each support's."""
+    said, lines = marks or {}, ["log:"]
     for key, value in log.items():
         if key != "supports":
-            lines.append(f"  {key}: {_flow(value)}  # {CONFIRM}: {marks[key]}".rstrip(": "))
-    delay = "s, force minus position stamps; in motion"
-    lines.append(f"  delay: {{value: 0.0, std: 0.005}}  # {CONFIRM}: {delay}")
-    lines.append("  supports:")
-    for name, fields in log["supports"].items():
-        lines.append(f"    {_flow(name)}:  # {CONFIRM}: these fields are this support's")
-        lines += [f"      {what}: {_flow(which)}" for what, which in fields.items()]
+            lines.append(f"  {key}: {_flow(value)}{said.get(key, '')}")
+            continue
+        lines.append("  supports:")
+        for name, fields in value.items():
+            lines.append(f"    {_flow(name)}:{said.get('supports', '')}")
+            lines += [f"      {what}: {_flow(which)}" for what, which in fields.items()]
     return lines
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tdfscal.errors import DataError, RigError
+from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
@@ -107,15 +107,6 @@ def parse_rig(raw: bytes, source: str) -> LoadedRig:
     return _from_document(parse_document(raw, source, RigError), Path(source))
 
 
-def rig_from_document(document: Mapping[str, Any], source: Path | str) -> LoadedRig:
-    """Return the rig that a calibration file embeds. Raises DataError where it is not one.
-
-    source : the calibration file, for messages.
-    """
-    embedded = Document(dict(document), {}, f"{source}, rig", "", 0)
-    return embedded_rig(checked(EmbeddedRig, embedded, DataError), Path(source))
-
-
 def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
     """Resolve a rig that was read as part of a calibration file."""
     return LoadedRig(
@@ -125,15 +116,6 @@ def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
         path=source,
         sha256=rig.sha256,
         document=rig.model_dump(mode="json", exclude_none=True),
-    )
-
-
-def default_mapping(supports: tuple[str, ...]) -> LogMapping:
-    """Return the mapping of a log whose fields are `time` and `<name>.x .y .z .fx .fy .fz`."""
-    return LogMapping(
-        supports=supports,
-        position=tuple(tuple(f"{name}.{axis}" for axis in "xyz") for name in supports),
-        force=tuple(tuple(f"{name}.f{axis}" for axis in "xyz") for name in supports),
     )
 
 
@@ -229,7 +211,7 @@ def _mapping(file: RigFile) -> LogMapping | None:
     if block is None:
         return None
     supports = tuple(support.name for support in file.supports)
-    named = default_mapping(supports)
+    named = LogMapping.default(supports)
     if block.supports is not None:
         fields = [block.supports[name] for name in supports]
         position, force = (tuple(f.position for f in fields), tuple(f.force for f in fields))

@@ -137,16 +137,9 @@ def make_request(
     ------
     RigError : a support without fields, or a unit that is not known.
     """
+    declared = mapping is not None
     if mapping is None:
-        default = tuple(supports)
-        mapping = LogMapping(
-            supports=default,
-            position=tuple((f"{s}.x", f"{s}.y", f"{s}.z") for s in default),
-            force=tuple((f"{s}.fx", f"{s}.fy", f"{s}.fz") for s in default),
-        )
-        declared = False
-    else:
-        declared = True
+        mapping = LogMapping.default(tuple(supports))
     length = _factor("position", mapping.length_unit, "length_unit")
     force = _factor("force", mapping.force_unit, "force_unit")
     _factor("time", mapping.time_unit, "time.unit")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import yaml
-
+from tdfscal.files.rig.draft import log_lines
 from tdfscal.records import LogMapping
 
 
@@ -36,22 +35,9 @@ def mapping_document(mapping: LogMapping, *, by_topic: bool) -> dict[str, Any]:
 
 def mapping_block(mapping: LogMapping, *, by_topic: bool) -> str:
     """The block as YAML, ready to paste into rig.yaml."""
-    lines = ["log:"]
-    for key, value in mapping_document(mapping, by_topic=by_topic)["log"].items():
-        if key != "supports":
-            lines.append(f"  {key}: {_flow(value)}")
-            continue
-        lines.append("  supports:")
-        for name, fields in value.items():
-            lines.append(f"    {_flow(name)}:")
-            lines += [f"      {what}: {_flow(which)}" for what, which in fields.items()]
-    return "\n".join(lines) + "\n"
+    block = mapping_document(mapping, by_topic=by_topic)["log"]
+    return "\n".join(log_lines(block)) + "\n"
 
 
 def _fields(names: tuple[str, ...]) -> str | list[str]:
     return names[0] if len(names) == 1 else list(names)
-
-
-def _flow(value: Any) -> str:
-    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=1_000_000)
-    return text.removesuffix("...\n").strip()

@@ -13,7 +13,6 @@ import pandas as pd
 import pytest
 
 from tdfscal.errors import DataError
-from tdfscal.files.rig.reading import default_mapping
 from tdfscal.logs import is_log, read_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.records import LogMapping
@@ -226,7 +225,7 @@ def scope(path: Path, late: float = 0.0, sep: str = "\t", rows: int = 50) -> Non
 def test_scope_exports(tmp_path: Path, sep: str) -> None:
     path = tmp_path / "scope.csv"
     scope(path, sep=sep)
-    mapping = replace(default_mapping(SUPPORTS), time_field="time", time_unit="ms")
+    mapping = replace(LogMapping.default(SUPPORTS), time_field="time", time_unit="ms")
     assert_same(path, mapping)
     scope(path, late=0.5, sep=sep)
     with pytest.raises(DataError, match=r"line 7: the channels are sampled at different times"):
