@@ -1,6 +1,6 @@
 """The life of a rig: pooled campaigns, alarms and their rate, time of a hundred campaigns.
 
-    python -m benchmarks.life [histories [pooled] [alarms] [hundred]]
+    python -m benchmarks.life [histories [pooled] [steps] [calm] [creep] [hundred]]
 
 Pooled campaigns are simulated and fitted; the many histories for alarms are drawn from the
 information of such campaigns, linear and Gaussian, since the rates asked for are small.
@@ -18,22 +18,24 @@ from pathlib import Path
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
-from tdfscal.comparison.control_chart import Check, Watch, Watching
+from tdfscal.comparison.control_chart import Alarm, Check, Watching
 from tdfscal.comparison.eliminated import eliminate, stated
 from tdfscal.comparison.pooling import pool
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information, contrast
-from tdfscal.records import Drift, FloatArray
+from tdfscal.records import Drift, FloatArray, Rig
 from tdfscal.selfcal.estimator import Priors, fit
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.simulation import Recorder, reference_rig
+from tdfscal.simulation.reference_rig import make_rig
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.several_campaigns import read_campaign, recorded
 from tests.comparison.histories import history
 
 RIG = reference_rig()
+History = list[Check]
 
 
 def pooled(walk: float, histories: int) -> str:
@@ -62,16 +64,16 @@ def pooled(walk: float, histories: int) -> str:
 
 
 class Drawn:
-    """Histories drawn from the information of simulated campaigns of five postures."""
+    """Histories drawn from the information of simulated campaigns."""
 
-    def __init__(self, rng: np.random.Generator, zero: float) -> None:
-        self.rng = rng
-        std = np.where(np.isinf(RIG.zero.std), np.inf, zero)
-        rig = replace(RIG, zero=replace(RIG.zero, std=std))
+    def __init__(self, rng: np.random.Generator, zero: float, rig: Rig = RIG, postures: int = 5):
+        self.rng, self.turns = rng, 3 * rig.n
+        std = np.where(np.isinf(rig.zero.std), np.inf, zero)
+        rig = replace(rig, zero=replace(rig.zero, std=std))
         reference = nominal(rig)
         self.roots = []
         for _ in range(40):
-            (campaign,), _ = history(rig, rng, months=1, zero=zero)
+            (campaign,), _ = history(rig, rng, months=1, zero=zero, postures_each=postures)
             assert campaign.postures is not None
             found = fit(rig, campaign.postures, reference)
             values, vectors = np.linalg.eigh(eliminate(found, found.state).information.matrix)
@@ -79,37 +81,59 @@ class Drawn:
         prior = stated(Priors(rig), reference)
         self.prior = Information(prior.matrix, np.zeros_like(prior.score))
         self.std = 1 / np.sqrt(np.diagonal(prior.matrix))
-        covariances = [np.linalg.inv(prior.matrix + root @ root.T)[:9, :9] for root in self.roots]
-        self.single = float(np.sqrt(np.mean([np.trace(c) / 9 for c in covariances])))
+        t = self.turns
+        covariances = [np.linalg.inv(prior.matrix + root @ root.T)[:t, :t] for root in self.roots]
+        self.single = float(np.sqrt(np.mean([np.trace(c) / t for c in covariances])))
 
-    def watch(self, turns: FloatArray, rate: float = 0.01) -> Watch:
-        """Go through a history whose sensors are turned by turns (months, 9)."""
+    def checks(self, turns: FloatArray, months: FloatArray, at: int = 0, which: int = 0) -> History:
+        """Checks of a rig whose sensors are turned by turns (K, 3n); check `at` is campaign which.
+
+        So that each campaign is as often the stepped one, for the chart and for the best test.
+        """
         size = len(self.std)
-        constants = self.std * self.rng.standard_normal(size)
+        x = self.std * self.rng.standard_normal(size)
+        drawn = self.rng.integers(len(self.roots), size=len(turns))
+        drawn[at] = which % len(self.roots)
         checks = []
-        for month, turn in enumerate(turns):
-            x = constants.copy()
-            x[:9] = turn
-            root = self.roots[self.rng.integers(len(self.roots))]
+        for k, turn in enumerate(turns):
+            x[: self.turns], root = turn, self.roots[drawn[k]]
             score = root @ (root.T @ x + self.rng.standard_normal(size))
-            checks.append(Check(str(month), float(month), Information(root @ root.T, score)))
-        return Watching(checks, self.prior, [np.zeros(size)] * len(checks), 3, rate).run()
+            checks.append(Check(str(k), float(months[k]), Information(root @ root.T, score)))
+        return checks
 
-    def stepped(self, size: float, at: int) -> tuple[bool, bool, bool]:
-        """A step about a random axis: named in its month, within three checks, right month."""
-        sensor = int(self.rng.integers(3))
+    def alarms(self, checks: History, rate: float = ALARMS_PER_YEAR) -> tuple[Alarm, ...]:
+        """Go through a history without a declared walk."""
+        still = [np.zeros(len(self.std))] * len(checks)
+        return Watching(checks, self.prior, still, self.turns // 3, rate).run().alarms
+
+    def moved(self, size: float, shape: FloatArray) -> tuple[int, FloatArray]:
+        """Turns (K, 3n) of one sensor about a random axis by size times shape (K,)."""
+        sensor = int(self.rng.integers(self.turns // 3))
         axis = self.rng.standard_normal(3)
-        turns = np.zeros((at + 3, 9))
-        turns[at:, 3 * sensor : 3 * sensor + 3] = size * axis / np.linalg.norm(axis)
-        own = [a for a in self.watch(turns).alarms if a.sensor == sensor and a.raised >= at]
+        turns = np.zeros((len(shape), self.turns))
+        turns[:, 3 * sensor : 3 * sensor + 3] = np.outer(shape, size * axis / np.linalg.norm(axis))
+        return sensor, turns
+
+    def stepped(self, size: float, at: int, checks: int, which: int) -> tuple[bool, ...]:
+        """A step: sensor named within so many checks; dated right; a year later; within a check."""
+        months = np.arange(at + 12.0)
+        sensor, turns = self.moved(size, months >= at)
+        history = self.checks(turns, months, at, which)
+
+        def own(last: int) -> list[Alarm]:
+            found = self.alarms(history[:last])
+            return [a for a in found if a.sensor == sensor and a.raised >= at and a.kind == "step"]
+
+        now, later = own(at + checks), [a.onset for a in own(len(history))]
         return (
-            any(a.raised == at and a.onset == at for a in own),
-            bool(own),
-            any(a.onset == at for a in own),
+            bool(now),
+            any(a.onset == at for a in now),
+            at in later,
+            any(abs(onset - at) <= 1 for onset in later),
         )
 
 
-def bound(drawn: Drawn, size: float, at: int, checks: int, runs: int = 40) -> tuple[float, float]:
+def bound(drawn: Drawn, size: float, at: int, checks: int) -> tuple[float, float]:
     """Share of steps that any test can raise by their checks-th check, at the chart's rate.
 
     Neyman and Pearson's: the likelihood ratio of the very alternative (its size, date and checks
@@ -118,17 +142,18 @@ def bound(drawn: Drawn, size: float, at: int, checks: int, runs: int = 40) -> tu
     one test.
     """
     rng, level, n = drawn.rng, checks * ALARMS_PER_YEAR / 12, 3
-    axes = rng.standard_normal((400, 3))
+    axes = rng.standard_normal((200, 3))
     turns = np.zeros((n * len(axes), 3 * n))
     for i in range(n):
         rows = slice(i * len(axes), (i + 1) * len(axes))
         turns[rows, 3 * i : 3 * i + 3] = size * axes / np.linalg.norm(axes, axis=1)[:, None]
     still, stepped, oracle = [], [], []
-    for _ in range(runs):
-        roots = [drawn.roots[rng.integers(len(drawn.roots))] for _ in range(at + checks)]
-        before, own = (
+    for first in drawn.roots:
+        rest = rng.integers(len(drawn.roots), size=at + checks - 1)
+        roots = [first, *(drawn.roots[i] for i in rest)]
+        own, before = (
             Information(sum(r @ r.T for r in part), np.zeros(len(drawn.std)))
-            for part in (roots[:at], roots[at:])
+            for part in (roots[:checks], roots[checks:])
         )
         M = contrast(drawn.prior + before, own).matrix[: 3 * n, : 3 * n]
         root = np.linalg.cholesky(M)
@@ -143,27 +168,70 @@ def bound(drawn: Drawn, size: float, at: int, checks: int, runs: int = 40) -> tu
     return float(np.mean(np.concatenate(stepped) > limit)), float(np.mean(oracle))
 
 
-def alarms(zero: float, histories: int) -> Iterator[str]:
-    """False alarms, and steps of 2 and 1 mrad after 6, 12 and 24 checks, beside the bounds."""
+def steps(zero: float, histories: int) -> Iterator[str]:
+    """Steps of all sizes after 6, 12 and 24 checks, beside the bounds."""
     drawn = Drawn(np.random.default_rng(12), zero)
-    still = np.zeros((24, 9))
-    years = 23 / 12
-    for rate in (ALARMS_PER_YEAR, 0.1):
-        wrong = sum(bool(drawn.watch(still, rate).alarms) for _ in range(5 * histories))
-        yield (
-            f"| {zero:g} | {1e3 * drawn.single:.2f} | nothing, 24 months, {rate:g} a year | "
-            f"{5 * histories} | {wrong} alarms | {wrong / 5 / histories / years:.4f} a year | | |"
-        )
-    for size, checks in ((2e-3, 1), (1e-3, 3)):
+    for size, checks in ((2e-3, 1), (1e-3, 3), (0.5e-3, 12), (5e-3, 1), (20e-3, 1)):
         for at in (6, 12, 24):
-            found = np.array([drawn.stepped(size, at) for _ in range(histories)])
-            best, known = bound(drawn, size, at, checks)
-            raised = found[:, 0 if checks == 1 else 1].mean()
-            yield (
-                f"| {zero:g} | {1e3 * drawn.single:.2f} | {1e3 * size:g} mrad after {at} checks | "
-                f"{histories} | {raised:.1%} within {checks} | {found[:, 2].mean():.1%} "
-                f"| {best:.1%} | {known:.1%} |"
+            found = np.mean(
+                [drawn.stepped(size, at, checks, which) for which in range(histories)], axis=0
             )
+            shares = " | ".join(
+                f"{share:.1%}" for share in (*found, *bound(drawn, size, at, checks))
+            )
+            yield (
+                f"| {zero:g} | {1e3 * drawn.single:.2f} | {1e3 * size:g} mrad after {at} | "
+                f"{histories} | {checks} | {shares} |"
+            )
+
+
+def creeping(pace: float, histories: int) -> str:
+    """A creep that begins after six checks, by pace a month."""
+    drawn = Drawn(np.random.default_rng(12), 0.5)
+    months, seen, named = np.arange(24.0), [], 0
+    for _ in range(histories):
+        sensor, turns = drawn.moved(pace, (months - 5).clip(0))
+        own = [a for a in drawn.alarms(drawn.checks(turns, months)) if a.sensor == sensor]
+        seen += [own[0].raised - 5] if own else []
+        named += any(a.kind == "creep" for a in own)
+    return (
+        f"| {1e3 * pace:g} | {histories} | {len(seen) / histories:.0%} | {np.median(seen):.0f} | "
+        f"{named / histories:.0%} |"
+    )
+
+
+#: What an unchanged rig is checked like: postures, sensors, zeros, months of the checks, rate.
+CALM = {
+    "24 months": (5, 3, 0.5, np.arange(24.0), ALARMS_PER_YEAR),
+    "24 months, zeros 0.25 N": (5, 3, 0.25, np.arange(24.0), ALARMS_PER_YEAR),
+    "24 months, 60 postures": (60, 3, 0.5, np.arange(24.0), ALARMS_PER_YEAR),
+    "24 months, 0.1 a year": (5, 3, 0.5, np.arange(24.0), 0.1),
+    "24 months, six sensors, 0.1 a year": (5, 6, 0.5, np.arange(24.0), 0.1),
+    "2 checks, 0.3 a year": (5, 3, 0.5, np.arange(2.0), 0.3),
+    "6 checks, 0.1 a year": (5, 3, 0.5, np.arange(6.0), 0.1),
+    "200 daily checks, 0.2 a year": (5, 3, 0.5, np.arange(200.0) / 30.4375, 0.2),
+    "200 monthly checks, 0.01 a year": (5, 3, 0.5, np.arange(200.0), ALARMS_PER_YEAR),
+    "30 checks 1 day to 6 months apart, 0.03 a year": (
+        5, 3, 0.5, np.cumsum(np.geomspace(1 / 30, 6, 30)[np.argsort(np.sin(np.arange(30)))]), 0.03,
+    ),
+}  # fmt: skip
+
+
+def calm(name: str, histories: int, seed: int = 13) -> str:
+    """Histories of an unchanged rig that raise an alarm."""
+    postures, sensors, zero, months, rate = CALM[name]
+    rig = RIG if sensors == RIG.n else make_rig(sensors)
+    drawn = Drawn(np.random.default_rng(seed), zero, rig, postures)
+    still = np.zeros((len(months), drawn.turns))
+    wrong = sum(bool(drawn.alarms(drawn.checks(still, months), rate)) for _ in range(histories))
+    years = histories * (months[-1] - months[0]) / 12
+    stated = 1 - np.exp(-rate * years / histories)
+    share = wrong / histories / stated
+    return (
+        f"| {name} | {histories} | {years:.0f} | {wrong} | {wrong / histories:.2%} | "
+        f"{stated:.2%} | "
+        f"{share:.2f} ± {share / np.sqrt(max(wrong, 1)):.2f} |"
+    )
 
 
 def hundred() -> str:
@@ -186,39 +254,37 @@ def hundred() -> str:
     return f"| 100 × 12 dwells, 100 Hz, Parquet | {read:.1f} | {rest:.1f} | {ratio:.2f} |"
 
 
+HEADS = {
+    "pooled": "| walk, mrad/√month | histories | RMSE, mrad | / bound | d²/9 | in 95 % | misfits |",
+    "steps": "| zeros, N | one check, mrad | step | histories | within checks | sensor named | and "
+    "dated | dated a year later | within one check | best test | sensor and axis known |",
+    "calm": "| checks of an unchanged rig | histories | rig-years | that alarm | share | stated | "
+    "share / stated |",
+    "creep": "| mrad a month | histories | raised | after checks, median | named creep |",
+    "hundred": "| campaigns | reading, s | pooling, s | all / reading |",
+}
+
+
+def rows(part: str, histories: int) -> Iterator[str]:
+    """Lines of one table."""
+    if part == "pooled":
+        yield from (pooled(walk, histories) for walk in (0.0, 5e-5))
+    elif part == "steps":
+        yield from (row for zero in (0.5, 0.25) for row in steps(zero, 2 * histories))
+    elif part == "calm":
+        yield from (calm(name, 5 * histories) for name in CALM)
+    elif part == "creep":
+        yield from (creeping(pace, histories) for pace in (0.1e-3, 0.15e-3, 0.5e-3))
+    else:
+        yield hundred()
+
+
 def main() -> None:
     """Print the tables."""
     histories = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    parts = sys.argv[2:] or ["pooled", "alarms", "hundred"]
-    if "pooled" in parts:
-        _print_pooled(histories)
-    if "alarms" in parts:
-        _print_alarms(histories)
-    if "hundred" in parts:
-        print("\n| campaigns | reading, s | pooling, s | all / reading |")
-        print("|---|---|---|---|")
-        print(hundred(), flush=True)
-
-
-def _print_pooled(histories: int) -> None:
-    print("Twelve campaigns of five postures, zeros drawn anew (0.5 N):\n")
-    print(
-        "| walk, mrad/√month | histories | RMSE, mrad | RMSE / bound | d²/9 | in 95 % | misfits |"
-    )
-    print("|---|---|---|---|---|---|---|")
-    for walk in (0.0, 5e-5):
-        print(pooled(walk, histories), flush=True)
-
-
-def _print_alarms(histories: int) -> None:
-    print("\nMonthly checks of five postures, default rate (0.01 a year):\n")
-    print(
-        "| zeros, N | one check, mrad | what happens | histories | raised | right date | "
-        "best test | sensor and axis known |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
-    for zero in (0.5, 0.25):
-        for row in alarms(zero, 2 * histories):
+    for part in sys.argv[2:] or list(HEADS):
+        print(f"\n{HEADS[part]}\n|{'---|' * (HEADS[part].count('|') - 1)}")
+        for row in rows(part, histories):
             print(row, flush=True)
 
 
