@@ -56,9 +56,8 @@ def bound(campaign: MovingCampaign, slow: Slow) -> FloatArray:
         1 + (2 * np.pi * f * options.slow_time) ** 2
     )
     # All of the log counts, also what lies under the taper's ramps.
-    weight = np.sqrt(fit.rows.bins.count / cut[0].share / density)
-    J = fit.jacobian * weight[:, None]
-    root = spectrum(np.concatenate([J.real, J.imag, fit.prior_jacobian])).root
+    J = fit.rows.weighted(fit.jacobian, cut[0].share * density)
+    root = spectrum(np.concatenate([J, fit.prior_jacobian])).root
     return (root @ root.T)[: 3 * rig.n, : 3 * rig.n]
 
 

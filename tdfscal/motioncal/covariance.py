@@ -12,7 +12,7 @@ from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import reading_gain
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
-from tdfscal.numerics.least_squares import Spectrum, gram_root, spectrum
+from tdfscal.numerics.least_squares import Spectrum, spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import PRIORS, Quality, Uncertainty, blind_turns, without_faked
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -46,16 +46,12 @@ def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:
     C = parts.root @ parts.root.T
     added = np.zeros_like(C)
     values, axes = np.linalg.eigh(fit.noise.covariance)
+    equations, here = fit.normal_equations(), fit.noise.log_density
     for value, axis in zip(values, axes.T, strict=True):
         step = np.sqrt(value) * axis
-        ends = []
-        for sign in (1.0, -1.0):
-            r, j = fit.whitened(fit.noise.log_density + sign * step)
-            root = gram_root(j)
-            ends.append((root @ root.T, -root @ (root.T @ (j.T @ r))))
-        (up, x_up), (down, x_down) = ends
+        (x_up, up), (x_down, down) = (equations.solved(here + s * step) for s in (1.0, -1.0))
         shift = (x_up - x_down) / 2
-        added += (up + down) / 2 - C + np.outer(shift, shift)
+        added += (up @ up.T + down @ down.T) / 2 - C + np.outer(shift, shift)
     # The second difference may dip below zero by rounding and by curvature: it never helps.
     values, axes = np.linalg.eigh(added)
     return C, (axes * np.maximum(values, 0.0)) @ axes.T
@@ -97,11 +93,10 @@ def _shares(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
     """Covariance (p, p) by source at the spectrum; together they are C."""
     force, place = fit.noise.parts(fit.rows.bins)
     variance = force + place
-    J = fit.jacobian
     shares = {}
     for name, part in (("noise", force), ("positioner", place)):
         root = np.sqrt(fit.rows.bins.count * part) / variance
-        half = C @ np.concatenate([(J * root[:, None]).real, (J * root[:, None]).imag]).T
+        half = C @ fit.rows.scaled(fit.jacobian, root).T
         shares[name] = half @ half.T
     columns = np.flatnonzero(fit.active)
     places = layout(fit.rig.n, fit.state.still.motions)

@@ -19,8 +19,9 @@ from tdfscal.motioncal import noise
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.design import BlockDesign, block_design, drifting
 from tdfscal.motioncal.noise import NoiseModel
+from tdfscal.motioncal.normal_equations import NormalEquations
 from tdfscal.motioncal.rests import rests as find_rests
-from tdfscal.motioncal.rows import Rows, bins_of, gather, independent, stacked, weights
+from tdfscal.motioncal.rows import Rows, bins_of, gather, independent
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import Solution, gauss_newton, gram_root, triangular
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
@@ -78,7 +79,7 @@ class MovingFit:
 
     rests : number of turns at rests, unknowns after the p active parameters. psi : (q + 12 + s +
     rests,), features. slope : (…, p + rests), their slopes by all that is unknown.
-    residual (M,), jacobian (M, p + rests) : complex, of the rows at the estimate, not whitened.
+    residual (M + C,), jacobian (M + C, p + rests) : of the rows at the estimate, not whitened.
     prior_residual (m,), prior_jacobian (m, p + rests) : whitened. origin : what the features
     count from.
     delay : s, by which the poses of the designs are shifted.
@@ -96,8 +97,8 @@ class MovingFit:
     noise: NoiseModel
     psi: FloatArray
     slope: FloatArray
-    residual: ComplexArray
-    jacobian: ComplexArray
+    residual: FloatArray
+    jacobian: FloatArray
     prior_residual: FloatArray
     prior_jacobian: FloatArray
     iterations: int
@@ -108,17 +109,22 @@ class MovingFit:
         """The stretches that were used."""
         return tuple(design.block for design in self.designs)
 
-    def whitened(self, log_density: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """Residual and Jacobian as real rows of unit variance, priors last."""
-        bins = self.rows.bins
-        real = stacked(
-            np.concatenate([self.residual[:, None], self.jacobian], axis=1),
-            weights(bins, self.noise.variance(bins, log_density)),
-        )
+    def whitened(self) -> tuple[FloatArray, FloatArray]:
+        """Residual and Jacobian as rows of unit variance, priors last."""
+        rows, variance = self.rows, self.noise.variance(self.rows.bins)
         return (
-            np.concatenate([real[:, 0], self.prior_residual]),
-            np.concatenate([real[:, 1:], self.prior_jacobian]),
+            np.concatenate([rows.weighted(self.residual, variance), self.prior_residual]),
+            np.concatenate([rows.weighted(self.jacobian, variance), self.prior_jacobian]),
         )
+
+    def normal_equations(self, more: FloatArray | None = None) -> NormalEquations:
+        """Those of the residual, the Jacobian and more columns (M + C + m, c), white as they are.
+
+        They hold for any spectrum of the noise.
+        """
+        r, j = self.whitened()
+        columns = [r[:, None], j] if more is None else [r[:, None], j, more]
+        return NormalEquations(self.rows, self.noise, np.concatenate(columns, axis=1))
 
     def wrenches(self, step: FloatArray | None = None) -> list[ComplexArray]:
         """Residual wrench (F, 6) of every block; step : of all that is unknown."""
@@ -158,10 +164,9 @@ def moved_to(fit: MovingFit, state: MovingState, priors: MovingPriors) -> Moving
     fit = _at(fit, state, priors, np.zeros(fit.rests))
     if not fit.rests:
         return fit
-    weight = weights(fit.rows.bins, fit.noise.variance(fit.rows.bins))
-    real = stacked(np.concatenate([fit.residual[:, None], fit.jacobian], axis=1), weight)
-    C = real[:, -fit.rests :]
-    turn = -np.linalg.solve(C.T @ C + np.eye(fit.rests), C.T @ real[:, 0])
+    r, j = fit.whitened()
+    C = j[:, -fit.rests :]  # the unit matrix among its rows is the turns' prior
+    turn = -np.linalg.solve(C.T @ C, C.T @ r)
     return _at(fit, state, priors, np.asarray(turn))
 
 
@@ -192,7 +197,7 @@ def _at(fit: MovingFit, state: MovingState, priors: MovingPriors, turn: FloatArr
 def _solve(fit: MovingFit, priors: MovingPriors) -> Solution[MovingState]:
     """Gauss–Newton on the statistic of all rows, and the priors."""
     rig, rows, active = fit.rig, fit.rows, fit.active
-    real = stacked(rows.design, weights(rows.bins, fit.noise.variance(rows.bins)))
+    real = rows.weighted(rows.design, fit.noise.variance(rows.bins))
     size = real.shape[1] - fit.rests
     if fit.rests:
         # The turns at rests first: what is left below them has them eliminated.
@@ -233,7 +238,7 @@ def at_state(
         replace(design, place=slice(int(stop) - 3 * len(own), int(stop)))
         for (design, _), own, stop in zip(pairs, resting, last, strict=True)
     )
-    rows, none = gather(designs, model), np.empty(0, dtype=np.complex128)
+    rows, none = gather(designs, model), np.empty(0)
     size = rows.design.shape[1]
     fit = MovingFit(
         rig=rig,
@@ -258,24 +263,21 @@ def at_state(
     fit = _at(fit, state, priors, np.zeros(fit.rests))
     if model is None:
         longest = max(b.step * b.taper.shape[1] for b in blocks)
-        power = np.abs(fit.residual) ** 2
+        power = rows.power(fit.residual[:, None])
         model = noise.initial(rows.bins, power, rig.declared.positioner, longest)
     return replace(fit, noise=model)
 
 
 def estimate_noise(fit: MovingFit) -> MovingFit:
     """Bring spectrum and linearised fit into agreement; the state stays."""
-    model = fit.noise
+    model, rows, equations = fit.noise, fit.rows, fit.normal_equations()
     for _ in range(_SCORES):
-        r, j = fit.whitened(model.log_density)
-        root = gram_root(j)
-        step = -root @ (root.T @ (j.T @ r))
-        variance = model.variance(fit.rows.bins)
-        left = fit.residual + fit.jacobian @ step
-        fitted = np.sum(np.abs(fit.jacobian @ root) ** 2, axis=1)
-        power = np.abs(left) ** 2 + fitted
+        step, root = equations.solved(model.log_density)
+        variance = model.variance(rows.bins)
+        fitted = rows.power(fit.jacobian @ root)
+        power = rows.power((fit.residual + fit.jacobian @ step)[:, None]) + fitted
         # A row stands for `count` values and is fitted as one: its share of them is used up.
-        model, change = noise.improve(model, fit.rows.bins, power, fitted / variance)
+        model, change = noise.improve(model, rows.bins, power, fitted / variance)
         if change < _SCORED:
             break
     return replace(fit, noise=model)
@@ -305,8 +307,7 @@ def fit_moving(
         solution = _solve(fit, priors)
         iterations += solution.iterations
         r, j = moved_to(fit, state, priors).whitened()
-        root = gram_root(j)
-        step = np.linalg.norm(root.T @ (j.T @ r))
+        step = np.linalg.norm(gram_root(j.T @ j, len(j)).T @ (j.T @ r))
         state = solution.state
         fit = moved_to(fit, state, priors)
         settled = _SETTLED * np.sqrt(j.shape[1])

@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.motioncal.blocks import SHORTEST, ComplexArray, blocks
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, MovingState, at_state, moved_to
-from tdfscal.motioncal.rows import rows_of, stacked, weights
+from tdfscal.motioncal.rows import rows_of
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import spectrum, triangular
 from tdfscal.records import BoolArray, FloatArray, UncertainValue
@@ -141,7 +141,7 @@ def _factor(fit: MovingFit, which: range) -> tuple[FloatArray, FloatArray]:
     for k in which:
         own = rows_of(fit.designs[k], fit.rests)
         both = own.design @ np.concatenate([fit.psi[:, None], fit.slope], axis=1)
-        rows.append(stacked(both, weights(own.bins, fit.noise.variance(own.bins))))
+        rows.append(own.weighted(both, fit.noise.variance(own.bins)))
     factor = triangular(np.concatenate(rows))
     return factor[:, 0], factor[:, 1:]
 

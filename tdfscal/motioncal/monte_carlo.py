@@ -15,9 +15,7 @@ from tdfscal.model.parameters import parameter_count, retract
 from tdfscal.model.statics import features
 from tdfscal.motioncal.covariance import faked_information
 from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.rows import stacked, weights
 from tdfscal.numerics import so3
-from tdfscal.numerics.least_squares import gram_root
 from tdfscal.numerics.propagation import propagate
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import Uncertainty
@@ -37,15 +35,15 @@ class Sampler:
 
     def __init__(self, fit: MovingFit, rng: np.random.Generator) -> None:
         self.fit = fit
-        bins, model = fit.rows.bins, fit.noise
+        rows, model = fit.rows, fit.noise
         cut = len(fit.psi) - fit.rests
-        r, j = fit.whitened()
-        root = gram_root(j)
-        white = stacked(fit.rows.design[:, :cut], weights(bins, model.variance(bins)))
+        equations = fit.normal_equations()
+        here, root = equations.solved(model.log_density)
+        variance = model.variance(rows.bins)
+        white = rows.weighted(rows.design[:, :cut], variance)
         # Gain (p + rests, q): where a change of the static features takes the estimate.
-        self.gain = -root @ (root.T @ (j[: len(white)].T @ white))
-        here = -root @ (root.T @ (j.T @ r))
-        faked = np.zeros((j.shape[1],) * 2)
+        self.gain = -root @ (root.T @ (rows.weighted(fit.jacobian, variance).T @ white))
+        faked = np.zeros((len(here),) * 2)
         turns = 3 * fit.rig.n
         faked[:turns, :turns] = faked_information(fit)
         values, axes = np.linalg.eigh(model.covariance)
@@ -54,9 +52,8 @@ class Sampler:
         away = rng.standard_normal((_SPECTRA // 2, len(values))) @ spread.T
         # In pairs about the estimate, so that few of them have its mean.
         for density in model.log_density + np.concatenate([away, -away]):
-            r, j = fit.whitened(density)
-            root = gram_root(j)
-            self.shift.append(-root @ (root.T @ (j.T @ r)) - here)
+            step, root = equations.solved(density)
+            self.shift.append(step - here)
             # (JᵀJ − faked)⁻¹ within the directions that are seen.
             less = np.eye(root.shape[1]) - root.T @ faked @ root
             left, vectors = np.linalg.eigh(less)

@@ -27,13 +27,34 @@ _GATHERED = 512
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """All blocks in their independent components, M rows.
+    """All blocks in their independent components, M rows, of which the first C are complex.
 
-    design : (M, q + 12 + s + all rests), complex. bins : their frequencies and weights.
+    design : (M + C, q + 12 + s + all rests), real parts of all, then imaginary ones of the first C.
+    bins : their M frequencies and weights.
     """
 
-    design: ComplexArray
+    design: FloatArray
     bins: Bins
+
+    @property
+    def complex(self) -> int:
+        """How many rows have an imaginary part."""
+        return len(self.design) - len(self.bins.count)
+
+    def scaled(self, columns: FloatArray, factor: FloatArray) -> FloatArray:
+        """Columns (M + C, ...) of these rows, each row times its factor (M,)."""
+        both = np.concatenate([factor, factor[: self.complex]])
+        return np.asarray(columns * both.reshape(-1, *(1,) * (columns.ndim - 1)))
+
+    def weighted(self, columns: FloatArray, variance: FloatArray) -> FloatArray:
+        """Columns (M + C, ...) of these rows, white where every row has its variance (M,)."""
+        return self.scaled(columns, np.sqrt(self.bins.count / variance))
+
+    def power(self, columns: FloatArray) -> FloatArray:
+        """|columns|² (M,) of these rows, summed over all columns (M + C, c)."""
+        square = np.einsum("kc,kc->k", columns, columns)
+        square[: self.complex] += square[len(self.bins.count) :]
+        return np.asarray(square[: len(self.bins.count)])
 
 
 def independent(item: BlockDesign) -> tuple[FloatArray, FloatArray]:
@@ -63,11 +84,18 @@ def reading_gain(item: BlockDesign, model: NoiseModel) -> FloatArray:
 def rows_of(item: BlockDesign, all_rests: int) -> Rows:
     """Rows (6 F) of one block, none of them joined; all_rests : turns at all rests of the log."""
     mix, ratio = independent(item)
-    cut = item.design.shape[2]
-    design = np.zeros((6 * len(item.design), cut + all_rests), dtype=np.complex128)
-    design[:, :cut] = (mix @ item.design).reshape(-1, cut)
-    design[:, cut:][:, item.place] = (mix @ item.rests).reshape(len(design), -1)
-    return Rows(design, bins_of(item, ratio))
+    cut, size = item.design.shape[2], 6 * len(item.design)
+    design = np.zeros((2, size, cut + all_rests))
+    design[:, :, :cut] = _mixed(mix, item.design)
+    design[:, :, cut:][:, :, item.place] = _mixed(mix, item.rests)
+    return Rows(design.reshape(2 * size, -1), bins_of(item, ratio))
+
+
+def _mixed(mix: FloatArray, columns: ComplexArray) -> FloatArray:
+    """Real and imaginary parts (2, 6 F, c) of columns (F, 6, c) in other components."""
+    F, _, c = columns.shape
+    both = (mix @ columns.view(np.float64)).reshape(6 * F, c, 2)
+    return np.moveaxis(both, 2, 0)
 
 
 def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
@@ -91,7 +119,7 @@ def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
 
 def _banded(part: Rows, low: float) -> Iterator[tuple[tuple[int, int], Rows]]:
     """Band and component, and the rows of both; bands count from a frequency, Hz."""
-    bins = part.bins
+    bins, parts = part.bins, part.design.reshape(2, part.complex, -1)
     band = np.floor(np.log(bins.frequency[::6] / low) / np.log(_BAND) + 1e-9).astype(int)
     first = np.flatnonzero(np.diff(band, prepend=-1))
     for begin, end in zip(first, [*first[1:], len(band)], strict=True):
@@ -99,14 +127,20 @@ def _banded(part: Rows, low: float) -> Iterator[tuple[tuple[int, int], Rows]]:
             own = slice(6 * begin + a, 6 * end, 6)
             yield (
                 (int(band[begin]), a),
-                Rows(part.design[own], Bins(bins.frequency[own], bins.ratio[own], bins.count[own])),
+                Rows(
+                    np.concatenate(parts[:, own]),
+                    Bins(bins.frequency[own], bins.ratio[own], bins.count[own]),
+                ),
             )
 
 
 def _stacked(parts: Sequence[Rows]) -> Rows:
+    """Rows together, complex ones first."""
+    parts = sorted(parts, key=lambda part: part.complex == 0)
     bins = [part.bins for part in parts]
+    real = [part.design[: len(part.bins.count)] for part in parts]
     return Rows(
-        np.concatenate([part.design for part in parts]),
+        np.concatenate([*real, *(part.design[len(part.bins.count) :] for part in parts)]),
         Bins(
             np.concatenate([b.frequency for b in bins]),
             np.concatenate([b.ratio for b in bins]),
@@ -130,7 +164,7 @@ class _Band:
     def add(self, part: Rows, model: NoiseModel | None) -> None:
         """Add rows of a block."""
         self.parts.append(part)
-        self.waiting += 2 * len(part.design)
+        self.waiting += len(part.design)
         if self.waiting > max(_GATHERED, 2 * self.columns):
             self._join(model)
 
@@ -149,29 +183,17 @@ class _Band:
             np.full(size, count / size),
         )
         scale = np.sqrt(_variance(bins, model) / bins.count)
-        return Rows((self.factor * scale[:, None]).astype(np.complex128), bins)
+        return Rows(self.factor * scale[:, None], bins)
 
     def _join(self, model: NoiseModel | None) -> None:
         part = _stacked(self.parts)
         count = part.bins.count
-        both = part.design * np.sqrt(count / _variance(part.bins, model))[:, None]
-        before = [] if self.factor is None else [self.factor]
-        self.factor = triangular(np.concatenate([*before, both.real, both.imag]))
+        own = part.weighted(part.design, _variance(part.bins, model))
+        self.factor = triangular(own if self.factor is None else np.concatenate([self.factor, own]))
         self.parts, self.waiting = [], 0
-        own = np.stack([np.ones(len(count)), np.log(part.bins.frequency), part.bins.ratio])
-        self.sums = self.sums + own @ count
+        means = np.stack([np.ones(len(count)), np.log(part.bins.frequency), part.bins.ratio])
+        self.sums = self.sums + means @ count
 
 
 def _variance(bins: Bins, model: NoiseModel | None) -> FloatArray:
     return np.ones(len(bins.count)) if model is None else model.variance(bins)
-
-
-def weights(bins: Bins, variance: FloatArray) -> FloatArray:
-    """Factor (M,) that whitens each row's real and imaginary part."""
-    return np.sqrt(bins.count / variance)
-
-
-def stacked(rows: ComplexArray, weight: FloatArray) -> FloatArray:
-    """Complex rows (M, c) as real ones (2M, c), weighted."""
-    both = rows * weight[:, None]
-    return np.concatenate([both.real, both.imag])

@@ -16,8 +16,7 @@ from tdfscal.motioncal.covariance import MovingUncertainty
 from tdfscal.motioncal.design import drifting, suspected
 from tdfscal.motioncal.estimator import MovingFit, slope_of
 from tdfscal.motioncal.noise_bias import noise_scores
-from tdfscal.motioncal.rows import stacked, weights
-from tdfscal.numerics.least_squares import gram_root, spectrum
+from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.score_tests import (
@@ -48,7 +47,7 @@ def suspicions(
     parts, turns = spectrum(jacobian), uncertainty.turns
     suspects = [*_stated(fit), *_drifts(fit)]
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
-    std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(max(len(residual), 2)))
+    std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(2 * len(fit.rows.bins.count)))
     bias: FloatArray | None = None
     found = []
     for group, index, columns, unit in suspects:
@@ -99,18 +98,13 @@ def by_spectrum(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: As
     As the covariance of the parameters has it: the amount and its covariance at either end of
     every principal axis of the spectrum's parameters.
     """
+    equations, own = fit.normal_equations(columns), slice(-len(lean), None)
+    leaning = np.zeros(fit.jacobian.shape[1] + len(lean))
+    leaning[own] = lean
 
     def at(log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
-        r, j = fit.whitened(log_density)
-        bins = fit.rows.bins
-        change = np.sqrt(fit.noise.variance(bins) / fit.noise.variance(bins, log_density))
-        scale = np.concatenate([change, change, np.ones(len(fit.prior_residual))])
-        both = np.concatenate([j, columns * scale[:, None]], axis=1)
-        root = gram_root(both)
-        score = both.T @ r
-        score[j.shape[1] :] -= lean
-        own = root[j.shape[1] :]
-        return -own @ (root.T @ score), own @ own.T
+        step, root = equations.solved(log_density)
+        return (step + root @ (root.T @ leaning))[own], root[own] @ root[own].T
 
     amount, covariance = at(fit.noise.log_density)
     total = covariance
@@ -128,10 +122,8 @@ def by_spectrum(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: As
 
 def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:
     """Columns (rows, c) of the features' slopes (q + 12, c), the priors' rows 0."""
-    weight = weights(fit.rows.bins, fit.noise.variance(fit.rows.bins))
-    columns = fit.rows.design @ slope
-    real = stacked(columns, weight)
-    return np.concatenate([real, np.zeros((len(fit.prior_residual), real.shape[1]))])
+    columns = fit.rows.weighted(fit.rows.design @ slope, fit.noise.variance(fit.rows.bins))
+    return np.concatenate([columns, np.zeros((len(fit.prior_residual), columns.shape[1]))])
 
 
 def _stated(fit: MovingFit) -> Iterator[Suspect]:

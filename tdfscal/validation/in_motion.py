@@ -31,7 +31,6 @@ from tdfscal.motioncal.estimator import (
     slope_of,
 )
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
-from tdfscal.motioncal.rows import stacked, weights
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.usable import usable_samples, without_contacts
 from tdfscal.numerics import so3
@@ -163,8 +162,8 @@ def _whitened(given: Calibrated, fit: MovingFit, delay: UncertainValue) -> White
     at = at_state(rig, slow, fit.blocks, state, priors, fit.noise)
     slope = at.rows.design @ slope_of(rig, state, at.origin, len(at.psi))
     turns = at.rows.design[:, len(at.psi) - at.rests :]
-    weight = weights(at.rows.bins, fit.noise.variance(at.rows.bins))
-    real = stacked(np.concatenate([at.residual[:, None], slope, turns], axis=1), weight)
+    columns = np.concatenate([at.residual[:, None], slope, turns], axis=1)
+    real = at.rows.weighted(columns, fit.noise.variance(at.rows.bins))
     r, J = real[:, 0], real[:, 1:]
     drift = drifting(rig, slow)
     width = np.concatenate([prior_std(rig, drift), priors.std, np.ones(at.rests)])

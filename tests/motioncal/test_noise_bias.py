@@ -9,7 +9,6 @@ import numpy as np
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.estimator import MovingPriors, at_state, slope_of
 from tdfscal.motioncal.noise_bias import noise_scores
-from tdfscal.motioncal.rows import stacked, weights
 from tdfscal.records import FloatArray
 from tests.motioncal.campaigns import DELAY, perfect_rig, played, quiet, true_state
 
@@ -33,8 +32,8 @@ def test_the_score_of_gains_and_compliance_is_what_noise_makes_of_it() -> None:
         fit = at_state(rig, replace(slow, force=force), cut, state, priors, model)
         slope = slope_of(rig, state, fit.origin, len(fit.psi))
         columns = fit.rows.design @ slope
-        weight = weights(fit.rows.bins, model.variance(fit.rows.bins))
-        real = stacked(np.concatenate([fit.residual[:, None], columns], axis=1), weight)
+        both = np.concatenate([fit.residual[:, None], columns], axis=1)
+        real = fit.rows.weighted(both, model.variance(fit.rows.bins))
         scores.append(real[:, 1:].T @ real[:, 0])
         if len(expected) < 3:
             expected.append(noise_scores(fit, slope))

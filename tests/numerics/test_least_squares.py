@@ -53,11 +53,11 @@ def test_rounding_is_no_information() -> None:
 def test_gram_root_is_that_of_the_pseudo_inverse(units: float) -> None:
     J = RNG.normal(size=(9, 4)) * np.array([1.0, units, 1 / units, 1.0])
     expected = np.linalg.inv(J.T @ J)
-    G = gram_root(J)
+    G = gram_root(J.T @ J, len(J))
     scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
     assert np.abs((G @ G.T - expected) / scale).max() < 1e-9
     blind = np.concatenate([J, np.zeros((9, 1))], axis=1)
-    G = gram_root(blind)
+    G = gram_root(blind.T @ blind, len(blind))
     assert np.abs((G @ G.T)[:4, :4] / scale - expected / scale).max() < 1e-9
     assert not G[4].any()
 
@@ -169,4 +169,4 @@ def test_gram_root_is_blind_to_what_lies_below_the_root_of_rounding() -> None:
     for _ in range(20):
         a, b = RNG.normal(size=(2, 9))
         J = np.stack([a, a + 1e-5 * b, a - 2e-5 * b], axis=1)
-        assert gram_root(J).shape == (3, 2)
+        assert gram_root(J.T @ J, len(J)).shape == (3, 2)
