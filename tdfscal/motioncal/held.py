@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.records import BoolArray, FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray
 
 #: Means of consecutive samples per step of the time base that the kernel works on, where a stream
 #: has at least twice as many samples: they weaken 1 Hz by 6e-5, and all streams alike.
@@ -15,48 +15,71 @@ _BOXES = 8
 EVEN = 1e-6
 
 
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Samples of one group of streams: time (M,), values (M, c) of each, any clips (M,)."""
+
+    time: FloatArray
+    values: tuple[FloatArray, ...]
+    clipped: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Open:
+    """A mean that is not complete: its place among all, how many samples it has, and the mean."""
+
+    number: float
+    count: float
+    time: float
+    value: FloatArray
+    clipped: bool
+
+
 @dataclass(slots=True)
 class Held:
     """Samples of one group of streams, or means of a few, that are still needed.
 
     time : (M,). value : (M, C). clipped : (M,), one of the samples stands at its capacity.
-    tail : samples of a mean that is not complete. origin, box : s, where means begin, and their
-    length; 0 where samples stand for themselves. known : offsets and weights of the last instants.
+    origin, box : s, where means begin, and their length; 0 where samples stand for themselves.
+    known : offsets and weights of the last instants.
     """
 
     time: FloatArray
     value: FloatArray
     clipped: BoolArray
-    tail: Samples
     origin: float = 0.0
     box: float = 0.0
+    open: _Open | None = None
     known: tuple[FloatArray, FloatArray, BoolArray] | None = None
 
     @classmethod
     def empty(cls, columns: int) -> Held:
         """Nothing yet."""
-        none = Samples(np.empty(0), np.empty((0, columns)), np.empty(0, dtype=np.bool_))
-        return cls(none.time, none.value, none.clipped, none)
+        return cls(np.empty(0), np.empty((0, columns)), np.empty(0, dtype=np.bool_))
 
     def boxed(self, origin: float, step: float) -> None:
         """Take means from now on, of a stream that is fast enough for it."""
         box = step / _BOXES
         if float(np.median(np.diff(self.time))) > 0.5 * box:
             return
-        so_far = Samples(self.time, self.value, self.clipped)
+        so_far = Samples(self.time, (self.value,), self.clipped)
         self.origin, self.box = origin, box
-        self.time, self.value, self.clipped = so_far.time[:0], so_far.value[:0], so_far.clipped[:0]
+        self.time, self.value, self.clipped = self.time[:0], self.value[:0], self.clipped[:0]
         self.add(so_far)
 
-    def add(self, more: Samples, last: bool = False) -> None:
-        """Append samples; last : none follow."""
-        if self.box and len(more.time) + len(self.tail.time):
-            samples = _joined(self.tail, more)
-            number = np.floor((samples.time - self.origin) / self.box + EVEN)
-            first = np.flatnonzero(np.diff(number, prepend=-np.inf))
-            more, self.tail = _means(samples, first, last)
-        joined = _joined(Samples(self.time, self.value, self.clipped), more)
-        self.time, self.value, self.clipped = joined.time, joined.value, joined.clipped
+    def add(self, more: Samples) -> None:
+        """Append samples."""
+        if not self.box:
+            self._append(more.time, np.concatenate(more.values, axis=1), more.clipped)
+        elif more.time.size:
+            self._add_means(more)
+
+    def finish(self) -> None:
+        """Append the last mean, as it is."""
+        last = self.open
+        if last is not None:
+            self._append(np.array([last.time]), last.value[None], np.array([last.clipped]))
+        self.open = None
 
     def forget(self, before: float) -> None:
         """Drop what lies before a time."""
@@ -64,36 +87,31 @@ class Held:
         self.time, self.value = self.time[first:].copy(), self.value[first:].copy()
         self.clipped = self.clipped[first:].copy()
 
+    def _append(self, time: FloatArray, value: FloatArray, clipped: BoolArray) -> None:
+        self.time = np.concatenate([self.time, time])
+        self.value = np.concatenate([self.value, value])
+        self.clipped = np.concatenate([self.clipped, clipped])
 
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """Samples of one group of streams: time (M,), value (M, C), and whether one clips (M,)."""
-
-    time: FloatArray
-    value: FloatArray
-    clipped: BoolArray
-
-
-def _joined(before: Samples, more: Samples) -> Samples:
-    if not len(before.time):
-        return more
-    return Samples(
-        np.concatenate([before.time, more.time]),
-        np.concatenate([before.value, more.value]),
-        np.concatenate([before.clipped, more.clipped]),
-    )
-
-
-def _means(samples: Samples, first: IntArray, last: bool) -> tuple[Samples, Samples]:
-    """Means of the samples from each of `first` to the next, and what is left of the last one."""
-    end = len(samples.time) if last else int(first[-1])
-    first = first[first < end]
-    rest = Samples(samples.time[end:], samples.value[end:], samples.clipped[end:])
-    if not first.size:
-        return Samples(samples.time[:0], samples.value[:0], samples.clipped[:0]), rest
-    count = np.diff(first, append=end)
-    return Samples(
-        np.add.reduceat(samples.time[:end] - samples.time[0], first) / count + samples.time[0],
-        np.add.reduceat(samples.value[:end], first, axis=0) / count[:, None],
-        np.logical_or.reduceat(samples.clipped[:end], first),
-    ), rest
+    def _add_means(self, more: Samples) -> None:
+        """Append the means that are complete; the last one stays open."""
+        number = np.floor((more.time - self.origin) / self.box + EVEN)
+        first = np.flatnonzero(np.diff(number, prepend=-np.inf))
+        count = np.diff(first, append=len(number)).astype(np.float64)
+        start = more.time[0]
+        time = np.add.reduceat(more.time - start, first) / count + start
+        value = np.concatenate([np.add.reduceat(v, first, axis=0) for v in more.values], axis=1)
+        value /= count[:, None]
+        clipped = np.logical_or.reduceat(more.clipped, first)
+        before = self.open
+        if before is not None and before.number == number[0]:
+            count[0] += before.count
+            share = before.count / count[0]
+            time[0] += share * (before.time - time[0])
+            value[0] += share * (before.value - value[0])
+            clipped[0] |= before.clipped
+        else:
+            self.finish()
+        self._append(time[:-1], value[:-1], clipped[:-1])
+        self.open = _Open(
+            float(number[-1]), float(count[-1]), float(time[-1]), value[-1], bool(clipped[-1])
+        )

@@ -91,7 +91,10 @@ class Decimator:
             ]
             self._held = [Held.empty(len(c)) for c in self._columns]
             self.quantum = min(_quantum(s.value) for s in piece.position)
-        parts = [_beside([streams[i] for i in group]) for group in self._members]
+        parts = [
+            _beside([streams[i] for i in group], self._full[columns])
+            for group, columns in zip(self._members, self._columns, strict=True)
+        ]
         counts = {
             i: len(part.time)
             for group, part in zip(self._members, parts, strict=True)
@@ -101,8 +104,8 @@ class Decimator:
             Series(series.time[counts[i] :], series.value[counts[i] :])
             for i, series in enumerate(streams)
         ]
-        for held, part, columns in zip(self._held, parts, self._columns, strict=True):
-            held.add(_samples(part, self._full[columns]))
+        for held, part in zip(self._held, parts, strict=True):
+            held.add(part)
         if self._step == 0.0:
             if min(h.time.size for h in self._held) < _FIRST:
                 return
@@ -121,8 +124,8 @@ class Decimator:
                 where="log",
                 hint="record at least a few seconds of every stream",
             )
-        for held, columns in zip(self._held, self._columns, strict=True):
-            held.add(Held.empty(len(columns)).tail, last=True)
+        for held in self._held:
+            held.finish()
         self._advance(int(np.floor((self._reach - self._start) / self._step)))
         n, out = len(self.supports), self._out
         value = np.concatenate(out.value) if out.value else np.empty((0, 6 * n))
@@ -180,7 +183,7 @@ def _groups(streams: list[Series]) -> list[list[int]]:
     groups = []
     while left:
         first = streams[left[0]].time
-        same = [i for i in left if streams[i].time is first or _alike(first, streams[i].time)]
+        same = [i for i in left if _alike(first, streams[i].time)]
         left = [i for i in left if i not in same]
         groups.append(same)
     return groups
@@ -188,11 +191,11 @@ def _groups(streams: list[Series]) -> list[list[int]]:
 
 def _alike(first: FloatArray, other: FloatArray) -> bool:
     count = min(len(first), len(other))
-    return np.array_equal(first[:count], other[:count])
+    return first is other or np.array_equal(first[:count], other[:count])
 
 
-def _beside(streams: list[Series]) -> Series:
-    """Streams of one group side by side, as far as all of them reach.
+def _beside(streams: list[Series], full: FloatArray) -> Samples:
+    """Streams of one group side by side, as far as all of them reach; full : capacities (C,).
 
     Raises DataError where their stamps part.
     """
@@ -204,8 +207,12 @@ def _beside(streams: list[Series]) -> Series:
             where=f"log, near {first[0] if first.size else 0.0:.3f} s",
             hint="calibrate the parts of the log apart",
         )
-    value = np.concatenate([series.value[:count] for series in streams], axis=1)
-    return Series(first[:count], value)
+    clipped = np.zeros(count, dtype=np.bool_)
+    columns = (column for series in streams for column in series.value[:count].T)
+    for column, limit in zip(columns, full, strict=True):
+        if np.isfinite(limit):
+            clipped |= np.abs(column) >= limit
+    return Samples(first[:count], tuple(series.value[:count] for series in streams), clipped)
 
 
 def _chained(before: Series, more: Series) -> Series:
@@ -214,13 +221,6 @@ def _chained(before: Series, more: Series) -> Series:
     return Series(
         np.concatenate([before.time, more.time]), np.concatenate([before.value, more.value])
     )
-
-
-def _samples(part: Series, full: FloatArray) -> Samples:
-    """Samples (M, C) of a group, with those that stand at their capacity (C,) marked."""
-    limited = np.isfinite(full)
-    clipped = (np.abs(part.value[:, limited]) >= full[limited]).any(axis=1)
-    return Samples(part.time, part.value, np.asarray(clipped))
 
 
 def _kernel(u: FloatArray) -> FloatArray:
