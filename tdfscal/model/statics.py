@@ -132,9 +132,10 @@ def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Ba
     R, arm, F, A, P_turn = lean.rotation, lean.arm, lean.force, lean.by_turn, lean.turn
     B = wrench(arm)
     design = np.zeros((K, 6, 18 * n + 15 + 3 * n * motions))
-    kron = np.einsum("ac,knd->knacd", eye, posture.force).reshape(K, n, 3, 9)
-    design[:, :, : 9 * n] = np.moveaxis(B @ kron, 1, 2).reshape(K, 6, 9 * n)
-    of_zeros = -np.moveaxis(B, 1, 2).reshape(K, 6, 3 * n)
+    of_forces = np.moveaxis(B, 1, 2)
+    by_readings = of_forces[..., None] * posture.force[:, None, :, None]
+    design[:, :, : 9 * n] = by_readings.reshape(K, 6, 9 * n)
+    of_zeros = -of_forces.reshape(K, 6, 3 * n)
     design[:, :, 9 * n : 12 * n] = of_zeros
     design[:, :3, 12 * n : 12 * n + 3] = eye
     columns = np.swapaxes(so3.hat(np.swapaxes(R, 1, 2)), 1, 2)  # [:, :, a, b] = (R e_a) × e_b
@@ -205,8 +206,9 @@ def _lean(posture: Postures, state: State, centre: FloatArray, g: float) -> _Lea
     weight = state.mass * gravity(state, g)
     # Rotation of the registered pose for a displacement ε_i of the positions: δφ = Σ Pφ_i ε_i.
     spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
-    inertia = np.einsum("knca,kncb->kab", spoke, spoke)
-    P_turn = np.linalg.solve(inertia[:, None], spoke)
+    all_spokes = spoke.reshape(len(arm), -1, 3)
+    inertia = np.swapaxes(all_spokes, 1, 2) @ all_spokes
+    P_turn = np.linalg.inv(inertia)[:, None] @ spoke
     # Turning the pose turns all arms: (δφ × ρ) × F = [F]× [ρ]× δφ.
     A = (so3.hat(F) @ so3.hat(arm)).sum(axis=1) + so3.hat(weight) @ so3.hat(arm_m)
     return _Lean(R, arm, F, weight, P_turn, A, arm_m)

@@ -35,11 +35,14 @@ def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:
         at = balance(seen, state, fit.origin.centre, rig.gravity)
         W = reading_gain(item, fit.noise)
         static = at.design.shape[2]
+        # Σ_a over readings of (∂design/∂f_a)ᵀ W B M e_a, the readings moved by one newton each.
+        felt = W @ at.noise_force * weight[:, None, None, None]
+        along = np.zeros(static)
         for i, a in np.ndindex(rig.n, 3):
             force = seen.force.copy()
             force[:, i, a] += 1.0
             moved = replace(seen, force=force)
             change = balance(moved, state, fit.origin.centre, rig.gravity).design - at.design
-            along = np.einsum("k,kaq,ka->q", weight, W @ change, at.noise_force[:, i, :, a])
-            total += along @ slope[:static, :P] / weight.sum()
+            along += np.tensordot(felt[:, i, :, a], change, axes=2)
+        total += along @ slope[:static, :P] / weight.sum()
     return total

@@ -9,12 +9,11 @@ import numpy as np
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, gravity, symmetric
-from tdfscal.model.pose import register
 from tdfscal.motioncal.blocks import Block
 from tdfscal.motioncal.design import shifted, stuck
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig
-from tdfscal.wrench.kinematics import Poses, motion
+from tdfscal.wrench.kinematics import Poses, motion, rotations
 
 #: Instants on either side that a local cubic takes in for accelerations; they are drawn only.
 _HALF = 6
@@ -60,7 +59,7 @@ def residual_wrench(
 def _wrench(rig: Rig, slow: Slow, block: Block, state: State, moving: Moving) -> FloatArray:
     """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8)."""
     position = shifted(slow, block.index, moving.delay) - state.datum
-    R, _ = register(state.hinge, position)
+    R = rotations(state.hinge, position)
     centre = state.barycentre
     place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
     F = statics.forces(state, slow.force[block.index])
