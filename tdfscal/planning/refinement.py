@@ -79,7 +79,7 @@ def _shifted(
     count = len(chosen) * each
     still = rng.uniform(size=count) < _SQUEEZE_ONLY
     # A lean about an axis in the plane and a turn about the vertical: exp(turn z) exp(lean).
-    turn, lean = _turn_and_lean(chosen.rotation)
+    turn, lean = turn_and_lean(chosen.rotation)
     step = size * limits.tilt * rng.standard_normal((count, 3)) * ~still[:, None]
     squeeze = np.repeat(chosen.squeeze, each, axis=0)
     push = size * limits.squeeze * rng.standard_normal(squeeze.shape)
@@ -92,7 +92,7 @@ def _shifted(
     )
 
 
-def _turn_and_lean(rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
+def turn_and_lean(rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Turn (K,) and lean (K, 2), rad, of rotations (K, 3, 3) = exp(turn z) exp((lean, 0))."""
     down = rotation[:, 2]  # zᵀ R = (exp(lean)ᵀ z)ᵀ, whatever the turn
     angle = np.arccos(np.clip(down[:, 2], -1.0, 1.0))
