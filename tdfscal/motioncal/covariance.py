@@ -8,8 +8,9 @@ import numpy as np
 
 from tdfscal.model import dynamics
 from tdfscal.model.parameters import layout, sensing
+from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.rows import reading_gain
+from tdfscal.motioncal.rows import bins_of, independent, reading_gain
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum, spectrum
@@ -19,6 +20,10 @@ from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Names in the budget of what only motion has.
 SPECTRUM, MOTION = "noise spectrum", "motion"
+#: Length over which the positioners' errors change, m: of leads of screws, of joints of guides.
+FIELD = 0.015
+#: Places of a block at most between which they are compared.
+_PLACES = 1000
 #: A share of a null vector below this is rounding.
 _ROUNDING = 1e-6
 
@@ -63,17 +68,18 @@ def evaluate(fit: MovingFit) -> MovingUncertainty:
     parts = spectrum(fit.whitened()[1])
     C, added = posterior(fit, parts)
     turns = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
-    shares = {name: s[np.ix_(turns, turns)] for name, s in _shares(fit, C).items()}
-    shares[SPECTRUM] = added[np.ix_(turns, turns)]
-    linear = np.sum(list(shares.values()), axis=0)
+    p = int(fit.active.sum())
+    parted = {**shares_of(fit, C[:p]), SPECTRUM: added[:p, :p]}
+    total = np.sum(list(parted.values()), axis=0)
+    shares = {name: share[np.ix_(turns, turns)] for name, share in parted.items()}
+    linear = total[np.ix_(turns, turns)]
     covariance = without_faked(linear, faked_information(fit), blind_turns(parts, turns))
     shares["noise"] = shares["noise"] + (covariance - linear)
     R = fit.state.still.rotation
     infinite = np.full((n, 3), np.inf)
     std = np.zeros(len(fit.active))
-    blind = np.abs(parts.null).max(axis=0, initial=0.0) > _ROUNDING
-    p = int(fit.active.sum())
-    std[fit.active] = np.where(blind, np.inf, np.sqrt(np.diagonal(C + added)))[:p]
+    blind = np.abs(parts.null).max(axis=0, initial=0.0)[:p] > _ROUNDING
+    std[fit.active] = np.where(blind, np.inf, np.sqrt(np.diagonal(total)))
     cut = len(fit.active) - dynamics.PARAMETERS
     return MovingUncertainty(
         turns=Uncertainty(
@@ -84,20 +90,17 @@ def evaluate(fit: MovingFit) -> MovingUncertainty:
             effective_dof=infinite,
             coverage_factor=coverage_factor(INTERVAL_COVERAGE, infinite),
         ),
-        posterior=(C + added)[:p, :p],
+        posterior=total,
         moving_std=std[cut:],
     )
 
 
-def _shares(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
-    """Covariance (p, p) by source at the spectrum; together they are C."""
-    force, place = fit.noise.parts(fit.rows.bins)
-    variance = force + place
-    shares = {}
-    for name, part in (("noise", force), ("positioner", place)):
-        root = np.sqrt(fit.rows.bins.count * part) / variance
-        half = C @ fit.rows.scaled(fit.jacobian, root).T
-        shares[name] = half @ half.T
+def shares_of(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
+    """Covariance (p, p) of the active parameters by source; C (p, p + rests) : at the spectrum."""
+    bins = fit.rows.bins
+    force = fit.noise.parts(bins)[0]
+    white = fit.rows.scaled(fit.jacobian, np.sqrt(bins.count * force) / fit.noise.variance(bins))
+    shares = {"noise": _square(C @ white.T), "positioner": of_poses(fit, C)}
     columns = np.flatnonzero(fit.active)
     places = layout(fit.rig.n, fit.state.still.motions)
     cut = places["drift"].stop
@@ -106,11 +109,51 @@ def _shares(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
     for source, span in groups.items():
         inside = np.flatnonzero((columns >= span.start) & (columns < span.stop))
         rows = fit.prior_jacobian[np.abs(fit.prior_jacobian[:, inside]).any(axis=1)]
-        half = C @ rows.T
-        shares[source] = half @ half.T
-    own = C[:, len(columns) :]  # the turns at rests, whose prior rows are the unit matrix
-    shares["positioner"] = shares["positioner"] + own @ own.T
+        shares[source] = _square(C @ rows.T)
     return shares
+
+
+def _square(half: FloatArray) -> FloatArray:
+    return half @ half.T
+
+
+def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
+    """Covariance (p, p) of the active parameters by the positioners' errors.
+
+    The weights take these for noise of the time. They are a field of the place, whose turns count
+    by the loads of the instant and stand still at rest: σ² Σ h(t)ᵀ h(t′) / (1 + d² / 2ℓ²), with h
+    the estimate's answer to a turn at t, d the way between the places at t and t′, and σ² the
+    power of the poses' part of the spectrum. The correlation is that of smooth fields of all
+    lengths about ℓ (Rasmussen and Williams, Gaussian Processes, 2006, eq. 4.19).
+    """
+    p = len(C)
+    out = np.zeros((p, p))
+    for item in fit.designs:
+        block, N = item.block, len(item.turned)
+        frequency = block.frequency
+        answer = np.einsum("k,kac,kap->kcp", block.taper[0], item.turned, _answer(fit, item, C))
+        few = np.linspace(0, N, min(N, _PLACES), endpoint=False).astype(int)
+        answer = np.add.reduceat(answer, few, axis=0)
+        place = fit.slow.position[block.index][few].reshape(len(few), -1)
+        place = (place - place.mean(axis=0)) / np.sqrt(fit.rig.n)
+        square = np.sum(place**2, axis=1)
+        way = square[:, None] + square - 2 * place @ place.T
+        alike = 1 / (1 + way / (2 * FIELD**2))
+        power = 2 * float(np.trapezoid(fit.noise.density(frequency)[1], frequency))
+        flat = answer.reshape(len(few), -1)
+        out += power * answer.reshape(-1, p).T @ (alike @ flat).reshape(-1, p)
+    return out
+
+
+def _answer(fit: MovingFit, item: BlockDesign, C: FloatArray) -> FloatArray:
+    """Change (N, 6, p) of the active parameters by a unit wrench at every instant of a block."""
+    mix, ratio = independent(item)
+    bins, N = bins_of(item, ratio), len(item.turned)
+    weight = (bins.count / fit.noise.variance(bins)).reshape(-1, 6, 1)
+    gain = (mix.T @ (weight * (mix @ item.wrench(fit.slope)))).conj() @ C.T
+    # Re Σ_f gain e^{−iωt}: of a real transform all coefficients but the mean count twice.
+    gain[1:] /= 2
+    return np.asarray(item.block.scale * N * np.fft.irfft(gain.conj(), N, axis=0))
 
 
 def faked_information(fit: MovingFit) -> FloatArray:

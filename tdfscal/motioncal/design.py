@@ -37,6 +37,8 @@ class BlockDesign:
     that move, where none are declared to.
     unit_force, unit_turn : (6, 6), mean covariance of e for white noise of 1 N on every force
     component, and of 1 m on every servo coordinate through the registered pose.
+    turned : (N, 6, 3), e at every instant by three independent turns of its pose, as servo errors
+    of 1 m make them.
     lever : (n, 6, 3, 6, 3), mean of B_i ⊗ B_i, B_i the wrench of a unit force.
     rests : (F, 6, 3 R), wrench of the turns at the block's rests, in their priors' standard
     uncertainties; place : these among the turns at all rests of the log.
@@ -47,6 +49,7 @@ class BlockDesign:
     unit_force: FloatArray
     unit_turn: FloatArray
     lever: FloatArray
+    turned: FloatArray
     rests: ComplexArray
     place: slice
 
@@ -98,7 +101,10 @@ def block_design(
     delayed = ((after - before) / (2 * _SHIFT))[..., None]
     some = slice(None, None, _EVERY)
     weight = block.taper[0, some] ** 2 / np.sum(block.taper[0, some] ** 2)
-    turn = at.noise_turn[some] @ at.turn_cov[some] @ np.swapaxes(at.noise_turn[some], 1, 2)
+    near = rests.nearness(slow, block, resting)
+    # What the unknown turns of the rests leave of the positioners' errors.
+    left = np.maximum(1 - np.sum(near**2, axis=1), 0.0)[some] * weight
+    turned = at.noise_turn @ np.linalg.cholesky(at.turn_cov)
     own, B = at.noise_force[some], at.wrench[some]
     columns = [_sparse(block, at.design), moved, delayed]
     suspects = suspected(rig, slow)
@@ -108,9 +114,10 @@ def block_design(
         block=block,
         design=np.concatenate(columns, axis=2),
         unit_force=np.einsum("k,knab,kncb->ac", weight, own, own, optimize=True),
-        unit_turn=np.einsum("k,kab->ab", weight, turn),
+        unit_turn=np.einsum("k,kac,kbc->ab", left, turned[some], turned[some], optimize=True),
         lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
-        rests=_sparse(block, rests.columns(rig, slow, block, at, resting)),
+        turned=turned,
+        rests=_sparse(block, rests.columns(rig, at, near, resting)),
         place=slice(0, 3 * len(resting)),
     )
     return result, statics.balance(observed.subset(slice(0, 1)), state, centre, rig.gravity)

@@ -1,10 +1,10 @@
 """Propagation of distributions in motion (JCGM 101): spectrum, noise and the turns' own curvature.
 
 A trial draws the spectrum from its own uncertainty, then what noise of that spectrum does to all
-parameters, and takes the estimate to where the balance, which is bent in rotations, zeros and
-load, leads it: one step of Gauss and Newton on the statistic from the linear answer, whose error
-is of the third order. The linear interval has the first of these to the second order and the
-last not at all.
+parameters, the positioners' errors as the covariance has them, and takes the estimate to where
+the balance, which is bent in rotations, zeros and load, leads it: one step of Gauss and Newton on
+the statistic from the linear answer, whose error is of the third order. The linear interval has
+the first of these to the second order and the last not at all.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.model.parameters import parameter_count, retract
 from tdfscal.model.statics import features
-from tdfscal.motioncal.covariance import faked_information
+from tdfscal.motioncal.covariance import faked_information, shares_of
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.numerics import so3
 from tdfscal.numerics.propagation import propagate
@@ -41,8 +41,12 @@ class Sampler:
         here, root = equations.solved(model.log_density)
         variance = model.variance(rows.bins)
         white = rows.weighted(rows.design[:, :cut], variance)
-        # Gain (p + rests, q): where a change of the static features takes the estimate.
-        self.gain = -root @ (root.T @ (rows.weighted(fit.jacobian, variance).T @ white))
+        p = int(fit.active.sum())
+        # Gain (p, q): where a change of the static features takes the estimate.
+        self.gain = -root[:p] @ (root.T @ (rows.weighted(fit.jacobian, variance).T @ white))
+        C = root[:p] @ root.T
+        stated = np.sum(list(shares_of(fit, C).values()), axis=0)
+        wider = _mapping(C[:, :p], stated)
         faked = np.zeros((len(here),) * 2)
         turns = 3 * fit.rig.n
         faked[:turns, :turns] = faked_information(fit)
@@ -53,11 +57,12 @@ class Sampler:
         # In pairs about the estimate, so that few of them have its mean.
         for density in model.log_density + np.concatenate([away, -away]):
             step, root = equations.solved(density)
-            self.shift.append(step - here)
+            self.shift.append((step - here)[:p])
             # (JᵀJ − faked)⁻¹ within the directions that are seen.
             less = np.eye(root.shape[1]) - root.T @ faked @ root
             left, vectors = np.linalg.eigh(less)
-            self.root.append(root @ (vectors / np.sqrt(np.maximum(left, _LEAST))))
+            own = root @ (vectors / np.sqrt(np.maximum(left, _LEAST)))
+            self.root.append(wider @ own[:p])
 
     def draw(self, rng: np.random.Generator, trials: int) -> FloatArray:
         """Rotations (T, n, 3, 3)."""
@@ -72,7 +77,7 @@ class Sampler:
         return np.asarray(so3.exp(turns) @ self.fit.state.still.rotation)
 
     def _bent(self, step: FloatArray) -> FloatArray:
-        """Static features (T, q) at steps (T, p + rests) less their linearisation."""
+        """Static features (T, q) at steps (T, p) less their linearisation."""
         fit, g = self.fit, self.fit.rig.gravity
         still, static = fit.state.still, np.flatnonzero(fit.active)
         P = parameter_count(still.n, still.motions)
@@ -85,6 +90,19 @@ class Sampler:
         out = np.zeros((len(step), self.gain.shape[1]))
         out[:, : len(start)] = bent
         return out
+
+
+def _mapping(before: FloatArray, after: FloatArray) -> FloatArray:
+    """T (p, p) with T before Tᵀ = after, the symmetric one where `before` is the unit matrix."""
+    scale = np.sqrt(np.diagonal(before))
+    scale = np.where(scale > 0, scale, 1.0)
+    values, axes = np.linalg.eigh(before / np.outer(scale, scale))
+    seen = values > values[-1] * len(values) * np.finfo(float).eps
+    white = axes[:, seen] / np.sqrt(values[seen])
+    grown, along = np.linalg.eigh(white.T @ (after / np.outer(scale, scale)) @ white)
+    root = (along * np.sqrt(np.maximum(grown, 0.0))) @ along.T
+    back = axes[:, seen] * np.sqrt(values[seen])
+    return np.asarray(scale[:, None] * (back @ root @ white.T) / scale)
 
 
 def simulate(

@@ -49,16 +49,10 @@ def _resting(slow: Slow, block: Block) -> list[slice]:
     return [slice(int(run[0]), int(run[-1]) + lag + 1) for run in runs if len(run) + lag >= least]
 
 
-def columns(
-    rig: Rig, slow: Slow, block: Block, at: Balance, resting: Sequence[slice]
-) -> FloatArray:
-    """Wrench (N, 6, 3 R) of a unit turn at every rest, in its prior's standard uncertainties.
-
-    at : the balance of the block's instants, with positions of unit covariance.
-    """
+def nearness(slow: Slow, block: Block, resting: Sequence[slice]) -> FloatArray:
+    """Share (N, R) of the positioners' error at every rest that each instant has in common."""
     place = slow.position[block.index]
-    std = max(rig.declared.positioner, UNSTATED)
-    out = np.zeros((len(place), 6, 3 * len(resting)))
+    out = np.zeros((len(place), len(resting)))
     for k, run in enumerate(resting):
         way = np.linalg.norm(place - place[run].mean(axis=0), axis=2).max(axis=1)
         near = np.exp(-0.5 * (way / _LEAD) ** 2)
@@ -66,7 +60,19 @@ def columns(
         far = np.flatnonzero(way > 3 * _LEAD)
         near[: max(far[far < run.start], default=0)] = 0.0
         near[min(far[far >= run.stop], default=len(near)) :] = 0.0
+        out[:, k] = near
+    return out
+
+
+def columns(rig: Rig, at: Balance, near: FloatArray, resting: Sequence[slice]) -> FloatArray:
+    """Wrench (N, 6, 3 R) of a unit turn at every rest, in its prior's standard uncertainties.
+
+    at : the balance of the block's instants, with positions of unit covariance.
+    """
+    std = max(rig.declared.positioner, UNSTATED)
+    out = np.zeros((len(near), 6, 3 * len(resting)))
+    for k, run in enumerate(resting):
         middle = (run.start + run.stop) // 2
         turn = at.noise_turn @ np.linalg.cholesky(at.turn_cov[middle])
-        out[:, :, 3 * k : 3 * k + 3] = std * near[:, None, None] * turn
+        out[:, :, 3 * k : 3 * k + 3] = std * near[:, k, None, None] * turn
     return out
