@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.comparison.control_chart import Alarm, Check, Watching
-from tdfscal.comparison.walk import Intensity, backward, forward, intensity, log_likelihood, others
+from tdfscal.comparison.walk import Intensity, intensity, log_likelihood, others
 from tdfscal.model.earlier import turned
 from tdfscal.model.parameters import EVEN_TURN, State
 from tdfscal.numerics import so3
@@ -103,17 +103,16 @@ def live(
     -------
     Life : two checks or more.
     """
-    n, gaps = rig.n, np.diff([c.month for c in checks], prepend=checks[0].month)
+    gaps = np.diff([c.month for c in checks], prepend=checks[0].month)
     birge = max(1.0, float(np.sqrt(fit[0] / fit[1]))) if fit[1] > 0 else 1.0
     checks = [Check(c.name, c.month, c.own.scaled(birge)) for c in checks]
-    own = [check.own for check in checks]
+    own, n, R = [check.own for check in checks], rig.n, reference.rotation
 
     def steps(walk: float) -> list[FloatArray]:
         return [turned(rig, walk * float(np.sqrt(max(gap, 0.0)))) for gap in gaps]
 
-    declared = steps(rig.drift.angle)
-    watch = Watching(checks, prior, declared, n, rate).run()
-    jumps = [a - b for a, b in zip(watch.steps, declared, strict=True)]
+    watch = Watching(checks, prior, steps(rig.drift.angle), n, rate).run()
+    jumps = [a - b for a, b in zip(watch.steps, steps(rig.drift.angle), strict=True)]
 
     def jumping(walk: float) -> list[FloatArray]:
         return [a + b for a, b in zip(steps(walk), jumps, strict=True)]
@@ -122,36 +121,28 @@ def live(
     if len(checks) >= _FEWEST_FOR_WALK:
         walk = intensity(lambda q: log_likelihood(own, prior, jumping(q)))
     used = max(rig.drift.angle, walk.value if walk else 0.0)
-    smooth = _smoothed(own, prior, jumping(used))
-    means = _smoothed(own, prior, jumps)
-    alone = [
-        (rest.walked(turned(rig, EVEN_TURN)) + item)
-        for rest, item in zip(others(own, prior, jumping(used)), own, strict=True)
-    ]
-    turn, turn_std = _turns(alone, n)
-    path, path_std = _turns(smooth, n)
-    mean, mean_std = _turns(means, n)
+    rest, still = others(own, prior, jumping(used)), others(own, prior, jumps)
+    alone = _told(
+        ((a.walked(turned(rig, EVEN_TURN)), b) for a, b in zip(rest, own, strict=True)), R
+    )
+    path, mean = (_told(zip(known, own, strict=True), R) for known in (rest, still))
     z = normal_quantile(1 - watch.level / (2 * 3 * n))[:, None, None]
-    width = np.hypot(turn_std, mean_std)
-    R = reference.rotation
-    J = so3.rpy_jacobian(R)
-    rpy, rpy_std = _angles(turn, alone, R)
-    path_rpy, path_rpy_std = _angles(path, smooth, R)
-    seen = np.asarray(turn_std.max(axis=2) < 0.3 * EVEN_TURN)
+    width = np.einsum("iab,kib->kia", so3.rpy_jacobian(R) ** 2, alone.std**2 + mean.std**2)
+    seen = np.asarray(alone.std.max(axis=2) < 0.3 * EVEN_TURN)
     return Life(
         supports=rig.supports,
         names=tuple(check.name for check in checks),
         month=np.array([check.month for check in checks]),
         reference=R,
-        turn=turn,
-        turn_std=turn_std,
+        turn=alone.turn,
+        turn_std=alone.std,
         seen=seen,
-        rpy=rpy,
-        rpy_std=rpy_std,
-        path=path_rpy,
-        path_std=path_rpy_std,
-        mean=so3.to_rpy(so3.exp(mean) @ R),
-        limit=z * np.sqrt(np.einsum("iab,kib->kia", J**2, width**2)),
+        rpy=alone.rpy,
+        rpy_std=alone.rpy_std,
+        path=path.rpy,
+        path_std=path.rpy_std,
+        mean=mean.rpy,
+        limit=z * np.sqrt(width),
         alarms=watch.alarms,
         level=watch.level,
         smallest=watch.smallest,
@@ -162,7 +153,7 @@ def live(
         due=_due(
             checks[-1].month,
             rig.acceptance.angle_std,
-            np.where(np.asarray(seen.any(axis=0))[:, None], path_std[-1], 0.0),
+            np.where(np.any(seen, axis=0)[:, None], path.std[-1], 0.0),
             _pace(watch.alarms, n),
             used,
             walk,
@@ -170,33 +161,28 @@ def live(
     )
 
 
-def _smoothed(
-    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
-) -> list[Information]:
-    before, after = forward(own, prior, steps), backward(own, steps)
-    return [a + b + c for a, b, c in zip(before, own, after, strict=True)]
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """Turns from the reference, rad, BCS, and the angles they make; all (K, n, 3), std beside."""
+
+    turn: FloatArray
+    std: FloatArray
+    rpy: FloatArray
+    rpy_std: FloatArray
 
 
-def _turns(states: Sequence[Information], n: int) -> tuple[FloatArray, FloatArray]:
-    """Turns from the reference and their standard uncertainties, (K, n, 3), rad, BCS."""
-    covariances = [state.covariance for state in states]
-    x = [C @ state.score for C, state in zip(covariances, states, strict=True)]
-    std = [np.sqrt(np.diagonal(C)) for C in covariances]
-    shape = (len(states), n, 3)
-    return np.array(x)[:, : 3 * n].reshape(shape), np.array(std)[:, : 3 * n].reshape(shape)
-
-
-def _angles(
-    turn: FloatArray, states: Sequence[Information], R: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Roll, pitch, yaw (K, n, 3) and their standard uncertainties, rad."""
-    rotation = so3.exp(turn) @ R
-    n = len(R)
-    variance = [
-        so3.rpy_variance(at, state.covariance[: 3 * n, : 3 * n])
-        for at, state in zip(rotation, states, strict=True)
-    ]
-    return so3.to_rpy(rotation), np.sqrt(variance)
+def _told(known: Iterable[tuple[Information, Information]], R: FloatArray) -> _Told:
+    """What each check's own information and that of the others, added, say of the turns."""
+    n, turns, stds, variances = len(R), [], [], []
+    for others_say, own in known:
+        state = others_say + own
+        C = state.covariance[: 3 * n]
+        turn = (C @ state.score).reshape(n, 3)
+        turns.append(turn)
+        stds.append(np.sqrt(np.diagonal(C)).reshape(n, 3))
+        variances.append(so3.rpy_variance(so3.exp(turn) @ R, C[:, : 3 * n]))
+    turn = np.array(turns)
+    return _Told(turn, np.array(stds), so3.to_rpy(so3.exp(turn) @ R), np.sqrt(variances))
 
 
 def _due(

@@ -11,22 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdfscal.comparison.control_chart import Alarm, Check
-from tdfscal.comparison.eliminated import stated
-from tdfscal.comparison.history import Life, live
-from tdfscal.comparison.pooling import Pool, pool
+from tdfscal.comparison.control_chart import Alarm
+from tdfscal.comparison.history import Life
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.logs import is_log
-from tdfscal.model.earlier import free_constants, turned
-from tdfscal.model.parameters import State, deviation
-from tdfscal.numerics.information import Information, without
-from tdfscal.records import ANGLES, BoolArray, Rig
+from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting.layout import LISTED, Drawing
-from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import one
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
@@ -36,11 +30,11 @@ from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.recorded_once import Recording, refuse_repeated
 from tdfscal.workflows.result import Result
+from tdfscal.workflows.rig_life import life_of
 from tdfscal.workflows.several_campaigns import (
     Read,
     campaign_folders,
     read_campaign,
-    recorded,
     recording,
     require_one_rig,
 )
@@ -173,7 +167,7 @@ def monitor(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
     progress.stage(f"going through {len(known) + len(reads)} checks")
-    life = _life(rig, known, reads, rate)
+    life = life_of(rig, known, reads, rate)
     result = MonitorResult(
         rig,
         life,
@@ -228,93 +222,6 @@ def _one_rig(known: Sequence[Earlier], reads: Sequence[Read]) -> Rig:
     for _, rig, other in rigs:
         require_one_rig(latest, rig, other, name)
     return latest
-
-
-def _life(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: float) -> Life:
-    checks: list[Check] = []
-    chi2, dof = 0.0, 0
-    reference: State | None = None
-    if reads:
-        pooled = pool([recorded(read) for read in reads])
-        reference, told = pooled.reference, _determined(rig, pooled, reads)
-        lost = _turns_but(rig, told)
-        for m in pooled.members:
-            own = _said(m.own + pooled.prior, pooled.prior, lost) if lost.any() else m.own
-            checks.append(Check(m.name, m.month, own))
-        chi2 += sum(m.within[0] for m in pooled.members)
-        dof += sum(m.within[1] for m in pooled.members)
-    reference = _common(reference, told if reads else None, known)
-    prior = stated(Priors(rig), reference)
-    hashes = {e.sha256: e for e in known}
-    for e in known:
-        checks.append(Check(e.name, e.measured.month, _own(rig, e, hashes, reference, prior)))
-        if not e.file.campaigns:
-            chi2, dof = chi2 + e.chi2, dof + e.dof
-    checks.sort(key=lambda check: check.month)
-    return live(rig, reference, prior, checks, rate=rate, fit=(chi2, dof))
-
-
-def _determined(rig: Rig, pooled: Pool, reads: Sequence[Read]) -> BoolArray:
-    """Sensors (n,) that campaigns together determine, or that lack no axis in any of them."""
-    whole = np.all([read.campaign.rig.rig.axes.all(axis=1) for read in reads], axis=0)
-    last = pooled.posterior(rig, len(pooled.members) - 1)
-    std = np.sqrt(np.diagonal(last.covariance)[: 3 * rig.n]).reshape(-1, 3)
-    return np.asarray(whole | (std.max(axis=1) < rig.acceptance.identifiable))
-
-
-def _turns_but(rig: Rig, determined: BoolArray) -> BoolArray:
-    """Places (C,) of the turns of sensors that nothing determines."""
-    lost = np.zeros(int(free_constants(rig).sum()), dtype=np.bool_)
-    lost[: 3 * rig.n] = np.repeat(~determined, 3)
-    return lost
-
-
-def _common(pooled: State | None, told: BoolArray | None, known: Sequence[Earlier]) -> State:
-    """Constants from which all checks count: each sensor's turns where something determines it."""
-    if pooled is None:
-        pooled, told, known = known[0].state, known[0].file.determined, known[1:]
-    assert told is not None
-    rotation, told = pooled.rotation.copy(), told.copy()
-    for e in known:
-        new = e.file.determined & ~told
-        rotation[new], told = e.state.rotation[new], told | new
-    return replace(pooled, rotation=rotation)
-
-
-def _own(
-    rig: Rig, e: Earlier, known: dict[str, Earlier], reference: State, prior: Information
-) -> Information:
-    """What a calibration's own data say, without what was known before them."""
-    here = _about(rig, e, reference)
-    told = e.file.determined
-    if not e.file.history:
-        return _said(here, prior, _turns_but(rig, told))
-    base = known.get(e.file.history[-1].sha256)
-    if base is None:
-        if min(o.measured.month for o in known.values()) < e.measured.month:
-            raise UsageError(
-                f"stands on a calibration of {e.file.history[-1].created[:10]} that is not named",
-                where=e.name,
-                hint="name every calibration since the first, or campaigns instead",
-            )
-        return _said(here, prior, _turns_but(rig, told))
-    gap = max(e.measured.month - base.measured.month, 0.0)
-    before = _about(rig, base, reference)
-    lost = _turns_but(rig, told & base.file.determined)
-    before = before.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap))))
-    return _said(here, before, lost)
-
-
-def _said(now: Information, before: Information, lost: BoolArray) -> Information:
-    """What was added to what was known before, of all constants but those that are lost (C,)."""
-    return without(now.without(lost), before.without(lost))
-
-
-def _about(rig: Rig, e: Earlier, reference: State) -> Information:
-    """Information of a calibration, counted from a common reference."""
-    free = free_constants(rig)
-    away = deviation(e.state, reference)[: len(free)][free]
-    return Information(e.information.matrix, e.information.matrix @ away)
 
 
 def _papers(rig: Rig) -> tuple[str, ...]:
