@@ -110,7 +110,7 @@ def check_unmeasured(
         )
 
 
-def _axes_line(rig: Rig, i: int, j: int) -> str:
+def axes_line(rig: Rig, i: int, j: int) -> str:
     """The line of the rig file that takes an axis out."""
     left = [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j]
     return f"write `axes: [{', '.join(left)}]` for {rig.supports[i]} in rig.yaml"
@@ -158,5 +158,5 @@ def _stuck(rig: Rig, dwells: Dwells, i: int, j: int) -> DataError:
         f"{_axis(rig, i, j)} reads {value:.6g} N in every posture: it is dead or not connected",
         where="log forces",
         hint="check the sensor, its amplifier and the force fields in rig.yaml; to calibrate the "
-        f"rest without it, {_axes_line(rig, i, j)}",
+        f"rest without it, {axes_line(rig, i, j)}",
     )

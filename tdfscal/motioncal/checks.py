@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tdfscal.checks.faulty_sensors import axes_line, check_unmeasured
 from tdfscal.errors import DataError
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block
 from tdfscal.motioncal.contact import Stretch
@@ -29,7 +30,8 @@ _NAMED = 3
 def check_stream(rig: Rig, slow: Slow) -> None:
     """Raise DataError where a declaration has no place in motion, or the streams are unfit.
 
-    Unfit: a component is dead, or positions are too coarse.
+    Unfit: a component is dead, or one that is not measured follows the load, or positions are too
+    coarse.
     """
     if rig.drift.temperature > 0 and slow.temperature is None:
         raise DataError(
@@ -37,21 +39,20 @@ def check_stream(rig: Rig, slow: Slow) -> None:
             where="rig.yaml, drift.temperature",
             hint="name the field in log.temperature, or take drift.temperature out",
         )
-    if not rig.axes.all():
-        i, j = np.argwhere(~rig.axes)[0]
-        raise DataError(
-            f"the sensor of {rig.supports[i]} does not measure {_AXES[j]}, and a calibration in "
-            "motion needs every component",
-            where="rig.yaml, supports",
-            hint="calibrate from dwells (--samples static)",
-        )
+    check_unmeasured(
+        rig.supports,
+        rig.axes,
+        scatter=slow.force.std(axis=0),
+        noise=np.diff(slow.force, 2, axis=0).std(axis=0) / np.sqrt(6.0),
+    )
     still = np.ptp(slow.force, axis=0) <= _SAME * np.abs(slow.force).max(axis=0)
-    for i, j in np.argwhere(still):
+    for i, j in np.argwhere(still & rig.axes):
         raise DataError(
             f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} reads "
             f"{slow.force[0, i, j]:.6g} N throughout: it is dead or not connected",
             where="log forces",
-            hint="check the sensor, its amplifier and the force fields in rig.yaml",
+            hint="check the sensor, its amplifier and the force fields in rig.yaml, or "
+            f"{axes_line(rig, int(i), int(j))}",
         )
     rounding = slow.quantum / np.sqrt(12.0)
     allowed = _COARSE * (rig.declared.positioner or _UNSTATED)
@@ -99,7 +100,7 @@ def frozen(rig: Rig, slow: Slow) -> tuple[BoolArray, tuple[Stretch, ...]]:
     A force that stays the same to the last digit is frozen; an NCP's place is while others move.
     """
     found = []
-    for i, j in np.ndindex(slow.force.shape[1:]):
+    for i, j in np.argwhere(rig.axes):
         reason = f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} is frozen"
         found += [(run, reason) for run in _same(slow.force[:, i, j, None], slow.step)]
     for i in range(rig.n):

@@ -1,8 +1,8 @@
 """What touches the terminal while it moves: a score test of a free wrench in sliding windows.
 
 A window's shape times each of the six components of a wrench is a column that the model does not
-have. Its score in the weighted residuals, less what the fit would take up of it, is χ²₆ where
-nothing touches (Rao, Proc. Camb. Phil. Soc. 44, 1948).
+have. Its score in the weighted residuals, less what the fit would take up of it, is χ² of as many
+unknowns as are seen where nothing touches (Rao, Proc. Camb. Phil. Soc. 44, 1948).
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ def touched(fit: MovingFit, level: float = CONTACT_IN_MOTION) -> tuple[Stretch, 
     """
     shapes = _Shapes()
     tests = max(1, sum(len(shapes.of(block)[1]) for block in fit.blocks))
-    limit = float(chi2_quantile(1 - level / tests, 6))
+    seen = len(fit.designs[0].seen)
+    limit = float(chi2_quantile(1 - level / tests, seen))
     root = spectrum(fit.whitened()[1]).root
     floor = _HALF * limit if len(fit.designs) > _MANY else 0.0
     scores = [
@@ -113,7 +114,7 @@ def _scores(
     """
     mixing, ratio = independent(item)
     bins = bins_of(item, ratio)
-    weight = (bins.count / fit.noise.variance(bins)).reshape(-1, 6)
+    weight = (bins.count / fit.noise.variance(bins)).reshape(-1, len(ratio))
     # In the components that are independent: u = Σ d* r / s, G = Σ |d|² / s, L = Σ d* J / s.
     u = (d.conj() @ (e @ mixing.T * weight)).real
     G = np.abs(d) ** 2 @ weight
@@ -123,15 +124,16 @@ def _scores(
     if some.any():
         J = (mixing @ item.wrench(fit.slope)) * weight[..., None]
         L = d[some].conj() @ J.reshape(len(weight), -1)
-        taken = L.real.reshape(len(L), 6, -1) @ root
+        each = np.arange(len(ratio))
+        taken = L.real.reshape(len(L), len(each), -1) @ root
         info = -(taken @ np.swapaxes(taken, 1, 2))
-        info[:, np.arange(6), np.arange(6)] += G[some]
+        info[:, each, each] += G[some]
         # What the fit takes up whole leaves no information; a trace of it keeps the matrix regular.
-        info[:, np.arange(6), np.arange(6)] += 1e-6 * G[some]
+        info[:, each, each] += 1e-6 * G[some]
         amplitude[some] = -np.linalg.solve(info, u[some, :, None])[..., 0]
         statistic[some] = -np.sum(u[some] * amplitude[some], axis=1)
     # e = … + wrench of the contact: what acts is minus what the balance lacks.
-    wrench = -np.linalg.solve(mixing, amplitude[..., None])[..., 0]
+    wrench = -amplitude @ np.linalg.pinv(mixing).T
     return _Scores(np.asarray(item.block.begin + middle), statistic, np.asarray(wrench))
 
 

@@ -149,7 +149,7 @@ def _answer(fit: MovingFit, item: BlockDesign, C: FloatArray) -> FloatArray:
     """Change (N, 6, p) of the active parameters by a unit wrench at every instant of a block."""
     mix, ratio = independent(item)
     bins, N = bins_of(item, ratio), len(item.turned)
-    weight = (bins.count / fit.noise.variance(bins)).reshape(-1, 6, 1)
+    weight = (bins.count / fit.noise.variance(bins)).reshape(-1, len(ratio), 1)
     gain = (mix.T @ (weight * (mix @ item.wrench(fit.slope)))).conj() @ C.T
     # Re Σ_f gain e^{−iωt}: of a real transform all coefficients but the mean count twice.
     gain[1:] /= 2
@@ -169,9 +169,9 @@ def faked_information(fit: MovingFit) -> FloatArray:
     for item in fit.designs:
         W = reading_gain(item, fit.noise)
         C = np.einsum("nrasb,rs->nab", item.lever, W)
-        for turn in axes:
+        for turn, measured in zip(axes, fit.rig.axes.T, strict=True):
             block = np.swapaxes(turn, 1, 2) @ C @ turn
-            for i in range(n):
+            for i in np.flatnonzero(measured):
                 faked[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block[i]
     return faked
 

@@ -13,6 +13,7 @@ from tdfscal.model.parameters import State, gravity
 from tdfscal.model.statics import Balance, Postures
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
 from tdfscal.motioncal import rests
+from tdfscal.motioncal.across import Across, across
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig
@@ -26,6 +27,8 @@ _HALF = 3
 _EVERY = 4
 #: Shift of the poses for the derivative by the delay, s.
 _SHIFT = 5.0e-3
+#: Rows of the force and of the moment.
+_FORCE, _MOMENT = slice(0, 3), slice(3, 6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +43,7 @@ class BlockDesign:
     turned : (N, 6, 3), e at every instant by three independent turns of its pose, as servo errors
     of 1 m make them.
     lever : (n, 6, 3, 6, 3), mean of B_i ⊗ B_i, B_i the wrench of a unit force.
+    seen : (r, 6), brings e to the r coordinates that no unmeasured force reaches.
     rests : (F, 6, 3 R), wrench of the turns at the block's rests, in their priors' standard
     uncertainties; place : these among the turns at all rests of the log.
     """
@@ -50,6 +54,7 @@ class BlockDesign:
     unit_turn: FloatArray
     lever: FloatArray
     turned: FloatArray
+    seen: FloatArray
     rests: ComplexArray
     place: slice
 
@@ -93,9 +98,10 @@ def block_design(
     position = course(moving.delay) if moving.delay else slow.position[rows]
     observed = instants(rig, slow, position, rows)
     at = statics.balance(observed, state, centre, rig.gravity)
-    moved = _moving_columns(block, at.rotation, position, state, centre)
+    seen = across(block, at)
+    moved = _moving_columns(seen, at.rotation, position, state, centre)
     before, after = (
-        _residual(rig, slow, block, course(moving.delay + shift), state, moving)
+        _residual(rig, at.seen.force, seen, course(moving.delay + shift), state, moving)
         for shift in (-_SHIFT, _SHIFT)
     )
     delayed = ((after - before) / (2 * _SHIFT))[..., None]
@@ -104,12 +110,13 @@ def block_design(
     near = rests.nearness(slow, block, resting)
     # What the unknown turns of the rests leave of the positioners' errors.
     left = np.maximum(1 - np.sum(near**2, axis=1), 0.0)[some] * weight
-    turned = at.noise_turn @ np.linalg.cholesky(at.turn_cov)
-    own, B = at.noise_force[some], at.wrench[some]
-    columns = [_sparse(block, at.design), moved, delayed]
+    turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
+    own = seen.wrench(np.where(rig.axes[:, None], at.noise_force, 0.0))[some]
+    B = seen.wrench(at.wrench)[some]
+    columns = [seen.transform(at.design), moved, delayed]
     suspects = suspected(rig, slow)
     if suspects is not None:
-        columns.append(_sparse(block, _zeros_moving(at, suspects.subset(rows))))
+        columns.append(seen.transform(_zeros_moving(at, suspects.subset(rows))))
     result = BlockDesign(
         block=block,
         design=np.concatenate(columns, axis=2),
@@ -117,7 +124,8 @@ def block_design(
         unit_turn=np.einsum("k,kac,kbc->ab", left, turned[some], turned[some], optimize=True),
         lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
         turned=turned,
-        rests=_sparse(block, rests.columns(rig, at, near, resting)),
+        seen=seen.seen,
+        rests=seen.transform(rests.columns(rig, at, near, resting)),
         place=slice(0, 3 * len(resting)),
     )
     return result, statics.balance(observed.subset(slice(0, 1)), state, centre, rig.gravity)
@@ -137,14 +145,6 @@ def instants(rig: Rig, slow: Slow, position: FloatArray, rows: slice) -> Posture
         measured=rig.axes,
         motion=None if motion is None else motion.subset(rows),
     )
-
-
-def _sparse(block: Block, columns: FloatArray) -> ComplexArray:
-    """Coefficients (F, 6, c) of columns (N, 6, c), most of which are zero."""
-    out = np.zeros((len(block.frequency), *columns.shape[1:]), dtype=np.complex128)
-    there = columns.any(axis=0)
-    out[:, there] = block.transform(columns[:, there])
-    return out
 
 
 def suspected(rig: Rig, slow: Slow) -> ZeroMotion | None:
@@ -172,19 +172,19 @@ def drifting(rig: Rig, slow: Slow) -> ZeroMotion | None:
 
 
 def _moving_columns(
-    block: Block, R: FloatArray, position: FloatArray, state: State, centre: FloatArray
+    seen: Across, R: FloatArray, position: FloatArray, state: State, centre: FloatArray
 ) -> ComplexArray:
     """Columns of m, m (r_m − c), I_c and τ, (F, 6, 11)."""
-    F = len(block.frequency)
-    out = np.zeros((F, 6, 11), dtype=np.complex128)
-    place, turning, speed_up = _kinematics(block, R, position, state, centre)
-    out[:, :3, 0] = -block.transform(place, derivative=2)
-    out[:, :3, 1:4] = -block.transform(R, derivative=2)
+    place, turning, speed_up = _kinematics(seen.block, R, position, state, centre)
+    at_once = np.zeros((len(R), 6, 4))
     arm_rate = np.cross(np.swapaxes(R, 1, 2), speed_up[:, None], axis=2)  # (R e_a) × a
-    out[:, 3:, 1:4] = -block.transform(np.swapaxes(arm_rate, 1, 2))
-    out[:, 3:, 4:10] = -block.transform(dynamics.spin_momentum(R, turning), derivative=1)
-    out[:, 3:, 10] = -state.n * block.transform(stuck(turning))
-    return out
+    at_once[:, 3:, :3] = np.swapaxes(arm_rate, 1, 2)
+    at_once[:, 3:, 3] = state.n * stuck(turning)
+    now = seen.transform(at_once)
+    pushed = seen.derivative(_FORCE, np.concatenate([place[..., None], R], axis=2), 2)
+    pushed[..., 1:] += now[..., :3]
+    spun = seen.derivative(_MOMENT, dynamics.spin_momentum(R, turning), 1)
+    return -np.concatenate([pushed, spun, now[..., 3:]], axis=2)
 
 
 def stuck(turning: FloatArray) -> FloatArray:
@@ -207,22 +207,21 @@ def _kinematics(
 
 
 def _residual(
-    rig: Rig, slow: Slow, block: Block, position: FloatArray, state: State, moving: Moving
+    rig: Rig, reading: FloatArray, seen: Across, position: FloatArray, state: State, moving: Moving
 ) -> ComplexArray:
-    """E (F, 6) of one block with its poses at other servo positions."""
+    """E (F, 6) of one block with its poses at other servo positions; reading (N, n, 3), N."""
     centre = state.barycentre
     R = rotations(state.hinge, position - state.datum)
     arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
-    F = statics.forces(state, slow.force[block.index])
+    F = statics.forces(state, reading)
     e = np.zeros((len(F), 6))
     e[:, :3] = F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
     e[:, 3:] = np.cross(arm, F).sum(axis=1)
     m, *rest = dynamics.features(state, moving, centre, moving.delay)[:11]
     lever, inertia, friction = np.array(rest[:3]), np.array(rest[3:9]), rest[9]
-    place, turning, speed_up = _kinematics(block, R, position, state, centre)
+    place, turning, speed_up = _kinematics(seen.block, R, position, state, centre)
     e[:, 3:] -= np.cross(R @ lever, speed_up) + state.n * friction * stuck(turning)
-    out = block.transform(e)
-    out[:, :3] -= block.transform(m * place + R @ lever, derivative=2)
+    out = seen.transform(e[..., None])
+    out -= seen.derivative(_FORCE, (m * place + R @ lever)[..., None], 2)
     spin = dynamics.spin_momentum(R, turning) @ inertia
-    out[:, 3:] -= block.transform(spin, derivative=1)
-    return np.asarray(out)
+    return np.asarray((out - seen.derivative(_MOMENT, spin[..., None], 1))[..., 0])

@@ -31,6 +31,8 @@ from tdfscal.selfcal.estimator import Priors
 _FEW, _PROBES = 2, 1
 #: Looks from a new linearisation at most, and the change, in standard deviations, that ends them.
 _LOOKS, _SETTLED = 12, 0.01
+#: Looks at most where forces that nobody measures have to be found along with the angles.
+_LOOKS_ACROSS = 60
 #: Steps of the spectrum per look, and the change of a logarithm that ends them.
 _SCORES, _SCORED = 20, 0.02
 
@@ -301,7 +303,7 @@ def fit_moving(
     if len(few) < len(blocks):
         first = fit_moving(rig, slow, few, start, delay, model)
         state, model, iterations = first.state, first.noise, first.iterations
-    for look in range(_LOOKS):
+    for look in range(_LOOKS if rig.axes.all() else _LOOKS_ACROSS):
         fit = estimate_noise(at_state(rig, slow, blocks, state, priors, model))
         model = fit.noise
         solution = _solve(fit, priors)

@@ -52,9 +52,14 @@ class HeldOut:
     after_max: FloatArray
 
 
-def compare_halves(fit: MovingFit, keep: BoolArray, delay: UncertainValue) -> Halves:
-    """Estimate the turn of every sensor between the halves, all else common to both."""
-    n = fit.rig.n
+def compare_halves(
+    fit: MovingFit, keep: BoolArray, delay: UncertainValue, determined: BoolArray
+) -> Halves:
+    """Estimate the turn of every sensor between the halves, all else common to both.
+
+    determined : (n,), sensors whose turns the data show; the others are taken to stand.
+    """
+    n, free = fit.rig.n, np.flatnonzero(np.repeat(determined, 3))
     none = Halves(np.zeros((n, 3)), np.full((n, 3), np.inf), 1.0)
     both = _parted(fit, keep, delay, 2)
     if both is None:
@@ -64,18 +69,19 @@ def compare_halves(fit: MovingFit, keep: BoolArray, delay: UncertainValue) -> Ha
     r2, j2 = _factor(at, second)
     last = int(at.active.sum())
     timed = j2[:, last - 1 : last] if at.active[-1] else j2[:, :0]
-    extra = np.concatenate([timed, j2[:, : 3 * n]], axis=1)
+    extra = np.concatenate([timed, j2[:, free]], axis=1)
     blank = np.zeros((len(j1), extra.shape[1]))
     priors = np.pad(at.prior_jacobian, ((0, 0), (0, extra.shape[1])))
     parts = spectrum(np.concatenate([np.block([[j1, blank], [j2, extra]]), priors]))
     change = parts.solve(np.concatenate([r1, r2, at.prior_residual]))
-    cov = (parts.root @ parts.root.T)[-3 * n :, -3 * n :]
-    if np.abs(parts.null[:, -3 * n :]).max(initial=0.0) > 1e-6:
+    cov = (parts.root @ parts.root.T)[-len(free) :, -len(free) :]
+    if np.abs(parts.null[:, -len(free) :]).max(initial=0.0) > 1e-6:
         return none
-    column = -3 * n - 1
-    turn = change[-3 * n :]
-    p = float(chi2_sf(turn @ np.linalg.solve(cov, turn), 3 * n))
-    turns = Halves(turn.reshape(n, 3), np.sqrt(np.diag(cov)).reshape(n, 3), p)
+    column = -len(free) - 1
+    turn, std = none.turn.ravel(), none.std.ravel()
+    turn[free], std[free] = change[-len(free) :], np.sqrt(np.diag(cov))
+    p = float(chi2_sf(turn[free] @ np.linalg.solve(cov, turn[free]), len(free)))
+    turns = Halves(turn.reshape(n, 3), std.reshape(n, 3), p)
     if not timed.shape[1] or np.abs(parts.null[:, column]).max(initial=0.0) > 1e-6:
         return turns
     spread = float(np.sqrt(parts.root[column] @ parts.root[column]))

@@ -17,7 +17,7 @@ from tdfscal.motioncal.covariance import faked_information, shares_of
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.numerics import so3
 from tdfscal.numerics.propagation import propagate
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -31,10 +31,13 @@ _CHUNK = 2_000
 
 
 class Sampler:
-    """Draws what a log with other noise would have given."""
+    """Draws what a log with other noise would have given.
 
-    def __init__(self, fit: MovingFit, rng: np.random.Generator) -> None:
-        self.fit = fit
+    followed : (n, 1), 1 for sensors whose turns count, 0 for those that stay as they are.
+    """
+
+    def __init__(self, fit: MovingFit, rng: np.random.Generator, followed: FloatArray) -> None:
+        self.fit, self.followed = fit, followed
         rows, model = fit.rows, fit.noise
         cut = len(fit.psi) - fit.rests
         equations = fit.normal_equations()
@@ -72,8 +75,10 @@ class Sampler:
             own = np.flatnonzero(which == k)
             noise = rng.standard_normal((len(own), self.root[k].shape[1]))
             step[own] = self.shift[k] + noise @ self.root[k].T
+        still = np.repeat(self.followed, 3)
+        step[:, : len(still)] *= still
         step += self._bent(step) @ self.gain.T
-        turns = step[:, : 3 * self.fit.rig.n].reshape(trials, -1, 3)
+        turns = (step[:, : len(still)] * still).reshape(trials, -1, 3)
         return np.asarray(so3.exp(turns) @ self.fit.state.still.rotation)
 
     def _bent(self, step: FloatArray) -> FloatArray:
@@ -106,10 +111,18 @@ def _mapping(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def simulate(
-    fit: MovingFit, linear: Uncertainty, rng: np.random.Generator, max_trials: int
+    fit: MovingFit,
+    linear: Uncertainty,
+    rng: np.random.Generator,
+    max_trials: int,
+    known: BoolArray | None = None,
 ) -> MonteCarlo:
-    """Draw until the averages are stable or the trials run out."""
-    sampler, base = Sampler(fit, rng), fit.state.still.rotation
+    """Draw until the averages are stable or the trials run out.
+
+    known : (n,), sensors whose angles the data determine; those of the others are not followed.
+    """
+    followed = np.ones((fit.rig.n, 1)) if known is None else known[:, None].astype(np.float64)
+    sampler, base = Sampler(fit, rng, followed), fit.state.still.rotation
     estimate = so3.to_rpy(base)
 
     def draw(size: int) -> FloatArray:
@@ -117,5 +130,5 @@ def simulate(
         return np.concatenate([so3.deviations(sampler.draw(rng, part), base) for part in parts])
 
     found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
-    half = linear.coverage_factor * linear.rpy_std
+    half = followed * linear.coverage_factor * linear.rpy_std
     return MonteCarlo.of(found, estimate, half)

@@ -38,7 +38,7 @@ def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:
         # Σ_a over readings of (∂design/∂f_a)ᵀ W B M e_a, the readings moved by one newton each.
         felt = W @ at.noise_force * weight[:, None, None, None]
         along = np.zeros(static)
-        for i, a in np.ndindex(rig.n, 3):
+        for i, a in np.argwhere(rig.axes):
             force = seen.force.copy()
             force[:, i, a] += 1.0
             moved = replace(seen, force=force)

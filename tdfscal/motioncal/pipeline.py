@@ -15,6 +15,7 @@ from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import State, nominal, parameter_count, starting_state, with_motions
 from tdfscal.model.postures import Postures
+from tdfscal.model.statics import balance
 from tdfscal.motioncal import checks
 from tdfscal.motioncal.blocks import stretches
 from tdfscal.motioncal.contact import Stretch
@@ -169,7 +170,8 @@ def calibrate_moving(
     trials = None
     if rng is not None and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
-        trials = simulate(fit, result.uncertainty.turns, rng, max_trials or MOST_TRIALS)
+        stand = result.observability.determined
+        trials = simulate(fit, result.uncertainty.turns, rng, max_trials or MOST_TRIALS, stand)
     return replace(result, monte_carlo=trials, warnings=(*result.warnings, *doubt))
 
 
@@ -186,7 +188,7 @@ def _first_fit(
     """
     begin = starting_state(rig)
     near, best = quasi_static(rig, seen, begin), best_start(rig, seen)
-    check_forces(rig, seen, best)
+    check_forces(rig, best.postures, best)
     if apart(near.state.rotation, best.state.rotation) <= APART:
         return fitted(best.state), ()
     far = fitted(best.state)
@@ -217,16 +219,19 @@ def _judged(
     progress: Callable[[str], None],
 ) -> MotionCalibration:
     slow = fit.slow
-    used = _moments(rig, slow, keep)
+    still = fit.state.still
+    # Forces that nobody measures as the balance demands them.
+    used = balance(_moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
     uncertainty = evaluate(fit)
     stats = quality(fit)
     turns = uncertainty.turns
     verdict = observability.verdict(rig, fit.state.still, used, turns.covariance, moving=True)
     open_ends = UndeterminedMotion(rig, slow, keep, rejected, stats, verdict)
-    if not verdict.identified:
+    if not verdict.determined.any() or not verdict.identified:
+        weakness = (*verdict.weak, *verdict.lacking)[0]
         raise NotIdentifiableError(
             f"the motion does not determine {verdict.unseen}",
-            hint=verdict.weak[0].advice,
+            hint=weakness.advice,
             evidence=open_ends,
         )
     if not fit.converged:
@@ -237,7 +242,7 @@ def _judged(
         )
     doubts = suspicions(fit, uncertainty, stats)
     progress("checking the halves of the log against each other")
-    halves = compare_halves(fit, keep, delay)
+    halves = compare_halves(fit, keep, delay, verdict.determined)
     if abs(halves.delay) > float(normal_quantile(1 - CHANGED_RIG / 2)) * halves.delay_std:
         raise DataError(
             "the delay between forces and positions changes within the log, by "
@@ -280,6 +285,7 @@ def _judged(
         rig,
         found,
         stats.birge,
+        determined=verdict.determined,
         inputs=inputs,
         suspicions=[doubt.finding for doubt in result.suspicions if doubt.spoils_motion],
         conformity=conformity,
@@ -319,7 +325,7 @@ def _moments(rig: Rig, slow: Slow, keep: BoolArray) -> Postures:
     unit = np.broadcast_to(np.eye(3), (len(rows), rig.n, 3, 3))
     return Postures(
         position=slow.position[rows],
-        force=slow.force[rows],
+        force=np.where(rig.axes, slow.force[rows], 0.0),
         position_cov=_START_PLACE**2 * unit,
         force_cov=_START_FORCE**2 * unit,
         moment_var=0.0,

@@ -8,7 +8,8 @@ import numpy as np
 
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
-from tdfscal.model.parameters import State, gravity, symmetric
+from tdfscal.model.free_forces import least_squares
+from tdfscal.model.parameters import State, gravity, sensing, symmetric
 from tdfscal.motioncal.blocks import Block
 from tdfscal.motioncal.design import shifted, stuck
 from tdfscal.motioncal.streams import Slow
@@ -57,7 +58,10 @@ def residual_wrench(
 
 
 def _wrench(rig: Rig, slow: Slow, block: Block, state: State, moving: Moving) -> FloatArray:
-    """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8)."""
+    """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8).
+
+    Forces that nobody measures are those that leave least of it.
+    """
     position = shifted(slow, block.index, moving.delay) - state.datum
     R = rotations(state.hinge, position)
     centre = state.barycentre
@@ -74,4 +78,10 @@ def _wrench(rig: Rig, slow: Slow, block: Block, state: State, moving: Moving) ->
     push = np.einsum("kab,kb->ka", R, found.acceleration)
     e[:, :3] = F.sum(axis=1) + state.mass * (gravity(state, rig.gravity) - push)
     e[:, 3:] = np.cross(arm, F).sum(axis=1) - np.einsum("kab,kb->ka", R, spin + friction)
-    return e
+    if rig.axes.all():
+        return e
+    B = statics.wrench(arm)
+    cov = np.einsum("knra,knsa->krs", B, B)
+    columns = statics.free(B @ sensing(state), rig.axes)
+    free, _ = least_squares(cov, columns, e)
+    return np.asarray(e + (columns @ free[..., None])[..., 0])

@@ -1,9 +1,10 @@
 """Fourier coefficients of all blocks as rows of independent noise, of bounded number.
 
-In the common eigenvectors of the two parts of its noise the six components of a block's wrench
-are independent. Rows of one component and of neighbouring frequencies, which a long log has
-many of, are brought to one scale by the spectrum as it was last seen and stand as one triangular
-factor with a common variance: a statistic whose size no log's length changes.
+In the common eigenvectors of the two parts of its noise the components of a block's wrench (six
+where every axis is measured) are independent. Rows of one component and of neighbouring
+frequencies, which a long log has many of, are brought to one scale by the spectrum as it was last
+seen and stand as one triangular factor with a common variance: a statistic whose size no log's
+length changes.
 """
 
 from __future__ import annotations
@@ -58,19 +59,24 @@ class Rows:
 
 
 def independent(item: BlockDesign) -> tuple[FloatArray, FloatArray]:
-    """Matrix (6, 6) that brings e to independent components, and their ratios λ (6,), N²/m²."""
-    inverse = np.linalg.inv(np.linalg.cholesky(item.unit_force))
-    ratio, axes = np.linalg.eigh(inverse @ item.unit_turn @ inverse.T)
-    return axes.T @ inverse, np.maximum(ratio, 0.0)
+    """Matrix (r, 6) that brings e to independent components, and their ratios λ (r,), N²/m².
+
+    r = 6, less the wrenches that no sensor measures.
+    """
+    seen = item.seen
+    inverse = np.linalg.inv(np.linalg.cholesky(seen @ item.unit_force @ seen.T))
+    ratio, axes = np.linalg.eigh(inverse @ (seen @ item.unit_turn @ seen.T) @ inverse.T)
+    return axes.T @ inverse @ seen, np.maximum(ratio, 0.0)
 
 
 def bins_of(item: BlockDesign, ratio: FloatArray) -> Bins:
-    """Bins (6 F) of one block, component by component within a frequency."""
+    """Bins (r F) of one block, component by component within a frequency."""
     f = item.block.frequency.copy()
     f[0] = 0.5 * f[1]  # what the mean sees
     # A complex coefficient holds two values; the mean, which is real, one.
     both = np.where(np.arange(len(f)) > 0, 2.0, 1.0) * item.block.share
-    return Bins(np.repeat(f, 6), np.tile(ratio, len(f)), np.repeat(both, 6))
+    r = len(ratio)
+    return Bins(np.repeat(f, r), np.tile(ratio, len(f)), np.repeat(both, r))
 
 
 def reading_gain(item: BlockDesign, model: NoiseModel) -> FloatArray:
@@ -78,13 +84,13 @@ def reading_gain(item: BlockDesign, model: NoiseModel) -> FloatArray:
     mixing, ratio = independent(item)
     bins = bins_of(item, ratio)
     gain = bins.count * model.density(bins.frequency)[0] / model.variance(bins)
-    return np.asarray(mixing.T @ np.diag(gain.reshape(-1, 6).sum(axis=0)) @ mixing)
+    return np.asarray(mixing.T @ np.diag(gain.reshape(-1, len(ratio)).sum(axis=0)) @ mixing)
 
 
 def rows_of(item: BlockDesign, all_rests: int) -> Rows:
-    """Rows (6 F) of one block, none of them joined; all_rests : turns at all rests of the log."""
+    """Rows (r F) of one block, none of them joined; all_rests : turns at all rests of the log."""
     mix, ratio = independent(item)
-    cut, size = item.design.shape[2], 6 * len(item.design)
+    cut, size = item.design.shape[2], len(mix) * len(item.design)
     design = np.zeros((2, size, cut + all_rests))
     design[:, :, :cut] = _mixed(mix, item.design)
     design[:, :, cut:][:, :, item.place] = _mixed(mix, item.rests)
@@ -92,9 +98,9 @@ def rows_of(item: BlockDesign, all_rests: int) -> Rows:
 
 
 def _mixed(mix: FloatArray, columns: ComplexArray) -> FloatArray:
-    """Real and imaginary parts (2, 6 F, c) of columns (F, 6, c) in other components."""
+    """Real and imaginary parts (2, r F, c) of columns (F, 6, c) in other components."""
     F, _, c = columns.shape
-    both = (mix @ columns.view(np.float64)).reshape(6 * F, c, 2)
+    both = (mix @ columns.view(np.float64)).reshape(len(mix) * F, c, 2)
     return np.moveaxis(both, 2, 0)
 
 
@@ -112,19 +118,19 @@ def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
     low = min(float(item.block.frequency[1]) for item in designs) / 2
     bands: dict[tuple[int, int], _Band] = {}
     for part in parts:
-        for key, own in _banded(part, low):
+        for key, own in _banded(part, len(designs[0].seen), low):
             bands.setdefault(key, _Band(columns)).add(own, model)
     return _stacked([band.rows(model) for _, band in sorted(bands.items())])
 
 
-def _banded(part: Rows, low: float) -> Iterator[tuple[tuple[int, int], Rows]]:
-    """Band and component, and the rows of both; bands count from a frequency, Hz."""
+def _banded(part: Rows, r: int, low: float) -> Iterator[tuple[tuple[int, int], Rows]]:
+    """Band and one of r components, and the rows of both; bands count from a frequency, Hz."""
     bins, parts = part.bins, part.design.reshape(2, part.complex, -1)
-    band = np.floor(np.log(bins.frequency[::6] / low) / np.log(_BAND) + 1e-9).astype(int)
+    band = np.floor(np.log(bins.frequency[::r] / low) / np.log(_BAND) + 1e-9).astype(int)
     first = np.flatnonzero(np.diff(band, prepend=-1))
     for begin, end in zip(first, [*first[1:], len(band)], strict=True):
-        for a in range(6):
-            own = slice(6 * begin + a, 6 * end, 6)
+        for a in range(r):
+            own = slice(r * begin + a, r * end, r)
             yield (
                 (int(band[begin]), a),
                 Rows(

@@ -92,7 +92,7 @@ def neither(dwells: Dwells, error: TdfscalError) -> TdfscalError:
 def read_samples(log: LogPass) -> tuple[Dwells, Slow | None]:
     """Read the logs once, for the dwells and for the slow streams, None where there are none."""
     log.progress.stage("reading the log")
-    decimator, thermometer = Decimator(log.campaign.rig.rig.capacity), Thermometer()
+    decimator, thermometer = _decimator(log), Thermometer()
     averaged = False
 
     def pieces() -> Iterator[Log]:
@@ -113,8 +113,7 @@ def read_samples(log: LogPass) -> tuple[Dwells, Slow | None]:
 def moving_samples(log: LogPass) -> Slow:
     """Read the logs once, for the slow streams alone. Raises DataError where there are none."""
     log.progress.stage("reading the log")
-    decimator = Decimator(log.campaign.rig.rig.capacity)
-    thermometer = Thermometer()
+    decimator, thermometer = _decimator(log), Thermometer()
     for piece in thermometer.passing(log.pieces()):
         if piece.rows == "postures":
             raise DataError(
@@ -124,6 +123,12 @@ def moving_samples(log: LogPass) -> Slow:
             )
         decimator.add(piece)
     return _warm(decimator.finish(), thermometer)
+
+
+def _decimator(log: LogPass) -> Decimator:
+    """What makes slow streams of the log; an axis that is not measured has no full scale."""
+    rig = log.campaign.rig.rig
+    return Decimator(np.where(rig.axes, rig.capacity, np.inf))
 
 
 def _warm(slow: Slow, thermometer: Thermometer) -> Slow:

@@ -144,7 +144,7 @@ def derivative_kernels(half: int) -> FloatArray:
     return np.asarray(fit[:3] * np.array([1.0, 1.0 / half, 2.0 / half**2])[:, None])
 
 
-def _derivatives(signal: FloatArray, step: float, half: int) -> tuple[FloatArray, FloatArray]:
+def derivatives(signal: FloatArray, step: float, half: int) -> tuple[FloatArray, FloatArray]:
     """First and second derivative of (N, c) at an even step, s; the ends take the last full fit."""
     N = len(signal)
     kernels = derivative_kernels(half) / step ** np.arange(3)[:, None]
@@ -173,7 +173,7 @@ def motion(at: Poses, step: float, half: int) -> Motion | None:
         return None
     R = at.rotation
     signal = np.concatenate([at.translation, R.reshape(N, 9)], axis=1)
-    first, second = _derivatives(signal, step, half)
+    first, second = derivatives(signal, step, half)
     back = np.swapaxes(R, 1, 2)
     # In the LCS Rᵀ Ṙ = [ω]× and Rᵀ R̈ = [ω̇]× + [ω]×², whose second term is symmetric.
     return Motion(

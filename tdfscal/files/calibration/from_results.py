@@ -78,7 +78,7 @@ def from_motion(
             known.rpy_std,
             low,
             high,
-            np.ones(n, dtype=np.bool_),
+            result.observability.determined,
         ),
         parameters=parameters_document(result.calibrated),
         budget=known.contributions,

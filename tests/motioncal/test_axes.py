@@ -1,0 +1,153 @@
+"""Axes that no sensor measures, in motion: the balance across their forces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal.errors import DataError
+from tdfscal.model import statics
+from tdfscal.motioncal import checks
+from tdfscal.motioncal.across import Across, across
+from tdfscal.motioncal.blocks import Block
+from tdfscal.motioncal.covariance import evaluate
+from tdfscal.motioncal.design import instants
+from tdfscal.motioncal.estimator import fit_moving
+from tdfscal.motioncal.pipeline import calibrate_moving
+from tdfscal.motioncal.streams import Slow
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import FloatArray, Rig
+from tdfscal.simulation.moving_campaign import MovingCampaign
+from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.reference_rig import make_rig
+from tests.motioncal.campaigns import DELAY, played, true_state, turn_error
+
+#: What a channel reads that is not connected, N.
+_DEAD = 7.3
+
+
+def lacking(rig: Rig, slow: Slow, *missing: tuple[int, int]) -> tuple[Rig, Slow]:
+    """Rig and streams without some axes (support, axis)."""
+    axes = rig.axes.copy()
+    for support, axis in missing:
+        axes[support, axis] = False
+    return replace(rig, axes=axes), replace(slow, force=np.where(axes, slow.force, _DEAD))
+
+
+@pytest.fixture(scope="module")
+def half_minute() -> tuple[MovingCampaign, Slow, tuple[Block, ...]]:
+    return played(MovingOptions(duration=30.0, frequency=0.12), 3)
+
+
+@pytest.fixture(scope="module")
+def four() -> tuple[MovingCampaign, Slow, tuple[Block, ...]]:
+    return played(MovingOptions(duration=40.0, frequency=0.09), 4, make_rig(4))
+
+
+@pytest.mark.parametrize("missing", [((2, 1),), ((2, 0), (2, 1)), ((2, 0), (2, 1), (3, 0), (3, 1))])
+def test_no_free_force_is_left_and_white_noise_stays_white(
+    four: tuple[MovingCampaign, Slow, tuple[Block, ...]], missing: tuple[tuple[int, int], ...]
+) -> None:
+    campaign, slow, (block, *_) = four
+    rig, slow = lacking(campaign.rig, slow, *missing)
+    state = true_state(campaign).still
+    at = statics.balance(
+        instants(rig, slow, slow.position[block.index], block.index),
+        state,
+        state.barycentre,
+        rig.gravity,
+    )
+    found = across(block, at)
+    assert found.seen.shape == (6 - len(missing), 6)
+    assert np.abs(found.wrench(at.free)).max() < 1e-9
+    B = at.wrench.mean(axis=0)
+    rows = found.seen @ found.course[0]
+    whole = rows @ np.einsum("nra,nsa->rs", B, B) @ np.swapaxes(rows, 1, 2)
+    assert whole == pytest.approx(np.broadcast_to(np.eye(len(found.seen)), whole.shape), abs=1e-9)
+
+
+def test_derivatives_pass_a_projection_that_turns(
+    half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]],
+) -> None:
+    """T x' and T x'' against the same with derivatives in closed form."""
+    block = half_minute[2][0]
+    t = block.step * np.arange(block.taper.shape[1])
+    rng = np.random.default_rng(0)
+    first, second = rng.standard_normal((2, 6, 6))
+    a, b = 0.9, 0.4
+
+    def course(one: FloatArray, other: FloatArray) -> FloatArray:
+        return np.asarray(one[:, None, None] * first + other[:, None, None] * second)
+
+    T = (
+        course(np.sin(a * t), np.cos(b * t)),
+        course(a * np.cos(a * t), -b * np.sin(b * t)),
+        course(-(a**2) * np.sin(a * t), -(b**2) * np.cos(b * t)),
+    )
+    turning = Across(block, np.eye(6), T)
+    rate = np.array([0.7, 1.1, 1.7])
+    x = [np.sin(rate * t[:, None] + k * np.pi / 2) * rate**k for k in range(3)]
+    for rows in (slice(0, 3), slice(3, 6)):
+        for order in (1, 2):
+            ours = turning.derivative(rows, x[0][..., None], order)
+            plain = block.transform(T[0][:, :, rows] @ x[order][..., None])
+            assert np.abs(ours - plain).max() < 1e-4 * np.abs(plain).max()
+
+
+def test_a_dead_channel_costs_what_it_told_and_no_more(
+    half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]],
+) -> None:
+    campaign, slow, cut = half_minute
+    whole = evaluate(fit_moving(campaign.rig, slow, cut, true_state(campaign), DELAY)).turns
+    rig, dead = lacking(campaign.rig, slow, (2, 1))
+    fit = fit_moving(rig, dead, cut, true_state(campaign), DELAY)
+    known = evaluate(fit).turns
+    error = turn_error(campaign, fit.state.still.rotation)
+    distance = error @ np.linalg.solve(known.covariance, error)
+    assert fit.converged
+    assert chi2_quantile(1e-3, 9) < distance < chi2_quantile(1 - 1e-3, 9)
+    more = np.sqrt(np.diag(known.covariance) / np.diag(whole.covariance))
+    assert 1.0 < np.sqrt(np.mean(more**2)) < 2.0
+    assert np.isfinite(known.parameter_std[: 3 * rig.n]).all()
+
+
+def test_a_load_cell_stays_undetermined_and_the_others_stand(
+    four: tuple[MovingCampaign, Slow, tuple[Block, ...]],
+) -> None:
+    campaign, slow, _ = four
+    rig, slow = lacking(campaign.rig, slow, (3, 0), (3, 1))
+    found = calibrate_moving(rig, slow, DELAY)
+    assert found.observability.undetermined == (rig.supports[3],)
+    assert not found.reasons
+    error = turn_error(campaign, found.fit.state.still.rotation)[:9]
+    covariance = found.uncertainty.turns.covariance[:9, :9]
+    distance = error @ np.linalg.solve(covariance, error)
+    assert chi2_quantile(1e-3, 9) < distance < chi2_quantile(1 - 1e-3, 9)
+    assert found.residual.after[:, 0].max() < 3.0  # N; the free forces are hundreds
+
+
+@pytest.mark.slow
+def test_two_load_cells_of_four(four: tuple[MovingCampaign, Slow, tuple[Block, ...]]) -> None:
+    """A push along their joining line turns with the terminal, and hardly shows."""
+    campaign, slow, _ = four
+    rig, slow = lacking(campaign.rig, slow, (2, 0), (2, 1), (3, 0), (3, 1))
+    found = calibrate_moving(rig, slow, DELAY)
+    assert found.observability.undetermined == rig.supports[2:]
+    error = turn_error(campaign, found.fit.state.still.rotation)[:6]
+    covariance = found.uncertainty.turns.covariance[:6, :6]
+    distance = error @ np.linalg.solve(covariance, error)
+    assert chi2_quantile(1e-3, 6) < distance < chi2_quantile(1 - 1e-3, 6)
+
+
+def test_what_contradicts_the_declaration_is_named(
+    half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]],
+) -> None:
+    campaign, slow, _ = half_minute
+    rig, dead = lacking(campaign.rig, slow, (2, 1))
+    with pytest.raises(DataError, match=r"y axis of the sensor of ncp3 .* follows the load"):
+        checks.check_stream(rig, slow)
+    with pytest.raises(DataError, match=r"write `axes: \[x, z\]` for ncp3"):
+        checks.check_stream(campaign.rig, dead)
+    checks.check_stream(rig, dead)
