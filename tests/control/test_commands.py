@@ -83,7 +83,9 @@ def test_docking(
     assert "Beside the paper" in (out / "study.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
+@pytest.mark.parametrize(
+    "form", [*(pytest.param(form, marks=pytest.mark.slow) for form in ("csv", "parquet")), "mcap"]
+)
 def test_the_logs_of_a_run_are_those_of_any_recorder(
     bench: Bench,
     tmp_path: Path,

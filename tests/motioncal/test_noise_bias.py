@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.estimator import MovingPriors, at_state, slope_of
@@ -16,6 +17,7 @@ from tests.motioncal.campaigns import DELAY, perfect_rig, played, quiet, true_st
 NOISE, DRAWS = 20.0, 80
 
 
+@pytest.mark.slow
 def test_the_score_of_gains_and_compliance_is_what_noise_makes_of_it() -> None:
     campaign, slow, cut = played(quiet(duration=20.0, rate=100.0), rig=perfect_rig())
     rig, state = campaign.rig, true_state(campaign)

@@ -73,6 +73,7 @@ def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: 
     assert sum(bool(names) and words in names[0] for names in found) >= 4
 
 
+@pytest.mark.slow
 def test_zeros_that_leave_where_they_were_tared_spoil_the_angles() -> None:
     """Drift weighs as unequal noise of the channels, and pulls at zeros stated where it begins."""
     drifts = (Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0)))
@@ -80,6 +81,7 @@ def test_zeros_that_leave_where_they_were_tared_spoil_the_angles() -> None:
     assert all(any("drift" in reason for reason in r.reasons) for r in found)
 
 
+@pytest.mark.slow
 def test_a_walk_is_told_from_white_noise_with_its_size_and_cure() -> None:
     """3 N over the campaign; a part may have gone into the noise of single channels before."""
     walks = with_faults(Faults(walks=tuple(Walk(i, 3.0) for i in range(3))))
@@ -142,6 +144,7 @@ def test_friction_of_the_hinges_is_named_with_its_size() -> None:
         assert float(said[1]) == pytest.approx(0.4, rel=0.35)
 
 
+@pytest.mark.slow
 def test_a_sound_campaign_raises_no_suspicion() -> None:
     """At 1 % false alarms, more than two among 40 has a chance of 8e-3."""
     found = study(RIG, SQUEEZED, seed=5, trials=40).results

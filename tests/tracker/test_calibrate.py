@@ -407,6 +407,7 @@ def test_uncertainties_in_the_files_add() -> None:
     assert np.all(result.rpy_std > plain.rpy_std)
 
 
+@pytest.mark.slow
 def test_surveys_of_the_simulator_are_calibrated_within_their_uncertainty() -> None:
     rig = reference_rig()
     options = SurveyOptions(distance=8.0, drawing=2e-5, body_misalignment=2e-4)

@@ -39,6 +39,7 @@ def mahalanobis(given: Calibrated, held: World, trial: int, truth: FloatArray) -
 
 
 @pytest.mark.parametrize("touching", [True, False])
+@pytest.mark.slow
 def test_error_is_within_the_stated_uncertainty(touching: bool) -> None:
     contacts = tuple(Contact(USED + k, FORCE, MOMENT) for k in range(HELD)) if touching else ()
     held = replace(world(100), batch=simulated(100, Faults(contacts=contacts)))

@@ -94,6 +94,7 @@ def test_the_tail_of_a_posture_is_that_of_simulated_readings(kurtosis: float) ->
     assert known.posture_sf(np.array([0.0]), 3)[0] == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_heavy_tails_no_longer_look_like_a_contact_but_a_contact_does() -> None:
     noise = STD * np.random.default_rng(5).standard_normal((RUNS, USED + HELD, 3, 3))
     # One reading in its tail: 7 standard deviations, which normal noise never shows.

@@ -37,6 +37,7 @@ def direction(trial: int) -> np.typing.NDArray[np.float64]:
     return np.asarray(a / np.linalg.norm(a))
 
 
+@pytest.mark.slow
 def test_what_holds_is_rejected_at_most_once_in_fifty() -> None:
     found = verdicts(world(TRIALS).held, TRIALS)
     assert sum(not v.holds for v in found) <= 0.02 * TRIALS
@@ -46,6 +47,7 @@ def test_what_holds_is_rejected_at_most_once_in_fifty() -> None:
     assert 1e-3 < stats.chi2.cdf(total, sum(v.dof for v in found)) < 1 - 1e-3
 
 
+@pytest.mark.slow
 def test_a_covariance_that_is_too_small_would_be_noticed() -> None:
     small = [replace(g, covariance=g.covariance / 25) for g in world(TRIALS).given]
     found = [validate(given, world(TRIALS).held(t)) for t, given in enumerate(small)]
@@ -78,6 +80,7 @@ def test_the_turn_is_estimated_with_an_honest_uncertainty() -> None:
     assert np.all(stats.chi2.cdf(total, FEWER) > 1e-4)
 
 
+@pytest.mark.slow
 def test_a_load_of_2_kg_is_found_and_weighed() -> None:
     found = verdicts(held_of(mass=502.0))
     assert sum(not v.holds for v in found) >= 0.95 * FEWER
@@ -109,6 +112,7 @@ def flicker(rng: np.random.Generator) -> np.typing.NDArray[np.float64]:
     return np.asarray(0.5 * noise[:HELD] / noise.std(axis=0))
 
 
+@pytest.mark.slow
 def test_one_over_f_noise_is_called_noise_and_no_change() -> None:
     rng, named = np.random.default_rng(6), 0
     for t in range(FEWER):
