@@ -9,6 +9,7 @@
 >>> tdfscal.validate(result, "sample_data/parquet").holds
 True
 """
+# ruff: noqa: F403, F405 - what the names are is said once, in `tdfscal.api`
 
 from __future__ import annotations
 
@@ -17,38 +18,9 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from tdfscal.api import (
-        Calibration,
-        DwellOptions,
-        Dwells,
-        LoadedRig,
-        Log,
-        Progress,
-        TdfscalError,
-        angles_frame,
-        apply,
-        calibrate,
-        compare,
-        dwells_frame,
-        export,
-        find_dwells,
-        info,
-        init,
-        load_calibration,
-        load_rig,
-        monitor,
-        plan,
-        read_log,
-        register,
-        report,
-        save_calibration,
-        schema,
-        simulate,
-        study,
-        update,
-        validate,
-    )
+    from tdfscal.api import *
 
+#: What is loaded from `tdfscal.api` on first use.
 __all__ = [
     "Calibration",
     "DwellOptions",

@@ -9,29 +9,34 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal import logs
-from tdfscal.dwells import DwellOptions, find_dwells
-from tdfscal.errors import TdfscalError
-from tdfscal.files.calibration.document import save_calibration
-from tdfscal.files.rig.reading import LoadedRig, load_rig
-from tdfscal.records import Dwells, Log
-from tdfscal.workflows import study
-from tdfscal.workflows.apply import apply
+from tdfscal.dwells import DwellOptions as DwellOptions
+from tdfscal.dwells import find_dwells as find_dwells
+from tdfscal.errors import TdfscalError as TdfscalError
+from tdfscal.files.calibration.document import save_calibration as save_calibration
+from tdfscal.files.rig.reading import LoadedRig as LoadedRig
+from tdfscal.files.rig.reading import load_rig as load_rig
+from tdfscal.records import Dwells as Dwells
+from tdfscal.records import Log as Log
+from tdfscal.workflows import study as study
+from tdfscal.workflows.apply import apply as apply
 from tdfscal.workflows.arguments import PathLikes, listed
-from tdfscal.workflows.calibrate import calibrate
-from tdfscal.workflows.calibration import Calibration, angles_frame, load_calibration
-from tdfscal.workflows.compare import compare
-from tdfscal.workflows.export import export
-from tdfscal.workflows.info import info
-from tdfscal.workflows.init import init
-from tdfscal.workflows.monitor import monitor
-from tdfscal.workflows.plan import plan
-from tdfscal.workflows.progress import Progress
-from tdfscal.workflows.register import register
-from tdfscal.workflows.report import report
-from tdfscal.workflows.schema import schema
-from tdfscal.workflows.simulate import simulate
-from tdfscal.workflows.update import update
-from tdfscal.workflows.validate import validate
+from tdfscal.workflows.calibrate import calibrate as calibrate
+from tdfscal.workflows.calibration import Calibration as Calibration
+from tdfscal.workflows.calibration import angles_frame as angles_frame
+from tdfscal.workflows.calibration import load_calibration as load_calibration
+from tdfscal.workflows.compare import compare as compare
+from tdfscal.workflows.export import export as export
+from tdfscal.workflows.info import info as info
+from tdfscal.workflows.init import init as init
+from tdfscal.workflows.monitor import monitor as monitor
+from tdfscal.workflows.plan import plan as plan
+from tdfscal.workflows.progress import Progress as Progress
+from tdfscal.workflows.register import register as register
+from tdfscal.workflows.report import report as report
+from tdfscal.workflows.schema import schema as schema
+from tdfscal.workflows.simulate import simulate as simulate
+from tdfscal.workflows.update import update as update
+from tdfscal.workflows.validate import validate as validate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,36 +83,3 @@ def dwells_frame(dwells: Dwells) -> pd.DataFrame:
         columns[f"f{axis}"] = dwells.force[..., j].ravel()
         columns[f"f{axis}_std"] = std[..., j].ravel()
     return pd.DataFrame(columns)
-
-
-__all__ = [
-    "Calibration",
-    "DwellOptions",
-    "Dwells",
-    "LoadedRig",
-    "Log",
-    "Progress",
-    "TdfscalError",
-    "angles_frame",
-    "apply",
-    "calibrate",
-    "compare",
-    "dwells_frame",
-    "export",
-    "find_dwells",
-    "info",
-    "init",
-    "load_calibration",
-    "load_rig",
-    "monitor",
-    "plan",
-    "read_log",
-    "register",
-    "report",
-    "save_calibration",
-    "schema",
-    "simulate",
-    "study",
-    "update",
-    "validate",
-]
