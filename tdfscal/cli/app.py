@@ -1,14 +1,14 @@
-"""The application, and the options that its commands share."""
+"""The application, and what makes a command of it."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, TypeVar
 
 import typer
 
 from tdfscal import __version__
-from tdfscal.cli.words import Grouped
+from tdfscal.cli.words import Grouped, example
 
 app = typer.Typer(
     name="tdfscal",
@@ -37,29 +37,9 @@ def _common(
     del version
 
 
-Paths = Annotated[list[Path], typer.Argument(metavar="PATH", help="Campaign folder, or log files.")]
-CalibrationFile = Annotated[
-    Path, typer.Argument(metavar="CALIBRATION", help="Calibration file; - for stdin.")
-]
-Rig = Annotated[Path, typer.Argument(metavar="RIG", help="rig.yaml, or its folder.")]
-RigFile = Annotated[
-    Path | None, typer.Option("--rig", metavar="FILE", help="rig.yaml, where no folder holds one.")
-]
-_MOMENT = "12.5, 1.5min or 2h on its clock; +90 after its begin; or a date with a time."
-From = Annotated[
-    str | None, typer.Option("--from", metavar="T", help=f"Use the log from T on: {_MOMENT}")
-]
-To = Annotated[str | None, typer.Option("--to", metavar="T", help="Use the log up to T.")]
-Html = Annotated[
-    Path | None,
-    typer.Option("--html", metavar="FILE", help="Also write a report page, whatever the verdict."),
-]
-Figures = Annotated[
-    Path | None,
-    typer.Option(
-        "--figures", metavar="DIR", help="Also write the figures, each as PNG, SVG and PDF."
-    ),
-]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
+_Command = TypeVar("_Command", bound=Callable[..., int])
+
+
+def command(purpose: str, line: str) -> Callable[[_Command], _Command]:
+    """Make a command of a function; purpose : its heading in the help. line : an example of it."""
+    return app.command(rich_help_panel=purpose, epilog=example(f"tdfscal {line}"))

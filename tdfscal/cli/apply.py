@@ -7,27 +7,25 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, Figures, From, Json, Paths, Quiet, RigFile, To, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import USE, example
+from tdfscal.cli.words import USE
 
 Filter = Literal["none", "kalman", "smooth"]
 
 
-@app.command(
-    rich_help_panel=USE,
-    epilog=example("tdfscal apply calibration.yaml assembly/log.csv -o wrench.csv"),
-)
+@command(USE, "apply calibration.yaml assembly/log.csv -o wrench.csv")
 def apply(
-    calibration: CalibrationFile,
-    paths: Paths,
+    calibration: options.CalibrationFile,
+    paths: options.Paths,
     output: Annotated[
         Path,
         typer.Option("--output", "-o", metavar="FILE", help="Result: .csv, .parquet or .mcap."),
     ],
-    rig: RigFile = None,
-    from_: From = None,
-    to: To = None,
+    rig: options.RigFile = None,
+    from_: options.From = None,
+    to: options.To = None,
     quasi_static: Annotated[
         bool,
         typer.Option("--quasi-static", help="Leave inertia out although the rig file states it."),
@@ -50,9 +48,9 @@ def apply(
         str,
         typer.Option(metavar="X,Y,Z", help="Point of the LCS that moments are about, m."),
     ] = "0,0,0",
-    figures: Figures = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    figures: options.Figures = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Work out the contact force and torque over a whole log."""
     return perform("apply", locals()).exit_status

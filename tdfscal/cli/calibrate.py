@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
-from tdfscal.cli.app import Figures, From, Html, Json, Paths, Quiet, RigFile, Seed, To, app
-from tdfscal.cli.perform import perform
+from tdfscal.cli import options
+from tdfscal.cli.app import command
+from tdfscal.cli.perform import judged, perform
 from tdfscal.cli.streams import say
-from tdfscal.cli.words import CALIBRATE, example
+from tdfscal.cli.words import CALIBRATE
 
 if TYPE_CHECKING:
     from tdfscal.workflows.calibration import Calibration
@@ -21,13 +22,10 @@ Samples = Literal["static", "moving", "all"]
 Estimator = Literal["ml", "linear"]
 
 
-@app.command(
-    rich_help_panel=CALIBRATE,
-    epilog=example("tdfscal calibrate campaign -o calibration.yaml --html report.html"),
-)
+@command(CALIBRATE, "calibrate campaign -o calibration.yaml --html report.html")
 def calibrate(
-    paths: Paths,
-    rig: RigFile = None,
+    paths: options.Paths,
+    rig: options.RigFile = None,
     method: Annotated[
         Method | None,
         typer.Option(
@@ -46,43 +44,33 @@ def calibrate(
             case_sensitive=False, help="Maximum likelihood, or the paper's linear method."
         ),
     ] = "ml",
-    from_: From = None,
-    to: To = None,
-    trials: Annotated[
-        int | None, typer.Option(min=0, help="Monte Carlo trials at most; 0 for none.")
-    ] = None,
-    seed: Seed = 0,
+    from_: options.From = None,
+    to: options.To = None,
+    trials: options.Trials = None,
+    seed: options.Seed = 0,
     output: Annotated[
         Path | None,
         typer.Option(
             "--output", "-o", metavar="FILE", help="Default: calibration.yaml here; - for stdout."
         ),
     ] = None,
-    json: Json = False,
-    allow_rejected: Annotated[
-        bool, typer.Option("--allow-rejected", help="Write the file even if the gate rejects it.")
-    ] = False,
-    salvage: Annotated[
-        bool, typer.Option("--salvage", help="Read what is sound of a damaged log; never accepted.")
-    ] = False,
-    html: Html = None,
-    figures: Figures = None,
-    quiet: Quiet = False,
+    json: options.Json = False,
+    allow_rejected: options.AllowRejected = False,
+    salvage: options.Salvage = False,
+    html: options.Html = None,
+    figures: options.Figures = None,
+    quiet: options.Quiet = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Say which stretches of rest were left out.")
     ] = False,
 ) -> int:
     """Calibrate the sensors of a rig from a recorded campaign."""
-    options = locals()
-    del options["verbose"]
-    options["output"] = output or DEFAULT_OUTPUT
-    result = cast("Calibration", perform("calibrate", options, dash={"output": "content"}))
+    asked = locals()
+    del asked["verbose"]
+    asked["output"] = output or DEFAULT_OUTPUT
+    result = cast("Calibration", perform("calibrate", asked, dash={"output": "content"}))
     if verbose and result.records is not None and result.records.own is not None:
         for stretch in result.records.own.dwells.left_out:
             span = f"{stretch.start:.2f} to {stretch.end:.2f} s"
             say(f"left out: {span}: {stretch.reason}")
-    if not result.accepted:
-        nothing = "nothing was written" if html is None else "only its page was written"
-        what = "it was written as rejected" if allow_rejected else nothing
-        say(f"tdfscal: the quality gate rejects this result; {what}")
-    return result.exit_status
+    return judged(result, page=html is not None, written=allow_rejected)

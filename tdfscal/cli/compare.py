@@ -7,20 +7,19 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Json, Quiet, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import CHECK, example
+from tdfscal.cli.words import CHECK
 
 
-@app.command(
-    rich_help_panel=CHECK, epilog=example("tdfscal compare last-month.yaml calibration.yaml")
-)
+@command(CHECK, "compare last-month.yaml calibration.yaml")
 def compare(
     files: Annotated[
         list[Path], typer.Argument(metavar="A B…", help="Calibration files of one rig.")
     ],
-    json: Json = False,
-    quiet: Quiet = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict."""
     return perform("compare", locals()).exit_status

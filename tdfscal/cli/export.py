@@ -7,18 +7,17 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, Json, Quiet, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import USE, example
+from tdfscal.cli.words import USE
 
 Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc", "certificate"]
 
 
-@app.command(
-    rich_help_panel=USE, epilog=example("tdfscal export calibration.yaml --to urdf -o sensors.urdf")
-)
+@command(USE, "export calibration.yaml --to urdf -o sensors.urdf")
 def export(
-    calibration: CalibrationFile,
+    calibration: options.CalibrationFile,
     to: Annotated[Target, typer.Option("--to", case_sensitive=False, help="Format.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="Default: stdout (-).")
@@ -34,8 +33,8 @@ def export(
     allow_rejected: Annotated[
         bool, typer.Option("--allow-rejected", help="Export what the quality gate rejected.")
     ] = False,
-    json: Json = False,
-    quiet: Quiet = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate."""
     return perform("export", locals(), dash={"output": "content"}).exit_status

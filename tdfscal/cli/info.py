@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from tdfscal.cli.app import Figures, From, Json, Paths, Quiet, RigFile, To, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import CALIBRATE, example
+from tdfscal.cli.words import CALIBRATE
 
 
-@app.command(rich_help_panel=CALIBRATE, epilog=example("tdfscal info campaign/log.csv"))
+@command(CALIBRATE, "info campaign/log.csv")
 def info(
-    paths: Paths,
-    rig: RigFile = None,
-    from_: From = None,
-    to: To = None,
-    figures: Figures = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    paths: options.Paths,
+    rig: options.RigFile = None,
+    from_: options.From = None,
+    to: options.To = None,
+    figures: options.Figures = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste."""
     return perform("info", locals()).exit_status

@@ -7,14 +7,13 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Figures, From, Html, Json, Quiet, To, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import CHECK, example
+from tdfscal.cli.words import CHECK
 
 
-@app.command(
-    rich_help_panel=CHECK, epilog=example("tdfscal monitor 2026-*.yaml --html history.html")
-)
+@command(CHECK, "monitor 2026-*.yaml --html history.html")
 def monitor(
     files: Annotated[
         list[Path],
@@ -23,15 +22,15 @@ def monitor(
     rate: Annotated[
         float, typer.Option(help="False alarms per year where nothing changes.")
     ] = 0.01,
-    from_: From = None,
-    to: To = None,
+    from_: options.From = None,
+    to: options.To = None,
     since: Annotated[
         str | None, typer.Option(metavar="DATE", help="Alarms raised before count no more.")
     ] = None,
-    html: Html = None,
-    figures: Figures = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    html: options.Html = None,
+    figures: options.Figures = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Watch a rig over time: control chart, alarms (status 1), when to calibrate next."""
     return perform("monitor", locals()).exit_status

@@ -63,6 +63,15 @@ def perform(
     return result
 
 
+def judged(result: Result, *, page: bool, written: bool) -> int:
+    """Return the exit status of a calibration; say what became of one that the gate rejects."""
+    if result.exit_status:
+        nothing = "only its page was written" if page else "nothing was written"
+        what = "it was written as rejected" if written else nothing
+        say(f"tdfscal: the quality gate rejects this result; {what}")
+    return result.exit_status
+
+
 def _show(result: Result, places: list[str]) -> None:
     """Print a result in words, and what was written."""
     if show_words(result) and places:

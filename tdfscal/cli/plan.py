@@ -7,18 +7,17 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import Figures, Json, Quiet, Rig, Seed, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import PLAN, example
+from tdfscal.cli.words import PLAN
 
 Objective = Literal["angles", "wrench"]
 
 
-@app.command(
-    rich_help_panel=PLAN, epilog=example("tdfscal plan rig.yaml -o plan.csv --postures 24")
-)
+@command(PLAN, "plan rig.yaml -o plan.csv --postures 24")
 def plan(
-    rig: Rig,
+    rig: options.Rig,
     output: Annotated[
         Path,
         typer.Option(
@@ -87,12 +86,12 @@ def plan(
         Path | None,
         typer.Option(metavar="FILE.csv", help="Also write the motion's waypoints for a spline."),
     ] = None,
-    figures: Figures = None,
-    seed: Seed = 0,
-    json: Json = False,
-    quiet: Quiet = False,
+    figures: options.Figures = None,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them."""
-    options = locals()
-    options |= {"travel": travel or (), "given": given or ()}
-    return perform("plan", options, dash={"output": "content"}).exit_status
+    asked = locals()
+    asked |= {"travel": travel or (), "given": given or ()}
+    return perform("plan", asked, dash={"output": "content"}).exit_status

@@ -7,16 +7,15 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import Json, Quiet, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import CALIBRATE, example
+from tdfscal.cli.words import CALIBRATE
 
 Match = Literal["name", "point", "order"]
 
 
-@app.command(
-    rich_help_panel=CALIBRATE, epilog=example("tdfscal register measured.csv drawing.csv --unit mm")
-)
+@command(CALIBRATE, "register measured.csv drawing.csv --unit mm")
 def register(
     measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="Point file, as measured.")],
     reference: Annotated[
@@ -51,10 +50,10 @@ def register(
     scale: Annotated[
         bool, typer.Option("--scale", help="Estimate a scale of the reference too.")
     ] = False,
-    json: Json = False,
-    quiet: Quiet = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Fit the rigid transform from reference points to measured ones, with its uncertainty."""
-    options = locals()
-    options["groups"] = groups or ()
-    return perform("register", options).exit_status
+    asked = locals()
+    asked["groups"] = groups or ()
+    return perform("register", asked).exit_status

@@ -7,14 +7,13 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Figures, Json, Quiet, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import CALIBRATE, example
+from tdfscal.cli.words import CALIBRATE
 
 
-@app.command(
-    rich_help_panel=CALIBRATE, epilog=example("tdfscal report calibration.yaml --html report.html")
-)
+@command(CALIBRATE, "report calibration.yaml --html report.html")
 def report(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE", help="Calibration files; - for stdin.")
@@ -27,9 +26,9 @@ def report(
         Path | None,
         typer.Option("--html", metavar="FILE", help="Also write one HTML page; - for stdout."),
     ] = None,
-    figures: Figures = None,
-    json: Json = False,
-    quiet: Quiet = False,
+    figures: options.Figures = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Summarise a calibration file, or several side by side and over time."""
     return perform("report", locals(), dash={"html": "html"}).exit_status

@@ -7,18 +7,19 @@ from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import Json, Quiet, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import USE, example
+from tdfscal.cli.words import USE
 
 
-@app.command(rich_help_panel=USE, epilog=example("tdfscal schema schemas"))
+@command(USE, "schema schemas")
 def schema(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to write.")] = Path(
         "schemas"
     ),
-    json: Json = False,
-    quiet: Quiet = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Write the JSON Schemas of the rig, calibration and point files."""
     return perform("schema", locals()).exit_status

@@ -7,9 +7,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from tdfscal.cli.app import Json, Quiet, RigFile, Seed, app
+from tdfscal.cli import options
+from tdfscal.cli.app import command
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import PLAN, example
+from tdfscal.cli.words import PLAN
 
 #: As the simulation has them, which the help does not import; a test compares.
 SCENARIOS = (
@@ -21,10 +22,10 @@ SCENARIOS = (
 LogFormat = Literal["csv", "parquet", "mcap"]
 
 
-@app.command(rich_help_panel=PLAN, epilog=example("tdfscal simulate campaign --scenario contact"))
+@command(PLAN, "simulate campaign --scenario contact")
 def simulate(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Campaign folder to write.")],
-    rig: RigFile = None,
+    rig: options.RigFile = None,
     scenario: Annotated[
         str,
         typer.Option(
@@ -43,10 +44,10 @@ def simulate(
         float, typer.Option(min=10.0, max=20e3, help="Samples per second of all signals.")
     ] = 100.0,
     months: Annotated[int, typer.Option(min=1, help="Campaigns of the scenario months.")] = 12,
-    seed: Seed = 0,
+    seed: options.Seed = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace what is in the folder.")] = False,
-    json: Json = False,
-    quiet: Quiet = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> int:
     """Write a synthetic campaign with its truth.yaml."""
     return perform("simulate", locals()).exit_status

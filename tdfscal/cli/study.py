@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from tdfscal.cli.app import Json, Quiet, Rig, Seed, app
+from tdfscal.cli import options
+from tdfscal.cli.app import app
 from tdfscal.cli.perform import perform
 from tdfscal.cli.words import STUDY, Grouped, example
 
@@ -46,7 +47,7 @@ def _choice(kind: Any, default: str | None, name: str, help: str) -> tuple[Any, 
     return _option(kind, default, name, case_sensitive=False, help=help)
 
 
-_RIG: Options = {"rig": (Rig, Parameter.empty), "output": (Folder, Parameter.empty)}
+_RIG: Options = {"rig": (options.Rig, Parameter.empty), "output": (Folder, Parameter.empty)}
 _GIVEN: Options = {
     "calibration": _option(
         list[Path] | None,
@@ -92,14 +93,14 @@ _GEARS: Options = {
     "friction": _number(None, "MU", "Of the teeth; default 0.15.", min=0),
     "clearance": _number(None, "MM", "Radial clearance, default 0.05 mm.", min=0),
 }
-_SEED: Options = {"seed": (Seed, 0)}
+_SEED: Options = {"seed": (options.Seed, 0)}
 _SHARED: Options = _SEED | {"workers": _count(None, "Processes; default one per core.")}
-_JSON: Options = {"json": (Json, False)}
-_PRINTED: Options = _JSON | {"quiet": (Quiet, False)}
+_JSON: Options = {"json": (options.Json, False)}
+_PRINTED: Options = _JSON | {"quiet": (options.Quiet, False)}
 _DISTANCE: Options = {"distance": _number(5.0, "M", "Tracker to rig, m.")}
 
 
-def _study(name: str, text: str, **options: tuple[Any, Any]) -> None:
+def _study(name: str, text: str, **taken: tuple[Any, Any]) -> None:
     """Make a command of the study of this name; text : its help."""
 
     def call(**given: Any) -> int:
@@ -110,7 +111,7 @@ def _study(name: str, text: str, **options: tuple[Any, Any]) -> None:
     call.__doc__ = text
     parameters = [
         Parameter(option, Parameter.KEYWORD_ONLY, annotation=kind, default=default)
-        for option, (kind, default) in options.items()
+        for option, (kind, default) in taken.items()
     ]
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     shown = name.replace("_", "-")

@@ -3,51 +3,34 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import Annotated
 
 import typer
 
-from tdfscal.cli.app import CalibrationFile, From, Html, Json, Paths, Quiet, RigFile, Seed, To, app
-from tdfscal.cli.perform import perform
-from tdfscal.cli.streams import say
-from tdfscal.cli.words import CALIBRATE, example
-
-if TYPE_CHECKING:
-    from tdfscal.workflows.calibration import Calibration
+from tdfscal.cli import options
+from tdfscal.cli.app import command
+from tdfscal.cli.perform import judged, perform
+from tdfscal.cli.words import CALIBRATE
 
 
-@app.command(
-    rich_help_panel=CALIBRATE,
-    epilog=example("tdfscal update calibration.yaml this-month -o updated.yaml"),
-)
+@command(CALIBRATE, "update calibration.yaml this-month -o updated.yaml")
 def update(
-    calibration: CalibrationFile,
-    paths: Paths,
+    calibration: options.CalibrationFile,
+    paths: options.Paths,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="File to write; - for stdout.")
     ],
-    rig: RigFile = None,
-    from_: From = None,
-    to: To = None,
-    trials: Annotated[
-        int | None, typer.Option(min=0, help="Monte Carlo trials at most; 0 for none.")
-    ] = None,
-    seed: Seed = 0,
-    json: Json = False,
-    allow_rejected: Annotated[
-        bool, typer.Option("--allow-rejected", help="Write the file even if the gate rejects it.")
-    ] = False,
-    salvage: Annotated[
-        bool, typer.Option("--salvage", help="Read what is sound of a damaged log; never accepted.")
-    ] = False,
-    html: Html = None,
-    quiet: Quiet = False,
+    rig: options.RigFile = None,
+    from_: options.From = None,
+    to: options.To = None,
+    trials: options.Trials = None,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+    allow_rejected: options.AllowRejected = False,
+    salvage: options.Salvage = False,
+    html: options.Html = None,
+    quiet: options.Quiet = False,
 ) -> int:
     """Bring a calibration up to date with a new campaign: zeros, load, angles."""
-    options = locals()
-    result = cast("Calibration", perform("update", options, dash={"output": "content"}))
-    if not result.accepted:
-        nothing = "nothing was written" if html is None else "only its page was written"
-        what = "it was written as rejected" if allow_rejected else nothing
-        say(f"tdfscal: the quality gate rejects this result; {what}")
-    return result.exit_status
+    result = perform("update", locals(), dash={"output": "content"})
+    return judged(result, page=html is not None, written=allow_rejected)
