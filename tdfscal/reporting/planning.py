@@ -1,4 +1,4 @@
-"""A plan in words and numbers."""
+"""A plan, of postures or of a motion, in words and numbers."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.planning import Forecast, Plan
-from tdfscal.records import ANGLES
+from tdfscal.planning import Forecast, Limits, Plan
+from tdfscal.planning.moving_plan import MovingPlan
+from tdfscal.records import ANGLES, FloatArray, Rig
 from tdfscal.reporting.layout import Block, Report, Section, Table
 
 
@@ -15,17 +16,7 @@ def plan_report(plan: Plan) -> Report:
     """Lay out what to drive, and what to expect of it."""
     limits, request, expected = plan.request.limits, plan.request, plan.expected
     more = f", on top of {plan.given} postures recorded before" if plan.given else ""
-    angles = tuple(
-        (name, *("–" if np.isnan(v) else f"{1e3 * v:.3f}" for v in row))
-        for name, row in zip(plan.rig.supports, expected.rpy_std, strict=True)
-    )
-    blocks: list[Block] = [
-        Table(
-            "Standard uncertainty to expect of the installation angles, mrad",
-            ("sensor", *ANGLES),
-            angles,
-        )
-    ]
+    blocks: list[Block] = [_angles(plan.rig, expected.rpy_std)]
     if expected.contact_force is not None and expected.contact_torque is not None:
         at = ", ".join(f"{v:g}" for v in request.at or plan.rig.acceptance.contact_rpy)
         rows = tuple(
@@ -49,6 +40,15 @@ def plan_report(plan: Plan) -> Report:
         "noise per axis and posture",
         sections=(Section("What to expect", tuple(blocks)),),
     )
+
+
+def _angles(rig: Rig, std: FloatArray) -> Table:
+    rows = tuple(
+        (name, *("–" if np.isnan(v) else f"{1e3 * v:.3f}" for v in row))
+        for name, row in zip(rig.supports, std, strict=True)
+    )
+    caption = "Standard uncertainty to expect of the installation angles, mrad"
+    return Table(caption, ("sensor", *ANGLES), rows)
 
 
 def _times(count: int) -> str:
@@ -80,15 +80,10 @@ def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:
         "given": plan.given,
         "objective": request.objective,
         "noise": request.noise,
-        "limits": {
-            "tilt": limits.tilt,
-            "squeeze": limits.squeeze,
-            "force": limits.force if np.isfinite(limits.force) else None,
-            "stiffness": limits.stiffness,
-        },
-        "expected": _forecast(plan, plan.expected),
-        "random": _forecast(plan, plan.random),
-        "before": None if plan.before is None else _forecast(plan, plan.before),
+        "limits": _limits(limits),
+        "expected": _forecast(plan.rig, plan.expected),
+        "random": _forecast(plan.rig, plan.random),
+        "before": None if plan.before is None else _forecast(plan.rig, plan.before),
         "improvement": plan.improvement,
         "tour": plan.tour,
         "position": plan.position.tolist(),
@@ -97,12 +92,21 @@ def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:
     }
 
 
-def _forecast(plan: Plan, of: Forecast) -> dict[str, Any]:
+def _limits(limits: Limits) -> dict[str, float | None]:
+    return {
+        "tilt": limits.tilt,
+        "squeeze": limits.squeeze,
+        "force": limits.force if np.isfinite(limits.force) else None,
+        "stiffness": limits.stiffness,
+    }
+
+
+def _forecast(rig: Rig, of: Forecast) -> dict[str, Any]:
     document: dict[str, Any] = {
         "mean_std": of.mean,
         "supports": [
             {"name": name, "rpy_std": [None if np.isnan(v) else v for v in row]}
-            for name, row in zip(plan.rig.supports, of.rpy_std.tolist(), strict=True)
+            for name, row in zip(rig.supports, of.rpy_std.tolist(), strict=True)
         ],
     }
     if of.contact_force is not None and of.contact_torque is not None:
@@ -111,3 +115,70 @@ def _forecast(plan: Plan, of: Forecast) -> dict[str, Any]:
             "torque_std": of.contact_torque.tolist(),
         }
     return document
+
+
+def moving_plan_report(plan: MovingPlan) -> Report:
+    """Lay out what is driven, and what to expect of it."""
+    request, limits = plan.request, plan.request.limits
+    used = _used(plan)
+    mean, random = (1e3 * f.rpy_std.mean() for f in (plan.expected, plan.random))
+    way = ", ".join(f"±{v:.3f}" for v in used["travel"])
+    blocks = (
+        _angles(plan.rig, plan.expected.rpy_std),
+        f"Mean {mean:.3g} mrad; random motions within the same limits {random:.3g} mrad: the plan "
+        f"is {plan.improvement:.2f} times better.",
+        f"Used of the limits: lean {np.rad2deg(used['tilt']):.2f}°, speed of a hinge "
+        f"{1e3 * used['speed']:.1f} mm/s, way of a hinge {way} m along x, y, z, internal force "
+        f"{used['squeeze']:.0f} N, force in all {used['force']:.0f} N.",
+    )
+    return Report(
+        title=f"Motion for {plan.rig.name}: {request.duration:g} s without a stop",
+        subtitle=f"tilt up to {np.rad2deg(limits.tilt):g}°, speed up to "
+        f"{1e3 * request.speed:g} mm/s, squeeze up to {limits.squeeze:g} N, noise of "
+        f"{request.noise:g} N in a force's mean over a second",
+        sections=(Section("What to expect", blocks),),
+    )
+
+
+def _used(plan: MovingPlan) -> dict[str, Any]:
+    """What the motion uses of its limits: rad, m/s, m per axis, N."""
+    time = plan.time
+    course = plan.trajectory.at(time)
+    home = plan.request.limits.home + plan.rig.hinge
+    speed = np.linalg.norm(np.diff(course.place, axis=0), axis=2).max() / (time[1] - time[0])
+    return {
+        "tilt": float(np.arccos(np.clip(course.rotation[:, 2, 2], -1, 1)).max()),
+        "speed": float(speed),
+        "travel": np.abs(course.place - home).max(axis=(0, 1)).tolist(),
+        "squeeze": float(np.linalg.norm(course.squeeze, axis=2).max()),
+        "force": float(np.linalg.norm(course.carried + course.squeeze, axis=2).max()),
+    }
+
+
+def moving_plan_document(
+    plan: MovingPlan, path: str | None, waypoints: str | None, seed: int
+) -> dict[str, Any]:
+    """The same as plain JSON values, SI units."""
+    request, limits = plan.request, plan.request.limits
+    lines = plan.trajectory.lines
+    course = plan.trajectory.at(plan.waypoints)
+    return {
+        "format": "tdfscal-plan/1",
+        "rig": plan.rig.name,
+        "output": path,
+        "waypoints_output": waypoints,
+        "seed": seed,
+        "duration": request.duration,
+        "noise": request.noise,
+        "limits": _limits(limits) | {"speed": request.speed},
+        "used": _used(plan),
+        "expected": _forecast(plan.rig, plan.expected),
+        "random": _forecast(plan.rig, plan.random),
+        "improvement": plan.improvement,
+        "frequency": (lines.line / request.duration).tolist(),
+        "waypoints": {
+            "time": plan.waypoints.tolist(),
+            "position": plan.position(course).tolist(),
+            "squeeze": course.squeeze.tolist(),
+        },
+    }

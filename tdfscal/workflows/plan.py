@@ -29,7 +29,12 @@ from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.planning import plan_document, plan_report
+from tdfscal.reporting.planning import (
+    moving_plan_document,
+    moving_plan_report,
+    plan_document,
+    plan_report,
+)
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.workflows.arguments import (
     Numbers,
@@ -135,8 +140,6 @@ class MovingPlanResult(_Planned):
 
     def to_report(self) -> Report:
         """Return what is driven, and what to expect of it."""
-        from tdfscal.reporting.moving_plan import moving_plan_report
-
         return moving_plan_report(self.plan)
 
     @property
@@ -146,8 +149,6 @@ class MovingPlanResult(_Planned):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the motion as plain JSON values, SI units."""
-        from tdfscal.reporting.moving_plan import moving_plan_document
-
         table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
         return moving_plan_document(self.plan, table, spline, self.seed)
 
