@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.figures import drawings, several_drawings, validation, wrench_in_motion
+from tdfscal.reporting.figures import drawings, motion, residuals, several_drawings
 from tdfscal.reporting.figures.style import Drawing, to_svg
 from tdfscal.reporting.layout import Facts, Items, Report, Section, Table, legible
 from tdfscal.reporting.several import put_side_by_side, several_report
@@ -41,9 +41,9 @@ def render_validation(
 ) -> str:
     """Return the page of a validation."""
     if isinstance(v, MovingValidation):
-        figures = (wrench_in_motion.validation(v),)
+        figures = (motion.validated(v),)
         return render(moving_validation_report(v, warnings, origin, figures))
-    return render(validation_report(v, warnings, origin, (validation.draw(v),)))
+    return render(validation_report(v, warnings, origin, (residuals.validated(v),)))
 
 
 def render_several(calibrations: Sequence[tuple[str, Calibration]]) -> str:

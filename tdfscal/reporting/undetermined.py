@@ -17,7 +17,7 @@ from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile
-from tdfscal.reporting.figures import components, determined, forces_in_motion, residuals, timeline
+from tdfscal.reporting.figures import motion, observability, residuals, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
 from tdfscal.reporting.layout import LISTED, Facts, Items, Report, Row, Section, Table, illustrated
@@ -67,10 +67,10 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
     if seen is None:
         return ()
     found: list[Drawing | None] = [
-        determined.draw(seen.observability, seen.rig.acceptance.identifiable)
+        observability.determined(seen.observability, seen.rig.acceptance.identifiable)
     ]
     if isinstance(seen, UndeterminedMotion):
-        found.append(forces_in_motion.draw(seen.slow, seen.rejected))
+        found.append(motion.forces(seen.slow, seen.rejected))
     elif log is not None:
         found.append(timeline.of(log))
         if seen.quality.dof > 0:
@@ -80,7 +80,7 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
                 "not determined."
             )
             left = residuals.of(log.postures)
-            found += [left and replace(left, reading=said), components.of(log.postures)]
+            found += [left and replace(left, reading=said), residuals.components_of(log.postures)]
     return tuple(drawing for drawing in found if drawing is not None)
 
 
@@ -153,7 +153,7 @@ def _tiles(seen: Undetermined | UndeterminedMotion) -> tuple[Row, ...]:
     known = sum(angle.identified for angle in angles)
     tiles = [
         ("turns determined", f"{known} of {len(angles)}", "by the data"),
-        ("weakest turn", determined.words(worst),
+        ("weakest turn", observability.words(worst),
          f"limit {1e3 * limit:.3g} mrad"),
     ]  # fmt: skip
     if isinstance(seen, Undetermined):

@@ -66,9 +66,9 @@ class CompareResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return one figure per pair: differences with their expanded uncertainty."""
-        from tdfscal.reporting.figures.comparison import draw
+        from tdfscal.reporting.figures.angles import comparison
 
-        return tuple(draw(pair, k + 1) for k, pair in enumerate(self.pairs))
+        return tuple(comparison(pair, k + 1) for k, pair in enumerate(self.pairs))
 
 
 def compare(

@@ -56,10 +56,10 @@ class InfoResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the dwells, where some are found."""
-        from tdfscal.reporting.figures.dwells import draw
+        from tdfscal.reporting.figures.timeline import found
 
         dwells = self.description.dwells
-        return (draw(dwells),) if dwells is not None and len(dwells) else ()
+        return (found(dwells),) if dwells is not None and len(dwells) else ()
 
 
 @together()

@@ -87,9 +87,9 @@ class _Planned(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the uncertainties to expect."""
-        from tdfscal.reporting.figures.plan import draw
+        from tdfscal.reporting.figures.angles import planned
 
-        return (draw(self.plan),)
+        return (planned(self.plan),)
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -47,9 +47,9 @@ class RegisterResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the residuals."""
-        from tdfscal.reporting.figures.point_residuals import draw
+        from tdfscal.reporting.figures.survey import registered
 
-        return (draw(self.registration),)
+        return (registered(self.registration),)
 
 
 def register(

@@ -59,10 +59,10 @@ class SimulateResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the true turns from the nominal mounting."""
-        from tdfscal.reporting.figures.true_angles import draw
+        from tdfscal.reporting.figures.angles import truth
 
         rig = self.run.rig
-        return (draw(rig.supports, self.run.truth.rpy, rig.nominal_rpy),)
+        return (truth(rig.supports, self.run.truth.rpy, rig.nominal_rpy),)
 
 
 @together()

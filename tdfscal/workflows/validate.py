@@ -114,12 +114,12 @@ class ValidateResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the residual wrench, before and after."""
-        from tdfscal.reporting.figures import validation, wrench_in_motion
+        from tdfscal.reporting.figures import motion, residuals
 
         v = self.validation
         if isinstance(v, MovingValidation):
-            return (wrench_in_motion.validation(v),)
-        return (validation.draw(v),)
+            return (motion.validated(v),)
+        return (residuals.validated(v),)
 
 
 @together()

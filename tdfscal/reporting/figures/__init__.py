@@ -1,25 +1,35 @@
-"""The figures of a report: each module draws one claim from a calibration file."""
+"""The figures of a report: a module per subject, a function per claim."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import import_module
 
 from tdfscal.comparison.compatibility import History
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures.drawing import Drawing
 
-#: Modules in the order of reading; imported when something is drawn, for matplotlib is slow.
-_IN_ORDER = (
-    *("angles", "methods", "residuals", "components", "budget", "timeline", "observability"),
-    *("rig", "spectrum", "wrench_in_motion", "trials", "survey"),
-)
-
 
 def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     """Return every figure for which the file holds the data, in the order of reading."""
-    modules = (import_module(f"{__name__}.{name}") for name in _IN_ORDER)
-    found = (module.draw(calibration) for module in modules)
+    # matplotlib is slow to import, and needed only where something is drawn.
+    from tdfscal.reporting.figures import (
+        angles,
+        budget,
+        motion,
+        observability,
+        residuals,
+        rig,
+        survey,
+        timeline,
+        trials,
+    )
+
+    in_order = (
+        *(angles.draw, angles.methods, residuals.draw, residuals.components, budget.draw),
+        *(timeline.draw, observability.draw, rig.draw, motion.spectrum, motion.draw),
+        *(trials.draw, survey.draw),
+    )
+    found = (draw(calibration) for draw in in_order)
     return tuple(drawing for drawing in found if drawing is not None)
 
 

@@ -1,14 +1,37 @@
-"""The installation angles with their 95 % intervals."""
+"""The installation angles: with their intervals, by each method, against others, as planned."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tdfscal.comparison.compatibility import Comparison
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.numerics import so3
-from tdfscal.records import ANGLES
-from tdfscal.reporting.figures.style import BLUE, GREY, INK, Drawing, figure, signed, tip
+from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.planning import Plan
+from tdfscal.planning.moving_plan import MovingPlan
+from tdfscal.records import ANGLES, FloatArray
+from tdfscal.reporting.figures.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    PALE,
+    RED,
+    Drawing,
+    figure,
+    legend_above,
+    signed,
+    tip,
+)
+from tdfscal.significance import INCOMPATIBLE, INTERVAL_COVERAGE
+
+_NAMES = {"self": "self-calibration", "tracker": "laser tracker"}
+_LOOK = {"self": ("s", BLUE, -0.26), "tracker": ("^", ORANGE, 0.0)}
 
 
 def draw(c: Calibration) -> Drawing:
@@ -72,3 +95,134 @@ def _paint(c: Calibration) -> Figure:
     for ax in (left, right):
         ax.grid(axis="y", visible=False)
     return fig
+
+
+def methods(c: Calibration) -> Drawing | None:
+    """Each method's angles less the joint ones, with 95 % intervals."""
+    if not c.methods or c.tracker is None:
+        return None
+    p, en = c.tracker.get("consistency_p_value"), c.tracker.get("largest_en")
+    said = "The two methods are drawn about their joint estimate."
+    if isinstance(p, float) and isinstance(en, float):
+        agree = "agree" if en <= 1 and p >= INCOMPATIBLE else "do not agree"
+        said = (
+            f"Self-calibration and tracker {agree} within their uncertainties: the largest E_n is "
+            f"{en:.2f} (1 is the limit), p = {p:.2g} for all angles together."
+        )
+    return Drawing("methods", "Two methods against each other", said, lambda: _paint_methods(c))
+
+
+def _paint_methods(c: Calibration) -> Figure:
+    k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
+    base = np.arange(3 * len(c.supports), dtype=float)
+    base += np.repeat(0.5 * np.arange(len(c.supports)), 3)
+    fig = figure(1.0 + 0.3 * len(base))
+    ax = fig.subplots()
+    for alone in c.methods or ():
+        marker, colour, shift = _LOOK[alone.method]
+        off = so3.wrapped(np.array(alone.rpy) - c.rpy)
+        ax.errorbar(
+            1e3 * off.ravel(),
+            base + shift,
+            xerr=1e3 * k * np.ravel(alone.rpy_std),
+            fmt=marker,
+            markersize=4.5,
+            color=colour,
+            capsize=2.5,
+            label=_NAMES[alone.method],
+        )
+    ax.errorbar(
+        np.zeros_like(base),
+        base + 0.26,
+        xerr=1e3 * k * c.rpy_std.ravel(),
+        fmt="o",
+        markersize=4.5,
+        color=INK,
+        capsize=2.5,
+        label="joint",
+    )
+    ax.axvline(0, color=GREY, linewidth=0.8)
+    _named(ax, base, c.support_names)
+    ax.set_xlabel("angle less the joint estimate, with its 95 % interval, mrad")
+    legend_above(ax, 3)
+    return fig
+
+
+def comparison(pair: Comparison, number: int = 1) -> Drawing:
+    """Differences of the angles with their expanded uncertainty, k = 2."""
+    return Drawing(
+        f"comparison-{number}",
+        f"{pair.names[0]} against {pair.names[1]}",
+        f"{pair.verdict}.",
+        lambda: _paint_comparison(pair),
+    )
+
+
+def _paint_comparison(pair: Comparison) -> Figure:
+    value, std = 1e3 * pair.rpy.ravel(), 1e3 * pair.rpy_std.ravel()
+    place = np.arange(len(value), dtype=float)
+    beyond = pair.en.ravel() > 1.0
+    fig = figure(0.9 + 0.23 * len(value))
+    ax = fig.subplots()
+    ax.axvline(0.0, color=GREY, linewidth=0.8)
+    for which, colour in ((~beyond, BLUE), (beyond, RED)):
+        ax.errorbar(
+            value[which], place[which], xerr=2.0 * std[which], fmt="o", markersize=3.5,
+            color=INK, ecolor=colour, elinewidth=1.8, capsize=3.5,
+        )  # fmt: skip
+    _named(ax, place, pair.supports)
+    ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
+    return fig
+
+
+def planned(plan: Plan | MovingPlan) -> Drawing:
+    """Standard uncertainty to expect of each angle, of the plan and of random ones."""
+    what = "motions" if isinstance(plan, MovingPlan) else "postures"
+    return Drawing(
+        "plan",
+        "Uncertainty to expect",
+        f"The plan is {plan.improvement:.2f} times better than random {what}.",
+        lambda: _paint_planned(plan),
+    )
+
+
+def _paint_planned(plan: Plan | MovingPlan) -> Figure:
+    expected = 1e3 * plan.expected.rpy_std.ravel()
+    place = np.arange(len(expected), dtype=float)
+    fig = figure(0.9 + 0.23 * len(expected))
+    ax = fig.subplots()
+    ax.barh(place, 1e3 * plan.random.rpy_std.ravel(), height=0.75, color=PALE, label="random")
+    ax.barh(place, expected, height=0.45, color=BLUE, edgecolor=INK, linewidth=0.4, label="plan")
+    _named(ax, place, plan.rig.supports)
+    ax.set_xlabel("standard uncertainty, mrad")
+    legend_above(ax, 2)
+    return fig
+
+
+def truth(supports: tuple[str, ...], rpy: FloatArray, nominal: FloatArray) -> Drawing:
+    """Turn from the nominal mounting; rpy, nominal : (n, 3), rad."""
+    turn = 1e3 * so3.wrapped(rpy - nominal).ravel()
+    return Drawing(
+        "truth",
+        "True mounting",
+        f"The largest turn from the nominal mounting is {np.abs(turn).max():.3g} mrad.",
+        lambda: _paint_truth(supports, turn),
+    )
+
+
+def _paint_truth(supports: tuple[str, ...], turn: FloatArray) -> Figure:
+    place = np.arange(len(turn), dtype=float)
+    fig = figure(0.9 + 0.23 * len(turn))
+    ax = fig.subplots()
+    ax.barh(place, turn, height=0.62, color=BLUE, edgecolor=INK, linewidth=0.4)
+    ax.axvline(0.0, color=INK, linewidth=0.8)
+    _named(ax, place, supports)
+    ax.set_xlabel("turn from the nominal mounting, mrad")
+    return fig
+
+
+def _named(ax: Axes, place: FloatArray, supports: Sequence[str]) -> None:
+    """Name the rows of the angles, which lie at `place`, from the top down."""
+    ax.set_yticks(place, [f"{name}  {angle}" for name in supports for angle in ANGLES])
+    ax.invert_yaxis()
+    ax.grid(axis="y", visible=False)

@@ -1,4 +1,4 @@
-"""Residuals of the laser tracker's points."""
+"""Residuals of points: of the tracker's survey, and of a registration."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures.style import (
     BLUE,
+    FILLS,
     GREEN,
     GREY,
     INK,
@@ -24,6 +25,7 @@ from tdfscal.reporting.figures.style import (
     legend_above,
     raster,
 )
+from tdfscal.trackercal import PointRegistration
 
 _CHARACTER = 0.075
 """Inches that a letter of a tick label takes, at most."""
@@ -104,3 +106,28 @@ def _groups(bottom: Axes, top: Axes, names: list[str]) -> None:
     for ax in (bottom, top):
         ax.grid(axis="x", visible=False)
         ax.set_xlim(-0.7, len(names) - 0.3)
+
+
+def registered(r: PointRegistration) -> Drawing:
+    """Residual of each point in µm, by coordinate."""
+    return Drawing(
+        "residuals",
+        "Residuals of the points",
+        f"The points fit within {1e6 * r.rms:.3g} µm rms.",
+        lambda: _paint_registered(r),
+    )
+
+
+def _paint_registered(r: PointRegistration) -> Figure:
+    fig = figure(2.6)
+    ax = fig.subplots()
+    place = np.arange(len(r.names), dtype=float)
+    for j, axis in enumerate("xyz"):
+        ax.bar(
+            place + 0.27 * (j - 1), 1e6 * r.residual[:, j], width=0.25, color=FILLS[j], label=axis
+        )
+    ax.set_xticks(place, r.names, rotation=90 if len(r.names) > 8 else 0)
+    ax.set_ylabel("residual, µm")
+    ax.grid(axis="x", visible=False)
+    legend_above(ax, 3)
+    return fig

@@ -14,6 +14,7 @@ from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
 from tdfscal.files.calibration.log_time import Clock, log_clock
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.model import RigFile
+from tdfscal.records import Dwells
 from tdfscal.reporting.figures.style import (
     FILLS,
     GREY,
@@ -23,6 +24,7 @@ from tdfscal.reporting.figures.style import (
     RED,
     Drawing,
     figure,
+    legend_above,
     raster,
     tip,
 )
@@ -163,3 +165,30 @@ def _forces(
             low, high = force[i, :, k].min(), force[i, :, k].max()
             tip(line, f"{support.name} F{'xyz'[k]}: {low:.1f} to {high:.1f} N")
         ax.set_ylabel(f"F{'xyz'[k]}, N")
+
+
+def found(dwells: Dwells) -> Drawing:
+    """Length of each sensor's mean force, a bar over the time of every dwell."""
+    return Drawing(
+        "dwells",
+        "Static dwells",
+        f"{len(dwells)} dwells are found.",
+        lambda: _paint_found(dwells),
+    )
+
+
+def _paint_found(dwells: Dwells) -> Figure:
+    force = np.linalg.norm(dwells.force, axis=2)
+    start = dwells.start - dwells.start[0]
+    length = np.maximum(dwells.end - dwells.start, 0.0)
+    fig = figure(2.6)
+    ax = fig.subplots()
+    for i, name in enumerate(dwells.supports):
+        ax.hlines(
+            force[:, i], start, start + length, color=FILLS[i % len(FILLS)], linewidth=3, label=name
+        )
+        ax.plot(start, force[:, i], "|", color=FILLS[i % len(FILLS)], markersize=4)
+    ax.set_xlabel("time since the first dwell, s")
+    ax.set_ylabel("force, N")
+    legend_above(ax, 4)
+    return fig
