@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,7 @@ from tdfscal.records import Dwells as Dwells
 from tdfscal.records import Log as Log
 from tdfscal.workflows import study as study
 from tdfscal.workflows.apply import apply as apply
-from tdfscal.workflows.arguments import PathLikes, listed
+from tdfscal.workflows.arguments import PathLike, PathLikes, listed
 from tdfscal.workflows.calibrate import calibrate as calibrate
 from tdfscal.workflows.calibration import Calibration as Calibration
 from tdfscal.workflows.calibration import angles_frame as angles_frame
@@ -42,9 +41,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def read_log(
-    paths: PathLikes, rig: LoadedRig | str | PathLike[str], *, salvage: bool = False
-) -> Log:
+def read_log(paths: PathLikes, rig: LoadedRig | PathLike, *, salvage: bool = False) -> Log:
     """Read one or several recorded logs of a campaign into memory, SI units.
 
     Parameters

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -27,7 +26,7 @@ from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows.arguments import Numbers, PathLikes, listed, one, one_of, triple
+from tdfscal.workflows.arguments import Numbers, PathLike, PathLikes, listed, one, one_of, triple
 from tdfscal.workflows.calibration import CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
@@ -121,15 +120,15 @@ def apply(
     calibration: CalibrationSource,
     paths: PathLikes,
     *,
-    output: str | PathLike[str] | None = None,
-    rig: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
+    rig: PathLike | None = None,
     from_: Instant | None = None,
     to: Instant | None = None,
     quasi_static: bool = False,
     filter: Kind = "none",
     walk: float | None = None,
     at: Numbers = (0.0, 0.0, 0.0),
-    figures: str | PathLike[str] | None = None,
+    figures: PathLike | None = None,
     progress: Progress = SILENT,
 ) -> ApplyResult:
     """Work out the contact force and torque over a whole log.

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
-from os import PathLike
 from pathlib import Path
 
 from tdfscal.errors import UsageError
 
-PathLikes = str | PathLike[str] | Sequence[str | PathLike[str]]
+PathLike = str | os.PathLike[str]
+PathLikes = PathLike | Sequence[PathLike]
 Numbers = str | Sequence[float]
 
 
 def listed(paths: PathLikes) -> list[Path]:
     """Return one path, or several, as a list."""
-    if isinstance(paths, str | PathLike):
+    if isinstance(paths, str | os.PathLike):
         return [Path(paths)]
     return [Path(path) for path in paths]
 
 
-def one(path: str | PathLike[str] | None) -> Path | None:
+def one(path: PathLike | None) -> Path | None:
     """Return a path that may be missing."""
     return None if path is None else Path(path)
 

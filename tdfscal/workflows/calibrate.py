@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from os import PathLike
 from typing import Literal, get_args
 
 import numpy as np
@@ -25,7 +24,7 @@ from tdfscal.records import Dwells, InputFile, Rig, Rotations
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.pipeline import Estimator, SelfCalibration, self_calibrate
 from tdfscal.trackercal import TrackerCalibration
-from tdfscal.workflows.arguments import PathLikes, at_least, listed, one, one_of
+from tdfscal.workflows.arguments import PathLike, PathLikes, at_least, listed, one, one_of
 from tdfscal.workflows.calibration import Calibration, Records
 from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.inputs_read import inputs_read
@@ -47,7 +46,7 @@ _LISTED = 8
 def calibrate(
     paths: PathLikes,
     *,
-    rig: str | PathLike[str] | None = None,
+    rig: PathLike | None = None,
     method: Method | None = None,
     samples: Samples | None = None,
     estimator: Estimator = "ml",
@@ -55,9 +54,9 @@ def calibrate(
     to: Instant | None = None,
     trials: int | None = None,
     seed: int = 0,
-    output: str | PathLike[str] | None = None,
-    html: str | PathLike[str] | None = None,
-    figures: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
+    html: PathLike | None = None,
+    figures: PathLike | None = None,
     allow_rejected: bool = False,
     salvage: bool = False,
     command: str = "tdfscal.calibrate",

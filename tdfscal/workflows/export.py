@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +13,7 @@ from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows.arguments import one, one_of
+from tdfscal.workflows.arguments import PathLike, one, one_of
 from tdfscal.workflows.calibration import (
     Calibration,
     CalibrationSource,
@@ -69,9 +68,9 @@ def export(
     calibration: CalibrationSource,
     to: Target,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     parent: str = "bcs",
-    schema: str | PathLike[str] | None = None,
+    schema: PathLike | None = None,
     allow_rejected: bool = False,
     progress: Progress = SILENT,
 ) -> ExportResult:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from tdfscal.logs.description.document import as_document
 from tdfscal.logs.description.info import LogInfo
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
-from tdfscal.workflows.arguments import PathLikes, listed, one
+from tdfscal.workflows.arguments import PathLike, PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
 from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
@@ -66,10 +65,10 @@ class InfoResult(Result):
 def info(
     paths: PathLikes,
     *,
-    rig: str | PathLike[str] | None = None,
+    rig: PathLike | None = None,
     from_: Instant | None = None,
     to: Instant | None = None,
-    figures: str | PathLike[str] | None = None,
+    figures: PathLike | None = None,
     progress: Progress = SILENT,
 ) -> InfoResult:
     """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.

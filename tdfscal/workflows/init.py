@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
 from typing import Any
 
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
@@ -21,7 +20,7 @@ from tdfscal.logs.description.mapping_guess import sampled
 from tdfscal.logs.description.mapping_text import mapping_document
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows.arguments import PathLikes, listed, one
+from tdfscal.workflows.arguments import PathLike, PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_window import Instant, window
@@ -89,7 +88,7 @@ class InitResult(Result):
 def init(
     paths: PathLikes,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     from_: Instant | None = None,
     to: Instant | None = None,
     progress: Progress = SILENT,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -38,6 +37,7 @@ from tdfscal.reporting.planning import (
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.workflows.arguments import (
     Numbers,
+    PathLike,
     PathLikes,
     at_least,
     listed,
@@ -155,9 +155,9 @@ class MovingPlanResult(_Planned):
 
 @together()
 def plan(
-    rig: str | PathLike[str],
+    rig: PathLike,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     postures: int | None = None,
     target: float | None = None,
     tilt: float = 5.0,
@@ -174,8 +174,8 @@ def plan(
     motion: bool = False,
     duration: float = 60.0,
     speed: float = 0.02,
-    waypoints: str | PathLike[str] | None = None,
-    figures: str | PathLike[str] | None = None,
+    waypoints: PathLike | None = None,
+    figures: PathLike | None = None,
     seed: int = 0,
     command: str = "tdfscal.plan",
     progress: Progress = SILENT,
@@ -277,9 +277,7 @@ def plan(
     return result
 
 
-def _recorded(
-    rig: str | PathLike[str], paths: list[Path], noise: float, progress: Progress
-) -> Fit | None:
+def _recorded(rig: PathLike, paths: list[Path], noise: float, progress: Progress) -> Fit | None:
     """The fit of the postures that are recorded already."""
     if not paths:
         return None

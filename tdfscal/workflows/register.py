@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
 
@@ -19,7 +18,7 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.registration import document, registration_report
 from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
-from tdfscal.workflows.arguments import one_of
+from tdfscal.workflows.arguments import PathLike, one_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 
@@ -53,8 +52,8 @@ class RegisterResult(Result):
 
 
 def register(
-    measured: str | PathLike[str],
-    reference: str | PathLike[str],
+    measured: PathLike,
+    reference: PathLike,
     *,
     unit: str | None = None,
     match: Match = "name",

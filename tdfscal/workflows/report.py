@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from os import PathLike
 from typing import Any
 
 from tdfscal.errors import UsageError
@@ -12,7 +11,7 @@ from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.layout import Drawing, Report, Section
-from tdfscal.workflows.arguments import one
+from tdfscal.workflows.arguments import PathLike, one
 from tdfscal.workflows.calibration import (
     ANGLE_COLUMNS,
     Calibration,
@@ -90,8 +89,8 @@ class ReportResult(Result):
 def report(
     *files: CalibrationSource | Iterable[CalibrationSource],
     previous: CalibrationSource | None = None,
-    html: str | PathLike[str] | None = None,
-    figures: str | PathLike[str] | None = None,
+    html: PathLike | None = None,
+    figures: PathLike | None = None,
     progress: Progress = SILENT,
 ) -> ReportResult:
     """Summarise a calibration file, or several side by side and over time.

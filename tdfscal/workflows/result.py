@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.errors import UsageError
 from tdfscal.reporting.layout import Drawing, Report
+from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.progress import SILENT, Progress
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Result(ABC):
         return to_figure(drawings[name] if name else next(iter(drawings.values())))
 
     def save_figures(
-        self, folder: str | PathLike[str] | None, progress: Progress = SILENT
+        self, folder: PathLike | None, progress: Progress = SILENT
     ) -> tuple[Path, ...]:
         """Write every figure as PNG, SVG and PDF into a folder; None writes none.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from os import PathLike
 from pathlib import Path
 
 from tdfscal.checks.same_rig import require_agreement
@@ -12,10 +11,11 @@ from tdfscal.errors import UsageError
 from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.simulation import SurveyOptions
+from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
 
 
-def rig_named(path: str | PathLike[str]) -> LoadedRig:
+def rig_named(path: PathLike) -> LoadedRig:
     """Load a rig file, or the rig.yaml of a campaign folder. Raises UsageError, RigError."""
     file = Path(path)
     if file.is_dir():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from tdfscal.files.outputs import together
 from tdfscal.files.schema import write_schemas
+from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 
@@ -34,7 +34,7 @@ class SchemaResult(Result):
 
 
 @together()
-def schema(folder: str | PathLike[str] = "schemas", *, progress: Progress = SILENT) -> SchemaResult:
+def schema(folder: PathLike = "schemas", *, progress: Progress = SILENT) -> SchemaResult:
     """Write the JSON Schemas of the rig, calibration and point files.
 
     Parameters

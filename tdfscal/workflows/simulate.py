@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,7 +14,7 @@ from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import Recorder, Run
-from tdfscal.workflows.arguments import at_least, one_of
+from tdfscal.workflows.arguments import PathLike, at_least, one_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.rigs import survey_of
@@ -67,9 +66,9 @@ class SimulateResult(Result):
 
 @together()
 def simulate(
-    folder: str | PathLike[str],
+    folder: PathLike,
     *,
-    rig: str | PathLike[str] | None = None,
+    rig: PathLike | None = None,
     scenario: str = "self",
     format: LogFormat = "csv",
     postures: int = 24,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from os import PathLike
 from pathlib import Path
 
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.files.outputs import appear_now
 from tdfscal.files.saving import write_text
+from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.campaign import Campaign
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.progress import Progress
@@ -21,7 +21,7 @@ def pages_of_failure(
     campaign: Campaign,
     log: LogPass | None,
     page: Path | None,
-    figures: str | PathLike[str] | None,
+    figures: PathLike | None,
     command: str,
     progress: Progress,
 ) -> Iterator[None]:

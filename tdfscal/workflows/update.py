@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from datetime import UTC, datetime
-from os import PathLike
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from tdfscal.numerics.information import contrast
 from tdfscal.records import FloatArray, Measured, Rig
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.significance import CAMPAIGN_MISFIT
-from tdfscal.workflows.arguments import PathLikes, at_least, listed, one
+from tdfscal.workflows.arguments import PathLike, PathLikes, at_least, listed, one
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
@@ -52,13 +51,13 @@ def update(
     calibration: CalibrationSource,
     paths: PathLikes,
     *,
-    rig: str | PathLike[str] | None = None,
+    rig: PathLike | None = None,
     from_: Instant | None = None,
     to: Instant | None = None,
     trials: int | None = None,
     seed: int = 0,
-    output: str | PathLike[str] | None = None,
-    html: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
+    html: PathLike | None = None,
     allow_rejected: bool = False,
     salvage: bool = False,
     command: str = "tdfscal.update",

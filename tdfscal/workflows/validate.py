@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from os import PathLike
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -22,7 +21,7 @@ from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.workflows.arguments import PathLikes, listed, one, one_of
+from tdfscal.workflows.arguments import PathLike, PathLikes, listed, one, one_of
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
@@ -127,12 +126,12 @@ def validate(
     calibration: CalibrationSource,
     paths: PathLikes,
     *,
-    rig: str | PathLike[str] | None = None,
+    rig: PathLike | None = None,
     samples: Samples | None = None,
     from_: Instant | None = None,
     to: Instant | None = None,
-    html: str | PathLike[str] | None = None,
-    figures: str | PathLike[str] | None = None,
+    html: PathLike | None = None,
+    figures: PathLike | None = None,
     command: str = "tdfscal.validate",
     progress: Progress = SILENT,
 ) -> ValidateResult:

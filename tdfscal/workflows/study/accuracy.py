@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from tdfscal.records import FloatArray
 from tdfscal.simulation import Options
 from tdfscal.studies.accuracy import Accuracy, Setup
 from tdfscal.studies.accuracy import accuracy as simulate_accuracy
-from tdfscal.workflows.arguments import at_least
+from tdfscal.workflows.arguments import PathLike, at_least
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.rigs import calibrations_named, survey_of
@@ -35,9 +34,9 @@ class AccuracyResult(StudyResult):
 
 @together()
 def accuracy(
-    rig: str | PathLike[str],
+    rig: PathLike,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     calibration: CalibrationSource | Sequence[CalibrationSource] = (),
     runs: int = 1000,
     postures: int = 24,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from os import PathLike
 from pathlib import Path
 
 from tdfscal.errors import UsageError
@@ -13,7 +12,7 @@ from tdfscal.files.yaml.reading import read_document
 from tdfscal.simulation import Options
 from tdfscal.studies import cost as study_of
 from tdfscal.studies.cost import Assumptions
-from tdfscal.workflows.arguments import at_least, one
+from tdfscal.workflows.arguments import PathLike, at_least, one
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.rigs import survey_of
 from tdfscal.workflows.study.result import StudyResult, start
@@ -29,10 +28,10 @@ class CostResult(StudyResult):
 
 @together()
 def cost(
-    rig: str | PathLike[str],
+    rig: PathLike,
     *,
-    output: str | PathLike[str] | None = None,
-    assumptions: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
+    assumptions: PathLike | None = None,
     runs: int = 10,
     squeeze: float = 200.0,
     distance: float = 5.0,

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike
 
 from tdfscal.files.outputs import together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.studies import docking as study_of
-from tdfscal.workflows.arguments import Numbers
+from tdfscal.workflows.arguments import Numbers, PathLike
 from tdfscal.workflows.calibration import CalibrationSource, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.controlled import (
@@ -32,9 +31,9 @@ class DockingResult(ControlledResult):
 
 @together()
 def docking(
-    rig: str | PathLike[str],
+    rig: PathLike,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     calibration: CalibrationSource | Sequence[CalibrationSource] = (),
     truth: CalibrationSource | None = None,
     runs: int = 20,

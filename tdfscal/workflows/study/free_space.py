@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from tdfscal.files.outputs import together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.records import FloatArray
 from tdfscal.studies import free_space as study_of
-from tdfscal.workflows.arguments import Numbers
+from tdfscal.workflows.arguments import Numbers, PathLike
 from tdfscal.workflows.calibration import CalibrationSource, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.controlled import (
@@ -42,13 +41,13 @@ class FreeSpaceResult(ControlledResult):
 
 @together()
 def free_space(
-    rig: str | PathLike[str],
+    rig: PathLike,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     calibration: CalibrationSource | Sequence[CalibrationSource] = (),
     truth: CalibrationSource | None = None,
     runs: int = 20,
-    moves: str | PathLike[str] | None = None,
+    moves: PathLike | None = None,
     perfect: bool = True,
     mounting: Numbers | None = None,
     drift: float = 0.0,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
 from typing import Any
 
 from tdfscal.files.outputs import together
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.studies import paper as words
+from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.accuracy import AccuracyResult, accuracy
 from tdfscal.workflows.study.docking import DockingResult, docking
@@ -46,9 +46,9 @@ class PaperResult(StudyResult):
 
 @together()
 def paper(
-    rig: str | PathLike[str],
+    rig: PathLike,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     runs: int = 20,
     campaigns: int = 200,
     engagement: float | None = None,

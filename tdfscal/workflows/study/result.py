@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
-from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -15,7 +14,7 @@ from tdfscal.files.outputs import make_folder, protect
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import save_rows, write_text
 from tdfscal.reporting.layout import Drawing, Report, Section
-from tdfscal.workflows.arguments import at_least, one
+from tdfscal.workflows.arguments import PathLike, at_least, one
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
@@ -89,7 +88,7 @@ class StudyResult(Result):
 
 
 def start(
-    rig: str | PathLike[str], output: str | PathLike[str] | None, files: Sequence[Path] = ()
+    rig: PathLike, output: PathLike | None, files: Sequence[Path] = ()
 ) -> tuple[LoadedRig, Path | None]:
     """Load the rig, and look whether the folder can be written; files : what else is read.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from tdfscal.records import Rig
 from tdfscal.studies.sensitivity import Sweep
 from tdfscal.studies.sensitivity import sensitivity as sweep
 from tdfscal.studies.wrench_error import Stake, stake
-from tdfscal.workflows.arguments import Numbers, at_least, triple
+from tdfscal.workflows.arguments import Numbers, PathLike, at_least, triple
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.rigs import calibrations_named
@@ -35,9 +34,9 @@ class SensitivityResult(StudyResult):
 
 @together()
 def sensitivity(
-    rig: str | PathLike[str],
+    rig: PathLike,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     calibration: CalibrationSource | Sequence[CalibrationSource] = (),
     rpy: Numbers | None = None,
     squeeze: float = 200.0,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike
 
 from tdfscal.files.outputs import together
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking
 from tdfscal.studies import success as study_of
-from tdfscal.workflows.arguments import Numbers, at_least, numbers
+from tdfscal.workflows.arguments import Numbers, PathLike, at_least, numbers
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.controlled import Cell, steps_of
 from tdfscal.workflows.study.result import StudyResult, processes, start
@@ -30,9 +29,9 @@ class SuccessResult(StudyResult):
 
 @together()
 def success(
-    rig: str | PathLike[str],
+    rig: PathLike,
     *,
-    output: str | PathLike[str] | None = None,
+    output: PathLike | None = None,
     runs: int = 20,
     errors: Numbers | None = None,
     engagement: float = ENGAGEMENT,
