@@ -27,11 +27,11 @@ _LISTED = 12
 _LISTED_ON_PAGE = 40
 #: Units of the wrench's two parts.
 _UNITS = {"force": "N", "moment": "N·m"}
-KEEP = (
+_KEEP = (
     "Keep this calibration in use.",
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
 )
-RENEW = (
+_RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
 )
@@ -120,18 +120,6 @@ def residual_table(found: dict[str, dict[str, float]], caption: str) -> Table:
     return Table(caption, RESIDUAL_HEADER, rows)
 
 
-def residual_tiles(found: dict[str, dict[str, float]]) -> tuple[Row, ...]:
-    """The same as tiles of a page."""
-    return tuple(
-        (
-            f"residual contact {name}",
-            f"{found[name]['rms_after']:.2g} {unit}",
-            f"uncalibrated {found[name]['rms_before']:.3g} {unit}",
-        )
-        for name, unit in _UNITS.items()
-    )
-
-
 def _of_postures(v: Validation) -> dict[str, dict[str, float]]:
     return residual(lengths(v.nominal), lengths(v.calibrated))
 
@@ -201,26 +189,49 @@ def validation_report(
     drawings: tuple[Drawing, ...] = (),
 ) -> Report:
     """Lay out a verdict; origin and drawings are those of a page."""
-    why = tuple(reasons(v))
-    totals = residual_table(_of_postures(v), "Residual contact wrench, LCS, about its origin")
+    found = _of_postures(v)
+    totals = residual_table(found, "Residual contact wrench, LCS, about its origin")
     postures = (totals, _postures(v, _LISTED_ON_PAGE if drawings else _LISTED))
     left_out = tuple(f"posture {k + 1}: {reason}" for k, reason in sorted(v.left_out.items()))
-    report = Report(
+    sections = (
+        *illustrated(drawings, {"validation": postures}),
+        Section("Postures left out", (Items("Left out", left_out),) if left_out else ()),
+        power(v),
+    )
+    tile = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
+    report = verdict_report(v, reasons(v), tile, found, sections, warnings)
+    return with_origin(report, v, origin, f"{len(v.used)} postures")
+
+
+def verdict_report(
+    v: Verdict,
+    why: Sequence[str],
+    tile: Row,
+    found: dict[str, dict[str, float]],
+    sections: tuple[Section, ...],
+    warnings: Sequence[str],
+) -> Report:
+    """Lay out a verdict with its evidence; tile : what was tested. found : as `residual`."""
+    tiles = (
+        (
+            f"residual contact {name}",
+            f"{found[name]['rms_after']:.2g} {unit}",
+            f"uncalibrated {found[name]['rms_before']:.3g} {unit}",
+        )
+        for name, unit in _UNITS.items()
+    )
+    ratio = ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}")
+    return Report(
         title=v.rig.name,
         verdict="STILL VALID" if v.holds else "RECALIBRATE",
         accepted=v.holds,
         claim=" ".join(why),
         reasons=tuple(describe(v, cause) for cause in v.suspected),
-        tiles=_tiles(v),
-        sections=(
-            *illustrated(drawings, {"validation": postures}),
-            Section("Postures left out", (Items("Left out", left_out),) if left_out else ()),
-            power(v),
-        ),
+        tiles=(tile, *tiles, ratio),
+        sections=sections,
         warnings=tuple(warnings),
-        advice=KEEP if v.holds else RENEW,
+        advice=_KEEP if v.holds else _RENEW,
     )
-    return with_origin(report, v, origin, f"{len(v.used)} postures")
 
 
 def with_origin(report: Report, v: Verdict, origin: Origin | None, extent: str) -> Report:
@@ -233,7 +244,7 @@ def with_origin(report: Report, v: Verdict, origin: Origin | None, extent: str) 
         subtitle=f"validation of {origin.name}, a {METHODS[c.method]} of {c.created[:10]}, on "
         f"{extent}",
         created=origin.created,
-        sections=(*report.sections, provenance(v, origin)),
+        sections=(*report.sections, _provenance(v, origin)),
     )
 
 
@@ -255,14 +266,6 @@ def _postures(v: Validation, most: int) -> Table:
     return Table(caption, ("", "s", *units, "largest / u"), rows)
 
 
-def _tiles(v: Validation) -> tuple[Row, ...]:
-    return (
-        ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test"),
-        *residual_tiles(_of_postures(v)),
-        ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
-    )
-
-
 def power(
     v: Verdict, what: str = "these postures", more: str = "more postures, more tilt and a squeeze"
 ) -> Section:
@@ -280,7 +283,7 @@ def power(
     )
 
 
-def provenance(v: Verdict, origin: Origin) -> Section:
+def _provenance(v: Verdict, origin: Origin) -> Section:
     """The calibration, the test and the logs."""
     c = origin.calibration
     facts = (

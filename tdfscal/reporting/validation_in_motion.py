@@ -7,19 +7,16 @@ from typing import Any
 
 from tdfscal.reporting.layout import Drawing, Items, Report, Section, illustrated
 from tdfscal.reporting.validation import (
-    KEEP,
-    RENEW,
     Origin,
     causes_document,
     power,
     residual,
     residual_table,
-    residual_tiles,
     sure,
     verdict_document,
+    verdict_report,
     with_origin,
 )
-from tdfscal.reporting.validation_causes import describe
 from tdfscal.validation.in_motion import MovingValidation
 
 
@@ -79,24 +76,13 @@ def moving_validation_report(
     left_out = tuple(f"{s.begin:.2f} to {s.end:.2f} s: {s.reason}" for s in v.rejected)
     lost = sum(s.end - s.begin for s in v.rejected)
     caption = "Residual contact wrench, means over a second, about the barycentre"
-    totals = residual_table(_over_time(v), caption)
-    report = Report(
-        title=v.rig.name,
-        verdict="STILL VALID" if v.holds else "RECALIBRATE",
-        accepted=v.holds,
-        claim=" ".join(reasons(v)),
-        reasons=tuple(describe(v, cause) for cause in v.suspected),
-        tiles=(
-            ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out"),
-            *residual_tiles(_over_time(v)),
-            ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
-        ),
-        sections=(
-            *illustrated(drawings, {"residual-over-time": (totals,)}),
-            Section("Stretches left out", (Items("Left out", left_out),) if left_out else ()),
-            power(v, "this motion", "a longer motion, more tilt and a squeeze"),
-        ),
-        warnings=tuple(warnings),
-        advice=KEEP if v.holds else RENEW,
+    found = _over_time(v)
+    totals = residual_table(found, caption)
+    sections = (
+        *illustrated(drawings, {"residual-over-time": (totals,)}),
+        Section("Stretches left out", (Items("Left out", left_out),) if left_out else ()),
+        power(v, "this motion", "a longer motion, more tilt and a squeeze"),
     )
+    tile = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
+    report = verdict_report(v, reasons(v), tile, found, sections, warnings)
     return with_origin(report, v, origin, f"{v.seconds:.0f} s of motion")
