@@ -10,8 +10,7 @@ import numpy as np
 
 from tdfscal.errors import visible
 from tdfscal.logs.common.contents import Contents, Field, Stream
-from tdfscal.logs.description.info import LogInfo, Signal
-from tdfscal.logs.description.mapping_text import mapping_block
+from tdfscal.logs.description.info import LogInfo, Signal, mapping_block
 from tdfscal.logs.text.cells import cut
 from tdfscal.records import Dwells
 from tdfscal.reporting.text import table, width

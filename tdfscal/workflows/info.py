@@ -12,8 +12,7 @@ from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
 from tdfscal.logs.describe import describe_logs
-from tdfscal.logs.description.document import as_document
-from tdfscal.logs.description.info import LogInfo
+from tdfscal.logs.description.info import LogInfo, as_document
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
 from tdfscal.workflows.arguments import PathLike, PathLikes, listed, one

@@ -15,9 +15,8 @@ from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import write_text
 from tdfscal.logs import expand
 from tdfscal.logs.describe import describe_logs
-from tdfscal.logs.description.info import LogInfo
+from tdfscal.logs.description.info import LogInfo, mapping_document
 from tdfscal.logs.description.mapping_guess import sampled
-from tdfscal.logs.description.mapping_text import mapping_document
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
 from tdfscal.workflows.arguments import PathLike, PathLikes, listed, one

@@ -1,11 +1,15 @@
-"""What is known of some logs before anything is calibrated."""
+"""What is known of some logs before anything is calibrated: the record, as JSON, its mapping."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
 
 from tdfscal.dwells import Offset
+from tdfscal.files.hashing import printable
+from tdfscal.files.rig.draft import log_lines
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.description.mapping_guess import Guess
 from tdfscal.records import Dwells, InputFile, LogMapping
@@ -49,3 +53,114 @@ class LogInfo:
     dwells: Dwells | None = None
     offset: Offset | None = None
     problems: tuple[str, ...] = ()
+
+
+def as_document(info: LogInfo) -> dict[str, Any]:
+    """One object: files, mapping (also as YAML text), signals, dwells, problems."""
+    by_topic = info.contents[0].by_topic
+    guess = info.guess.mapping
+    return {
+        "files": [_file(contents) for contents in info.contents],
+        "read_with": info.source if info.mapping else None,
+        "mapping": mapping_document(guess, by_topic=by_topic) if guess else None,
+        "mapping_yaml": mapping_block(guess, by_topic=by_topic) if guess else None,
+        "mapping_notes": list(info.guess.notes),
+        "signals": [_signal(signal) for signal in info.signals],
+        "inputs": [
+            {"path": i.path, "sha256": i.sha256, "bytes": i.bytes, "integrity": i.integrity}
+            for i in info.inputs
+        ],
+        "time_offset": None
+        if info.offset is None
+        else {
+            "seconds": info.offset.seconds,
+            "std": info.offset.std,
+            "moves": info.offset.moves,
+            "definition": "time of the forces less that of the positions",
+        },
+        "dwells": None if info.dwells is None else _dwells(info.dwells),
+        "problems": list(info.problems),
+    }
+
+
+def _file(contents: Contents) -> dict[str, Any]:
+    return {
+        "path": printable(str(contents.path)),
+        "format": contents.format,
+        "bytes": contents.bytes,
+        "streams": [
+            {
+                "name": stream.name,
+                "type": stream.kind or None,
+                "count": stream.count,
+                "start": stream.start,
+                "end": stream.end,
+                "fields": [
+                    {"name": f.name, "type": f.kind, "unit": f.unit, "low": f.low, "high": f.high}
+                    for f in stream.fields
+                ],
+            }
+            for stream in contents.streams
+        ],
+    }
+
+
+def _signal(signal: Signal) -> dict[str, Any]:
+    some = signal.count > 0
+    return {
+        "support": signal.support,
+        "quantity": signal.quantity,
+        "fields": list(signal.fields),
+        "count": signal.count,
+        "start": signal.start if some else None,
+        "end": signal.end if some else None,
+        "rate": signal.rate,
+        "gaps": signal.gaps,
+        "longest_interval": signal.longest,
+    }
+
+
+def _dwells(dwells: Dwells) -> dict[str, Any]:
+    return {
+        "count": len(dwells),
+        "start": np.asarray(dwells.start).tolist(),
+        "end": np.asarray(dwells.end).tolist(),
+        "left_out": [
+            {"start": out.start, "end": out.end, "reason": out.reason} for out in dwells.left_out
+        ],
+    }
+
+
+def mapping_document(mapping: LogMapping, *, by_topic: bool) -> dict[str, Any]:
+    """The block as plain values, without what says no more than the default."""
+    block: dict[str, Any] = {}
+    if mapping.rows != "timeseries":
+        block["rows"] = mapping.rows
+    block["time"] = (
+        {"source": mapping.time_source}
+        if by_topic
+        else {"field": mapping.time_field, "unit": mapping.time_unit}
+    )
+    block["length_unit"] = mapping.length_unit
+    block["force_unit"] = mapping.force_unit
+    block["force_on"] = mapping.force_on
+    if mapping.decimal != ".":
+        block["decimal"] = mapping.decimal
+    block["supports"] = {
+        name: {
+            "position": _fields(mapping.position[i]),
+            "force": _fields(mapping.force[i]),
+        }
+        for i, name in enumerate(mapping.supports)
+    }
+    return {"log": block}
+
+
+def mapping_block(mapping: LogMapping, *, by_topic: bool) -> str:
+    """The block as YAML, ready to paste into rig.yaml."""
+    block = mapping_document(mapping, by_topic=by_topic)["log"]
+    return "\n".join(log_lines(block)) + "\n"
+
+
+def _fields(names: tuple[str, ...]) -> str | list[str]:
+    return names[0] if len(names) == 1 else list(names)

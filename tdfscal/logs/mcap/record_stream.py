@@ -40,30 +40,20 @@ class RecordStream:
             start = self.position
             opcode, length = HEAD.unpack(self._read(HEAD.size))
             if length > self._size - self.position:
-                raise TruncatedError(
-                    f"the file ends within a record that starts at byte {start}",
-                    where=self._where,
-                    hint=HINT,
-                )
+                raise self._cut(f"the file ends within a record that starts at byte {start}")
             if opcode in _PASSED and opcode in allowed:
                 self._pass(length)
                 return opcode, b""
             if opcode in allowed:
                 if length > _MAX_RECORD:
-                    raise TruncatedError(
+                    raise self._cut(
                         f"a record of {length} bytes at byte {start} is larger than "
-                        f"{_MAX_RECORD >> 20} MiB",
-                        where=self._where,
-                        hint=HINT,
+                        f"{_MAX_RECORD >> 20} MiB"
                     )
                 return opcode, self._read(length)
             self._pass(length)
             if opcode < _PRIVATE:
-                raise TruncatedError(
-                    f"a record of kind {opcode:#04x} has no place at byte {start}",
-                    where=self._where,
-                    hint=HINT,
-                )
+                raise self._cut(f"a record of kind {opcode:#04x} has no place at byte {start}")
 
     def opening(self) -> None:
         """Read the mark at the start."""
@@ -83,7 +73,7 @@ class RecordStream:
 
     def _check_mark(self, found: bytes, place: str) -> None:
         if found != _MAGIC:
-            raise TruncatedError(f"the file lacks its mark {place}", where=self._where, hint=HINT)
+            raise self._cut(f"the file lacks its mark {place}")
 
     def at_end(self) -> bool:
         """Tell whether every byte is read."""
@@ -98,9 +88,8 @@ class RecordStream:
         self.position += len(data)
         self.crc = zlib.crc32(data, self.crc)
         if len(data) < length and not short:
-            raise TruncatedError(
-                f"the file ends at byte {self.position}, before its end",
-                where=self._where,
-                hint=HINT,
-            )
+            raise self._cut(f"the file ends at byte {self.position}, before its end")
         return data
+
+    def _cut(self, what: str) -> TruncatedError:
+        return TruncatedError(what, where=self._where, hint=HINT)

@@ -30,9 +30,8 @@ from tdfscal.logs.common.message_path import Named, shown
 from tdfscal.logs.common.message_path import Path as MessagePath
 from tdfscal.logs.messages.buffer import Messages, Recording
 from tdfscal.logs.messages.cdr import Gatherer, element_names, layout_of
-from tdfscal.logs.messages.decoded import content_of
+from tdfscal.logs.messages.decoded import content_of, json_of, read_json
 from tdfscal.logs.messages.header_times import Stamps
-from tdfscal.logs.messages.json_messages import decode, read_numbers
 from tdfscal.logs.messages.ros_types import ROS, Definitions, definitions, full_name
 from tdfscal.records import FloatArray, IntArray
 
@@ -177,7 +176,7 @@ def _open_ros(topic: _Topic, schema: Schema, messages: Messages) -> None:
 
 def _open_json(topic: _Topic, messages: Messages) -> None:
     first = messages.at(0)
-    value = decode(content_of(messages, 0))
+    value = json_of(content_of(messages, 0))
     topic.leaves = list(islice(_leaves_of_value(value, (), 0), _MAX_LEAVES))
     names = value.get("name") if isinstance(value, dict) else None
     if isinstance(names, list) and all(isinstance(name, str) for name in names):
@@ -185,17 +184,17 @@ def _open_json(topic: _Topic, messages: Messages) -> None:
 
         def there(path: MessagePath) -> bool:
             try:
-                read_numbers(first, [path], stamped=False)
+                read_json(first, [path], stamped=False)
             except ValueError:
                 return False
             return True
 
         topic.leaves += _joints(topic, there)
     if paths := _paths(topic.leaves):
-        topic.read = lambda m: read_numbers(m, paths, stamped=False)
+        topic.read = lambda m: read_json(m, paths, stamped=False)
     if topic.stamped:
         name = topic.channel.topic
-        topic.stamps = Stamps(name, lambda m: read_numbers(m, [], stamped=True)[:, 0])
+        topic.stamps = Stamps(name, lambda m: read_json(m, [], stamped=True)[:, 0])
 
 
 def _joints(topic: _Topic, there: Callable[[MessagePath], bool]) -> list[_Leaf]:

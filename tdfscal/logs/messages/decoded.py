@@ -1,7 +1,8 @@
-"""Messages that a library decodes one by one: the wanted numbers of each."""
+"""Messages that a library decodes one by one, as JSON: the wanted numbers of each."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
@@ -70,3 +71,40 @@ def _number(message: Any, path: Path, inner: Inner) -> float | None:
     if isinstance(node, bool) or not isinstance(node, int | float):
         return None
     return float(node)
+
+
+def read_json(messages: Messages, paths: Sequence[Path], *, stamped: bool) -> FloatArray:
+    """Return (N, number of paths), float64; with `stamped` the header's time in s comes first.
+
+    Raises
+    ------
+    ValueError : a message is no JSON, or has no number at a path.
+    """
+    return read_rows(messages, paths, json_of, _inner_of_json, stamped=stamped)
+
+
+def json_of(content: bytes) -> Any:
+    """Parse a message; raises ValueError where it is no JSON."""
+    try:
+        return json.loads(content)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+
+
+def _inner_of_json(node: Any, step: str | int | Named, above: Any) -> Any:
+    if isinstance(step, str) and isinstance(node, list):
+        step = Named(step)
+    if isinstance(step, str):
+        return node.get(step) if isinstance(node, dict) else None
+    if not isinstance(node, list):
+        return None
+    index = _index(above, step.name) if isinstance(step, Named) else step
+    return node[index] if index is not None and index < len(node) else None
+
+
+def _index(parent: Any, name: str) -> int | None:
+    """Return where the list's sibling `name` has the name, if exactly once."""
+    names = parent.get("name") if isinstance(parent, dict) else None
+    if not isinstance(names, list) or names.count(name) != 1:
+        return None
+    return int(names.index(name))

@@ -17,7 +17,7 @@ from tdfscal.logs.common.message_path import parse_steps, topic_of
 from tdfscal.logs.common.request import Block, Piece, Request, missing_fields
 from tdfscal.logs.messages.buffer import Messages, Recording
 from tdfscal.logs.messages.cdr import Gatherer
-from tdfscal.logs.messages.json_messages import read_numbers
+from tdfscal.logs.messages.decoded import read_json
 from tdfscal.logs.messages.ros_types import ROS, check_path, definitions, expand_vector, settled
 from tdfscal.records import FloatArray, IntArray
 
@@ -193,7 +193,7 @@ class Topics:
         if encoding in ("json", "protobuf"):
             paths = self._paths(channel.topic, None, where)
             stamped = self.request.time_source == "header"
-            read = read_numbers if encoding == "json" else self._protobuf_reader(channel, where)
+            read = read_json if encoding == "json" else self._protobuf_reader(channel, where)
 
             def decode(messages: Messages) -> tuple[FloatArray, FloatArray]:
                 numbers = read(messages, paths, stamped=stamped)
