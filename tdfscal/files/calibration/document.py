@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal, Self, assert_never
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -252,13 +252,7 @@ def file_content(calibration: Calibration) -> dict[str, Any]:
 def dump_calibration(calibration: Calibration, form: Format) -> str:
     """Return the text of a calibration file in full double precision."""
     content = file_content(calibration)
-    match form:
-        case "json":
-            return to_json(content)
-        case "yaml":
-            return to_yaml(content)
-        case _:
-            assert_never(form)
+    return to_json(content) if form == "json" else to_yaml(content)
 
 
 def save_calibration(calibration: Calibration, path: Path | str) -> None:

@@ -138,12 +138,12 @@ def table_contents(
     stated: Sequence[str | None],
     sample: dict[str, FloatArray],
     first: dict[str, FloatArray],
-    rows: dict[str, FloatArray] | None = None,
+    rows: dict[str, FloatArray],
 ) -> tuple[tuple[Field, ...], tuple[Vector, ...], tuple[Column, ...]]:
     """Fields, vectors and possible times of a table.
 
-    sample : values of the numeric columns, at `rows` where some leave cells empty, else
-    all at the same. first : the first rows, all of them.
+    sample : values of the numeric columns, at their own `rows`. first : the first rows, all of
+    them.
     """
     unit = dict(zip(names, stated, strict=True))
     fields = tuple(
@@ -163,12 +163,9 @@ def table_contents(
 
 
 def _together(
-    three: Sequence[str], sample: dict[str, FloatArray], rows: dict[str, FloatArray] | None
+    three: Sequence[str], sample: dict[str, FloatArray], rows: dict[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Rows (N,) in which three columns have values, and these, (N, 3)."""
-    if rows is None:
-        there = np.arange(len(sample[three[0]]), dtype=np.float64)
-        return there, np.column_stack([sample[name] for name in three])
     there = rows[three[0]]
     for name in three[1:]:
         there = np.intersect1d(there, rows[name])

@@ -285,14 +285,13 @@ def _scale(
 
 
 def _factor(quantity: units.Quantity, unit: str, place: str) -> float:
-    value = units.factor(quantity, unit)
-    if value is None:
+    if not units.measures(quantity, unit):
         raise RigError(
             f"unknown unit {unit!r}",
             where=f"log.{place}",
             hint=f"use one of {', '.join(units.known_units(quantity))}",
         )
-    return value
+    return units.factor(quantity, unit)
 
 
 def _three(fields: tuple[str, ...], support: str) -> tuple[str, ...]:

@@ -30,9 +30,14 @@ def known_units(quantity: Quantity) -> tuple[str, ...]:
     return tuple(_FACTORS[quantity])
 
 
-def factor(quantity: Quantity, unit: str) -> float | None:
-    """Return the factor to SI, or None where the unit is not one of `known_units`."""
-    return _FACTORS[quantity].get(canonical(unit))
+def measures(quantity: Quantity, unit: str) -> bool:
+    """Tell whether a unit is one of `known_units`, however it is spelt."""
+    return canonical(unit) in _FACTORS[quantity]
+
+
+def factor(quantity: Quantity, unit: str) -> float:
+    """Return the factor to SI of a unit that `measures` the quantity."""
+    return _FACTORS[quantity][canonical(unit)]
 
 
 def canonical(unit: str) -> str:

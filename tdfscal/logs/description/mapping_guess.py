@@ -126,8 +126,8 @@ def sampled(contents: Contents, mapping: LogMapping) -> tuple[FloatArray, FloatA
         return None
     value = resampled([by_fields[fields] for fields in wanted]).transpose(1, 0, 2)
     n = len(mapping.supports)
-    length = units.factor("position", mapping.length_unit) or 1.0
-    force = units.factor("force", mapping.force_unit) or 1.0
+    length = units.factor("position", mapping.length_unit)
+    force = units.factor("force", mapping.force_unit)
     sign = -1.0 if mapping.force_on == "sensor" else 1.0
     return value[:, :n] * length, value[:, n:] * (sign * force)
 
@@ -141,7 +141,7 @@ def _role(vector: Vector) -> Role:
     """What a vector's name says; the words nearest to its end say it best."""
     if vector.unit is not None:
         for role in ("position", "force"):
-            if units.factor(role, vector.unit) is not None:
+            if units.measures(role, vector.unit):
                 return "position" if role == "position" else "force"
         return "other"
     found = words(vector.label)

@@ -56,14 +56,16 @@ def length_unit(positions: Sequence[Vector], rig: Rig | None) -> Finding:
     if known > 0.0:
         fitting = _nearest("position", far, known)
     else:
-        fitting = next((u for u in ("m", "mm") if far * _si("position", u) <= _LONGEST), "um")
+        fitting = next(
+            (u for u in ("m", "mm") if far * units.factor("position", u) <= _LONGEST), "um"
+        )
     stated = positions[0].unit
     hinges = f" and the rig's hinges {known:.4g} m" if known else ""
     if stated is None:
         why = f"length_unit: {fitting}, as the NCPs are {far:.4g} {fitting} apart{hinges}"
         return Finding(fitting, (why,))
     unit = units.canonical(stated)
-    apart = far * _si("position", unit)
+    apart = far * units.factor("position", unit)
     if far <= 0.0 or (unit == fitting if known else _within(apart, _APART)):
         return Finding(unit)
     what = f"{unit}, the NCPs are {apart:.4g} m apart{hinges}"
@@ -85,7 +87,7 @@ def force_unit(forces: Sequence[Vector], rig: Rig | None) -> Finding:
         why = f"force_unit: {fitting}, as the forces add up to {sum_:.4g} {fitting}{check}"
         return Finding(fitting, (why,))
     unit = units.canonical(stated)
-    total = sum_ * _si("force", unit)
+    total = sum_ * units.factor("force", unit)
     if sum_ <= 0.0 or (unit == fitting if weight else _within(total, _WEIGHT)):
         return Finding(unit)
     what = f"{unit}, the forces add up to {total:.4g} N{weighs}"
@@ -96,7 +98,7 @@ def time_unit(column: Column, suffix: str) -> Finding:
     """The unit in which the samples' interval is a recorder's; suffix: the name's last word."""
     fitting = fitting_time_unit(column)
     step = f"the step of {column.name} is {column.step:.4g}"
-    if column.unit is not None and units.factor("time", column.unit) is not None:
+    if column.unit is not None and units.measures("time", column.unit):
         unit = units.canonical(column.unit)
         if fitting is None or _recordable(column, unit):
             return Finding(unit)
@@ -116,7 +118,7 @@ def fitting_time_unit(column: Column) -> str | None:
     whole = bool((column.value == np.rint(column.value)).all())
     span = float(column.value[-1] - column.value[0])
     for unit in units.known_units("time"):
-        factor = _si("time", unit)
+        factor = units.factor("time", unit)
         longest = _WHOLE if whole and unit == "s" else _INTERVAL[1]
         long_enough = unit == "s" or span * factor >= _SHORTEST
         if long_enough and _within(column.step * factor, (_INTERVAL[0], longest)):
@@ -137,7 +139,7 @@ def declared_time(contents: Contents, mapping: LogMapping) -> list[str]:
     fitting = fitting_time_unit(column)
     if fitting in (None, unit) or _recordable(column, unit):
         return []
-    step = column.step * _si("time", unit)
+    step = column.step * units.factor("time", unit)
     return [
         f"by the mapping's `unit: {unit}` the samples of {column.name} are {step:.4g} s apart, "
         f"which is no recorder's interval; `unit: {fitting}` would fit"
@@ -153,7 +155,7 @@ def _contradicted(unit: str, what: str, fitting: str, *, rig: bool) -> Finding:
 
 def _recordable(column: Column, unit: str) -> bool:
     """Can a log be recorded at the column's step in this unit?"""
-    return _within(column.step * _si("time", unit), (_INTERVAL[0], _PATIENCE))
+    return _within(column.step * units.factor("time", unit), (_INTERVAL[0], _PATIENCE))
 
 
 def _between(points: FloatArray) -> FloatArray:
@@ -172,16 +174,9 @@ def _nearest(quantity: units.Quantity, value: float, known: float) -> str:
     """The unit in which a value comes nearest to what it should be, by ratio."""
 
     def off(unit: str) -> float:
-        return abs(float(np.log(max(value, 1e-9) * _si(quantity, unit) / known)))
+        return abs(float(np.log(max(value, 1e-9) * units.factor(quantity, unit) / known)))
 
     return min(units.known_units(quantity), key=off)
-
-
-def _si(quantity: units.Quantity, unit: str) -> float:
-    factor = units.factor(quantity, unit)
-    if factor is None:
-        raise ValueError(unit)
-    return factor
 
 
 def _within(value: float, limits: tuple[float, float]) -> bool:

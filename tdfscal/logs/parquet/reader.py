@@ -208,10 +208,7 @@ def _time(column: Any, name: str, request: Request, first_row: int, where: str) 
         # Such a column knows its own unit.
         ticks = column.cast(pa.int64())
         return _numbers(ticks, name, first_row, where) / TICKS[column.type.unit]
-    factor = units.factor("time", request.time_unit)
-    if factor is None:
-        raise ValueError(request.time_unit)
-    return _numbers(column, name, first_row, where) * factor
+    return _numbers(column, name, first_row, where) * units.factor("time", request.time_unit)
 
 
 def _numbers(column: Any, name: str, first_row: int, where: str) -> FloatArray:

@@ -275,18 +275,15 @@ def _unit(
     where: str,
 ) -> float:
     """Return the factor to SI of a column whose header states a unit, or states none."""
-    factor = units.factor(quantity, declared)
-    if factor is None:
-        raise ValueError(declared)
     if stated is None or units.canonical(stated) == units.canonical(declared):
-        return factor
-    own = units.factor(quantity, stated)
-    if own is None or request.declared:
+        return units.factor(quantity, declared)
+    known = units.measures(quantity, stated)
+    if request.declared or not known:
         raise DataError(
             f"column {cell!r} is in {stated}, the mapping says {declared}",
             where=where,
             hint=f"state the unit of the {quantity} in the log block of rig.yaml"
-            if own is not None
+            if known
             else f"record the {quantity} in one of {', '.join(units.known_units(quantity))}",
         )
-    return own
+    return units.factor(quantity, stated)
