@@ -25,7 +25,7 @@ class MonteCarlo:
     low, high : probabilistically symmetric interval of `coverage`. tolerance : (n, 3), numerical
     tolerance δ of JCGM 101, 7.9.2, for one significant digit of the standard uncertainty.
     sample : (trials, n, 3), deviations from the estimate.
-    linear_interval_validated : whether both ends of the linear interval are within δ (clause 8).
+    validated : whether both ends of the linear interval are within δ (clause 8).
     """
 
     trials: int
@@ -36,7 +36,7 @@ class MonteCarlo:
     high: FloatArray
     tolerance: FloatArray
     sample: FloatArray
-    linear_interval_validated: bool
+    validated: bool
 
 
 def simulate_inputs(
@@ -89,7 +89,7 @@ def simulate_inputs(
         high=reference + high,
         tolerance=tolerance,
         sample=drawn,
-        linear_interval_validated=consistent and bool(np.all(np.abs(shift) <= tolerance)),
+        validated=consistent and bool(np.all(np.abs(shift) <= tolerance)),
     )
 
 

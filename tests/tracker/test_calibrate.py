@@ -169,7 +169,7 @@ def test_monte_carlo_validates_the_linear_interval() -> None:
     result = calibrate(make_survey(8, drawing=2e-5), misalignment=1e-4, trials=3000)
     mc = result.monte_carlo
     assert mc is not None
-    assert mc.linear_interval_validated
+    assert mc.validated
     ratio = (mc.std / result.rpy_std) ** 2 * (mc.trials - 1)
     low, high = chi2_bounds(mc.trials - 1, 1e-5)
     assert np.all((low < ratio) & (ratio < high))
@@ -191,14 +191,14 @@ def test_monte_carlo_refuses_a_linear_interval_that_is_wrong() -> None:
     """25 mrad off pitch 90° with an instrument of 40": roll and yaw know a tenth of themselves."""
     result = pitched(25e-3, 40.0)
     assert result.monte_carlo is not None
-    assert not result.monte_carlo.linear_interval_validated
+    assert not result.monte_carlo.validated
 
 
 def test_a_pitch_of_a_right_angle_has_turns_as_good_as_any() -> None:
     """1 mrad off it roll and yaw are one turn; uncertainties are those about the BCS's axes."""
     result = pitched(1e-3, 2.0)
     assert result.monte_carlo is not None
-    assert result.monte_carlo.linear_interval_validated
+    assert result.monte_carlo.validated
     assert np.array_equal(result.rpy_std.ravel(), np.sqrt(np.diagonal(result.rotations.covariance)))
     assert result.rpy_std.max() < 2 * result.rpy_std.min()
 

@@ -21,12 +21,14 @@ from tdfscal.motioncal.exact_quantities import exact_quantities as exact_in_moti
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import information_root
+from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.selfcal.covariance import Uncertainty, information_root
 from tdfscal.selfcal.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.significance import INTERVAL_COVERAGE
+from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
 from tdfscal.trackercal import TrackerCalibration
 
 
@@ -45,7 +47,12 @@ def from_self(
         reasons=result.reasons,
         advice=_advice(result),
         warnings=(*notes, *result.warnings),
-        angles=_self_angles(result),
+        angles=_linear_angles(
+            result.fit.state.rotation,
+            result.uncertainty,
+            result.monte_carlo,
+            result.observability.determined,
+        ),
         parameters=parameters,
         budget=result.uncertainty.contributions,
         exact=exact_quantities(result.fit),
@@ -57,14 +64,8 @@ def from_motion(
     result: MotionCalibration, origin: Provenance, notes: Sequence[str] = ()
 ) -> Calibration:
     """Return the calibration file of a self-calibration from samples in motion."""
-    known, state, n = result.uncertainty.turns, result.fit.state.still, result.rig.n
-    place, rpy = layout(n), so3.to_rpy(state.rotation)
+    known, state = result.uncertainty.turns, result.fit.state.still
     std = published_std(result.calibrated, known.parameter_std)
-    half, trials = known.coverage_factor * known.rpy_std, result.monte_carlo
-    low, high = rpy - half, rpy + half
-    if trials is not None and not trials.validated:
-        low, high = trials.low, trials.high
-    declared = result.rig.declared.force_sensitivity > 0
     return assembled(
         origin,
         method="self",
@@ -72,23 +73,12 @@ def from_motion(
         reasons=result.reasons,
         advice=_advice(result),
         warnings=(*notes, *result.warnings),
-        angles=Angles(
-            state.rotation,
-            known.covariance,
-            known.rpy_std,
-            low,
-            high,
-            result.observability.determined,
+        angles=_linear_angles(
+            state.rotation, known, result.monte_carlo, result.observability.determined
         ),
         parameters=parameters_document(result.calibrated),
         budget=known.contributions,
         exact=exact_in_motion(result.fit),
-        zero=state.zero,
-        zero_std=std[place["zero"]].reshape(n, 3),
-        sensitivity=np.eye(3) + symmetric(state.sensitivity) if declared else None,
-        terminal=statistics.terminal(
-            state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
-        ),
         fit={
             "postures": result.dwells,
             **asdict(result.quality),
@@ -97,15 +87,11 @@ def from_motion(
             **statistics.totals(origin.campaigns),
         },
         observability=statistics.observability(result.observability),
-        monte_carlo=statistics.trials(
-            trials,
-            origin.seed,
-            known.rpy_std,
-            validated=trials is not None and trials.validated,
-        ),
+        monte_carlo=statistics.trials(result.monte_carlo, origin.seed, known.rpy_std),
         validation=held_out_document(result.validation),
         conformity=statistics.conformity(result.conformity),
         motion=motion_document(result),
+        **_state(state, std, result.rig),
     )
 
 
@@ -113,13 +99,19 @@ def from_tracker(
     result: TrackerCalibration, origin: Provenance, reasons: Sequence[str], notes: Sequence[str]
 ) -> Calibration:
     """Return the calibration file of a laser-tracker calibration."""
-    rig, trials = origin.rig.rig, result.monte_carlo
+    rig, at = origin.rig.rig, result.rotations
     return assembled(
         origin,
         method="tracker",
         reasons=reasons,
         warnings=(*notes, *result.warnings),
-        angles=_tracker_angles(result),
+        angles=_angles(
+            at.rotation,
+            at.covariance,
+            result.rpy_std,
+            (result.low, result.high),
+            result.monte_carlo,
+        ),
         budget=result.budget,
         exact=result.exact,
         zero=rig.zero.value,
@@ -127,12 +119,7 @@ def from_tracker(
         terminal=statistics.terminal(
             rig.mass.value, rig.mass.std, rig.barycentre.value, rig.barycentre.std
         ),
-        monte_carlo=statistics.trials(
-            trials,
-            origin.seed,
-            result.rpy_std,
-            validated=trials is not None and trials.linear_interval_validated,
-        ),
+        monte_carlo=statistics.trials(result.monte_carlo, origin.seed, result.rpy_std),
         tracker=statistics.tracker_statistics(result),
     )
 
@@ -152,12 +139,11 @@ def from_joint(
     """
     given = from_fit(own.fit, both.rotations.covariance, both.rotations.rotation)
     half = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2)) * both.rpy_std
-    angles = Angles(
+    angles = _angles(
         both.rotations.rotation,
         both.rotations.covariance,
         both.rpy_std,
-        both.rpy - half,
-        both.rpy + half,
+        (both.rpy - half, both.rpy + half),
         determined=np.all(both.rpy_std < own.rig.acceptance.identifiable, axis=1),
     )
     std = published_std(given, own.uncertainty.parameter_std)
@@ -198,30 +184,33 @@ def _self_parts(
     result: SelfCalibration, origin: Provenance, state: State, std: FloatArray
 ) -> dict[str, Any]:
     """Everything but the angles and their budget; std (P,) of the state's parameters."""
-    n, place, trials = state.n, layout(state.n), result.monte_carlo
-    declared = result.rig.declared.force_sensitivity > 0
     return {
-        "zero": state.zero,
-        "zero_std": std[place["zero"]].reshape(n, 3),
-        "sensitivity": np.eye(3) + symmetric(state.sensitivity) if declared else None,
-        "terminal": statistics.terminal(
-            state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
-        ),
+        **_state(state, std, result.rig),
         "fit": statistics.fit(result) | statistics.totals(origin.campaigns),
         "postures": statistics.postures(result),
         "dwells": statistics.dwells(result),
         "observability": statistics.observability(result.observability)
         | {"loads": statistics.loads(result)},
         "monte_carlo": statistics.trials(
-            trials,
-            origin.seed,
-            result.uncertainty.rpy_std,
-            validated=trials is not None and trials.validated,
+            result.monte_carlo, origin.seed, result.uncertainty.rpy_std
         ),
         "validation": statistics.validation(result),
         "stability": result.stability,
         "conformity": statistics.conformity(result.conformity),
         **({} if result.estimator == "linear" else nuisance_documents(result)),
+    }
+
+
+def _state(state: State, std: FloatArray, rig: Rig) -> dict[str, Any]:
+    """Zeros, sensitivities and load; std (P,) of the state's parameters."""
+    place, scaled = layout(state.n), rig.declared.force_sensitivity > 0
+    return {
+        "zero": state.zero,
+        "zero_std": std[place["zero"]].reshape(state.n, 3),
+        "sensitivity": np.eye(3) + symmetric(state.sensitivity) if scaled else None,
+        "terminal": statistics.terminal(
+            state.mass, std[place["mass"]], state.barycentre, std[place["barycentre"]]
+        ),
     }
 
 
@@ -241,30 +230,30 @@ def _unscaled(result: SelfCalibration) -> FloatArray:
     return np.asarray(root @ root.T)
 
 
-def _self_angles(result: SelfCalibration) -> Angles:
-    spread, rpy = result.uncertainty, so3.to_rpy(result.fit.state.rotation)
-    low = rpy - spread.coverage_factor * spread.rpy_std
-    high = rpy + spread.coverage_factor * spread.rpy_std
-    trials = result.monte_carlo
+def _linear_angles(
+    rotation: FloatArray,
+    known: Uncertainty,
+    trials: MonteCarlo | None,
+    determined: BoolArray | None = None,
+) -> Angles:
+    rpy, half = so3.to_rpy(rotation), known.coverage_factor * known.rpy_std
+    ends = (rpy - half, rpy + half)
+    return _angles(rotation, known.covariance, known.rpy_std, ends, trials, determined)
+
+
+def _angles(
+    rotation: FloatArray,
+    covariance: FloatArray,
+    std: FloatArray,
+    ends: tuple[FloatArray, FloatArray],
+    trials: MonteCarlo | TrackerMonteCarlo | None = None,
+    determined: BoolArray | None = None,
+) -> Angles:
+    """With the linear interval's ends, or the trials' where these do not validate it."""
     if trials is not None and not trials.validated:
-        low, high = trials.low, trials.high
-    return Angles(
-        result.fit.state.rotation,
-        spread.covariance,
-        spread.rpy_std,
-        low,
-        high,
-        result.observability.determined,
-    )
-
-
-def _tracker_angles(result: TrackerCalibration) -> Angles:
-    found = result.rotations
-    low, high = result.low, result.high
-    if result.monte_carlo is not None and not result.monte_carlo.linear_interval_validated:
-        low, high = result.monte_carlo.low, result.monte_carlo.high
-    known = np.ones(len(low), dtype=np.bool_)
-    return Angles(found.rotation, found.covariance, result.rpy_std, low, high, known)
+        ends = trials.low, trials.high
+    known = np.ones(len(rotation), dtype=np.bool_) if determined is None else determined
+    return Angles(rotation, covariance, std, *ends, determined=known)
 
 
 def _joint_exact(

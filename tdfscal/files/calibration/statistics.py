@@ -98,8 +98,6 @@ def trials(
     trials: MonteCarlo | TrackerMonteCarlo | None,
     seed: int,
     rpy_std: FloatArray,
-    *,
-    validated: bool,
 ) -> dict[str, Any] | None:
     """Monte Carlo of either method."""
     if trials is None:
@@ -111,7 +109,7 @@ def trials(
         "low": trials.low,
         "high": trials.high,
         "tolerance": float(trials.tolerance.min()),
-        "linear_interval_validated": validated,
+        "linear_interval_validated": trials.validated,
         "histogram": histogram(trials.sample, rpy_std),
     }
 

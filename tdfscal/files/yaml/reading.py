@@ -175,15 +175,7 @@ def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
 
 
 def _deeper_than(limit: int, content: Any) -> bool:
-    level = [content] if isinstance(content, (dict, list)) else []
-    for _ in range(limit):
-        level = [child for value in level for child in _collections_in(value)]
-        if not level:
-            return False
-    return True
-
-
-def _collections_in(value: Any) -> list[Any]:
-    if isinstance(value, dict):
-        value = list(value.values())
-    return [child for child in value if isinstance(child, (dict, list))]
+    if not isinstance(content, (dict, list)):
+        return False
+    inner = content.values() if isinstance(content, dict) else content
+    return limit == 0 or any(_deeper_than(limit - 1, value) for value in inner)
