@@ -15,23 +15,12 @@ from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.planning import Plan
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    PALE,
-    RED,
-    Drawing,
-    figure,
-    legend_above,
-    signed,
-    tip,
-)
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above, signed, tip
 from tdfscal.significance import INCOMPATIBLE, INTERVAL_COVERAGE
 
 _NAMES = {"self": "self-calibration", "tracker": "laser tracker"}
-_LOOK = {"self": ("s", BLUE, -0.26), "tracker": ("^", ORANGE, 0.0)}
+_LOOK = {"self": ("s", ink.BLUE, -0.26), "tracker": ("^", ink.ORANGE, 0.0)}
 
 
 def draw(c: Calibration) -> Drawing:
@@ -59,10 +48,10 @@ def _paint(c: Calibration) -> Figure:
     fig = figure(0.9 + 0.23 * len(value))
     left, right = fig.subplots(1, 2, sharey=True)
     labels = [f"{s.name}  {angle}" for s in c.mounted for angle in ANGLES]
-    bars = left.barh(place, turn, height=0.62, color=BLUE, edgecolor=INK, linewidth=0.4)
+    bars = left.barh(place, turn, height=0.62, color=ink.BLUE, edgecolor=ink.BLACK, linewidth=0.4)
     for bar, label, v, a, b in zip(bars, labels, value, low, high, strict=True):
         tip(bar, f"{label}: {v:.3f} mrad, 95 % from {a:.3f} to {b:.3f}")
-    left.axvline(0, color=INK, linewidth=0.8)
+    left.axvline(0, color=ink.BLACK, linewidth=0.8)
     reach = np.abs(turn).max() * 1.35 or 1.0
     left.set_xlim(min(0, turn.min()) - 0.3 * reach, max(0, turn.max()) + 0.3 * reach)
     for y, t in zip(place, turn, strict=True):
@@ -84,12 +73,12 @@ def _paint(c: Calibration) -> Figure:
         xerr=np.maximum(0, [value - low, high - value]),
         fmt="o",
         markersize=3.5,
-        color=INK,
-        ecolor=BLUE,
+        color=ink.BLACK,
+        ecolor=ink.BLUE,
         elinewidth=1.8,
         capsize=3.5,
     )
-    right.axvline(0, color=GREY, linewidth=0.8)
+    right.axvline(0, color=ink.GREY, linewidth=0.8)
     right.set_xlabel("95 % interval about the angle, mrad")
     right.tick_params(left=False)
     for ax in (left, right):
@@ -137,11 +126,11 @@ def _paint_methods(c: Calibration) -> Figure:
         xerr=1e3 * k * c.rpy_std.ravel(),
         fmt="o",
         markersize=4.5,
-        color=INK,
+        color=ink.BLACK,
         capsize=2.5,
         label="joint",
     )
-    ax.axvline(0, color=GREY, linewidth=0.8)
+    ax.axvline(0, color=ink.GREY, linewidth=0.8)
     _named(ax, base, c.support_names)
     ax.set_xlabel("angle less the joint estimate, with its 95 % interval, mrad")
     legend_above(ax, 3)
@@ -164,11 +153,11 @@ def _paint_comparison(pair: Comparison) -> Figure:
     beyond = pair.en.ravel() > 1.0
     fig = figure(0.9 + 0.23 * len(value))
     ax = fig.subplots()
-    ax.axvline(0.0, color=GREY, linewidth=0.8)
-    for which, colour in ((~beyond, BLUE), (beyond, RED)):
+    ax.axvline(0.0, color=ink.GREY, linewidth=0.8)
+    for which, colour in ((~beyond, ink.BLUE), (beyond, ink.RED)):
         ax.errorbar(
             value[which], place[which], xerr=2.0 * std[which], fmt="o", markersize=3.5,
-            color=INK, ecolor=colour, elinewidth=1.8, capsize=3.5,
+            color=ink.BLACK, ecolor=colour, elinewidth=1.8, capsize=3.5,
         )  # fmt: skip
     _named(ax, place, pair.supports)
     ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
@@ -191,8 +180,16 @@ def _paint_planned(plan: Plan | MovingPlan) -> Figure:
     place = np.arange(len(expected), dtype=float)
     fig = figure(0.9 + 0.23 * len(expected))
     ax = fig.subplots()
-    ax.barh(place, 1e3 * plan.random.rpy_std.ravel(), height=0.75, color=PALE, label="random")
-    ax.barh(place, expected, height=0.45, color=BLUE, edgecolor=INK, linewidth=0.4, label="plan")
+    ax.barh(place, 1e3 * plan.random.rpy_std.ravel(), height=0.75, color=ink.PALE, label="random")
+    ax.barh(
+        place,
+        expected,
+        height=0.45,
+        color=ink.BLUE,
+        edgecolor=ink.BLACK,
+        linewidth=0.4,
+        label="plan",
+    )
     _named(ax, place, plan.rig.supports)
     ax.set_xlabel("standard uncertainty, mrad")
     legend_above(ax, 2)
@@ -214,8 +211,8 @@ def _paint_truth(supports: tuple[str, ...], turn: FloatArray) -> Figure:
     place = np.arange(len(turn), dtype=float)
     fig = figure(0.9 + 0.23 * len(turn))
     ax = fig.subplots()
-    ax.barh(place, turn, height=0.62, color=BLUE, edgecolor=INK, linewidth=0.4)
-    ax.axvline(0.0, color=INK, linewidth=0.8)
+    ax.barh(place, turn, height=0.62, color=ink.BLUE, edgecolor=ink.BLACK, linewidth=0.4)
+    ax.axvline(0.0, color=ink.BLACK, linewidth=0.8)
     _named(ax, place, supports)
     ax.set_xlabel("turn from the nominal mounting, mrad")
     return fig

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import Budget
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import FILLS, HATCHES, INK, Drawing, figure, tip
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, tip
 
 _ROOM_FOR_LABEL = 12.0
 
@@ -52,9 +53,9 @@ def _paint(c: Calibration, budget: Budget) -> Figure:
             share[:, s],
             left=left,
             height=0.78,
-            color=FILLS[s % len(FILLS)],
-            hatch=HATCHES[s % len(HATCHES)],
-            edgecolor=INK,
+            color=ink.FILLS[s % len(ink.FILLS)],
+            hatch=ink.HATCHES[s % len(ink.HATCHES)],
+            edgecolor=ink.BLACK,
             linewidth=0.4,
             label=source,
         )

@@ -7,20 +7,11 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PALE,
-    Drawing,
-    figure,
-    legend_above,
-    raster,
-)
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above, raster
 
 _PANELS = (("fx", "fy", "fz", "force, N"), ("mx", "my", "mz", "torque, N·m"))
-_LINES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, ":"))
+_LINES = ((ink.BLUE, "-"), (ink.ORANGE, "--"), (ink.GREEN, ":"))
 
 
 def draw(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
@@ -42,7 +33,7 @@ def _paint(columns: Mapping[str, FloatArray]) -> Figure:
     for ax, (*names, label) in zip(fig.subplots(2, 1, sharex=True), _PANELS, strict=True):
         for name in names:
             ax.plot(
-                time, columns[f"raw_{name}"], color=PALE, linewidth=0.6,
+                time, columns[f"raw_{name}"], color=ink.PALE, linewidth=0.6,
                 rasterized=raster(len(time)),
             )  # fmt: skip
         for name, (colour, style) in zip(names, _LINES, strict=True):
@@ -50,7 +41,7 @@ def _paint(columns: Mapping[str, FloatArray]) -> Figure:
                 time, columns[name], color=colour, linestyle=style, linewidth=0.9,
                 label=name, rasterized=raster(len(time)),
             )  # fmt: skip
-        ax.axhline(0.0, color=GREY, linewidth=0.6)
+        ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
         ax.set_ylabel(label)
         legend_above(ax, 3)
     fig.axes[-1].set_xlabel("time since the first sample, s; pale: uncalibrated")

@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tdfscal.comparison.compatibility import ANGLES, History
-from tdfscal.reporting.figures.style import BLUE, GREY, INK, PALE, RED, Drawing, figure
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure
 from tdfscal.significance import COVERAGE_FACTOR
 
 #: Days between first and last from which the axis is time, not order.
@@ -40,8 +41,10 @@ def _paint(h: History, letters: Sequence[str], days: Sequence[float]) -> Figure:
         for j in range(3):
             ax = grid[i, j]
             half = COVERAGE_FACTOR * 1e3 * h.rpy_std[0, i, j]
-            ax.axhspan(-half, half, facecolor=PALE, edgecolor=GREY, linewidth=0.4, hatch="....")
-            ax.axhline(0, color=GREY, linewidth=0.8)
+            ax.axhspan(
+                -half, half, facecolor=ink.PALE, edgecolor=ink.GREY, linewidth=0.4, hatch="...."
+            )
+            ax.axhline(0, color=ink.GREY, linewidth=0.8)
             for f in range(1, len(x)):
                 over = h.against_first[f - 1].en[i, j] > 1
                 ax.errorbar(
@@ -49,11 +52,11 @@ def _paint(h: History, letters: Sequence[str], days: Sequence[float]) -> Figure:
                     1e3 * h.drift[f, i, j],
                     yerr=COVERAGE_FACTOR * 1e3 * h.drift_std[f, i, j],
                     fmt="X" if over else "o",
-                    color=RED if over else BLUE,
+                    color=ink.RED if over else ink.BLUE,
                     markersize=6 if over else 4,
                     capsize=3,
                 )
-            ax.plot(x[0], 0, "D", color=INK, markersize=4)
+            ax.plot(x[0], 0, "D", color=ink.BLACK, markersize=4)
             ax.set_title(f"{h.supports[i]}  {ANGLES[j]}", fontsize=8, pad=2)
             ax.set_xlim(x[0] - margin, x[-1] + margin)
             if not over_time:
@@ -64,10 +67,10 @@ def _paint(h: History, letters: Sequence[str], days: Sequence[float]) -> Figure:
                 )
         grid[i, 0].set_ylabel("change, mrad")
     keys = [
-        Line2D([], [], marker="D", linestyle="", color=INK, label=f"{letters[0]}, the first"),
-        Patch(facecolor=PALE, edgecolor=GREY, hatch="....", label="its uncertainty, k = 2"),
-        Line2D([], [], marker="o", linestyle="", color=BLUE, label="later, E_n ≤ 1"),
-        Line2D([], [], marker="X", linestyle="", color=RED, label="later, E_n > 1"),
+        Line2D([], [], marker="D", linestyle="", color=ink.BLACK, label=f"{letters[0]}, the first"),
+        Patch(facecolor=ink.PALE, edgecolor=ink.GREY, hatch="....", label="its uncertainty, k = 2"),
+        Line2D([], [], marker="o", linestyle="", color=ink.BLUE, label="later, E_n ≤ 1"),
+        Line2D([], [], marker="X", linestyle="", color=ink.RED, label="later, E_n > 1"),
     ]
     fig.legend(handles=keys, loc="outside upper left", ncols=4)
     return fig

@@ -16,17 +16,9 @@ from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, BoolArray, FloatArray
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    PALE,
-    RED,
-    Drawing,
-    figure,
-    signed,
-)
+from tdfscal.reporting.figures.ink import BLACK as INK
+from tdfscal.reporting.figures.ink import BLUE, GREY, ORANGE, PALE, RED
+from tdfscal.reporting.figures.style import Drawing, figure, signed
 from tdfscal.significance import COVERAGE_FACTOR
 
 Dates = npt.NDArray[np.object_]

@@ -13,19 +13,8 @@ from tdfscal.files.calibration.motion import MotionSpectrum
 from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    INK,
-    LINES,
-    ORANGE,
-    PALE,
-    RED,
-    Drawing,
-    figure,
-    legend_above,
-    logarithmic,
-    tip,
-)
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above, logarithmic, tip
 from tdfscal.validation.in_motion import MovingValidation
 
 _TITLE = "Residual contact wrench over the motion"
@@ -77,8 +66,8 @@ def _paint_residual(
     cuts = np.flatnonzero(np.diff(time) > _GAP) + 1
     for k, (ax, label) in enumerate(zip(axes, ("force, N", "moment, N·m"), strict=True)):
         for value, colour, name in (
-            (before, ORANGE, "before: nominal mounting, stated zeros"),
-            (after, BLUE, f"after: {said}"),
+            (before, ink.ORANGE, "before: nominal mounting, stated zeros"),
+            (after, ink.BLUE, f"after: {said}"),
         ):
             for part, rows in enumerate(np.split(np.arange(len(time)), cuts)):
                 ax.plot(
@@ -86,7 +75,7 @@ def _paint_residual(
                     label=name if part == 0 else None,
                 )  # fmt: skip
         for begin, end, reason in left_out:
-            tip(ax.axvspan(begin, end, color=PALE), f"{begin:.1f} to {end:.1f} s: {reason}")
+            tip(ax.axvspan(begin, end, color=ink.PALE), f"{begin:.1f} to {end:.1f} s: {reason}")
         if min(before[:, k].min(), after[:, k].min()) > 0:
             logarithmic(ax)
         ax.set_ylabel(label)
@@ -116,10 +105,10 @@ def _paint_spectrum(spectrum: MotionSpectrum, n: int) -> Figure:
     f = np.array(spectrum.frequency)
     # Force noise of n sensors in three components, as the residual has it.
     noise = np.sqrt(3.0 * n) * np.array(spectrum.force_noise)
-    ax.plot(f, spectrum.before, "s", markersize=4, color=ORANGE, markerfacecolor="white",
+    ax.plot(f, spectrum.before, "s", markersize=4, color=ink.ORANGE, markerfacecolor="white",
               label="before: nominal mounting, stated values")  # fmt: skip
-    ax.plot(f, spectrum.after, "o", markersize=4, color=BLUE, label="after: calibrated")
-    ax.plot(f, noise, "-", color=BLUE, linewidth=1, label="noise as estimated")
+    ax.plot(f, spectrum.after, "o", markersize=4, color=ink.BLUE, label="after: calibrated")
+    ax.plot(f, noise, "-", color=ink.BLUE, linewidth=1, label="noise as estimated")
     logarithmic(ax, "xy")
     ax.set_xlabel("frequency, Hz")
     ax.set_ylabel("residual force, N/√Hz")
@@ -145,16 +134,16 @@ def _paint_forces(slow: Slow, rejected: Sequence[Stretch]) -> Figure:
         for s in rejected:
             span = ax.axvspan(
                 s.begin - time.origin, s.end - time.origin,
-                facecolor="white", edgecolor=RED, hatch="////", linewidth=0.4,
+                facecolor="white", edgecolor=ink.RED, hatch="////", linewidth=0.4,
             )  # fmt: skip
             tip(span, s.reason)
         for i, name in enumerate(slow.supports):
             y = force[:, i, k]
             if not np.isfinite(y).any():
                 continue
-            (line,) = ax.plot(x, y, color=LINES[i % len(LINES)], linewidth=1.1, label=name)
+            (line,) = ax.plot(x, y, color=ink.LINES[i % len(ink.LINES)], linewidth=1.1, label=name)
             tip(line, f"{name} F{'xyz'[k]}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N")
-        ax.set_ylabel(f"F{'xyz'[k]}, N", color=INK)
+        ax.set_ylabel(f"F{'xyz'[k]}, N", color=ink.BLACK)
     panels[-1].set_xlabel(time.label)
     fig.legend(
         *panels[0].get_legend_handles_labels(),

@@ -13,17 +13,8 @@ from matplotlib.lines import Line2D
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    GREY,
-    INK,
-    ORANGE,
-    RED,
-    Drawing,
-    figure,
-    logarithmic,
-    tip,
-)
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, logarithmic, tip
 from tdfscal.selfcal.observability import Angle, Observability
 
 _COLUMNS = 3
@@ -111,16 +102,16 @@ def _paint(c: Calibration) -> Figure:
         _axes(ax, place, scale)
         wires = LineCollection(
             [place + line for line in _ellipsoid(1e3 * std[i], axes[i])],
-            colors=BLUE, linewidths=0.45, alpha=0.8,
+            colors=ink.BLUE, linewidths=0.45, alpha=0.8,
         )  # fmt: skip
         ax.add_collection(wires)
         sizes = " · ".join(f"{1e3 * s:.2g}" for s in std[i])
         tip(wires, f"{support.name}: {sizes} mrad along its principal axes")
         weak = 1e3 * std[i, 2] * axes[i, :, 2]
-        ax.plot(*_seen(weak, place), "o-", color=ORANGE, linewidth=2.2, markersize=4)
+        ax.plot(*_seen(weak, place), "o-", color=ink.ORANGE, linewidth=2.2, markersize=4)
         if loads:
             line = 1.12 * scale * np.array(loads[rows[i]].axis)
-            ax.plot(*_seen(line, place), "--", color=INK, linewidth=1.2)
+            ax.plot(*_seen(line, place), "--", color=ink.BLACK, linewidth=1.2)
         ax.text(
             place[0], place[1] + 1.22 * scale, f"{support.name}\n{sizes} mrad", ha="center",
             va="bottom", fontsize=8,
@@ -133,11 +124,11 @@ def _paint(c: Calibration) -> Figure:
     ax.spines[:].set_visible(False)
     ax.set_xlabel(f"X, Y, Z: axes of the BCS, {scale:g} mrad either way")
     handles = [
-        _key("-", BLUE, "standard uncertainty of the turn about each direction of the BCS"),
-        _key("o-", ORANGE, "weakest direction"),
+        _key("-", ink.BLUE, "standard uncertainty of the turn about each direction of the BCS"),
+        _key("o-", ink.ORANGE, "weakest direction"),
     ]
     if loads:
-        handles.append(_key("--", INK, "line of its loads"))
+        handles.append(_key("--", ink.BLACK, "line of its loads"))
     fig.legend(handles=handles, loc="outside upper left", ncols=3)
     return fig
 
@@ -157,9 +148,9 @@ def _axes(ax: Axes, place: FloatArray, scale: float) -> None:
     """Thin axes of the BCS with their names."""
     for k, name in enumerate("XYZ"):
         vector = scale * np.eye(3)[k]
-        ax.plot(*_seen(vector, place), color=GREY, linewidth=0.7)
+        ax.plot(*_seen(vector, place), color=ink.GREY, linewidth=0.7)
         x, y = place + 1.1 * _VIEW @ vector
-        ax.text(x, y, name, fontsize=7, color=GREY, ha="center", va="center")
+        ax.text(x, y, name, fontsize=7, color=ink.GREY, ha="center", va="center")
 
 
 def _key(style: str, colour: str, label: str) -> Line2D:
@@ -204,17 +195,17 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
     place = _places(angles)
     for y, width, angle in zip(place, shown, angles, strict=True):
         (bar,) = ax.barh(
-            [y], [width - left], left=left, height=0.72, edgecolor=INK, linewidth=0.5,
-            color=BLUE if angle.identified else "white", hatch="" if angle.identified else "////",
+            [y], [width - left], left=left, height=0.72, linewidth=0.5,
+            edgecolor=ink.BLACK if angle.identified else ink.RED,
+            color=ink.BLUE if angle.identified else "white",
+            hatch="" if angle.identified else "////",
         )  # fmt: skip
-        if not angle.identified:
-            bar.set_edgecolor(RED)
         said = words(angle.std)
         tip(bar, f"{angle.name}: {said}")
         ax.annotate(
             said, (width, y), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7.5
         )
-    ax.axvline(1e3 * limit, color=INK, linewidth=1.2, linestyle="--")
+    ax.axvline(1e3 * limit, color=ink.BLACK, linewidth=1.2, linestyle="--")
     ax.annotate(
         f"limit {1e3 * limit:.3g} mrad", (1e3 * limit, 1.0), xycoords=("data", "axes fraction"),
         xytext=(3, 3), textcoords="offset points", fontsize=7.5,
@@ -222,11 +213,11 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
     logarithmic(ax, "x")
     ax.set_xlim(left, 4e3 * _OPEN)
     ax.set_yticks(place, [angle.name for angle in angles])
-    ax.tick_params(axis="y", length=0, labelcolor=INK)
+    ax.tick_params(axis="y", length=0, labelcolor=ink.BLACK)
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel("standard uncertainty, mrad; hatched: not determined", color=INK)
-    ax.spines["left"].set_color(GREY)
+    ax.set_xlabel("standard uncertainty, mrad; hatched: not determined", color=ink.BLACK)
+    ax.spines["left"].set_color(ink.GREY)
     return fig
 
 

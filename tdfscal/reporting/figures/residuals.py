@@ -9,22 +9,11 @@ from matplotlib.figure import Figure
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import PostureTable
 from tdfscal.records import FloatArray, IntArray
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PALE,
-    Drawing,
-    Tips,
-    figure,
-    legend_above,
-    logarithmic,
-    raster,
-)
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, Tips, figure, legend_above, logarithmic, raster
 from tdfscal.validation.residual_wrench import Validation
 
-_MARKS = (("x", "o", BLUE), ("y", "s", ORANGE), ("z", "^", GREEN))
+_MARKS = (("x", "o", ink.BLUE), ("y", "s", ink.ORANGE), ("z", "^", ink.GREEN))
 _BAND = 2.0
 #: Share of a normal distribution within ±2 standard deviations.
 _EXPECTED = 0.9545
@@ -80,7 +69,7 @@ def _panel(
         "s",
         markersize=size,
         markerfacecolor="white",
-        color=ORANGE,
+        color=ink.ORANGE,
         label="before: nominal mounting, stated zeros",
         rasterized=pixels,
     )
@@ -89,7 +78,7 @@ def _panel(
         after,
         "o",
         markersize=size,
-        color=BLUE,
+        color=ink.BLUE,
         label=said,
         rasterized=pixels,
     )
@@ -168,8 +157,8 @@ def _paint_components(number: IntArray, score: FloatArray, value: FloatArray) ->
         (panels[0], slice(0, 3), "force", "N"),
         (panels[1], slice(3, 6), "moment", "N·m"),
     ):
-        ax.axhspan(-_BAND, _BAND, color=PALE, alpha=0.5, linewidth=0)
-        ax.axhline(0.0, color=GREY, linewidth=0.6)
+        ax.axhspan(-_BAND, _BAND, color=ink.PALE, alpha=0.5, linewidth=0)
+        ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
         for k, (axis, marker, colour) in enumerate(_MARKS):
             part = score[:, columns][:, k]
             place = number + 0.18 * (k - 1)

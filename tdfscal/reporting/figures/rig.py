@@ -12,14 +12,15 @@ from matplotlib.ticker import MaxNLocator
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import BLUE, GREEN, GREY, INK, ORANGE, Drawing, figure
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure
 
 #: The largest turn is drawn about this big.
 _SHOWN = np.radians(25.0)
 _STEPS = (1, 2, 5)
 _ELEVATION = 24
 _AZIMUTHS = range(-80, -9, 5)
-_COLOURS = (ORANGE, GREEN, BLUE)
+_COLOURS = (ink.ORANGE, ink.GREEN, ink.BLUE)
 
 
 def draw(c: Calibration) -> Drawing:
@@ -85,13 +86,13 @@ def _paint(c: Calibration, turn: FloatArray, factor: int) -> Figure:
     ax: Any = fig.add_axes((0.0, 0.04, 1.0, 0.98), projection="3d")
     around = np.argsort(np.arctan2(*(hinge - middle)[:, 1::-1].T))
     ring = hinge[np.append(around, around[0])]
-    ax.plot(*ring.T, color=GREY, linewidth=1.0)
+    ax.plot(*ring.T, color=ink.GREY, linewidth=1.0)
     for h in hinge:
-        ax.plot(*np.array([h, bary]).T, color=GREY, linewidth=0.6, linestyle=":")
-    ax.plot(*hinge.T, "o", color=INK, markersize=6)
+        ax.plot(*np.array([h, bary]).T, color=ink.GREY, linewidth=0.6, linestyle=":")
+    ax.plot(*hinge.T, "o", color=ink.BLACK, markersize=6)
     foot = np.array([bary, [bary[0], bary[1], middle[2]]])
-    ax.plot(*foot.T, color=INK, linewidth=1.0, linestyle="--")
-    ax.plot(*bary[:, None], "D", color=INK, markersize=7, markerfacecolor="white")
+    ax.plot(*foot.T, color=ink.BLACK, linewidth=1.0, linestyle="--")
+    ax.plot(*bary[:, None], "D", color=ink.BLACK, markersize=7, markerfacecolor="white")
     ax.text(*(bary + length * np.array([0.12, 0, 0.28])), "barycentre", fontsize=8)
     for i, support in enumerate(c.supports):
         ax.text(
@@ -116,9 +117,9 @@ def _paint(c: Calibration, turn: FloatArray, factor: int) -> Figure:
     _frame(ax, np.vstack([hinge, bary, hinge + np.array([0, 0, length])]), length)
     shown = f"calibrated, turn ×{factor}" if factor > 1 else "calibrated"
     handles = [
-        Line2D([], [], marker="o", color=INK, linestyle="", label="hinge (SHC)"),
-        Line2D([], [], color=INK, linestyle=(0, (3, 2)), linewidth=0.9, label="nominal axes"),
-        Line2D([], [], color=INK, linewidth=1.8, label=f"axes {shown}"),
+        Line2D([], [], marker="o", color=ink.BLACK, linestyle="", label="hinge (SHC)"),
+        Line2D([], [], color=ink.BLACK, linestyle=(0, (3, 2)), linewidth=0.9, label="nominal axes"),
+        Line2D([], [], color=ink.BLACK, linewidth=1.8, label=f"axes {shown}"),
     ]
     fig.legend(handles=handles, loc="upper left", ncols=3)
     return fig

@@ -23,17 +23,11 @@ from matplotlib.transforms import Affine2D
 from tdfscal.errors import visible
 from tdfscal.files.outputs import make_folder, replacing
 from tdfscal.files.saving import write_text
+from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.drawing import Drawing as Drawing
 
 WIDTH = 7.3
 """Inches: the text width of an A4 page."""
-INK, GREY, PALE = "#1a1a1a", "#6b6b6b", "#d9d9d9"
-BLUE, ORANGE, GREEN, RED = "#0b5394", "#d55e00", "#117733", "#a50f15"
-FILLS = ("#4f81bd", "#f2c14e", "#8fbf8f", "#d98880", "#b8a1d9", "#c9c9c9", "#7fcdbb", "#e0a3c8")
-LINES = (BLUE, ORANGE, GREEN, "#7b3fa0", RED, GREY, "#0e7c7b", "#b3478f")
-"""Of thin lines: dark enough on white, and so bright enough where a dark page turns them about."""
-HATCHES = ("", "///", "...", "\\\\\\", "xx", "--", "oo", "++")
-"""Beside colours, so that areas differ in black and white."""
 _DPI, _SCREEN_DPI = 200, 130
 _RASTER_FROM = 400
 _TIP = "tip: "
@@ -45,7 +39,7 @@ _SETTINGS: dict[str, Any] = {
     "axes.labelsize": 8.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": GREY,
+    "axes.edgecolor": ink.GREY,
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": "#e6e6e6",

@@ -12,24 +12,13 @@ from pydantic import JsonValue
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    FILLS,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    WIDTH,
-    Drawing,
-    figure,
-    legend_above,
-    raster,
-)
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import WIDTH, Drawing, figure, legend_above, raster
 from tdfscal.trackercal import PointRegistration
 
 _CHARACTER = 0.075
 """Inches that a letter of a tick label takes, at most."""
-_MARKS = (("o", BLUE, "x"), ("s", ORANGE, "y"), ("^", GREEN, "z"))
+_MARKS = (("o", ink.BLUE, "x"), ("s", ink.ORANGE, "y"), ("^", ink.GREEN, "z"))
 
 
 def draw(c: Calibration) -> Drawing | None:
@@ -80,9 +69,9 @@ def _paint(names: list[str], residual: FloatArray, normalised: FloatArray) -> Fi
                 label=label,
                 rasterized=raster(len(names)),
             )
-        ax.axhline(0, color=GREY, linewidth=0.8)
+        ax.axhline(0, color=ink.GREY, linewidth=0.8)
     for limit in (-2, 2):
-        bottom.axhline(limit, color=INK, linewidth=0.8, linestyle="--")
+        bottom.axhline(limit, color=ink.BLACK, linewidth=0.8, linestyle="--")
     top.set_ylabel("residual, µm")
     bottom.set_ylabel("residual / its\nstd. uncertainty")
     _groups(bottom, top, names)
@@ -100,7 +89,7 @@ def _groups(bottom: Axes, top: Axes, names: list[str]) -> None:
         upright &= _CHARACTER * len(labels[-1]) < 0.88 * WIDTH * size / len(names)
         start += size
         for ax in (bottom, top):
-            ax.axvline(start - 0.5, color=GREY, linewidth=0.5, linestyle=":")
+            ax.axvline(start - 0.5, color=ink.GREY, linewidth=0.5, linestyle=":")
     bottom.set_xticks(ticks, labels, rotation=0 if upright else 90)
     bottom.set_xlabel("points: moves of each NCP first, then targets on each sensor")
     for ax in (bottom, top):
@@ -124,7 +113,11 @@ def _paint_registered(r: PointRegistration) -> Figure:
     place = np.arange(len(r.names), dtype=float)
     for j, axis in enumerate("xyz"):
         ax.bar(
-            place + 0.27 * (j - 1), 1e6 * r.residual[:, j], width=0.25, color=FILLS[j], label=axis
+            place + 0.27 * (j - 1),
+            1e6 * r.residual[:, j],
+            width=0.25,
+            color=ink.FILLS[j],
+            label=axis,
         )
     ax.set_xticks(place, r.names, rotation=90 if len(r.names) > 8 else 0)
     ax.set_ylabel("residual, µm")

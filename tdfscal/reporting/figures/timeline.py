@@ -15,19 +15,8 @@ from tdfscal.files.calibration.log_time import Clock, log_clock
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.model import RigFile
 from tdfscal.records import Dwells
-from tdfscal.reporting.figures.style import (
-    FILLS,
-    GREY,
-    INK,
-    LINES,
-    PALE,
-    RED,
-    Drawing,
-    figure,
-    legend_above,
-    raster,
-    tip,
-)
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above, raster, tip
 
 #: Height of a panel of forces, inches.
 _PANEL = 0.72
@@ -105,14 +94,19 @@ def _lanes(
     ax.broken_barh(
         spans,
         (-0.36, 0.72),
-        facecolor=FILLS[0],
-        edgecolor=INK,
+        facecolor=ink.FILLS[0],
+        edgecolor=ink.BLACK,
         linewidth=0.0 if pixels else 0.5,
         rasterized=pixels,
     )
     for x, w, number in gone:
         ax.broken_barh(
-            [(x, w)], (0.64, 0.72), facecolor="white", edgecolor=RED, hatch="////", linewidth=0.9
+            [(x, w)],
+            (0.64, 0.72),
+            facecolor="white",
+            edgecolor=ink.RED,
+            hatch="////",
+            linewidth=0.9,
         )
         ax.annotate(
             f"{number}",
@@ -124,13 +118,13 @@ def _lanes(
             fontweight="bold",
         )
     if not gone:
-        ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=GREY)
+        ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=ink.GREY)
     for piece in table.left_out or ():
         ax.broken_barh(
             [(piece.start - origin, max(piece.end - piece.start, width))],
             (1.64, 0.72),
-            facecolor=PALE,
-            edgecolor=GREY,
+            facecolor=ink.PALE,
+            edgecolor=ink.GREY,
             hatch="...",
             linewidth=0.4,
         )
@@ -153,13 +147,13 @@ def _forces(
     force, pixels = np.array(dwells.force), raster(3 * len(start))
     for k, ax in enumerate(panels):
         for x, w, _ in gone:
-            ax.axvspan(x, x + w, facecolor="white", edgecolor=RED, hatch="////", linewidth=0.4)
+            ax.axvspan(x, x + w, facecolor="white", edgecolor=ink.RED, hatch="////", linewidth=0.4)
         for i, support in enumerate(rig.supports):
             if "xyz"[k] not in support.axes:
                 continue
             (line,) = ax.plot(
-                middle, force[i, :, k], linewidth=0.7, color=LINES[i % len(LINES)],
-                marker=_MARKERS[i % len(_MARKERS)], markersize=3.2, markeredgecolor=INK,
+                middle, force[i, :, k], linewidth=0.7, color=ink.LINES[i % len(ink.LINES)],
+                marker=_MARKERS[i % len(_MARKERS)], markersize=3.2, markeredgecolor=ink.BLACK,
                 markeredgewidth=0.3, label=support.name, rasterized=pixels,
             )  # fmt: skip
             low, high = force[i, :, k].min(), force[i, :, k].max()
@@ -185,9 +179,14 @@ def _paint_found(dwells: Dwells) -> Figure:
     ax = fig.subplots()
     for i, name in enumerate(dwells.supports):
         ax.hlines(
-            force[:, i], start, start + length, color=FILLS[i % len(FILLS)], linewidth=3, label=name
+            force[:, i],
+            start,
+            start + length,
+            color=ink.FILLS[i % len(ink.FILLS)],
+            linewidth=3,
+            label=name,
         )
-        ax.plot(start, force[:, i], "|", color=FILLS[i % len(FILLS)], markersize=4)
+        ax.plot(start, force[:, i], "|", color=ink.FILLS[i % len(ink.FILLS)], markersize=4)
     ax.set_xlabel("time since the first dwell, s")
     ax.set_ylabel("force, N")
     legend_above(ax, 4)

@@ -12,7 +12,8 @@ from tdfscal.files.calibration.evidence_model import Histogram
 from tdfscal.files.calibration.parts import MonteCarloResult
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import ANGLES
-from tdfscal.reporting.figures.style import INK, ORANGE, Drawing, figure, signed, tip
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, signed, tip
 from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Ends of the linear interval, in standard uncertainties.
@@ -58,15 +59,15 @@ def _paint(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
             middle, std = j * across, c.rpy_std[i, j]
             bars = ax.stairs(
                 density[row, j] + floor, edges + middle, baseline=floor, fill=True,
-                color="#c6d6ea", edgecolor=INK, linewidth=0.5,
+                color="#c6d6ea", edgecolor=ink.BLACK, linewidth=0.5,
             )  # fmt: skip
             tip(bars, f"{c.supports[i].name} {ANGLES[j]}: 1 std. unc. is {1e3 * std:.3f} mrad")
-            ax.plot(u + middle, normal + floor, color=ORANGE, linewidth=1.4)
+            ax.plot(u + middle, normal + floor, color=ink.ORANGE, linewidth=1.4)
             high = floor + 1.06 * peak
-            ax.vlines(middle + np.array([-k, k]), floor, high, color=ORANGE, linewidth=1.0,
+            ax.vlines(middle + np.array([-k, k]), floor, high, color=ink.ORANGE, linewidth=1.0,
                       linestyle="--")  # fmt: skip
             ends = middle + (np.array([m.low[i][j], m.high[i][j]]) - c.rpy[i, j]) / std
-            ax.vlines(ends, floor, high, color=INK, linewidth=1.0, linestyle=":")
+            ax.vlines(ends, floor, high, color=ink.BLACK, linewidth=1.0, linestyle=":")
             ax.text(
                 middle, floor + 1.1 * peak,
                 f"{c.supports[i].name}  {ANGLES[j]}, σ = {1e3 * std:.3g} mrad",
@@ -91,8 +92,8 @@ def _paint(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
 
 def _keys() -> list[Line2D | Patch]:
     return [
-        Patch(facecolor="#c6d6ea", edgecolor=INK, linewidth=0.5, label="trials"),
-        Line2D([], [], color=INK, linestyle=":", label="95 % of the trials"),
-        Line2D([], [], color=ORANGE, label="linear"),
-        Line2D([], [], color=ORANGE, linestyle="--", label="95 % linear"),
+        Patch(facecolor="#c6d6ea", edgecolor=ink.BLACK, linewidth=0.5, label="trials"),
+        Line2D([], [], color=ink.BLACK, linestyle=":", label="95 % of the trials"),
+        Line2D([], [], color=ink.ORANGE, label="linear"),
+        Line2D([], [], color=ink.ORANGE, linestyle="--", label="95 % linear"),
     ]

@@ -11,24 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    Drawing,
-    figure,
-    legend_above,
-    logarithmic,
-    signed,
-)  # fmt: skip
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above, logarithmic, signed
 from tdfscal.reporting.layout import Items, Report, Section, Table
 from tdfscal.reporting.studies.cells import Row
 from tdfscal.studies.accuracy import Accuracy, MethodResult, angle_names
 
 _SHORT = {"ml": "self, ML", "linear": "self, linear", "tracker": "tracker"}
 _COLUMN = {"ml": "ML", "linear": "linear", "tracker": "tracker"}
-_MARKS = {"ml": (BLUE, "o"), "linear": (ORANGE, "s"), "tracker": (GREEN, "^")}
+_MARKS = {"ml": (ink.BLUE, "o"), "linear": (ink.ORANGE, "s"), "tracker": (ink.GREEN, "^")}
 
 #: Standard uncertainties (n, 3), rad, that given calibrations state, by their names.
 Stated = Mapping[str, FloatArray]
@@ -217,11 +208,11 @@ def _histogram(ax: Axes, result: MethodResult, i: int, j: int) -> None:
     mean, std = 1e3 * float(result.mean[i, j]), 1e3 * float(result.std[i, j])
     edges = 1e3 * edges
     ax.stairs(counts, edges, fill=True, color="#c6d6ea")
-    ax.stairs(counts, edges, color=INK, linewidth=0.5)
+    ax.stairs(counts, edges, color=ink.BLACK, linewidth=0.5)
     x = np.linspace(mean - 4 * std, mean + 4 * std, 121)
     height = counts.sum() * (edges[1] - edges[0]) / (std * np.sqrt(2 * np.pi))
-    ax.plot(x, height * np.exp(-(((x - mean) / std) ** 2) / 2), color=ORANGE, linewidth=1.2)
-    ax.axvline(0.0, color=INK, linewidth=0.8, linestyle="--")
+    ax.plot(x, height * np.exp(-(((x - mean) / std) ** 2) / 2), color=ink.ORANGE, linewidth=1.2)
+    ax.axvline(0.0, color=ink.BLACK, linewidth=0.8, linestyle="--")
     ax.set_ylim(0.0, 1.45 * max(float(counts.max()), height))
     said = f"mean {signed(mean, '+.2g')}\nσ {std:.3g}"
     ax.text(0.03, 0.96, said, transform=ax.transAxes, va="top", fontsize=7)

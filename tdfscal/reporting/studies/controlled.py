@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import BLUE, GREEN, GREY, INK, ORANGE, RED
+from tdfscal.reporting.figures import ink
 from tdfscal.reporting.layout import Block, Facts, Items, Table
 from tdfscal.reporting.studies.cells import Row, number, with_error
 from tdfscal.reporting.studies.paper import Item, sentence
@@ -28,14 +28,14 @@ Paper = dict[str, tuple[float, float]]
 DEVIATION = ("x", "y", "z", "rx", "ry", "rz")
 #: Colour, line and marker of each calibration: each tells them apart on its own.
 MARKS = (
-    (INK, ":", "x"),
-    (ORANGE, "--", "s"),
-    (RED, "-.", "D"),
-    (BLUE, "-", "o"),
-    (GREEN, "-.", "^"),
-    (ORANGE, ":", "P"),
-    (GREY, "--", "v"),
-    (GREY, "-", "*"),
+    (ink.BLACK, ":", "x"),
+    (ink.ORANGE, "--", "s"),
+    (ink.RED, "-.", "D"),
+    (ink.BLUE, "-", "o"),
+    (ink.GREEN, "-.", "^"),
+    (ink.ORANGE, ":", "P"),
+    (ink.GREY, "--", "v"),
+    (ink.GREY, "-", "*"),
 )
 #: Rows of a lane in traces.csv at most, about.
 _TRACE_ROWS = 600

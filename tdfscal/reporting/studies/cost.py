@@ -10,15 +10,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    Drawing,
-    figure,
-    legend_above,
-)  # fmt: skip
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above
 from tdfscal.reporting.layout import Facts, Report, Section, Table
 from tdfscal.reporting.studies.cells import Row, number
 from tdfscal.studies.cost import Assumptions, Choice, CostStudy
@@ -115,8 +108,10 @@ def drawings(study: CostStudy) -> tuple[Drawing, ...]:
 
 
 def _paint(study: CostStudy) -> Figure:
-    looks = {"self, static": (BLUE, "o"), "self, moving": (GREEN, "^"), "tracker": (ORANGE, "s"),
-             "joint": (INK, "D")}  # fmt: skip
+    looks = {
+        "self, static": (ink.BLUE, "o"), "self, moving": (ink.GREEN, "^"),
+        "tracker": (ink.ORANGE, "s"), "joint": (ink.BLACK, "D"),
+    }  # fmt: skip
     fig = figure(3.6)
     ax = fig.subplots()
     for method, (colour, marker) in looks.items():

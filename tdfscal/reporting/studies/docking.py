@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures.style import BLUE, INK, ORANGE, RED, Drawing, figure
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure
 from tdfscal.reporting.layout import Block, Report, Section, Table
 from tdfscal.reporting.studies import controlled as shared
 from tdfscal.reporting.studies.cells import Row, mean_se, number, share_said
@@ -216,20 +217,20 @@ def _paint_docking(study: DockingStudy, c: int, run: int) -> Figure:
     grid = fig.subplots(2, 3, sharex=True)
     for axis, ax in enumerate(grid.flat):
         seen, true = traces.measured[:last, lane, axis], traces.contact[:last, lane, axis]
-        ax.plot(time, seen, color=ORANGE, linewidth=0.7, label="as the controller sees it")
-        ax.plot(time, true, color=INK, linewidth=1.0, label="true")
+        ax.plot(time, seen, color=ink.ORANGE, linewidth=0.7, label="as the controller sees it")
+        ax.plot(time, true, color=ink.BLACK, linewidth=1.0, label="true")
         for phase, start in zip(PHASES[1:], starts[1:], strict=True):
             if np.isfinite(start):
                 line = {"first contact": "--", "insertion": ":", "seated": "-."}[phase]
                 label = f"{phase}, {start:.1f} s"
-                ax.axvline(start, color=BLUE, linewidth=0.9, linestyle=line, label=label)
+                ax.axvline(start, color=ink.BLUE, linewidth=0.9, linestyle=line, label=label)
         largest = study.peak[c, run, axis]
         ax.set_title(f"{_FORCES[axis]}; largest true {largest:.3g}")
         limit = study.setup.controller.thresholds[axis] if axis < 3 else 0.0
         _scale(ax, axis, float(max(np.abs(seen).max(), np.abs(true).max(), limit)), both=True)
         if axis < 3:
-            ax.axhline(limit, color=RED, linewidth=0.7)
-            ax.axhline(-limit, color=RED, linewidth=0.7, label="limit" if axis == 0 else None)
+            ax.axhline(limit, color=ink.RED, linewidth=0.7)
+            ax.axhline(-limit, color=ink.RED, linewidth=0.7, label="limit" if axis == 0 else None)
         if axis >= 3:
             ax.set_xlabel("time, s")
     shared.legend(fig, grid.flat[0])
@@ -253,9 +254,11 @@ def _paint_maxima(study: DockingStudy) -> Figure:
             top = max(top, float(values.max()))
             ax.plot(c + spread[met], values, marker, color=colour, markersize=2.5, alpha=0.6)
             error = np.std(values, ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
-            ax.errorbar(c, values.mean(), error, color=INK, marker="_", markersize=14, capsize=3)
+            ax.errorbar(
+                c, values.mean(), error, color=ink.BLACK, marker="_", markersize=14, capsize=3
+            )
         if axis < 3:
-            ax.axhline(study.setup.controller.thresholds[axis], color=RED, linewidth=0.8)
+            ax.axhline(study.setup.controller.thresholds[axis], color=ink.RED, linewidth=0.8)
         _scale(ax, axis, top)
         ax.set_xlim(-0.6, len(study.names) - 0.4)
         ax.set_title(_FORCES[axis] + ("" if axis > 2 else ", limit in red"))

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdfscal.records import ANGLES, FloatArray, Rig
-from tdfscal.reporting.figures.style import BLUE, GREEN, ORANGE, Drawing, figure
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure
 from tdfscal.reporting.layout import Report, Section, Table
 from tdfscal.reporting.studies.cells import Row
 from tdfscal.studies.sensitivity import Sweep
@@ -20,7 +21,7 @@ Stakes = Mapping[str, list[Stake]]
 """Name of a calibration → its stakes, one per posture and internal force."""
 
 #: Colour, line and marker of roll, pitch and yaw: each tells them apart on its own.
-_LINES = ((BLUE, "-", "o"), (ORANGE, "--", "s"), (GREEN, ":", "^"))
+_LINES = ((ink.BLUE, "-", "o"), (ink.ORANGE, "--", "s"), (ink.GREEN, ":", "^"))
 _PER_ROW = 4
 
 

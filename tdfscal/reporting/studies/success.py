@@ -9,16 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdfscal.reporting.figures.style import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    RED,
-    Drawing,
-    figure,
-    legend_above,
-)  # fmt: skip
+from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above
 from tdfscal.reporting.layout import Report, Section, Table
 from tdfscal.reporting.studies.cells import Row, mean_of, mean_se, number, share_said
 from tdfscal.reporting.studies.controlled import cell_document
@@ -133,8 +125,10 @@ def drawings(study: SuccessStudy) -> tuple[Drawing, ...]:
 
 
 def _paint(study: SuccessStudy) -> Figure:
-    marks = ((INK, ":", "x"), (ORANGE, "--", "s"), (BLUE, "-", "o"), (GREEN, "-.", "^"),
-             (RED, "-", "v"))  # fmt: skip
+    marks = (
+        (ink.BLACK, ":", "x"), (ink.ORANGE, "--", "s"), (ink.BLUE, "-", "o"),
+        (ink.GREEN, "-.", "^"), (ink.RED, "-", "v"),
+    )  # fmt: skip
     fig = figure(3.4)
     ax = fig.subplots()
     for s, name in enumerate(_stiffness(study)):
