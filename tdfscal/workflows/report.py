@@ -36,7 +36,7 @@ class ReportResult(Result):
     previous: tuple[str, Calibration] | None = None
 
     def _more(self) -> tuple[Section, ...]:
-        from tdfscal.reporting.as_found import as_found
+        from tdfscal.reporting.several import as_found
 
         return () if self.previous is None else (as_found(self.named[0][1], *self.previous),)
 

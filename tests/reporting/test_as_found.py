@@ -12,8 +12,8 @@ from tdfscal.files.calibration.document import Calibration, save_calibration
 from tdfscal.files.calibration.life import MeasuredResult
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.reporting.as_found import as_found
 from tdfscal.reporting.layout import Facts, Table
+from tdfscal.reporting.several import as_found
 from tdfscal.reporting.traceability import campaign
 from tests.cli.running import run
 from tests.reporting.samples import sample, sketch

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Self, get_args
 
@@ -43,23 +43,29 @@ class Cell:
     """The user's own cell: impedance, servos and gears; None: the study's choice.
 
     stiffness, damping, virtual_mass : of translations, or of translations and turns.
-    servo : Hz. contact : N/m of a tooth. clearance : mm. engagement : mm.
+    servo : Hz. contact_stiffness : N/m of a tooth. clearance : mm. engagement : mm.
     """
 
     stiffness: Numbers | float | None = None
     damping: Numbers | float | None = None
     virtual_mass: Numbers | float | None = None
     servo: float | None = None
-    contact: float | None = None
+    contact_stiffness: float | None = None
     friction: float | None = None
     clearance: float | None = None
     engagement: float | None = None
 
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> Self:
+        """Take of a study's options, by their names, those that are its own."""
+        own = {f.name for f in fields(cls)}
+        return cls(**{name: value for name, value in options.items() if name in own})
+
     def gears(self) -> GearPair:
         """Return the gears. Raises UsageError."""
         changes: dict[str, Any] = {}
-        if self.contact is not None:
-            changes |= {"stiffness": self.contact, "seat_stiffness": 2.0 * self.contact}
+        if (tooth := self.contact_stiffness) is not None:
+            changes |= {"stiffness": tooth, "seat_stiffness": 2.0 * tooth}
         if self.friction is not None:
             changes["friction"] = self.friction
         if self.clearance is not None:
@@ -68,11 +74,12 @@ class Cell:
             changes["length"] = 1e-3 * self.engagement
         return replace(GearPair(), **changes)
 
-    def controller(self, rig: Rig, base: Controller, gears: GearPair) -> Controller:
+    def controller(self, rig: Rig, gears: GearPair) -> Controller:
         """Return the controller: as asked for, and the rest so that it is stable.
 
         Raises UsageError.
         """
+        base = self._base()
         if self.servo is not None:
             base = replace(base, servo=replace(base.servo, bandwidth=self.servo))
         asked: dict[str, Any] = {
@@ -95,6 +102,9 @@ class Cell:
         require_stable(rig, base, gears)
         return base
 
+    def _base(self) -> Controller:
+        return Controller()
+
 
 def _six(option: str, value: Numbers | float) -> tuple[float, ...]:
     """Translations and turns of one number or two. Raises UsageError."""
@@ -109,10 +119,10 @@ def _six(option: str, value: Numbers | float) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choices:
+class Choices(Cell):
     """The options that the studies of the controlled rig share, under their own names."""
 
-    calibration: Sequence[CalibrationSource]
+    calibration: CalibrationSource | Sequence[CalibrationSource]
     truth: CalibrationSource | None
     runs: int
     perfect: bool
@@ -123,7 +133,6 @@ class Choices:
     walk: float | None
     logs: LogFormat | None
     seed: int
-    cell: Cell
 
     def __post_init__(self) -> None:
         at_least("--runs", self.runs, 1)
@@ -133,8 +142,13 @@ class Choices:
         if self.logs is not None:
             one_of("--logs", self.logs, get_args(LogFormat))
 
-    def controller(self, rig: Rig, gears: GearPair) -> Controller:
-        """Return the controller that they ask for. Raises UsageError."""
+    @property
+    def files(self) -> list[Path]:
+        """The files among the calibrations and the truth."""
+        return paths_of(sources_of(self.calibration, () if self.truth is None else self.truth))
+
+    def _base(self) -> Controller:
+        """The controller with the filter and the records that are asked for. Raises UsageError."""
         walk = checked_walk("kalman" if self.filter == "kalman" else "none", self.walk)
         base = Controller()
         if self.logs is not None:
@@ -145,7 +159,7 @@ class Choices:
             if walk is not None:
                 gain = Walk.of(walk, sensing.noise, 1.0 / sensing.rate).gain
             base = replace(base, sensing=replace(sensing, gain=gain))
-        return self.cell.controller(rig, base, gears)
+        return base
 
     def arms(self, loaded: LoadedRig, progress: Progress) -> tuple[Arms, np.random.SeedSequence]:
         """Calibrations and machines, and the seed of the study itself. Raises TdfscalError."""
@@ -175,7 +189,8 @@ class Choices:
         )
 
     def _given(self, loaded: LoadedRig, rng: np.random.Generator) -> Arms | None:
-        if not self.calibration:
+        sources = sources_of(self.calibration)
+        if not sources:
             return None
         if self.mounting is not None:
             raise UsageError(
@@ -183,7 +198,7 @@ class Choices:
                 where="--mounting",
                 hint="leave it out, or leave --calibration out",
             )
-        named = calibrations_named(self.calibration, loaded, ("none", *BEST))
+        named = calibrations_named(sources, loaded, ("none", *BEST))
         each = [(name, calibrated(calibration, name)) for name, calibration in named.items()]
         truth = None
         if self.truth is not None:
@@ -203,13 +218,6 @@ def steps_of(progress: Progress, what: str) -> Callable[[float], None]:
             progress.count(f"{what}: {10 * said} %")
 
     return tell
-
-
-def files_of(
-    calibration: CalibrationSource | Sequence[CalibrationSource], truth: CalibrationSource | None
-) -> list[Path]:
-    """Return the files among the calibrations and the truth."""
-    return paths_of([*sources_of(calibration), *([] if truth is None else [truth])])
 
 
 class ControlledResult(StudyResult):

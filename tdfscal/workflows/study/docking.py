@@ -9,13 +9,11 @@ from tdfscal.files.outputs import together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.studies import docking as study_of
 from tdfscal.workflows.arguments import Numbers, PathLike
-from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.calibration import CalibrationSource
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.controlled import (
-    Cell,
     Choices,
     ControlledResult,
-    files_of,
     steps_of,
 )
 from tdfscal.workflows.study.result import processes, start
@@ -87,21 +85,12 @@ def docking(
     TdfscalError
         By cause: UsageError, RigError, DataError.
     """
-    cell = Cell(
-        stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
-        contact=contact_stiffness, friction=friction, clearance=clearance, engagement=engagement,
-    )  # fmt: skip
-    choices = Choices(
-        calibration=sources_of(calibration), truth=truth, runs=runs, perfect=perfect,
-        mounting=mounting, drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
-        cell=cell,
-    )  # fmt: skip
+    choices = Choices.of(locals())
     shared_by = processes(workers)
-    loaded, folder = start(rig, output, files_of(calibration, truth))
-    gears = cell.gears()
-    setup = study_of.Setup(
-        loaded.rig, controller=choices.controller(loaded.rig, gears), gears=gears
-    )
+    loaded, folder = start(rig, output, choices.files)
+    gears = choices.gears()
+    controller = choices.controller(loaded.rig, gears)
+    setup = study_of.Setup(loaded.rig, controller=controller, gears=gears)
     arms, study_seed = choices.arms(loaded, progress)
     told = steps_of(progress, f"docking, {runs} runs × {len(arms.arms)} calibrations")
     study = study_of.docking(setup, arms, study_seed, seed, workers=shared_by, progress=told)

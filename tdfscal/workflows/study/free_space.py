@@ -15,13 +15,11 @@ from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.records import FloatArray
 from tdfscal.studies import free_space as study_of
 from tdfscal.workflows.arguments import Numbers, PathLike
-from tdfscal.workflows.calibration import CalibrationSource, sources_of
+from tdfscal.workflows.calibration import CalibrationSource
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.controlled import (
-    Cell,
     Choices,
     ControlledResult,
-    files_of,
     steps_of,
 )
 from tdfscal.workflows.study.result import processes, start
@@ -92,19 +90,12 @@ def free_space(
     TdfscalError
         By cause: UsageError, RigError, DataError.
     """
-    cell = Cell(
-        stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
-    )  # fmt: skip
-    choices = Choices(
-        calibration=sources_of(calibration), truth=truth, runs=runs, perfect=perfect,
-        mounting=mounting, drift=drift, tare=tare, filter=filter, walk=walk, logs=logs, seed=seed,
-        cell=cell,
-    )  # fmt: skip
+    choices = Choices.of(locals())
     shared_by = processes(workers)
-    files = [*files_of(calibration, truth), *([Path(moves)] if moves is not None else [])]
+    files = [*choices.files, *([Path(moves)] if moves is not None else [])]
     loaded, folder = start(rig, output, files)
     table = study_of.MOVES.copy() if moves is None else read_moves(Path(moves))
-    controller = choices.controller(loaded.rig, cell.gears())
+    controller = choices.controller(loaded.rig, choices.gears())
     setup = study_of.Setup(loaded.rig, controller=controller, moves=table)
     arms, study_seed = choices.arms(loaded, progress)
     told = steps_of(progress, f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")

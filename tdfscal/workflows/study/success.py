@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tdfscal.files.outputs import together
-from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking
 from tdfscal.studies import success as study_of
 from tdfscal.workflows.arguments import Numbers, PathLike, at_least, numbers
@@ -69,6 +68,7 @@ def success(
     TdfscalError
         By cause: UsageError, RigError.
     """
+    cell = Cell.of(locals())
     at_least("--runs", runs, 1)
     at_least("--seed", seed, 0)
     shared_by = processes(workers)
@@ -76,15 +76,11 @@ def success(
     if errors is not None:
         deviations = tuple(1e-3 * v for v in numbers("--errors", errors))
         at_least("--errors", min(deviations), 0)
-    cell = Cell(
-        stiffness=stiffness, damping=damping, virtual_mass=virtual_mass, servo=servo,
-        contact=contact_stiffness, friction=friction, clearance=clearance, engagement=engagement,
-    )  # fmt: skip
     loaded, folder = start(rig, output)
     setup = docking.Setup(loaded.rig, gears=cell.gears())
     study = study_of.success(
         setup,
-        lambda gears: cell.controller(loaded.rig, Controller(), gears),
+        lambda gears: cell.controller(loaded.rig, gears),
         runs,
         seed,
         deviations=deviations,
