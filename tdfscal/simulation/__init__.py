@@ -4,61 +4,37 @@ A rigid terminal stands on elastic carriages, so that positioning errors and com
 strain it as they do on a real machine; its forces are those of the static equilibrium.
 """
 
-from tdfscal.simulation.campaign import Campaign, simulate_campaign
-from tdfscal.simulation.equilibrium import Equilibrium, Load, Pose, settle
-from tdfscal.simulation.faults import (
-    Contact,
-    Crosstalk,
-    DeadAxis,
-    Drift,
-    Faults,
-    Gain,
-    Jolt,
-    Slip,
-    ZeroShift,
-)
-from tdfscal.simulation.moving_campaign import MovingCampaign
-from tdfscal.simulation.options import Options, Recorder, SurveyOptions
-from tdfscal.simulation.posture_means import Batch, simulate_dwells
-from tdfscal.simulation.postures import internal_part
-from tdfscal.simulation.reference_rig import make_rig, reference_rig
-from tdfscal.simulation.scenarios import MOVING, SCENARIOS, Run, run, run_moving
-from tdfscal.simulation.survey import Survey, measure, simulate_survey
-from tdfscal.simulation.truth import Truth, draw_truths
-
-__all__ = [
-    "MOVING",
-    "SCENARIOS",
-    "Batch",
-    "Campaign",
-    "Contact",
-    "Crosstalk",
-    "DeadAxis",
-    "Drift",
-    "Equilibrium",
-    "Faults",
-    "Gain",
-    "Jolt",
-    "Load",
-    "MovingCampaign",
-    "Options",
-    "Pose",
-    "Recorder",
-    "Run",
-    "Slip",
-    "Survey",
-    "SurveyOptions",
-    "Truth",
-    "ZeroShift",
-    "draw_truths",
-    "internal_part",
-    "make_rig",
-    "measure",
-    "reference_rig",
-    "run",
-    "run_moving",
-    "settle",
-    "simulate_campaign",
-    "simulate_dwells",
-    "simulate_survey",
-]
+from tdfscal.simulation.campaign import Campaign as Campaign
+from tdfscal.simulation.campaign import simulate_campaign as simulate_campaign
+from tdfscal.simulation.equilibrium import Equilibrium as Equilibrium
+from tdfscal.simulation.equilibrium import Load as Load
+from tdfscal.simulation.equilibrium import Pose as Pose
+from tdfscal.simulation.equilibrium import settle as settle
+from tdfscal.simulation.faults import Contact as Contact
+from tdfscal.simulation.faults import Crosstalk as Crosstalk
+from tdfscal.simulation.faults import DeadAxis as DeadAxis
+from tdfscal.simulation.faults import Drift as Drift
+from tdfscal.simulation.faults import Faults as Faults
+from tdfscal.simulation.faults import Gain as Gain
+from tdfscal.simulation.faults import Jolt as Jolt
+from tdfscal.simulation.faults import Slip as Slip
+from tdfscal.simulation.faults import ZeroShift as ZeroShift
+from tdfscal.simulation.moving_campaign import MovingCampaign as MovingCampaign
+from tdfscal.simulation.options import Options as Options
+from tdfscal.simulation.options import Recorder as Recorder
+from tdfscal.simulation.options import SurveyOptions as SurveyOptions
+from tdfscal.simulation.posture_means import Batch as Batch
+from tdfscal.simulation.posture_means import simulate_dwells as simulate_dwells
+from tdfscal.simulation.postures import internal_part as internal_part
+from tdfscal.simulation.reference_rig import make_rig as make_rig
+from tdfscal.simulation.reference_rig import reference_rig as reference_rig
+from tdfscal.simulation.scenarios import MOVING as MOVING
+from tdfscal.simulation.scenarios import SCENARIOS as SCENARIOS
+from tdfscal.simulation.scenarios import Run as Run
+from tdfscal.simulation.scenarios import run as run
+from tdfscal.simulation.scenarios import run_moving as run_moving
+from tdfscal.simulation.survey import Survey as Survey
+from tdfscal.simulation.survey import measure as measure
+from tdfscal.simulation.survey import simulate_survey as simulate_survey
+from tdfscal.simulation.truth import Truth as Truth
+from tdfscal.simulation.truth import draw_truths as draw_truths

@@ -14,11 +14,10 @@ from tdfscal.simulation import SurveyOptions
 from tdfscal.simulation.control.contact import Bore, GearPair
 from tdfscal.simulation.control.misalignment import GearSurvey, survey_error
 from tdfscal.simulation.control.reference import advance, require_within
-from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
-from tdfscal.simulation.control.servo import draw_errors
+from tdfscal.simulation.control.runs import Controller, Docking, Result
 from tdfscal.simulation.equilibrium import Pose
-from tdfscal.studies.compared_calibrations import LIKE, Arms, tiled
-from tdfscal.studies.lanes import simulate_lanes
+from tdfscal.studies.compared_calibrations import LIKE, Arms
+from tdfscal.studies.lanes import machines_of, simulate_lanes
 from tdfscal.studies.ratios import Ratio, Share, ratio, share
 
 _A = TypeVar("_A", FloatArray, BoolArray)
@@ -188,17 +187,9 @@ def docking(
     rig, gears, runs = setup.rig, setup.gears, arms.runs
     if not (0.0 < setup.gap < np.inf and 0.0 < setup.speed < np.inf and setup.ramp > 0.0):
         raise UsageError("gap, speed and ramp must be above zero")
-    survey_seed, error_seed, noise_seed = seed.spawn(3)
+    survey_seed, *machine_seeds = seed.spawn(3)
     plan = _plan(setup, runs, np.random.default_rng(survey_seed))
-    errors = draw_errors(
-        setup.controller.servo,
-        rig.declared.positioner,
-        runs,
-        rig.n,
-        np.random.default_rng(error_seed),
-    )
     copies = len(arms.arms)
-    truth, assumed, tared = arms.lanes()
     lanes = copies * runs
     start, goal = (
         Pose(np.tile(p.rotation, (copies, 1, 1)), np.tile(p.translation, (copies, 1)))
@@ -210,11 +201,8 @@ def docking(
     bore = Bore(
         np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(plan.mouth[None], lanes, axis=0)
     )
-    machines = Machines(
-        rig, truth, tiled(errors, copies), assumed, tared, tuple(noise_seed.spawn(runs))
-    )
     result = simulate_lanes(
-        machines,
+        machines_of(rig, setup.controller.servo, arms, machine_seeds),
         setup.controller,
         reference,
         Docking(gears, bore, setup.gap + gears.length - _SHORT),

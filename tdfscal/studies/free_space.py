@@ -11,11 +11,10 @@ from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
 from tdfscal.simulation.control.reference import move, require_within
-from tdfscal.simulation.control.runs import Controller, Machines, Result
-from tdfscal.simulation.control.servo import draw_errors
+from tdfscal.simulation.control.runs import Controller, Result
 from tdfscal.simulation.equilibrium import Pose
-from tdfscal.studies.compared_calibrations import LIKE, Arms, tiled
-from tdfscal.studies.lanes import simulate_lanes
+from tdfscal.studies.compared_calibrations import LIKE, Arms
+from tdfscal.studies.lanes import machines_of, simulate_lanes
 from tdfscal.studies.ratios import Ratio, ratio
 
 #: The paper's averages, mm and mrad, over its calibrations; beside the arms that are like them.
@@ -107,16 +106,7 @@ def free_space(
     for end, what in enumerate(("initial posture of move", "target posture of move")):
         at = Pose(pose.rotation[:, end], pose.translation[:, end])
         require_within(rig, at, setup.home, setup.travel, what)
-    error_seed, noise_seed = seed.spawn(2)
     count, runs, copies = len(moves), arms.runs, len(arms.arms)
-    errors = draw_errors(
-        setup.controller.servo,
-        rig.declared.positioner,
-        count * runs,
-        rig.n,
-        np.random.default_rng(error_seed),
-    )
-    truth, assumed, tared = arms.lanes(count)
 
     def lanes(end: int) -> Pose:
         R, T = (
@@ -127,9 +117,7 @@ def free_space(
 
     goal = lanes(1)
     reference = move(lanes(0), goal, setup.duration, setup.rest, setup.controller.step)
-    machines = Machines(
-        rig, truth, tiled(errors, copies), assumed, tared, tuple(noise_seed.spawn(count * runs))
-    )
+    machines = machines_of(rig, setup.controller.servo, arms, seed.spawn(2), count)
     result = simulate_lanes(
         machines, setup.controller, reference, workers=workers, progress=progress
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from multiprocessing import get_context
@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.records import IntArray
+from tdfscal.records import IntArray, Rig
 from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.reference import Reference
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result, Traces
+from tdfscal.simulation.control.servo import Servo, draw_errors
+from tdfscal.studies.compared_calibrations import Arms, tiled
 from tdfscal.studies.simulated_campaigns import one_thread_each
 
 #: Lane steps below which a second process costs more than it saves, and lanes per block at least.
@@ -61,6 +63,25 @@ def simulate_lanes(
             results = [simulate(*tasks[0], progress), *(other.result() for other in others)]
     order = np.argsort(np.concatenate([grid[:, part].ravel() for part in parts]))
     return _joined(results, order)
+
+
+def machines_of(
+    rig: Rig,
+    servo: Servo,
+    arms: Arms,
+    seeds: Sequence[np.random.SeedSequence],
+    copies: int = 1,
+) -> Machines:
+    """Machines of all lanes, (arm, copy, run); seeds : of their positions' errors and of noise.
+
+    Errors and noise of a copy's run are the same for all arms.
+    """
+    error_seed, noise_seed = seeds
+    count, rng = copies * arms.runs, np.random.default_rng(error_seed)
+    errors = draw_errors(servo, rig.declared.positioner, count, rig.n, rng)
+    truth, assumed, tared = arms.lanes(copies)
+    noise = tuple(noise_seed.spawn(count))
+    return Machines(rig, truth, tiled(errors, len(arms.arms)), assumed, tared, noise)
 
 
 def _some(record: Any, index: IntArray, lanes: int) -> Any:

@@ -21,6 +21,7 @@ from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
 from tdfscal.workflows.arguments import PathLike, PathLikes, listed, one
 from tdfscal.workflows.campaign import find_logs
+from tdfscal.workflows.info import InfoResult
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
@@ -73,10 +74,7 @@ class InitResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the dwells, where some are found."""
-        from tdfscal.reporting.figures.timeline import found
-
-        dwells = self.description.dwells
-        return (found(dwells),) if dwells is not None and len(dwells) else ()
+        return InfoResult(self.description).drawings()
 
     @property
     def _supports(self) -> tuple[str, ...]:

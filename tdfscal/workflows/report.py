@@ -11,6 +11,7 @@ from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.layout import Drawing, Report, Section
+from tdfscal.reporting.several import as_found, document, put_side_by_side, several_report
 from tdfscal.workflows.arguments import PathLike, one
 from tdfscal.workflows.calibration import (
     ANGLE_COLUMNS,
@@ -36,14 +37,10 @@ class ReportResult(Result):
     previous: tuple[str, Calibration] | None = None
 
     def _more(self) -> tuple[Section, ...]:
-        from tdfscal.reporting.several import as_found
-
         return () if self.previous is None else (as_found(self.named[0][1], *self.previous),)
 
     def to_report(self) -> Report:
         """Return the summary of the one, or all side by side."""
-        from tdfscal.reporting.several import put_side_by_side, several_report
-
         if len(self.named) == 1:
             from tdfscal.reporting.calibration import calibration_report
 
@@ -61,8 +58,6 @@ class ReportResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file, or of all with their comparison, as JSON values."""
-        from tdfscal.reporting.several import document, put_side_by_side
-
         documents = [c.to_dict() for _, c in self.named]
         if len(documents) == 1:
             return documents[0]
@@ -77,7 +72,6 @@ class ReportResult(Result):
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of the one, or those of all together."""
         from tdfscal.reporting.figures import several_drawings
-        from tdfscal.reporting.several import put_side_by_side
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
