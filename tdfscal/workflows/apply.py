@@ -26,12 +26,21 @@ from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows.arguments import Numbers, PathLike, PathLikes, listed, one, one_of, triple
+from tdfscal.workflows.arguments import (
+    Instant,
+    Numbers,
+    PathLike,
+    PathLikes,
+    listed,
+    one,
+    one_of,
+    triple,
+    window,
+)
 from tdfscal.workflows.calibration import CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
-from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.wrench_summary import Totals, filter_effect, left_out, metadata, summary_of

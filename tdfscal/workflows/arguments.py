@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 from tdfscal.errors import UsageError
+from tdfscal.logs import Moment, TimeWindow
+from tdfscal.logs.text.date_times import seconds_of
 
 PathLike = str | os.PathLike[str]
 PathLikes = PathLike | Sequence[PathLike]
 Numbers = str | Sequence[float]
+#: A moment of a log as text, a number of s, or a date and time.
+Instant = str | float | datetime
+
+_UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+_DURATION = re.compile(r"(\+?)\s*(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(ms|s|min|h)?")
 
 
 def listed(paths: PathLikes) -> list[Path]:
@@ -61,3 +71,39 @@ def triple(option: str, value: Numbers) -> tuple[float, float, float]:
     if len(values) != 3:
         raise UsageError(f"{value!r} is not three numbers", where=option, hint="write 0,0,0")
     return values[0], values[1], values[2]
+
+
+def window(begin: Instant | None, end: Instant | None) -> TimeWindow | None:
+    """Return the part of a log that `--from` and `--to` name; None for all. Raises UsageError."""
+    ends = [
+        None if value is None else _moment(option, value)
+        for option, value in (("--from", begin), ("--to", end))
+    ]
+    first, last = ends
+    if first is None and last is None:
+        return None
+    if first and last and first.after_begin == last.after_begin and first.seconds >= last.seconds:
+        raise UsageError(
+            f"{first} is not before {last}", where="--from, --to", hint="give the earlier one first"
+        )
+    return TimeWindow(first, last)
+
+
+def _moment(option: str, value: Instant) -> Moment:
+    if isinstance(value, datetime):
+        zoned = value if value.tzinfo else value.replace(tzinfo=UTC)
+        return Moment(zoned.timestamp())
+    text = str(value).strip()
+    if found := _DURATION.fullmatch(text):
+        with suppress(ValueError):
+            seconds = float(found[2]) * _UNITS[found[3] or "s"]
+            if math.isfinite(seconds):
+                return Moment(seconds, after_begin=bool(found[1]))
+    if (stamp := seconds_of(text)) is not None:
+        return Moment(stamp)
+    raise UsageError(
+        f"{text!r} is no time",
+        where=option,
+        hint="write s of the log's clock as 12.5, 1.5min or 2h; +90 for 90 s after the log's "
+        "begin; or a date with a time, 2026-11-21T09:30:00+01:00",
+    )

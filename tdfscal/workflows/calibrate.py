@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -10,12 +12,12 @@ import numpy as np
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.comparison.joint import combine
-from tdfscal.errors import UsageError
+from tdfscal.errors import NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import from_joint, from_motion, from_self, from_tracker
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
-from tdfscal.files.outputs import together
+from tdfscal.files.outputs import appear_now, together
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.files.saving import write_text
 from tdfscal.model.calibrated import independent
@@ -24,18 +26,25 @@ from tdfscal.records import Dwells, InputFile, Rig, Rotations
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.pipeline import Estimator, SelfCalibration, self_calibrate
 from tdfscal.trackercal import TrackerCalibration
-from tdfscal.workflows.arguments import PathLike, PathLikes, at_least, listed, one, one_of
+from tdfscal.workflows.arguments import (
+    Instant,
+    PathLike,
+    PathLikes,
+    at_least,
+    listed,
+    one,
+    one_of,
+    window,
+)
 from tdfscal.workflows.calibration import Calibration, Records
 from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
-from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.samples import Own, Samples, Trials, calibrate_samples, check_samples
 from tdfscal.workflows.several_campaigns import calibrate_several, campaign_folders
 from tdfscal.workflows.survey import surveyed
-from tdfscal.workflows.undetermined import pages_of_failure
 
 Method = Literal["self", "tracker", "joint"]
 #: Lines to be confirmed that a warning names at most.
@@ -263,3 +272,47 @@ def _require_log(campaign: Campaign) -> None:
             where=str(campaign.rig.path.parent),
             hint="name a log, or use --method tracker",
         )
+
+
+@contextmanager
+def pages_of_failure(
+    paths: Sequence[Path],
+    campaign: Campaign,
+    log: LogPass | None,
+    page: Path | None,
+    figures: PathLike | None,
+    command: str,
+    progress: Progress,
+) -> Iterator[None]:
+    """Write page and figures of an error that says the data do not give the angles; it goes on.
+
+    campaign : the one whose rig file counts. log : as far as it was read; None of several.
+    """
+    try:
+        yield
+    except (NotIdentifiableError, NotConvergedError) as error:
+        if (page is None and figures is None) or error.exit_status != 4:
+            raise
+        from tdfscal.reporting.figures.style import save
+        from tdfscal.reporting.html import render
+        from tdfscal.reporting.undetermined import (
+            Attempt,
+            undetermined_drawings,
+            undetermined_report,
+        )
+
+        progress.stage("drawing the report")
+        inputs, messages = (log.inputs, log.messages) if log is not None else ((), ())
+        names = tuple(map(str, paths))
+        attempt = Attempt(error, campaign.rig, tuple(inputs), tuple(messages), names, command)
+        drawings = undetermined_drawings(attempt)
+        if figures is not None:
+            for drawing in drawings:
+                save(drawing, Path(figures))
+        if page is None:
+            appear_now()
+            raise
+        write_text(page, render(undetermined_report(attempt, drawings)))
+        appear_now()
+        look = f"{page} shows what is weak and what the log holds"
+        raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error

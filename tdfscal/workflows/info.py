@@ -15,9 +15,8 @@ from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.description.info import LogInfo, as_document
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
-from tdfscal.workflows.arguments import PathLike, PathLikes, listed, one
+from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, one, window
 from tdfscal.workflows.campaign import find_logs
-from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result, by_column
 

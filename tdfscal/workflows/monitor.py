@@ -22,11 +22,10 @@ from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting.layout import LISTED, Drawing
 from tdfscal.significance import ALARMS_PER_YEAR
-from tdfscal.workflows.arguments import one
+from tdfscal.workflows.arguments import Instant, one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
-from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.recorded_once import Recording, refuse_repeated
 from tdfscal.workflows.result import Result

@@ -26,12 +26,11 @@ from tdfscal.numerics.information import contrast
 from tdfscal.records import FloatArray, Measured, Rig
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.significance import CAMPAIGN_MISFIT
-from tdfscal.workflows.arguments import PathLike, PathLikes, at_least, listed, one
+from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, at_least, listed, one, window
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
-from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.recorded_once import refuse_repeated
 from tdfscal.workflows.samples import Own

@@ -21,12 +21,11 @@ from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.workflows.arguments import PathLike, PathLikes, listed, one, one_of
+from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, one, one_of, window
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
-from tdfscal.workflows.log_window import Instant, window
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.samples import moving_samples, neither, read_samples, stated_delay
