@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
@@ -19,13 +20,42 @@ from tdfscal.numerics import so3
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.records import FloatArray, Rig, UncertainValue
-from tdfscal.simulation import reference_rig
+from tdfscal.simulation import reference_rig, rotations
+from tdfscal.simulation.equilibrium import Pose
 from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.postures import internal_part
-from tdfscal.simulation.trajectories import Trajectory, draw_trajectory, time_table
+from tdfscal.simulation.trajectories import Trajectory, draw_trajectory
 
 DELAY = UncertainValue(np.array(0.0), np.array(0.02))
+
+
+def time_table(hinge: FloatArray, time: FloatArray, position: FloatArray) -> Trajectory:
+    """The motion of a time table: servo positions (N, n, 3), m, BCS, at times (N,), s.
+
+    hinge : (n, 3), m, LCS. Between the rows runs a cubic spline, at rest at both ends.
+    """
+    middle = hinge.mean(axis=0)
+    R = np.stack(
+        [rotations.fit_rotation(hinge - middle, row - row.mean(axis=0)) for row in position]
+    )
+    turn = CubicSpline(time, rotations.log(R), bc_type="clamped")
+    way = CubicSpline(time, position, bc_type="clamped")
+
+    def within(at: FloatArray) -> FloatArray:
+        return np.clip(at, time[0], time[-1])
+
+    def servo(at: FloatArray) -> FloatArray:
+        return np.asarray(way(within(at)))
+
+    def pose(at: FloatArray) -> Pose:
+        turned = rotations.exp(turn(within(at)))
+        return Pose(turned, servo(at).mean(axis=1) - turned @ middle)
+
+    def nothing(at: FloatArray) -> FloatArray:
+        return np.zeros((len(at), 3 * len(hinge) - 6))
+
+    return Trajectory(pose, nothing, servo)
 
 
 def used(rig: Rig, options: MovingOptions, draws: int = 20) -> FloatArray:

@@ -120,7 +120,7 @@ def _forecast(rig: Rig, of: Forecast) -> dict[str, Any]:
 def moving_plan_report(plan: MovingPlan) -> Report:
     """Lay out what is driven, and what to expect of it."""
     request, limits = plan.request, plan.request.limits
-    used = _used(plan)
+    used = extremes(plan)
     mean, random = (1e3 * f.rpy_std.mean() for f in (plan.expected, plan.random))
     way = ", ".join(f"±{v:.3f}" for v in used["travel"])
     blocks = (
@@ -140,7 +140,7 @@ def moving_plan_report(plan: MovingPlan) -> Report:
     )
 
 
-def _used(plan: MovingPlan) -> dict[str, Any]:
+def extremes(plan: MovingPlan) -> dict[str, Any]:
     """What the motion uses of its limits: rad, m/s, m per axis, N."""
     time = plan.time
     course = plan.trajectory.at(time)
@@ -171,7 +171,7 @@ def moving_plan_document(
         "duration": request.duration,
         "noise": request.noise,
         "limits": _limits(limits) | {"speed": request.speed},
-        "used": _used(plan),
+        "used": extremes(plan),
         "expected": _forecast(plan.rig, plan.expected),
         "random": _forecast(plan.rig, plan.random),
         "improvement": plan.improvement,

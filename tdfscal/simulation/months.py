@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,15 +42,13 @@ def simulate_months(
     options: Options,
     rng: np.random.Generator,
     months: int,
-    steps: Sequence[Step] | None = None,
 ) -> Months:
     """Simulate a campaign a month; the angles walk with the rig's `drift.angle`.
 
     Zeros are drawn anew each month with their stated standard deviation; load and everything else
-    of the rig stay. steps : default one, of the second sensor.
+    of the rig stay; the second sensor turns once.
     """
-    if steps is None:
-        steps = (Step(int(_WHEN * months), 1, STEP),) if months > 1 else ()
+    steps = (Step(int(_WHEN * months), 1, STEP),) if months > 1 else ()
     truth_rng, zero_rng, walk_rng, *month_rngs = rng.spawn(3 + months)
     truth = draw_truths(rig, options, truth_rng, 1)
     width = np.where(np.isinf(rig.zero.std), UNKNOWN_ZERO, rig.zero.std)
@@ -66,7 +63,7 @@ def simulate_months(
         dated = replace(rig, campaign=CampaignInfo(date=date))
         campaigns.append(simulate_campaign(dated, options, month_rngs[month], truth))
         dates.append(date)
-    return Months(tuple(campaigns), tuple(dates), tuple(steps))
+    return Months(tuple(campaigns), tuple(dates), steps)
 
 
 def _turned(truth: Truth, turn: FloatArray, zero: FloatArray) -> Truth:

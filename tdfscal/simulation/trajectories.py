@@ -34,36 +34,6 @@ class Trajectory:
     servo: Callable[[FloatArray], FloatArray] | None = None
 
 
-def time_table(hinge: FloatArray, time: FloatArray, position: FloatArray) -> Trajectory:
-    """The motion of a time table: servo positions (N, n, 3), m, BCS, at times (N,), s.
-
-    hinge : (n, 3), m, LCS. Between the rows runs a cubic spline, at rest at both ends.
-    """
-    from scipy.interpolate import CubicSpline  # slow to import, rarely needed
-
-    middle = hinge.mean(axis=0)
-    R = np.stack(
-        [rotations.fit_rotation(hinge - middle, row - row.mean(axis=0)) for row in position]
-    )
-    turn = CubicSpline(time, rotations.log(R), bc_type="clamped")
-    way = CubicSpline(time, position, bc_type="clamped")
-
-    def within(at: FloatArray) -> FloatArray:
-        return np.clip(at, time[0], time[-1])
-
-    def servo(at: FloatArray) -> FloatArray:
-        return np.asarray(way(within(at)))
-
-    def pose(at: FloatArray) -> Pose:
-        turned = rotations.exp(turn(within(at)))
-        return Pose(turned, servo(at).mean(axis=1) - turned @ middle)
-
-    def nothing(at: FloatArray) -> FloatArray:
-        return np.zeros((len(at), 3 * len(hinge) - 6))
-
-    return Trajectory(pose, nothing, servo)
-
-
 def draw_trajectory(options: MovingOptions, n: int, rng: np.random.Generator) -> Trajectory:
     """Draw the motion of one campaign on n supports."""
     if options.drive == "stops":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -94,7 +94,6 @@ def simulated(
     best: bool = True,
     options: Options | None = None,
     survey: SurveyOptions | None = None,
-    progress: Callable[[int], None] = lambda done: None,
 ) -> Arms:
     """The arms of `KNOWS`; without best, those that know some of the truth are left out. Every run
     has a rig of its own, drawn within what the rig file states; campaign and survey of it are
@@ -122,7 +121,6 @@ def simulated(
                 state = parameters.nominal(rig)
                 failed[name] += 1
             states[name].append(state)
-        progress(run + 1)
     nominal = uncalibrated(rig, so3.from_rpy(rig.nominal_rpy), runs)
 
     def angles(name: str) -> Assumed:

@@ -12,7 +12,6 @@ from tdfscal.numerics.registration import MirroredError, Registration, outlier_p
 from tdfscal.numerics.registration import register as solve
 from tdfscal.records import FloatArray, Instrument, IntArray
 from tdfscal.significance import OUTLYING_POINT, POINTS_AS_LIKELY, UNUSABLE_SURVEY
-from tdfscal.trackercal.affine import affine_columns
 from tdfscal.trackercal.instrument import angle_covariance, range_covariance
 from tdfscal.trackercal.point_matching import (
     MatchedPoints,
@@ -207,6 +206,21 @@ def _outlier_p(
         columns = np.einsum("ij,njq->niq", own.rotation, affine_columns(servo))
         p[here] = outlier_p_beside(own, columns)
     return p
+
+
+def affine_columns(servo: FloatArray) -> FloatArray:
+    """Displacement (N, 3, 6), m per unit, of points servo (N, 3), m, about their origin.
+
+    Columns: relative scale of x, y, z; squareness s of yz, zx, xy in rad, the angle between the
+    two axes being 90° + s, which is a symmetric shear of −s/2 on either side.
+    """
+    columns = np.zeros((len(servo), 3, 6))
+    for k in range(3):
+        columns[:, k, k] = servo[:, k]
+        i, j = (k + 1) % 3, (k + 2) % 3
+        columns[:, i, 3 + k] = -servo[:, j] / 2
+        columns[:, j, 3 + k] = -servo[:, i] / 2
+    return columns
 
 
 def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> Registration:

@@ -13,8 +13,7 @@ from tdfscal.numerics.registration import LARGEST_MEANINGFUL_STD, Registration, 
 from tdfscal.numerics.registration import register as solve
 from tdfscal.records import FloatArray
 from tdfscal.significance import POSITIONER_AXIS
-from tdfscal.trackercal.affine import affine_columns
-from tdfscal.trackercal.judged_registration import SurveyFit
+from tdfscal.trackercal.judged_registration import SurveyFit, affine_columns
 
 
 @dataclass(frozen=True, slots=True)

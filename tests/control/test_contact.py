@@ -11,6 +11,7 @@ from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray
 from tdfscal.simulation import rotations
 from tdfscal.simulation.control.contact import Bore, GearPair
+from tests.control.benches import caught
 
 SMOOTH = GearPair(friction=0.0)
 
@@ -98,10 +99,10 @@ def test_coulomb_at_speed() -> None:
 def test_lead_in_pushes_towards_the_bore_and_face_beyond_it() -> None:
     q = np.zeros((2, 6))
     q[:, 2] = 2e-4
-    q[:, 0] = [SMOOTH.capture - 5e-5, SMOOTH.capture + 2e-3]
-    caught, missed = SMOOTH.wrench(q)
-    assert caught[0] < 0.0
-    assert caught[2] < 0.0
+    q[:, 0] = [caught(SMOOTH) - 5e-5, caught(SMOOTH) + 2e-3]
+    found, missed = SMOOTH.wrench(q)
+    assert found[0] < 0.0
+    assert found[2] < 0.0
     assert missed[0] == 0.0
     assert missed[2] < 0.0
 

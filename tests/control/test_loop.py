@@ -27,7 +27,7 @@ from tdfscal.simulation.control.stability import (
 )
 from tdfscal.simulation.control.terminal import Structure, Terminal, body, inertia_of
 from tdfscal.wrench.filtering import Causal, Walk
-from tests.control.benches import HOME, IDEAL, SHORT, dock, fleet, poses, truths
+from tests.control.benches import HOME, IDEAL, SHORT, caught, dock, fleet, poses, truths
 from tests.simulation.rigs import exact_rig, loose_rig
 
 
@@ -294,7 +294,7 @@ def test_same_seed_same_numbers_and_other_noise_other_numbers() -> None:
 
 def test_jamming_is_recognised() -> None:
     """Beyond the lead-in's reach the shaft lands on the face."""
-    result = dock(truths(1), IDEAL, shift=(SHORT.capture + 1.5e-3, 0.0))
+    result = dock(truths(1), IDEAL, shift=(caught(SHORT) + 1.5e-3, 0.0))
     assert result.jammed.all()
     assert not result.seated.any()
     assert result.q[0, 2] < SHORT.length / 2

@@ -12,6 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import tdfscal
+from benchmarks.motion_plan import time_table
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.motioncal.pipeline import calibrate_moving
@@ -19,11 +20,10 @@ from tdfscal.motioncal.streams import slow_streams
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.trajectory import Lines, brought_to_limits
-from tdfscal.reporting.moving_plan import extremes
+from tdfscal.reporting.planning import extremes
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.moving_options import MovingOptions
-from tdfscal.simulation.trajectories import time_table
 from tests.cli.running import run
 from tests.motioncal.campaigns import DELAY
 

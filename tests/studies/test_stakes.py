@@ -7,8 +7,7 @@ import pytest
 
 from tdfscal.numerics import so3
 from tdfscal.simulation import make_rig, reference_rig
-from tdfscal.studies.sensitivity import rms_error
-from tdfscal.studies.wrench_error import stake
+from tdfscal.studies.sensitivity import rms_error, stake
 
 RNG = np.random.default_rng(3)
 

@@ -14,8 +14,7 @@ from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, figure
 from tdfscal.reporting.layout import Report, Section, Table
 from tdfscal.reporting.studies.cells import Row
-from tdfscal.studies.sensitivity import Sweep
-from tdfscal.studies.wrench_error import Stake
+from tdfscal.studies.sensitivity import Stake, Sweep
 
 Stakes = Mapping[str, list[Stake]]
 """Name of a calibration → its stakes, one per posture and internal force."""

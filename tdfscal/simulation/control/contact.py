@@ -67,11 +67,6 @@ class GearPair:
             raise UsageError("the lead-in is longer than the engagement")
 
     @property
-    def capture(self) -> float:
-        """Lateral misalignment that the lead-in still catches, m."""
-        return self.clearance + self.chamfer * float(np.tan(self.chamfer_angle))
-
-    @property
     def tilt(self) -> float:
         """Largest tilt that the clearance allows when seated, rad."""
         return 2.0 * self.clearance / self.length

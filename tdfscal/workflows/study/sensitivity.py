@@ -9,9 +9,8 @@ import numpy as np
 
 from tdfscal.files.outputs import together
 from tdfscal.records import Rig
-from tdfscal.studies.sensitivity import Sweep
+from tdfscal.studies.sensitivity import Stake, Sweep, stake
 from tdfscal.studies.sensitivity import sensitivity as sweep
-from tdfscal.studies.wrench_error import Stake, stake
 from tdfscal.workflows.arguments import Numbers, PathLike, at_least, triple
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
