@@ -13,7 +13,6 @@ import numpy as np
 from tdfscal.records import FloatArray, Log, Rig, Series
 from tdfscal.simulation import faults, hinge_friction, rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle
-from tdfscal.simulation.error_field import draw_field
 from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.options import Options
 from tdfscal.simulation.postures import internal_part, reading
@@ -25,6 +24,8 @@ from tdfscal.simulation.truth import Truth, draw_truths
 _SOLVED = 40.0
 #: Time in which a touch comes and goes, s.
 _TOUCH = 0.05
+#: Waves that make one component of a field.
+_WAVES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,3 +185,33 @@ def _touched(
         share = share * np.clip((touch.end - time) / _TOUCH, 0, 1)
         out += share[:, None, None] * CubicSpline(knots, change)(time)
     return out
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorField:
+    """A stationary Gaussian field per support: squared-exponential correlation, by random waves.
+
+    wave : (n, 3, W, 3), 1/m. phase : (n, 3, W). std : m per component.
+    """
+
+    wave: FloatArray
+    phase: FloatArray
+    std: float
+
+    def __call__(self, servo: FloatArray) -> FloatArray:
+        """Errors (N, n, 3), m, at servo coordinates (N, n, 3), m."""
+        out = np.empty(servo.shape)
+        for i, (wave, phase) in enumerate(zip(self.wave, self.phase, strict=True)):
+            for a in range(3):
+                angle = servo[:, i] @ wave[a].T + phase[a]
+                out[:, i, a] = np.cos(angle).sum(axis=1)
+        return np.asarray(self.std * np.sqrt(2.0 / _WAVES) * out)
+
+
+def draw_field(n: int, std: float, correlation: float, rng: np.random.Generator) -> ErrorField:
+    """Draw a field with correlation exp(−d²/2ℓ²) over the distance d, ℓ = correlation in m."""
+    return ErrorField(
+        rng.standard_normal((n, 3, _WAVES, 3)) / correlation,
+        rng.uniform(-np.pi, np.pi, (n, 3, _WAVES)),
+        std,
+    )

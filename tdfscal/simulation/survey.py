@@ -1,4 +1,4 @@
-"""A laser-tracker survey of the rig (Sect. 3.2)."""
+"""Laser-tracker surveys, of the rig (Sect. 3.2) and of the outer gear (Sect. 5.2)."""
 
 from __future__ import annotations
 
@@ -108,3 +108,55 @@ def _points(rig: Rig, prefix: str, xyz: FloatArray) -> PointSet:
         std=None,
         source="simulated",
     )
+
+
+@dataclass(frozen=True, slots=True)
+class GearSurvey:
+    """points : measuring points on a circle of `radius` (m) about the bore's mouth; every second
+    one lies `step` (m) deeper.
+    """
+
+    points: int = 6
+    radius: float = 0.15
+    step: float = 0.05
+
+
+def survey_error(
+    rig: Rig,
+    options: SurveyOptions,
+    gear: GearSurvey,
+    mouth: FloatArray,
+    home: FloatArray,
+    runs: int,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Error of the surveyed bore in the BCS, one per run: rotation (runs, 3, 3), left, and
+    translation (runs, 3), m, of the mouth.
+
+    mouth, home : (3,), m, BCS. The tracker measures points of the gear, and one point of each NCP
+    at `options.moves` places, which give R_b^m and the BCS' origin; rigid fits without weights.
+    """
+    angle = 2.0 * np.pi * np.arange(gear.points) / gear.points
+    circle = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    body = gear.radius * circle
+    body[::2, 2] = gear.step
+    R_all, t_all = np.empty((runs, 3, 3)), np.empty((runs, 3))
+    for run in range(runs):
+        azimuth = rng.uniform(-np.pi, np.pi)
+        station = home + options.distance * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        heading = rotations.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+
+        def seen(
+            point: FloatArray, station: FloatArray = station, heading: FloatArray = heading
+        ) -> FloatArray:
+            return measure((point - station) @ heading.T, options.instrument, rng)
+
+        places = (rig.hinge + home)[:, None, :] + options.travel * rng.uniform(
+            -1.0, 1.0, (rig.n, options.moves, 3)
+        )
+        places = places.reshape(-1, 3)
+        really = places + rig.declared.positioner * rng.standard_normal(places.shape)
+        A, a = rotations.fit(seen(really), places)
+        B, b = rotations.fit(body, seen(body + mouth) @ A.T + a)
+        R_all[run], t_all[run] = B, b - mouth
+    return R_all, t_all

@@ -12,10 +12,10 @@ from tdfscal.errors import UsageError
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.simulation import SurveyOptions
 from tdfscal.simulation.control.contact import Bore, GearPair
-from tdfscal.simulation.control.misalignment import GearSurvey, survey_error
 from tdfscal.simulation.control.reference import advance, require_within
 from tdfscal.simulation.control.runs import Controller, Docking, Result
 from tdfscal.simulation.equilibrium import Pose
+from tdfscal.simulation.survey import GearSurvey, survey_error
 from tdfscal.studies.compared_calibrations import LIKE, Arms
 from tdfscal.studies.lanes import machines_of, simulate_lanes
 from tdfscal.studies.ratios import Ratio, Share, ratio, share

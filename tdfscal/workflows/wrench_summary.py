@@ -17,25 +17,27 @@ from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Tally
 from tdfscal.wrench.stream import WrenchPiece
 
+#: What the roots of the mean squares are called.
+_ROOTS = ("rms", "rms_uncalibrated", "std", "std_calibration")
+
 
 @dataclass(slots=True)
 class Totals:
-    """What the summary says of the rows: sums over components (6,), and largest lengths (2,)."""
+    """What the summary says of the rows.
 
-    squares: FloatArray = field(default_factory=lambda: np.zeros(6))
-    raw_squares: FloatArray = field(default_factory=lambda: np.zeros(6))
-    variance: FloatArray = field(default_factory=lambda: np.zeros(6))
-    common: FloatArray = field(default_factory=lambda: np.zeros(6))
+    squares : (4, 6), sums of squares of the wrench, of the uncalibrated one, of its standard
+    uncertainty and of the calibration's part of that. largest : (2,), lengths. span : s.
+    """
+
+    squares: FloatArray = field(default_factory=lambda: np.zeros((4, 6)))
     largest: FloatArray = field(default_factory=lambda: np.zeros(2))
     span: list[float] = field(default_factory=list)
 
     def add(self, piece: WrenchPiece) -> None:
         """Count a piece of the log."""
         w = piece.wrench
-        self.squares += np.einsum("ka,ka->a", w.value, w.value)
-        self.raw_squares += np.einsum("ka,ka->a", w.raw, w.raw)
-        self.variance += np.einsum("ka,ka->a", w.std, w.std)
-        self.common += np.einsum("ka,ka->a", w.calibration_std, w.calibration_std)
+        each = (w.value, w.raw, w.std, w.calibration_std)
+        self.squares += [np.einsum("ka,ka->a", part, part) for part in each]
         lengths = np.sqrt(np.sum(w.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
         self.largest = np.maximum(self.largest, lengths)
         self.span = [*self.span[:1], float(piece.time[0]), float(piece.time[-1])]
@@ -130,10 +132,7 @@ def summary_of(
         "quasi_static": not moving,
         "calibration_status": use.calibration.status,
         "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
-        "rms": rms(totals.squares),
-        "rms_uncalibrated": rms(totals.raw_squares),
-        "std": rms(totals.variance),
-        "std_calibration": rms(totals.common),
+        **dict(zip(_ROOTS, map(rms, totals.squares), strict=True)),
         "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
         "warnings": [*use.warnings, *notes],
     }

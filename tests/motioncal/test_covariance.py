@@ -16,7 +16,7 @@ from tdfscal.motioncal.rows import independent, rows_of
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
-from tdfscal.simulation.error_field import draw_field
+from tdfscal.simulation.moving_campaign import draw_field
 from tdfscal.simulation.moving_options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state
 

@@ -14,20 +14,19 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     # matplotlib is slow to import, and needed only where something is drawn.
     from tdfscal.reporting.figures import (
         angles,
-        budget,
         motion,
         observability,
         residuals,
         rig,
         survey,
         timeline,
-        trials,
+        uncertainty,
     )
 
     in_order = (
-        *(angles.draw, angles.methods, residuals.draw, residuals.components, budget.draw),
+        *(angles.draw, angles.methods, residuals.draw, residuals.components, uncertainty.draw),
         *(timeline.draw, observability.draw, rig.draw, motion.spectrum, motion.draw),
-        *(trials.draw, survey.draw),
+        *(uncertainty.trials, survey.draw),
     )
     found = (draw(calibration) for draw in in_order)
     return tuple(drawing for drawing in found if drawing is not None)

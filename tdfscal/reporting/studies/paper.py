@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -224,9 +224,20 @@ def accuracy_items(study: Accuracy) -> list[Item]:
     return items
 
 
-def report(rig: str, seed: int, runs: int, campaigns: int, items: Sequence[Item]) -> Report:
+@dataclass(frozen=True, slots=True)
+class Paper:
+    """The paper's numbers beside a rig's; runs : in Sect. 5, campaigns : in Sect. 4."""
+
+    rig: str
+    seed: int
+    runs: int
+    campaigns: int
+    items: tuple[Item, ...]
+
+
+def report(paper: Paper) -> Report:
     """One table, paper against here, and the verdict of each line with its reason."""
-    del seed
+    items = paper.items
     reasons = list(dict.fromkeys(i.why for i in items))
     short = {"reproduced": "yes", "not reproduced": "no"}
     rows = tuple(
@@ -245,37 +256,32 @@ def report(rig: str, seed: int, runs: int, campaigns: int, items: Sequence[Item]
         Items("Why", tuple(f"{k + 1}: {why}" for k, why in enumerate(reasons))),
     )  # fmt: skip
     return Report(
-        title=f"The paper's figures and tables: {rig}",
-        subtitle=f"{campaigns} campaigns for Sect. 4, {runs} runs for Sect. 5",
+        title=f"The paper's figures and tables: {paper.rig}",
+        subtitle=f"{paper.campaigns} campaigns for Sect. 4, {paper.runs} runs for Sect. 5",
         sections=(Section("Paper against here", blocks),),
     )
 
 
-def document(
-    rig: str, seed: int, runs: int, campaigns: int, items: Sequence[Item], files: list[str]
-) -> dict[str, Any]:
+def document(paper: Paper, files: list[str]) -> dict[str, Any]:
     """The comparison as plain JSON values."""
     return {
         "format": "tdfscal-study-paper/1",
-        "rig": rig,
-        "seed": seed,
-        "runs": runs,
-        "campaigns": campaigns,
-        "items": list(_rows(items)),
+        "rig": paper.rig,
+        "seed": paper.seed,
+        "runs": paper.runs,
+        "campaigns": paper.campaigns,
+        "items": list(_rows(paper)),
         "files": files,
     }
 
 
-def tables(
-    rig: str, seed: int, runs: int, campaigns: int, items: Sequence[Item]
-) -> dict[str, Iterable[Row]]:
+def tables(paper: Paper) -> dict[str, Iterable[Row]]:
     """One row per number of the paper."""
-    del rig, seed, runs, campaigns
-    return {"paper.csv": _rows(items)}
+    return {"paper.csv": _rows(paper)}
 
 
-def _rows(items: Sequence[Item]) -> Iterator[Row]:
-    for item in items:
+def _rows(paper: Paper) -> Iterator[Row]:
+    for item in paper.items:
         yield {
             "figure": item.figure,
             "quantity": item.quantity,

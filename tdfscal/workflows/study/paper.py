@@ -36,7 +36,7 @@ class PaperResult(StudyResult):
             *words.free_space_items(self.free_space.study),
             *words.docking_items(self.docking.study),
         )
-        return self.sensitivity.rig.name, self.seed, runs, campaigns, items
+        return (words.Paper(self.sensitivity.rig.name, self.seed, runs, campaigns, items),)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of all four studies."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import make_folder, protect
@@ -43,23 +43,19 @@ class StudyResult(Result):
 
     def to_report(self) -> Report:
         """Return the study in words and tables."""
-        report: Report = self._laid_out("report")
-        return report
+        return cast(Report, self._laid_out("report"))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the study as plain JSON values, SI units."""
-        document: dict[str, Any] = self._laid_out("document", list(self.files))
-        return document
+        return cast(dict[str, Any], self._laid_out("document", list(self.files)))
 
     def tables(self) -> dict[str, Iterable[dict[str, Any]]]:
         """Return the rows of each CSV file, by their columns; the main table is the first."""
-        tables: dict[str, Iterable[dict[str, Any]]] = self._laid_out("tables")
-        return tables
+        return cast(dict[str, Iterable[dict[str, Any]]], self._laid_out("tables"))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures."""
-        drawings: tuple[Drawing, ...] = self._laid_out("drawings")
-        return drawings
+        return cast(tuple[Drawing, ...], self._laid_out("drawings"))
 
     def table(self) -> dict[str, list[Any]]:
         """Return the first of `tables`."""
