@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.figures import drawings, motion, residuals, several_drawings
+from tdfscal.reporting.figures import drawings, drift, motion, residuals
 from tdfscal.reporting.figures.style import Drawing, to_svg
 from tdfscal.reporting.layout import Facts, Items, Report, Section, Table, legible
 from tdfscal.reporting.several import put_side_by_side, several_report
@@ -52,7 +52,7 @@ def render_several(calibrations: Sequence[tuple[str, Calibration]]) -> str:
     Raises DataError where they are of different supports.
     """
     view = put_side_by_side(calibrations)
-    return render(several_report(view, several_drawings(view.history, view.letters, view.days)))
+    return render(several_report(view, (drift.draw(view.history, view.letters, view.days),)))
 
 
 @cache

@@ -71,12 +71,12 @@ class ReportResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of the one, or those of all together."""
-        from tdfscal.reporting.figures import several_drawings
+        from tdfscal.reporting.figures.drift import draw
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
         view = put_side_by_side(self.named)
-        return several_drawings(view.history, view.letters, view.days)
+        return (draw(view.history, view.letters, view.days),)
 
 
 @together()

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from tdfscal.comparison.compatibility import History
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.figures.drawing import Drawing
 
@@ -30,12 +27,3 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     )
     found = (draw(calibration) for draw in in_order)
     return tuple(drawing for drawing in found if drawing is not None)
-
-
-def several_drawings(
-    history: History, letters: Sequence[str], days: Sequence[float]
-) -> tuple[Drawing, ...]:
-    """Return the figures of several calibrations; days since the first."""
-    from tdfscal.reporting.figures import drift
-
-    return (drift.draw(history, letters, days),)
