@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from tdfscal.errors import UsageError
-from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CONTRADICTION
 
 #: Two numbers that were typed the same agree to this share.
 _ROUNDING = 1.0e-9
 _GRAVITY = 1.0e-4
 
-#: Standard uncertainties of constants, as the rig file names them.
+#: Standard uncertainties of constants, as the rig file names them: field and unit.
 _CONSTANT_UNCERTAINTIES = {
-    "hinge": "hinge",
-    "datum": "datum",
-    "force_sensitivity": "force_sensitivity",
-    "compliance.lateral": "compliance_lateral",
-    "compliance.vertical": "compliance_vertical",
+    "hinge": ("hinge", "m"),
+    "datum": ("datum", "m"),
+    "force_sensitivity": ("force_sensitivity", "(relative)"),
+    "compliance.lateral": ("compliance_lateral", "m/N"),
+    "compliance.vertical": ("compliance_vertical", "m/N"),
 }
 
 
@@ -29,37 +30,28 @@ def contradictions(calibrated: Rig, given: Rig) -> tuple[str, ...]:
     barycentre, each within the uncertainties that both state.
     """
     if calibrated.supports != given.supports:
-        return (
-            f"its supports are {', '.join(given.supports)}, calibrated were "
-            f"{', '.join(calibrated.supports)}",
-        )
-    found = []
-    if abs(given.gravity - calibrated.gravity) > _GRAVITY * calibrated.gravity:
-        found.append(f"gravity is {given.gravity:g} m/s² instead of {calibrated.gravity:g}")
-    hinge_std = np.hypot(calibrated.declared.hinge, given.declared.hinge)
+        return (_other_supports(calibrated, given),)
+    exact = np.zeros(3)
+    hinge = np.full(3, np.hypot(calibrated.declared.hinge, given.declared.hinge))
+    zeros = np.hypot(calibrated.zero.std, given.zero.std)
+    pairs: list[tuple[str, str, FloatArray, FloatArray, FloatArray]] = []
     for i, name in enumerate(given.supports):
-        if not _agree(calibrated.hinge[i], given.hinge[i], np.full(3, hinge_std)):
-            found.append(
-                f"the hinge of {name} is at {_m(given.hinge[i])} m instead of "
-                f"{_m(calibrated.hinge[i])}"
-            )
-        if not _agree(calibrated.nominal_rpy[i], given.nominal_rpy[i], np.zeros(3)):
-            found.append(
-                f"the nominal mounting of {name} is {_m(given.nominal_rpy[i])} rad instead of "
-                f"{_m(calibrated.nominal_rpy[i])}"
-            )
-        here, there = (UncertainValue(z.value[i], z.std[i]) for z in (calibrated.zero, given.zero))
-        if not _known_agree(here, there):
-            found.append(
-                f"the stated zero of {name} is {_m(there.value)} N instead of {_m(here.value)}"
-            )
-    if not _known_agree(calibrated.mass, given.mass):
-        found.append(f"the mass is {given.mass.value:g} kg instead of {calibrated.mass.value:g}")
-    if not _known_agree(calibrated.barycentre, given.barycentre):
-        found.append(
-            f"the barycentre is at {_m(given.barycentre.value)} m instead of "
-            f"{_m(calibrated.barycentre.value)}"
-        )
+        nominal, zero = (calibrated.nominal_rpy[i], given.nominal_rpy[i]), calibrated.zero.value[i]
+        pairs += [
+            (f"the hinge of {name}", "m", calibrated.hinge[i], given.hinge[i], hinge),
+            (f"the nominal mounting of {name}", "rad", *nominal, exact),
+            (f"the stated zero of {name}", "N", zero, given.zero.value[i], zeros[i]),
+        ]
+    for what, unit, a, b in (
+        ("the mass", "kg", calibrated.mass, given.mass),
+        ("the barycentre", "m", calibrated.barycentre, given.barycentre),
+    ):
+        pairs.append((what, unit, a.value, b.value, np.hypot(a.std, b.std)))
+    g, own = calibrated.gravity, given.gravity
+    found = [_differs("gravity", "m/s²", g, own)] if abs(own - g) > _GRAVITY * g else []
+    found += [
+        _differs(what, unit, a, b) for what, unit, a, b, std in pairs if not _agree(a, b, std)
+    ]
     return tuple(found)
 
 
@@ -70,34 +62,25 @@ def different_constants(first: Rig, other: Rig) -> tuple[str, ...]:
     uncertainties of what stays the same may not.
     """
     if first.supports != other.supports:
-        return (
-            f"its supports are {', '.join(other.supports)} instead of {', '.join(first.supports)}",
-        )
+        return (_other_supports(first, other),)
+    pairs: list[tuple[str, str, npt.ArrayLike, npt.ArrayLike]] = []
+    for i, name in enumerate(other.supports):
+        pairs += [
+            (f"the hinge of {name}", "m", first.hinge[i], other.hinge[i]),
+            (f"the nominal mounting of {name}", "rad", first.nominal_rpy[i], other.nominal_rpy[i]),
+            (f"the rpy_std of {name}", "rad", first.rpy_std[i], other.rpy_std[i]),
+        ]
+    pairs += [
+        ("gravity", "m/s²", first.gravity, other.gravity),
+        ("gravity.tilt_std", "rad", first.gravity_tilt_std, other.gravity_tilt_std),
+    ]
+    for key, (field, unit) in _CONSTANT_UNCERTAINTIES.items():
+        a, b = getattr(first.declared, field), getattr(other.declared, field)
+        pairs.append((f"uncertainty.{key}", unit, a, b))
     found = []
     if None not in (first.serial, other.serial) and first.serial != other.serial:
         found.append(f"its serial is {other.serial} instead of {first.serial}")
-    for i, name in enumerate(other.supports):
-        for what, a, b, unit in (
-            ("hinge", first.hinge[i], other.hinge[i], "m"),
-            ("nominal mounting", first.nominal_rpy[i], other.nominal_rpy[i], "rad"),
-            ("rpy_std", first.rpy_std[i], other.rpy_std[i], "rad"),
-        ):
-            if not _same(a, b):
-                found.append(f"the {what} of {name} is {_m(b)} {unit} instead of {_m(a)}")
-    if not _same(np.array(first.gravity), np.array(other.gravity)):
-        found.append(f"gravity is {other.gravity:g} m/s² instead of {first.gravity:g}")
-    pairs = [
-        ("gravity.tilt_std", first.gravity_tilt_std, other.gravity_tilt_std),
-        *(
-            (f"uncertainty.{key}", getattr(first.declared, field), getattr(other.declared, field))
-            for key, field in _CONSTANT_UNCERTAINTIES.items()
-        ),
-    ]
-    found += [
-        f"{key} is {b:g} instead of {a:g}"
-        for key, a, b in pairs
-        if not _same(np.array(a), np.array(b))
-    ]
+    found += [_differs(*pair) for pair in pairs if not _same(*pair[2:])]
     return tuple(found)
 
 
@@ -112,8 +95,12 @@ def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
         )
 
 
-def _known_agree(a: UncertainValue, b: UncertainValue) -> bool:
-    return _agree(a.value, b.value, np.hypot(a.std, b.std))
+def _other_supports(first: Rig, other: Rig) -> str:
+    return f"its supports are {', '.join(other.supports)} instead of {', '.join(first.supports)}"
+
+
+def _differs(what: str, unit: str, a: npt.ArrayLike, b: npt.ArrayLike) -> str:
+    return f"{what} is {_shown(b)} {unit} instead of {_shown(a)}"
 
 
 def _agree(a: FloatArray, b: FloatArray, std: FloatArray) -> bool:
@@ -121,10 +108,11 @@ def _agree(a: FloatArray, b: FloatArray, std: FloatArray) -> bool:
     return bool(np.all(np.abs(a - b) <= CONTRADICTION * std + _ROUNDING * np.maximum(size, 1.0)))
 
 
-def _same(a: FloatArray, b: FloatArray) -> bool:
+def _same(a: npt.ArrayLike, b: npt.ArrayLike) -> bool:
     """Typed the same, to rounding; ∞ is ∞."""
     return bool(np.allclose(a, b, rtol=_ROUNDING, atol=1e-3 * _ROUNDING))
 
 
-def _m(values: FloatArray) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in values) + ")"
+def _shown(values: npt.ArrayLike) -> str:
+    numbers = ", ".join(f"{v:g}" for v in np.ravel(values))
+    return f"({numbers})" if np.ndim(values) else numbers

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tdfscal.errors import DataError, UsageError
+from tdfscal.files.yaml.scalars import shorten
 from tdfscal.memory import is_short_for, shortage
 
 
@@ -58,8 +59,6 @@ def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
         ) from error
 
 
-def one_line(error: BaseException, limit: int = 160) -> str:
+def one_line(error: BaseException) -> str:
     """Return an exception's text on one line, shortened."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    text = "".join(c if c.isprintable() else "·" for c in text)
-    return text if len(text) <= limit else text[: limit - 1] + "…"
+    return shorten(" ".join(str(error).split()) or type(error).__name__, 160)

@@ -79,8 +79,3 @@ def fits_header(cells: Sequence[str], header: Sequence[str]) -> bool:
         case -1:
             return header[-1] in _NO_CELLS
     return False
-
-
-def cut(text: str, limit: int = 40) -> str:
-    """Shorten what is quoted of a file."""
-    return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common import units
 from tdfscal.logs.common.request import (
     Request,
@@ -17,7 +18,6 @@ from tdfscal.logs.common.request import (
     takes_turns,
 )
 from tdfscal.logs.text.cells import (
-    cut,
     fits_header,
     header_cells,
     row_cells,
@@ -183,7 +183,9 @@ def _columns(
     wanted = dict.fromkeys([request.time_field, *names])
     missing = [n for n in wanted if n not in by_name and n not in optional]
     if missing:
-        raise missing_fields(missing, (cut(n) for n, _ in labels if n), where=where, kind="column")
+        raise missing_fields(
+            missing, (shorten(n) for n, _ in labels if n), where=where, kind="column"
+        )
     for name in wanted:
         if len(by_name.get(name, ())) > 1:
             raise DataError(

@@ -12,7 +12,8 @@ import pyarrow.csv as pa_csv
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
-from tdfscal.logs.text.cells import cut, split_cells
+from tdfscal.files.yaml.scalars import shorten
+from tdfscal.logs.text.cells import split_cells
 from tdfscal.logs.text.date_times import seconds_of, seconds_of_all
 from tdfscal.logs.text.header import Header
 from tdfscal.logs.text.numbers import advice, number_in
@@ -152,7 +153,7 @@ class RowParser:
             raise ragged(len(cells), self._header.columns, here, above)
         if any(cells[len(self._header.names) :]):
             raise DataError(
-                f"{cut(cells[-1])!r} stands in a column that has no name in the header",
+                f"{shorten(cells[-1])!r} stands in a column that has no name in the header",
                 where=here,
                 hint="the other rows end with a separator; record or export the file again",
             )
@@ -175,7 +176,7 @@ class RowParser:
         return [numbers[c] for c in self._header.wanted]
 
     def _fault(self, cell: str, where: str, dated: bool) -> DataError:
-        shown = repr(cut(cell))
+        shown = repr(shorten(cell))
         if dated:
             return DataError(
                 f"{shown} is no date and time as the row before has one",
