@@ -121,13 +121,14 @@ def written_std(value: float) -> float | str:
     return UNKNOWN if math.isinf(value) else value
 
 
+def list_of(item: dict[str, Any], least: int, most: int | None = None) -> dict[str, Any]:
+    """Return the JSON Schema of a list."""
+    ends = {"minItems": least} | ({} if most is None else {"maxItems": most})
+    return {"type": "array", "items": item, **ends}
+
+
 _STD_SCHEMA = {"anyOf": [{"type": "number", "minimum": 0}, {"enum": [UNKNOWN, ".inf"]}]}
-_STD_SCHEMA_3 = {
-    "anyOf": [
-        *_STD_SCHEMA["anyOf"],
-        {"type": "array", "items": _STD_SCHEMA, "minItems": 3, "maxItems": 3},
-    ]
-}
+_STD_SCHEMA_3 = {"anyOf": [*_STD_SCHEMA["anyOf"], list_of(_STD_SCHEMA, 3, 3)]}
 
 
 def _measurable(value: float) -> float:

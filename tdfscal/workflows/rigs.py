@@ -52,6 +52,6 @@ def survey_of(loaded: LoadedRig, distance: float = 5.0) -> SurveyOptions:
     return SurveyOptions(
         instrument=files.instrument,
         distance=distance,
-        drawing=files.drawing,
-        body_misalignment=files.misalignment,
+        drawing=files.stated.drawing,
+        body_misalignment=files.stated.misalignment,
     )

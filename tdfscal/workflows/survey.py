@@ -36,7 +36,7 @@ def surveyed(
     session, notes = read_tracker_session(files)
     options = {} if trials is None else {"trials": trials}
     result = calibrate_tracker(
-        campaign.rig.rig, session, misalignment=files.misalignment, rng=rng, **options
+        campaign.rig.rig, session, misalignment=files.stated.misalignment, rng=rng, **options
     )
     folder = campaign.rig.path.parent
     inputs = [

@@ -164,7 +164,7 @@ def test_rig_file_says_what_the_rig_is(format: LogFormat, tmp_path: Path) -> Non
         np.testing.assert_array_equal(getattr(read, name).std, getattr(rig, name).std)
     assert (loaded.log is None) == (format == "parquet")
     assert loaded.tracker is not None
-    assert loaded.tracker.moves == tmp_path / "c/tracker/moves.csv"
+    assert loaded.tracker.paths[3] == tmp_path / "c/tracker/moves.csv"
 
 
 def test_truth_file(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ from pydantic import ValidationError
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.points.model import PointFile
 from tdfscal.files.points.reading import read_point_file, read_tracker_session
+from tdfscal.files.rig.model import TrackerBlock
 from tdfscal.files.rig.reading import TrackerFiles
-from tdfscal.records import Instrument, PointSet
+from tdfscal.records import PointSet
 
 PLAIN = "group,point,x,y,z\nncp1,P1,1,2,3\nncp1,P2,4,5,6\n"
 SA = """// SpatialAnalyzer SA 2024.1 ( x64 )
@@ -292,16 +293,14 @@ def test_the_model_refuses(change: dict[str, object]) -> None:
 def test_a_session_is_read_with_its_notes(tmp_path: Path) -> None:
     plain, leica = write(tmp_path, PLAIN), tmp_path / "leica.csv"
     leica.write_text(LEICA + "ncp1;P1;1000;2000;3000;0,1;0,2;300\n", encoding="utf-8")
-    files = TrackerFiles(
-        Instrument(1e-5, 5.0, 2.0),
-        drawing=1e-5,
-        misalignment=0.0,
-        length_unit="mm",
-        nominal=plain,
-        targets=leica,
-        servo=plain,
-        moves=plain,
-    )
+    block = {
+        "instrument": {"range": 1e-5, "range_ppm": 5.0, "angle_arcsec": 2.0},
+        "drawing": 1e-5,
+        "length_unit": "mm",
+        "targets": {"nominal": plain.name, "measured": leica.name},
+        "moves": {"servo": plain.name, "measured": plain.name},
+    }
+    files = TrackerFiles(TrackerBlock.model_validate(block), tmp_path)
     session, notes = read_tracker_session(files)
     assert session.targets.std is not None
     assert session.nominal.std is None

@@ -59,8 +59,10 @@ class _Table:
 
 def read_tracker_session(files: TrackerFiles) -> tuple[TrackerSession, tuple[str, ...]]:
     """Read a survey and the notes on its files; errors as `read_point_file`."""
-    read = [read_point_file(path, length_unit=files.length_unit) for path in files.paths]
-    session = TrackerSession(files.instrument, files.drawing, *(file.points for file in read))
+    read = [read_point_file(path, length_unit=files.stated.length_unit) for path in files.paths]
+    session = TrackerSession(
+        files.instrument, files.stated.drawing, *(file.points for file in read)
+    )
     return session, tuple(note for file in read for note in file.notes)
 
 

@@ -33,6 +33,7 @@ from tdfscal.files.field_types import (
     fault,
     from_numpy,
     key,
+    list_of,
 )
 from tdfscal.files.rig.checks import (
     check_hinges,
@@ -270,15 +271,7 @@ def _one_or_three(given: Any) -> Any:
 Fields = Annotated[
     tuple[FieldName, ...],
     BeforeValidator(_one_or_three),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                _FIELD,
-                {"type": "array", "items": _FIELD, "minItems": 3, "maxItems": 3},
-                {"type": "array", "items": _FIELD, "minItems": 1, "maxItems": 1},
-            ]
-        }
-    ),
+    WithJsonSchema({"anyOf": [_FIELD, list_of(_FIELD, 3, 3), list_of(_FIELD, 1, 1)]}),
 ]
 """Three fields, or one field with members x, y, z."""
 
@@ -297,14 +290,7 @@ Scale = Annotated[
     Vector,
     BeforeValidator(_each),
     AfterValidator(_not_zero),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "number"},
-                {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
-            ]
-        }
-    ),
+    WithJsonSchema({"anyOf": [{"type": "number"}, list_of({"type": "number"}, 3, 3)]}),
 ]
 """One factor for x, y, z, or three; its sign turns the reading's."""
 
@@ -337,7 +323,7 @@ Temperatures = Annotated[
         {
             "anyOf": [
                 _FIELD,
-                {"type": "array", "items": _FIELD, "minItems": 1},
+                list_of(_FIELD, 1),
                 {"type": "object", "additionalProperties": _FIELD},
             ]
         }

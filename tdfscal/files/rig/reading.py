@@ -37,25 +37,22 @@ _HASHES = frozenset({"sha256", "content_sha256"})
 
 @dataclass(frozen=True, slots=True)
 class TrackerFiles:
-    """A laser-tracker survey as the rig file declares it; its point files are not read yet.
+    """A laser-tracker survey as the rig file in a folder declares it; not read yet."""
 
-    drawing : m, standard uncertainty of the nominal points. misalignment : rad, of the sensor's
-    body against its sensing axes, per axis. length_unit : where a point file names none.
-    """
-
-    instrument: Instrument
-    drawing: float
-    misalignment: float
-    length_unit: str | None
-    nominal: Path
-    targets: Path
-    servo: Path
-    moves: Path
+    stated: TrackerBlock
+    folder: Path
 
     @property
-    def paths(self) -> tuple[Path, Path, Path, Path]:
-        """The four point files."""
-        return self.nominal, self.targets, self.servo, self.moves
+    def instrument(self) -> Instrument:
+        """Its standard uncertainties."""
+        return Instrument(**dict(self.stated.instrument))
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The four point files: targets nominal and measured, moves by servo and measured."""
+        targets, moves = self.stated.targets, self.stated.moves
+        names = (targets.nominal, targets.measured, moves.servo, moves.measured)
+        return tuple(self.folder / name for name in names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,20 +119,16 @@ def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
 def _from_document(document: Document, path: Path) -> LoadedRig:
     require_format(document, RIG_FORMAT, RigError)
     file = checked(RigFile, document, RigError)
+    content = file.model_dump(mode="json", exclude_none=True)
+    hashes = {"sha256": document.sha256, "content_sha256": content_sha256(content, _HASHES)}
     return LoadedRig(
         rig=_rig(file),
         log=_mapping(file),
-        tracker=_tracker(file.tracker, path.parent) if file.tracker else None,
+        tracker=TrackerFiles(file.tracker, path.parent) if file.tracker else None,
         path=path,
         sha256=document.sha256,
-        document=_with_hashes(file, document.sha256),
+        document={**content, **hashes},
     )
-
-
-def _with_hashes(file: RigFile, sha256: str) -> dict[str, Any]:
-    """The rig as it is embedded in a calibration file."""
-    content = file.model_dump(mode="json", exclude_none=True)
-    return {**content, "sha256": sha256, "content_sha256": content_sha256(content, _HASHES)}
 
 
 def _rig(file: RigFile) -> Rig:
@@ -243,16 +236,3 @@ def _temperature(
     if isinstance(fields, dict):
         return tuple(fields[name] for name in supports)
     return fields or ()
-
-
-def _tracker(block: TrackerBlock, folder: Path) -> TrackerFiles:
-    return TrackerFiles(
-        instrument=Instrument(**dict(block.instrument)),
-        drawing=block.drawing,
-        misalignment=block.misalignment,
-        length_unit=block.length_unit,
-        nominal=folder / block.targets.nominal,
-        targets=folder / block.targets.measured,
-        servo=folder / block.moves.servo,
-        moves=folder / block.moves.measured,
-    )
