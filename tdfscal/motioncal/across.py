@@ -8,24 +8,31 @@ along in parallel from instant to instant,
     e' = T e,   T(t) = K^(1/2) N₀ N(t)ᵀ K^(-1/2),   T W = 0.
 
 White noise of the forces stays white, and e' keeps to one space of 6 − m dimensions, whatever way
-the terminal leans. Where T meets a derivative, that derivative is moved onto the taper as always:
-T x'' = (T x)'' − 2 (T' x)' + T'' x.
+the terminal leans. Where T meets a derivative, that of a spline is taken as it is, and what the
+spline leaves is moved onto the taper as always: T x'' = (T x)'' − 2 (T' x)' + T'' x.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.model.statics import Balance
+from tdfscal.model.parameters import State
+from tdfscal.model.statics import Balance, Postures, balance, features, free
 from tdfscal.motioncal.blocks import Block, ComplexArray
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.wrench.kinematics import derivatives
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 #: Instants on either side that a local cubic takes in for the derivatives of T.
 _HALF = 3
+#: Instants between the knots of a spline, which leaves next to nothing of a slow motion.
+_KNOT = 5
 #: A direction whose share of the columns is below this is rounding.
 _ROUNDING = 1e-9
 
@@ -69,22 +76,78 @@ class Across:
             out = np.zeros((len(self.block.frequency), 6, signal.shape[2]), dtype=np.complex128)
             out[:, rows] = transform(signal, derivative=order)
             return out
-        T, first, second = (each[:, :, rows] @ signal for each in self.course)
+        T, first, second = (each[:, :, rows] for each in self.course)
+        # T may turn fast, and its derivatives are rough: let them act on what is left of a spline.
+        time, smooth = np.arange(len(signal)), _spline(signal)
+        known = T @ smooth(time, order) / self.block.step**order
+        left = signal - smooth(time)
+        out = transform(known) + transform(T @ left, derivative=order)
         if order == 1:
-            return transform(T, derivative=1) - transform(first)
-        return transform(T, derivative=2) - 2 * transform(first, derivative=1) + transform(second)
+            return out - transform(first @ left)
+        return out - 2 * transform(first @ left, derivative=1) + transform(second @ left)
 
 
-def across(block: Block, at: Balance) -> Across:
-    """What of a block's balance no free force reaches.
+def _spline(signal: FloatArray) -> BSpline:
+    """Quintic spline of least squares through (N, ...) at instants 0, 1, …; knots `_KNOT` apart."""
+    from scipy.interpolate import make_lsq_spline  # slow to import, seldom needed
 
-    Raises NotIdentifiableError where free forces reach all of it.
+    last = len(signal) - 1
+    inner = np.linspace(0, last, max(2, round(last / _KNOT) + 1))
+    knots = np.concatenate([[0.0] * 5, inner, [float(last)] * 5])
+    return make_lsq_spline(np.arange(last + 1.0), signal, knots, k=5)
+
+
+def filled(posture: Postures, driven: FloatArray, state: State, g: float) -> Postures:
+    """Instants, evenly spaced, with the forces that nobody measures as the balance demands them.
+
+    driven : (N, 6), wrench of inertia and friction about the barycentre.
+
+    They are the levers of the turns alone. Some combinations hardly reach the balance (a push
+    along the line between two hinges), so that they come smoothed over as many instants as they
+    need: min Σ |e + W u|² / σ² + |u''|² / q², with second differences q of white noise, √6 σ.
     """
-    if at.seen.measured.all():
+    missing = ~posture.measured
+    force = np.where(missing, 0.0, posture.force)
+    bare = replace(posture, force=force, measured=np.ones_like(missing))
+    at = balance(bare, state, state.barycentre, g)
+    root = np.linalg.inv(_unit_root(at))
+    W = root @ free(at.noise_force, ~missing)
+    e = root @ (at.design @ features(state, at, g) + driven)[..., None]
+    force[:, missing] = _smooth(np.swapaxes(W, 1, 2) @ W, -(np.swapaxes(W, 1, 2) @ e)[..., 0])
+    return replace(bare, force=force)
+
+
+def _smooth(information: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution u (N, m) of H u + D u = right; H (N, m, m), D that of second differences."""
+    from scipy.linalg import solveh_banded  # slow to import, seldom needed
+
+    N, m = right.shape
+    bands = np.zeros((2 * m + 1, N, m))
+    second = np.array([1.0, -2.0, 1.0]) / np.sqrt(6.0)
+    for lag in range(3):  # lower bands of DᵀD, second difference by second difference
+        for k in range(3 - lag):
+            bands[lag * m, k : N - 2 + k] += second[k] * second[k + lag]
+    for b in range(m):
+        bands[: m - b, :, b] += information[:, b:, b].T
+    return np.asarray(
+        solveh_banded(bands.reshape(2 * m + 1, N * m), right.ravel(), lower=True).reshape(N, m)
+    )
+
+
+def _unit_root(at: Balance) -> FloatArray:
+    """Triangular root (6, 6) of the mean covariance of e for unit forces on all axes."""
+    return np.linalg.cholesky(np.einsum("knra,knsa->rs", at.wrench, at.wrench) / len(at.arm))
+
+
+def across(block: Block, at: Balance, measured: BoolArray) -> Across:
+    """What of a block's balance no force on axes that are not measured (n, 3) reaches.
+
+    Raises NotIdentifiableError where they reach all of it.
+    """
+    if measured.all():
         return Across(block, np.eye(6))
-    B = at.wrench.mean(axis=0)
-    root = np.linalg.cholesky(np.einsum("nra,nsa->rs", B, B))
-    left, size, _ = np.linalg.svd(np.linalg.solve(root, at.free))
+    root = _unit_root(at)
+    left, size, _ = np.linalg.svd(np.linalg.solve(root, free(at.noise_force, measured)))
     reached = int(np.median((size > _ROUNDING * size[:, :1]).sum(axis=1)))
     if reached == 6:
         raise NotIdentifiableError(

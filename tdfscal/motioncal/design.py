@@ -9,11 +9,11 @@ import numpy as np
 
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
-from tdfscal.model.parameters import State, gravity
+from tdfscal.model.parameters import State, gravity, symmetric
 from tdfscal.model.statics import Balance, Postures
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
 from tdfscal.motioncal import rests
-from tdfscal.motioncal.across import Across, across
+from tdfscal.motioncal.across import Across, across, filled
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig
@@ -23,6 +23,8 @@ from tdfscal.wrench.kinematics import Motion, Poses, motion, rotations
 _STICK = 5.0e-4
 #: Instants on either side that a local cubic takes in for angular speeds.
 _HALF = 3
+#: And for accelerations that only a lever or a figure is made of.
+_WIDE = 6
 #: One of so many instants is enough for mean covariances: they change as the loads do.
 _EVERY = 4
 #: Shift of the poses for the derivative by the delay, s.
@@ -97,8 +99,11 @@ def block_design(
     course = _course(slow, rows)
     position = course(moving.delay) if moving.delay else slow.position[rows]
     observed = instants(rig, slow, position, rows)
+    if not rig.axes.all():
+        driven = inertial(position - state.datum, block.step, state, moving)
+        observed = filled(observed, driven, state, rig.gravity)
     at = statics.balance(observed, state, centre, rig.gravity)
-    seen = across(block, at)
+    seen = across(block, at, rig.axes)
     moved = _moving_columns(seen, at.rotation, position, state, centre)
     before, after = (
         _residual(rig, at.seen.force, seen, course(moving.delay + shift), state, moving)
@@ -190,6 +195,24 @@ def _moving_columns(
 def stuck(turning: FloatArray) -> FloatArray:
     """ω/|ω| (N, 3), smooth near rest."""
     return np.asarray(turning / np.sqrt(np.sum(turning**2, axis=1, keepdims=True) + _STICK**2))
+
+
+def inertial(position: FloatArray, step: float, state: State, moving: Moving) -> FloatArray:
+    """Wrench (N, 6) of inertia and friction about the barycentre, BCS, at every instant.
+
+    position : (N, n, 3), m, of the hinges. step : s. It holds accelerations, which the estimate
+    itself moves onto the taper.
+    """
+    R, centre = rotations(state.hinge, position), state.barycentre
+    place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
+    found = motion(Poses(R, place), step, _WIDE)
+    assert found is not None  # blocks are longer than the window
+    own = symmetric(moving.inertia - state.mass * dynamics.spread_matrix(centre))
+    w, dw = found.turning, found.turning_rate
+    spin = dw @ own.T + np.cross(w, w @ own.T)
+    friction = state.n * moving.friction * stuck(w)
+    both = np.concatenate([state.mass * found.acceleration, spin + friction], axis=1)
+    return np.asarray(-np.einsum("kab,kcb->kca", R, both.reshape(-1, 2, 3)).reshape(-1, 6))
 
 
 def _kinematics(

@@ -6,18 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model import dynamics, statics
+from tdfscal.model import statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.free_forces import least_squares
-from tdfscal.model.parameters import State, gravity, sensing, symmetric
+from tdfscal.model.parameters import State, gravity, sensing
 from tdfscal.motioncal.blocks import Block
-from tdfscal.motioncal.design import shifted, stuck
+from tdfscal.motioncal.design import inertial, shifted
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig
-from tdfscal.wrench.kinematics import Poses, motion, rotations
+from tdfscal.wrench.kinematics import rotations
 
-#: Instants on either side that a local cubic takes in for accelerations; they are drawn only.
-_HALF = 6
 #: Length of the means that are kept, s, and how many of them at most in a long log.
 _MEAN, _MOST = 1.0, 600
 
@@ -64,20 +62,11 @@ def _wrench(rig: Rig, slow: Slow, block: Block, state: State, moving: Moving) ->
     """
     position = shifted(slow, block.index, moving.delay) - state.datum
     R = rotations(state.hinge, position)
-    centre = state.barycentre
-    place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
+    arm = np.einsum("kab,nb->kna", R, state.hinge - state.barycentre)
     F = statics.forces(state, slow.force[block.index])
-    arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
-    found = motion(Poses(R, place), block.step, _HALF)
-    assert found is not None  # blocks are longer than the window
-    own = symmetric(moving.inertia - state.mass * dynamics.spread_matrix(centre))
-    w, dw = found.turning, found.turning_rate
-    spin = dw @ own.T + np.cross(w, w @ own.T)
-    friction = state.n * moving.friction * stuck(w)
-    e = np.zeros((len(F), 6))
-    push = np.einsum("kab,kb->ka", R, found.acceleration)
-    e[:, :3] = F.sum(axis=1) + state.mass * (gravity(state, rig.gravity) - push)
-    e[:, 3:] = np.cross(arm, F).sum(axis=1) - np.einsum("kab,kb->ka", R, spin + friction)
+    e = inertial(position, block.step, state, moving)
+    e[:, :3] += F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
+    e[:, 3:] += np.cross(arm, F).sum(axis=1)
     if rig.axes.all():
         return e
     B = statics.wrench(arm)

@@ -59,12 +59,12 @@ def test_no_free_force_is_left_and_white_noise_stays_white(
         state.barycentre,
         rig.gravity,
     )
-    found = across(block, at)
+    found = across(block, at, rig.axes)
     assert found.seen.shape == (6 - len(missing), 6)
     assert np.abs(found.wrench(at.free)).max() < 1e-9
-    B = at.wrench.mean(axis=0)
+    K = np.einsum("knra,knsa->rs", at.wrench, at.wrench) / len(at.arm)
     rows = found.seen @ found.course[0]
-    whole = rows @ np.einsum("nra,nsa->rs", B, B) @ np.swapaxes(rows, 1, 2)
+    whole = rows @ K @ np.swapaxes(rows, 1, 2)
     assert whole == pytest.approx(np.broadcast_to(np.eye(len(found.seen)), whole.shape), abs=1e-9)
 
 
