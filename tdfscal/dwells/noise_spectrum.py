@@ -22,6 +22,8 @@ from tdfscal.records import FloatArray
 
 _SHORTEST_RUN = 6  # bins; shorter pieces of a dwell carry no spectrum
 _BASE_ORDINATES = 40  # in the narrowest band
+_FASTEST, _TRIED = 0.05, 13  # corner, cycles per bin, and values tried, of what axes share
+_BAND = 0.1  # of the frequency's logarithm, within which ordinates are one
 _LEPSKI = 2.8  # standard deviations of disagreement that end the widening
 
 
@@ -124,10 +126,11 @@ def density(found: Ordinates | None, stream: int, pooled: FloatArray) -> FloatAr
     frequency, amplitude = found.frequency, found.amplitude[stream]
     covariance = _autocovariance(found.covariance[:, stream], found.length)
     level, width = np.zeros(3), np.zeros(3, dtype=np.int64)
-    shape = _rational_spectrum(covariance, np.concatenate([[0.0], frequency]))
-    shape = np.divide(shape[1:], shape[0], out=np.ones_like(shape[1:]), where=shape[0] > 0)
+    shape, common = _shape(covariance, frequency), _common_shape(found, stream)
     for axis in range(3):
-        level[axis], width[axis] = _zero_frequency(frequency, amplitude[axis] ** 2, shape[:, axis])
+        level[axis], width[axis] = _zero_frequency(
+            frequency, amplitude[axis] ** 2, shape[:, axis], common
+        )
     band = amplitude[:, : int(width.min())]
     product = band @ band.T
     scale = np.sqrt(np.diagonal(product))
@@ -138,20 +141,78 @@ def density(found: Ordinates | None, stream: int, pooled: FloatArray) -> FloatAr
     return np.asarray(correlation * np.outer(root, root))
 
 
+def _shape(covariance: FloatArray, frequency: FloatArray) -> FloatArray:
+    """(F, 3), the fitted spectrum relative to its value at frequency 0."""
+    shape = _rational_spectrum(covariance, np.concatenate([[0.0], frequency]))
+    one = np.ones_like(shape[1:])
+    return np.asarray(np.divide(shape[1:], shape[0], out=one, where=shape[0] > 0))
+
+
+def _common_shape(found: Ordinates, stream: int) -> FloatArray | None:
+    """(F,), spectrum of all streams of one kind relative to what a mean sees; None where white.
+
+    Noise as slow as a dwell shows in a few ordinates, by which an axis alone is taken for white or
+    for red as chance has it; all axes together, each at unit power, know better.
+    """
+    half = found.amplitude.shape[0] // 2  # positions, then forces
+    alike = slice(0, half) if stream < half else slice(half, None)
+    power = (found.amplitude[alike] ** 2).reshape(-1, len(found.frequency))
+    mean = power.mean(axis=1)
+    seen = mean > 0
+    if seen.sum() < 2:
+        return None
+    together = np.asarray((power[seen] / mean[seen, None]).mean(axis=0))
+    if _widest_flat_band(found.frequency, together, int(seen.sum()))[1] == len(together):
+        return None
+    return _expected(found.frequency, together, int(seen.sum()), found.length)
+
+
+def _expected(frequency: FloatArray, power: FloatArray, streams: int, length: float) -> FloatArray:
+    """(F,), spectrum of white noise and a first-order autoregression relative to what a mean sees.
+
+    Expected over corner and share by their likelihood (Whittle), since what lies below the lowest
+    ordinate is extrapolated. power : (F,), mean of streams. length : of a mean, bins.
+    """
+    corner, share = np.meshgrid(
+        np.geomspace(1 / (2 * np.pi * length), _FASTEST, _TRIED), np.geomspace(0.1, 1e3, _TRIED)
+    )
+    corner, share = corner.reshape(-1, 1), share.reshape(-1, 1)
+    low = np.linspace(0, 3 / length, 61)
+    passed = np.sinc(low * length) ** 2
+    into_mean = 1 + share * (1 / (1 + (low / corner) ** 2) @ passed / passed.sum())[:, None]
+    _, band = np.unique(np.floor(np.log(frequency) / _BAND), return_inverse=True)
+    count = np.bincount(band)
+    f, p = (np.bincount(band, values) / count for values in (frequency, power))
+    tried = 1 + share / (1 + (f / corner) ** 2)
+    cost = np.log(tried) @ count + count.sum() * np.log((p / tried) @ count)
+    likely = np.exp(-0.5 * streams * (cost - cost.min()))
+    ratio = likely @ (into_mean / tried) / likely.sum()
+    return np.asarray(1 / ratio[band])
+
+
 def _zero_frequency(
-    frequency: FloatArray, power: FloatArray, shape: FloatArray
+    frequency: FloatArray, power: FloatArray, shape: FloatArray, common: FloatArray | None
 ) -> tuple[float, int]:
     """Level of the spectrum at 0 and the number of ordinates behind it.
 
-    shape : the fitted spectrum relative to its value at frequency 0.
+    shape : the fitted spectrum relative to its value at frequency 0; common : that of all streams.
     """
     plain = _widest_flat_band(frequency, power)
     whitened = _widest_flat_band(frequency, power / shape)
-    return whitened if whitened[1] > plain[1] else plain
+    best = whitened if whitened[1] > plain[1] else plain
+    if common is not None:
+        with_all = _widest_flat_band(frequency, power / common)
+        best = with_all if with_all[1] >= best[1] else best
+    return best
 
 
-def _widest_flat_band(frequency: FloatArray, power: FloatArray) -> tuple[float, int]:
-    """Lepski's rule over bands from 0 to f, f doubling; (mean power, ordinates)."""
+def _widest_flat_band(
+    frequency: FloatArray, power: FloatArray, streams: int = 1
+) -> tuple[float, int]:
+    """Lepski's rule over bands from 0 to f, f doubling; (mean power, ordinates).
+
+    streams : whose mean the power is.
+    """
     cumulative = np.cumsum(power)
     size = min(_BASE_ORDINATES, len(power))
     sizes, means = [size], [float(cumulative[size - 1] / size)]
@@ -164,7 +225,7 @@ def _widest_flat_band(frequency: FloatArray, power: FloatArray) -> tuple[float, 
         mean = float(cumulative[size - 1] / size)
         # Difference of nested means: variance of the narrower less that of the wider.
         for narrow, known in zip(sizes, means, strict=True):
-            spread = np.sqrt(2.0 / narrow - 2.0 / size) * max(known, mean)
+            spread = np.sqrt((2.0 / narrow - 2.0 / size) / streams) * max(known, mean)
             if abs(mean - known) > _LEPSKI * spread:
                 return means[-1], sizes[-1]
         sizes.append(size)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from tdfscal.dwells import find_dwells
@@ -65,6 +66,28 @@ def test_errors_of_the_means_are_as_large_as_stated(tau: float) -> None:
     # 900 errors; the stated variances themselves are uncertain by some percent.
     low, high = chi2.ppf([1e-4, 1 - 1e-4], dof) / dof
     assert low * 0.95 < total / dof < high * 1.05
+
+
+def test_noise_as_slow_as_the_stops_is_stated_alike_in_all_axes() -> None:
+    """0.3 N of noise slow as 2 s under 1.1 N of white noise at 100 Hz, stops of 5 s."""
+    tau, rate, total, spread, dof = 2.0, 100, 0.0, [], 0
+    phi = np.exp(-1 / (rate * tau))
+    for seed in range(4):
+        recorded = record(Recipe(rate=rate, stops=(5.0,) * 15, force_noise=1.1, seed=seed))
+        white = np.random.default_rng(seed).standard_normal((len(recorded.log.force[0].time), 9))
+        white[1:] *= np.sqrt(1 - phi**2)
+        slow = 0.3 * lfilter([1.0], [1.0, -phi], white, axis=0)
+        for i, series in enumerate(recorded.log.force):
+            series.value[:] += slow[:, 3 * i : 3 * i + 3]
+        dwells = find_dwells(recorded.log)
+        z2 = squared_z(recorded, dwells)
+        total, dof = total + z2.sum(), dof + 3 * z2.size
+        std = np.sqrt(force_variance(dwells).mean(axis=0))
+        spread.append(std.max() / std.min())
+    # What noise slower than a stop does to its mean is extrapolated: within a factor of two.
+    assert 0.5 < total / dof < 2.0
+    # Each axis by itself would be taken for white or for red as chance has it: a factor of four.
+    assert np.median(spread) < 1.3
 
 
 def test_noise_shared_by_two_axes_is_seen_as_correlation() -> None:
