@@ -87,16 +87,13 @@ def calibrate_tracker(
     move_points, target_points, notes = _matched(rig, session)
     moves, targets = _fit(rig, session, move_points, target_points, None)
     _refuse_many_outliers(moves, targets, session.targets.source)
-    chi2 = moves.fit.chi2 + sum(t.fit.chi2 for t in targets)
-    dof = moves.fit.dof + sum(t.fit.dof for t in targets)
-    axes = examine_axes(moves)
-    components = estimate_components(moves, targets)
+    chi2, dof = (sum(getattr(s.fit, name) for s in (moves, *targets)) for name in ("chi2", "dof"))
+    axes, components = examine_axes(moves), estimate_components(moves, targets)
     moves, targets = _fit(rig, session, move_points, target_points, components)
+    surveys = [moves, *targets]
     R_b = moves.fit.rotation
     X = so3.project(np.stack([R_b.T @ t.fit.rotation for t in targets]))
-    shares = _shares(moves, targets)
-    if misalignment > 0:
-        shares["misalignment"] = misalignment**2 * np.eye(3 * rig.n)
+    shares = _shares(moves, targets, misalignment)
     covariance = np.sum(list(shares.values()), axis=0)
     budget = {name: so3.rpy_variance(X, share) for name, share in shares.items()}
     rpy, rpy_std = so3.to_rpy(X), np.sqrt(so3.rpy_variance(X, covariance))
@@ -113,7 +110,6 @@ def calibrate_tracker(
             trials=trials,
             rng=np.random.default_rng(0) if rng is None else rng,
         )
-    surveys = [moves, *targets]
     return TrackerCalibration(
         rotations=Rotations(rig.supports, X, (covariance + covariance.T) / 2),
         rpy=rpy,
@@ -222,7 +218,9 @@ def _refuse_many_outliers(moves: SurveyFit, targets: list[SurveyFit], source: st
         )
 
 
-def _shares(moves: SurveyFit, targets: list[SurveyFit]) -> dict[str, FloatArray]:
+def _shares(
+    moves: SurveyFit, targets: list[SurveyFit], misalignment: float
+) -> dict[str, FloatArray]:
     """Share of each source in the covariance (3n, 3n) of the rotations.
 
     exp([d_i]×) X_i with d_i = (R_b^m)ᵀ (s_i − b), where s_i, b perturb R_{s,i}^m and R_b^m in the
@@ -242,4 +240,6 @@ def _shares(moves: SurveyFit, targets: list[SurveyFit]) -> dict[str, FloatArray]
         for name, cov in parts.items():
             share = np.einsum("pnj,njk,qnk->pq", gain, cov, gain)
             shares[name] = shares.get(name, np.zeros((3 * n, 3 * n))) + share
+    if misalignment > 0:
+        shares["misalignment"] = misalignment**2 * np.eye(3 * n)
     return shares

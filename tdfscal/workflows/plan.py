@@ -251,26 +251,25 @@ def plan(
         request_of = MovingRequest(
             limits, duration, speed, DEFAULT_DENSITY if noise is None else noise, delay_of(known)
         )
-        moving = MovingPlanResult(plan_motion(loaded, request_of, rng), file, spline, seed, command)
-        if file is not None:
-            write_text(file, moving.content)
+        driven = plan_motion(loaded, request_of, rng)
+        result: PlanResult | MovingPlanResult
+        result = MovingPlanResult(driven, file, spline, seed, command)
         if spline is not None:
-            write_text(spline, waypoints_csv(moving.plan, command, seed))
-        moving.save_figures(figures, progress)
-        return moving
-    before = _recorded(rig, listed(given), noise or DEFAULT_NOISE, progress)
-    request = Request(
-        limits=limits,
-        noise=noise if noise is not None else _noise(before),
-        candidates=candidates,
-        objective=objective,
-        at=triple("--at", at) if at is not None else None,
-    )
-    if target is None:
-        found = make_plan(loaded, request, postures or DEFAULT_POSTURES, rng, given=before)
+            write_text(spline, waypoints_csv(driven, command, seed))
     else:
-        found = plan_for_target(loaded, request, 1e-3 * target, rng, given=before)
-    result = PlanResult(found, file, seed, command)
+        before = _recorded(rig, listed(given), noise or DEFAULT_NOISE, progress)
+        request = Request(
+            limits=limits,
+            noise=noise if noise is not None else _noise(before),
+            candidates=candidates,
+            objective=objective,
+            at=triple("--at", at) if at is not None else None,
+        )
+        if target is None:
+            found = make_plan(loaded, request, postures or DEFAULT_POSTURES, rng, given=before)
+        else:
+            found = plan_for_target(loaded, request, 1e-3 * target, rng, given=before)
+        result = PlanResult(found, file, seed, command)
     if file is not None:
         write_text(file, result.content)
     result.save_figures(figures, progress)

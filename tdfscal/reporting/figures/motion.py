@@ -14,7 +14,14 @@ from tdfscal.motioncal.contact import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, figure, legend_above, logarithmic, tip
+from tdfscal.reporting.figures.style import (
+    Drawing,
+    figure,
+    legend_above,
+    legend_outside,
+    logarithmic,
+    tip,
+)
 from tdfscal.validation.in_motion import MovingValidation
 
 _TITLE = "Residual contact wrench over the motion"
@@ -145,9 +152,5 @@ def _paint_forces(slow: Slow, rejected: Sequence[Stretch]) -> Figure:
             tip(line, f"{name} F{'xyz'[k]}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N")
         ax.set_ylabel(f"F{'xyz'[k]}, N", color=ink.BLACK)
     panels[-1].set_xlabel(time.label)
-    fig.legend(
-        *panels[0].get_legend_handles_labels(),
-        loc="outside upper left",
-        ncols=min(len(slow.supports), 4),
-    )
+    legend_outside(fig, panels[0])
     return fig

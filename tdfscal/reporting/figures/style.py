@@ -123,6 +123,12 @@ def legend_above(ax: Axes, columns: int) -> None:
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, borderaxespad=0.3)
 
 
+def legend_outside(fig: Figure, ax: Axes) -> None:
+    """Legend over the whole figure, of what is drawn in these axes."""
+    handles, labels = ax.get_legend_handles_labels()
+    fig.legend(handles, labels, loc="outside upper left", ncols=min(4, len(labels)))
+
+
 def to_figure(drawing: Drawing) -> Figure:
     """Return the figure itself, for a notebook or to be changed."""
     with look():

@@ -16,7 +16,14 @@ from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.model import RigFile
 from tdfscal.records import Dwells
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, figure, legend_above, raster, tip
+from tdfscal.reporting.figures.style import (
+    Drawing,
+    figure,
+    legend_above,
+    legend_outside,
+    raster,
+    tip,
+)
 
 #: Height of a panel of forces, inches.
 _PANEL = 0.72
@@ -74,8 +81,7 @@ def _paint(log: DwellLog, rejected: list[RejectedPosture]) -> Figure:
     _lanes(panels[0], table, gone, lanes, width, time.origin)
     if log.dwells is not None:
         _forces(list(panels[1:]), log.rig, log.dwells, gone, width, time.origin)
-        columns = min(len(log.rig.supports), 4)
-        fig.legend(*panels[1].get_legend_handles_labels(), loc="outside upper left", ncols=columns)
+        legend_outside(fig, panels[1])
     panels[-1].set_xlabel(time.label)
     return fig
 

@@ -13,7 +13,7 @@ from tdfscal.files.calibration.parts import Budget, MonteCarloResult
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, figure, signed, tip
+from tdfscal.reporting.figures.style import Drawing, figure, legend_outside, signed, tip
 from tdfscal.significance import INTERVAL_COVERAGE
 
 _ROOM_FOR_LABEL = 12.0
@@ -91,8 +91,7 @@ def _paint(c: Calibration, budget: Budget) -> Figure:
     ax.set_ylim(place[-1] + 0.6, place[0] - 0.6)
     ax.set_xlabel("share of the variance of the angle, %")
     ax.grid(visible=False)
-    columns = min(4, len(budget.sources))
-    fig.legend(*ax.get_legend_handles_labels(), loc="outside upper left", ncols=columns)
+    legend_outside(fig, ax)
     return fig
 
 

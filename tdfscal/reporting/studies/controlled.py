@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
@@ -197,9 +196,3 @@ def marked(ax: Axes, x: FloatArray, values: FloatArray, names: tuple[str, ...]) 
     for c, name in enumerate(names):
         colour, line, marker = MARKS[c % len(MARKS)]
         ax.plot(x, values[c], color=colour, linestyle=line, marker=marker, markersize=4, label=name)
-
-
-def legend(fig: Figure, ax: Axes) -> None:
-    """One legend for all panels."""
-    handles, labels = ax.get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside upper left", ncols=min(4, len(labels)))

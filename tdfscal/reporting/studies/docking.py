@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, figure
+from tdfscal.reporting.figures.style import Drawing, figure, legend_outside
 from tdfscal.reporting.layout import Block, Report, Section, Table
 from tdfscal.reporting.studies import controlled as shared
 from tdfscal.reporting.studies.cells import Row, mean_se, number, share_said
@@ -233,7 +233,7 @@ def _paint_docking(study: DockingStudy, c: int, run: int) -> Figure:
             ax.axhline(-limit, color=ink.RED, linewidth=0.7, label="limit" if axis == 0 else None)
         if axis >= 3:
             ax.set_xlabel("time, s")
-    shared.legend(fig, grid.flat[0])
+    legend_outside(fig, grid.flat[0])
     return fig
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdfscal.reporting.figures.style import Drawing, figure, logarithmic
+from tdfscal.reporting.figures.style import Drawing, figure, legend_outside, logarithmic
 from tdfscal.reporting.layout import Report, Section, Table
 from tdfscal.reporting.studies import controlled as shared
 from tdfscal.reporting.studies.cells import Row, mean_se
@@ -119,5 +119,5 @@ def _paint(study: FreeSpaceStudy) -> Figure:
             ax.set_ylabel("rms over runs, " + ("mm" if axis < 3 else "mrad"))
         if axis >= 3:
             ax.set_xlabel("move")
-    shared.legend(fig, grid.flat[0])
+    legend_outside(fig, grid.flat[0])
     return fig
