@@ -26,6 +26,8 @@ def calibration_report(
 ) -> Report:
     """Lay out a calibration; drawings are those of a page, more what is said besides."""
     names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
+    # What was achieved, which the text's table shows, and the largest error that it does not count.
+    claims = (_claim(c) if drawings else "", exact_claim(c))
     proof, rejected = _residual_wrench(c), _rejected(c)
     sections = illustrated(
         drawings,
@@ -50,7 +52,7 @@ def calibration_report(
         f"from {names}",
         verdict=c.status.upper(),
         accepted=c.status == "accepted",
-        claim="" if c.quality.reasons else _verdict(c, page=bool(drawings)),
+        claim="" if c.quality.reasons else " ".join(filter(None, claims)),
         reasons=c.quality.reasons,
         tiles=_tiles(c),
         sections=(
@@ -66,11 +68,6 @@ def calibration_report(
         advice=advise(c),
         created=utc(c.created),
     )  # fmt: skip
-
-
-def _verdict(c: Calibration, *, page: bool) -> str:
-    """What was achieved, and the largest error that it does not count; the text has the table."""
-    return " ".join(text for text in (_claim(c) if page else "", exact_claim(c)) if text)
 
 
 def _angles(c: Calibration) -> Table:

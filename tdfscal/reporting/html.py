@@ -13,7 +13,7 @@ from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures import drawings, drift, motion, residuals
-from tdfscal.reporting.figures.style import Drawing, to_svg
+from tdfscal.reporting.figures.style import to_svg
 from tdfscal.reporting.layout import Facts, Items, Report, Section, Table, legible
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.validation import Origin, validation_report
@@ -64,7 +64,8 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["svg"] = _inline
+    # All text of a figure is outlines, so nothing in it needs escaping.
+    environment.filters["svg"] = lambda drawing: Markup(to_svg(drawing))
     environment.filters["words"] = _words
     environment.filters["minus"] = lambda text: re.sub(r"-(?=[\d.])", "−", str(text))
     for kind in (Table, Facts, Items):
@@ -75,8 +76,3 @@ def _environment() -> Environment:
 def _words(text: str) -> Markup:
     """A sentence, what stands between backquotes as code."""
     return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
-
-
-def _inline(drawing: Drawing) -> Markup:
-    """SVG as part of the page; all text in it is outlines, so nothing needs escaping."""
-    return Markup(to_svg(drawing))

@@ -73,7 +73,7 @@ def _fields(fields: Sequence[Field]) -> Iterator[str]:
         label = cut(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
         known = field.low is not None and field.high is not None
         span = f"{field.low:.6g} … {field.high:.6g}" if known else ""
-        rows.append((label, _short(field.kind), span))
+        rows.append((label, field.kind.rsplit("/", 1)[-1], span))
     widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
     whole = sum(widths) + 6 <= width()
     for row in rows:
@@ -135,10 +135,6 @@ def _wrapped(text: str, first: str) -> list[str]:
     return textwrap.wrap(
         text, width(), initial_indent=first, subsequent_indent=indent, break_on_hyphens=False
     ) or [first]
-
-
-def _short(kind: str) -> str:
-    return kind.rsplit("/", 1)[-1]
 
 
 def _size(count: int) -> str:

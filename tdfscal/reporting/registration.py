@@ -85,7 +85,7 @@ def document(r: PointRegistration, notes: Sequence[str] = ()) -> dict[str, Any]:
         "p_value": r.p_value,
         "sigma": r.sigma,
         "scale": r.scale,
-        "scale_std": _finite(r.scale_std),
+        "scale_std": r.scale_std if np.isfinite(r.scale_std) else None,
         "scale_estimated": r.scaled,
         "coplanar": r.coplanar,
         "rejected": [{"name": p.name, "reason": p.reason} for p in r.rejected],
@@ -93,7 +93,3 @@ def document(r: PointRegistration, notes: Sequence[str] = ()) -> dict[str, Any]:
         "extra": list(r.extra),
         "warnings": [*notes, *r.warnings],
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

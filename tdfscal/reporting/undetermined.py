@@ -88,6 +88,7 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
     """Lay out what is weak, the log and its residuals, and what to do next; no angle is given."""
     error, seen, log = attempt.error, attempt.seen, attempt.log
     left_out = _left_out(attempt, log)
+    inputs = (inputs_table(attempt.inputs),) if attempt.inputs else ()
     beside = (Items("Left out", left_out),) if left_out else ()
     names = ", ".join(PurePath(entry.path).name for entry in attempt.inputs)
     return Report(
@@ -113,7 +114,7 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
             *((Section("Statistics", (Facts(_statistics(seen)),)),) if seen is not None else ()),
             Section(
                 "Where this comes from",
-                (Facts(_provenance(attempt)), *_inputs(attempt)),
+                (Facts(_provenance(attempt)), *inputs),
                 page_only=True,
             ),
             *_absent(attempt, {drawing.name for drawing in drawings}),
@@ -220,10 +221,6 @@ def _provenance(attempt: Attempt) -> tuple[tuple[str, str], ...]:
          f"{1e3 * limits.identifiable:.3g} mrad (acceptance.identifiable) and at most half of what "
          "was stated before"),
     )  # fmt: skip
-
-
-def _inputs(attempt: Attempt) -> tuple[Table, ...]:
-    return (inputs_table(attempt.inputs),) if attempt.inputs else ()
 
 
 def _absent(attempt: Attempt, drawn: set[str]) -> tuple[Section, ...]:

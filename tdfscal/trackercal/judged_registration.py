@@ -78,7 +78,7 @@ class SurveyFit:
     @property
     def sigma(self) -> float:
         """Largest standard uncertainty of a coordinate difference of any point, m."""
-        return _largest_sigma(self.fit)
+        return float(np.sqrt(np.trace(np.linalg.inv(self.fit.weight), axis1=1, axis2=2).max() / 3))
 
 
 def point_noise(
@@ -283,10 +283,6 @@ def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool,
                     where=points.source,
                     hint="correct the group names",
                 )
-
-
-def _largest_sigma(fit: Registration) -> float:
-    return float(np.sqrt(np.trace(np.linalg.inv(fit.weight), axis1=1, axis2=2).max() / 3))
 
 
 def _diagonal(std: FloatArray) -> FloatArray:
