@@ -206,7 +206,7 @@ def _lean(posture: Postures, state: State, centre: FloatArray, g: float) -> _Lea
     weight = state.mass * gravity(state, g)
     # Rotation of the registered pose for a displacement ε_i of the positions: δφ = Σ Pφ_i ε_i.
     spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
-    all_spokes = spoke.reshape(len(arm), -1, 3)
+    all_spokes = spoke.reshape(len(arm), 3 * arm.shape[1], 3)  # also of no posture at all
     inertia = np.swapaxes(all_spokes, 1, 2) @ all_spokes
     P_turn = np.linalg.inv(inertia)[:, None] @ spoke
     # Turning the pose turns all arms: (δφ × ρ) × F = [F]× [ρ]× δφ.
