@@ -9,9 +9,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tdfscal.errors import visible
+from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common.contents import Contents, Field, Stream
 from tdfscal.logs.description.info import LogInfo, Signal, mapping_block
-from tdfscal.logs.text.cells import cut
 from tdfscal.records import Dwells
 from tdfscal.reporting.text import table, width
 
@@ -70,7 +70,7 @@ def _fields(fields: Sequence[Field]) -> Iterator[str]:
     """A line per field, or two where a name needs the width for itself: names are to be copied."""
     rows = []
     for field in fields:
-        label = cut(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
+        label = shorten(field.name, _LONGEST_NAME) + (f" [{field.unit}]" if field.unit else "")
         known = field.low is not None and field.high is not None
         span = f"{field.low:.6g} … {field.high:.6g}" if known else ""
         rows.append((label, field.kind.rsplit("/", 1)[-1], span))
