@@ -7,7 +7,6 @@ windows of the log, alternating with the noise that is measured on it.
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.special import ndtri
 
 from tdfscal.dwells.noise_level import (
@@ -105,13 +104,24 @@ def quiet_seed(signal: Signals, base: BoolArray, width: float) -> BoolArray:
     size = max(5, round(_SEED_WINDOW / width))
     reach = np.zeros(signal.value.shape[1])
     for row in signal.value:
-        span = maximum_filter1d(row, size) - minimum_filter1d(row, size)
-        np.maximum(reach, span, out=reach)
+        np.maximum(reach, _ranges(row, size), out=reach)
     tiny = 8.0 * np.finfo(np.float64).eps * np.abs(signal.value).max(initial=0.0)
     alive = reach[(reach > tiny) & ~base]
     if not len(alive):
         return base
     return np.asarray((reach > 2.0 * np.quantile(alive, _SEED_QUANTILE)) | base)
+
+
+def _ranges(row: FloatArray, size: int) -> FloatArray:
+    """Range of the values in a window about each of them (N,), mirrored at the ends."""
+    high = low = np.pad(row, (size // 2, size - 1 - size // 2), mode="symmetric")
+    seen = 1
+    while seen < size:
+        more = min(seen, size - seen)
+        high = np.maximum(high[:-more], high[more:])
+        low = np.minimum(low[:-more], low[more:])
+        seen += more
+    return np.asarray(high - low)
 
 
 def segment(

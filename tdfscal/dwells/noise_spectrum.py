@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import dct
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.records import FloatArray
@@ -59,7 +58,9 @@ def spectrum(bins: Bins, rows: slice) -> Spectrum | None:
     lags = [np.einsum("sam,sam->sa", x[..., k:], x[..., : length - k]) for k in range(3)]
     lags = [products / (length - k) for k, products in enumerate(lags)]
     order = np.arange(2, length)
-    amplitude = dct(x, axis=2, norm="ortho")[..., 2:]
+    # The cosine transform as half of a Fourier transform of twice the length (Makhoul 1980).
+    turn = np.sqrt(2.0 / length) * np.exp(-0.5j * np.pi * order / length)
+    amplitude = (np.fft.rfft(x, 2 * length, axis=2)[..., 2:length] * turn).real
     return Spectrum(order / (2.0 * length), amplitude, np.stack(lags), length)
 
 

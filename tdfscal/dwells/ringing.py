@@ -84,28 +84,45 @@ class _Shapes:
         self._sum = np.cumsum(self.wave, axis=2)
         self._product = np.cumsum(self.wave[:, [0, 0, 1]] * self.wave[:, [0, 1, 1]], axis=2)
 
-    def gram(self, length: int) -> FloatArray:
-        """Inner products of the two shapes, (G, 2, 2)."""
-        total = self._sum[:, :, length - 1]
-        product = (
-            self._product[:, :, length - 1] - total[:, [0, 0, 1]] * total[:, [0, 1, 1]] / length
-        )
-        gram = product[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    def gram(self, length: IntArray) -> FloatArray:
+        """Inner products of the two shapes over stops of S lengths, (S, G, 2, 2)."""
+        total = np.moveaxis(self._sum[:, :, length - 1], 2, 0)
+        product = np.moveaxis(self._product[:, :, length - 1], 2, 0)
+        product = product - total[..., [0, 0, 1]] * total[..., [0, 1, 1]] / length[:, None, None]
+        gram = product[..., [0, 1, 1, 2]].reshape(*total.shape, 2)
         # Two shapes that are nearly one, or the second that is none, must not divide by zero.
-        return np.asarray(gram + 1e-9 * gram[:, :1, :1] * np.eye(2))
+        return np.asarray(gram + 1e-9 * gram[..., :1, :1] * np.eye(2))
 
-    def onto(self, stop: FloatArray) -> FloatArray:
-        """Inner products of a stop (A, N) with the shapes, (G, 2, A)."""
-        centred = stop - stop.mean(axis=1, keepdims=True)
-        return np.asarray(self.wave[:, :, : stop.shape[1]] @ centred.T)
+    def onto(self, stops: FloatArray) -> FloatArray:
+        """Inner products of stops (S, A, N), less their means, with the shapes, (S, G, 2, A)."""
+        flat = self.wave[:, :, : stops.shape[2]].reshape(-1, stops.shape[2])
+        seen = flat @ np.swapaxes(stops, 1, 2)
+        return np.asarray(seen.reshape(len(stops), -1, 2, stops.shape[1]))
 
-    def explained(self, stops: Sequence[FloatArray]) -> FloatArray:
+    def explained(self, stops: _Stops) -> FloatArray:
         """Sum of squares of all stops that each decay explains, (G,)."""
-        total = np.zeros(len(self.wave))
-        for stop in stops:
-            seen = self.onto(stop)
-            total += (seen * np.linalg.solve(self.gram(stop.shape[1]), seen)).sum(axis=(1, 2))
-        return total
+        seen = self.onto(stops.value)
+        return np.asarray((seen * np.linalg.solve(self.gram(stops.length), seen)).sum((0, 2, 3)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Stops:
+    """Stops less their means, of one length by zeros at their ends.
+
+    value : (S, A, N). length : (S,), bins without the zeros.
+    """
+
+    value: FloatArray
+    length: IntArray
+
+    @classmethod
+    def of(cls, stops: Sequence[FloatArray]) -> _Stops:
+        """Take stops (A, N) of any length."""
+        length = np.array([stop.shape[1] for stop in stops])
+        value = np.zeros((len(stops), len(stops[0]), int(length.max())))
+        for row, stop in zip(value, stops, strict=True):
+            row[:, : stop.shape[1]] = _centred(stop)
+        return cls(value, length)
 
 
 def find_ringing(
@@ -125,27 +142,26 @@ def find_ringing(
     scaled = [
         value[noisy, a:b] / noise[noisy, None] for a, b in zip(first[some], last[some], strict=True)
     ]
-    forth = [stop[:, :most] for stop in scaled]
-    back = [stop[:, ::-1][:, :most] for stop in scaled]
-    longest = max(stop.shape[1] for stop in forth)
+    forth = _Stops.of([stop[:, :most] for stop in scaled])
+    back = _Stops.of([stop[:, ::-1][:, :most] for stop in scaled])
     slowest = min(_SLOWEST / width, float(np.median(last - first)))
     constants = np.geomspace(2.0, max(slowest, 4.0), _CONSTANTS)
     frequencies = np.geomspace(_LOWEST, min(_HIGHEST, 0.2 / width), _FREQUENCIES)
     decays = [
         complex(1.0 / tau, -2.0 * np.pi * f * width) for tau in constants for f in (0, *frequencies)
     ]
-    shapes = _Shapes(decays, longest)
+    shapes = _Shapes(decays, forth.value.shape[2])
     begins, ends = shapes.explained(forth), shapes.explained(back)
     best = int(np.argmax(begins - ends))
     # As many independent numbers as stops, shapes and sensors: the axes of one may move as one.
     dof = len(some) * (1 if decays[best].imag == 0 else 2) * max(int(noisy.sum()) / 3.0, 1.0)
     if fdtrc(dof, dof, begins[best] / max(ends[best], 1e-300)) > RINGING_PER_LOG:
         return None
-    decay = _refined(forth, decays[best], longest)
+    decay = _refined(forth, decays[best])
     return _in_all_stops(value, noise, first, last, decay, width)
 
 
-def _refined(stops: Sequence[FloatArray], decay: complex, most: int) -> complex:
+def _refined(stops: _Stops, decay: complex) -> complex:
     """The decay that explains most, from one close to it: parabolas through ever closer decays."""
     at = np.array([np.log(decay.real), decay.imag][: 2 if decay.imag else 1])
     step = np.array([0.3, 0.15 * abs(decay.imag)][: len(at)])
@@ -153,7 +169,7 @@ def _refined(stops: Sequence[FloatArray], decay: complex, most: int) -> complex:
     for _ in range(_ROUNDS):
         tried = at + step * around
         decays = [complex(np.exp(x[0]), x[1] if len(x) > 1 else 0.0) for x in tried]
-        explained = _Shapes(decays, most).explained(stops)
+        explained = _Shapes(decays, stops.value.shape[2]).explained(stops)
         best, top = around[np.argmax(explained)], _top_of_parabola(around, explained)
         if top is None or (np.abs(top) > 1.0).any():
             top = best
@@ -190,15 +206,15 @@ def _in_all_stops(
     most = round(_LASTING / decay.real) + _SHORTEST
     length = np.minimum(last - first, most)
     shapes = _Shapes([decay], int(length.max()))
-    gram = np.stack([shapes.gram(int(n))[0] for n in length])  # (R, 2, 2)
+    gram = shapes.gram(length)[:, 0]  # (R, 2, 2)
     seen = np.empty((len(first), 2, len(value)))
     back, rough = np.empty((len(first), len(value))), np.empty((len(first), len(value)))
     for k, (a, b, n) in enumerate(zip(first, last, length, strict=True)):
         stop = value[:, a : a + n]
-        seen[k] = shapes.onto(stop)[0]
+        seen[k] = shapes.onto(_centred(stop)[None])[0, 0]
         rest = stop - np.linalg.solve(gram[k], seen[k]).T @ shapes.wave[0, :, :n]
         rough[k] = _of_long_means(rest)
-        other = shapes.onto(value[:, b - n : b][:, ::-1])[0]
+        other = shapes.onto(_centred(value[:, b - n : b][:, ::-1])[None])[0, 0]
         back[k] = (other * np.linalg.solve(gram[k], other)).sum(axis=0)
     rank = 2 if decay.imag else 1
     # The stops read backwards show the noise, unless they ring to their ends; then what the mode
@@ -217,6 +233,11 @@ def _in_all_stops(
         amplitude[:, :rank, axis] = given[..., 0]
         power[:, axis] = (given**2).sum(axis=(1, 2)) + np.trace(covariance, axis1=1, axis2=2)
     return Ringing(decay, width, first, last, amplitude[:, 0] + 1j * amplitude[:, 1], power)
+
+
+def _centred(stop: FloatArray) -> FloatArray:
+    """A stop (A, N) less its means."""
+    return np.asarray(stop - stop.mean(axis=1, keepdims=True))
 
 
 def _of_long_means(value: FloatArray) -> FloatArray:

@@ -116,16 +116,17 @@ class Sampler:
         cov = self.inflate**2 * unmix @ at.seen.force_cov[used] @ np.swapaxes(unmix, -1, -2)
         axes = np.linalg.eigh(cov.mean(axis=0))[1]  # (n, 3, 3), columns
         variance = np.einsum("knas,nas->kns", cov @ axes, axes)
-        self.axes, self.mixing, rest = axes.astype(_NOISE), [], []
+        self.mixing, rest = [], []
         for i in range(n):
             VB = whitener @ at.wrench[used][:, i]  # (K, 6, 3)
             own = (np.swapaxes(Q, 1, 2) @ VB).reshape(len(VB), -1)  # (K, 3r)
             loose = np.swapaxes(VB, 1, 2) @ VB
             seen = np.swapaxes(spanned, 1, 2) @ VB
             loose -= np.swapaxes(seen, 1, 2) @ seen
-            for s in range(3):
-                mix = _root(own * np.sqrt(variance[:, i, s])[:, None])
-                self.mixing.append(mix.astype(_NOISE))
+            # (3r, m) for each axis of the noise, then (m, r, 3 of the force, 3 of the reading)
+            mixes = [_root(own * np.sqrt(variance[:, i, s])[:, None]) for s in range(3)]
+            felt = [mix.T[..., None] * axes[i][:, s] for s, mix in enumerate(mixes)]
+            self.mixing.append([part.reshape(len(part), -1).astype(_NOISE) for part in felt])
             rest.append(_loose(loose, variance[:, i], axes[i]))
         self.rest = _block_rows(rest)
         turning = at.noise_turn[used] @ at.turn_cov[used] @ np.swapaxes(at.noise_turn[used], 1, 2)
@@ -140,20 +141,15 @@ class Sampler:
     def draw(self, rng: np.random.Generator, trials: int) -> FloatArray:
         """Roots (T, r, 9n + 1) of perturbed campaigns."""
         n, rank = self.fit.rig.n, len(self.root)
-        noise = np.empty((trials, rank, 9 * n + 1))
-        # (T, r, 3 of the force; 3 axes of the noise)
-        block = np.empty((trials * rank * 3, 3), dtype=_NOISE)
-        for i in range(n):
-            for s, mix in enumerate(self.mixing[3 * i : 3 * i + 3]):
-                drawn = rng.standard_normal((trials, mix.shape[1]), dtype=_NOISE)
-                block[:, s] = (drawn @ mix.T).ravel()
-            noise[:, :, 9 * i : 9 * i + 9] = (block @ self.axes[i].T).reshape(trials, rank, 9)
+        roots = np.empty((trials, rank + len(self.rest), 9 * n + 1))
+        noise, roots[:, rank:] = roots[:, :rank], self.rest
+        for i, parts in enumerate(self.mixing):
+            drawn = [rng.standard_normal((trials, len(mix)), dtype=_NOISE) for mix in parts]
+            mixed = np.concatenate(drawn, axis=1) @ np.concatenate(parts)
+            noise[:, :, 9 * i : 9 * i + 9] = mixed.reshape(trials, rank, 9)
         noise[:, :, -1] = rng.standard_normal((trials, self.common.shape[1])) @ self.common.T
         noise += self.root
-        if len(self.rest) == 0:
-            return noise
-        rest = np.broadcast_to(self.rest, (trials, *self.rest.shape))
-        return np.concatenate([noise, rest], axis=1)
+        return roots
 
     def solve(self, roots: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Rotations (T, n, 3, 3) of the trials, and which settled.
