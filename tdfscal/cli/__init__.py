@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 
 
@@ -14,6 +15,8 @@ def main() -> None:
         from tdfscal.cli.program import run
 
         end.status = run()
+    # What is left ends with the process: no last search of all of it for cycles.
+    gc.freeze()
     sys.exit(end.status)
 
 

@@ -139,17 +139,16 @@ class Sampler:
         self.common = _root_of(other + prior.T @ prior)
 
     def draw(self, rng: np.random.Generator, trials: int) -> FloatArray:
-        """Roots (T, r, 9n + 1) of perturbed campaigns."""
+        """Roots (T, r, 9n + 1) of perturbed campaigns, without the rows that all share."""
         n, rank = self.fit.rig.n, len(self.root)
-        roots = np.empty((trials, rank + len(self.rest), 9 * n + 1))
-        noise, roots[:, rank:] = roots[:, :rank], self.rest
+        noise = np.empty((trials, rank, 9 * n + 1))
         for i, parts in enumerate(self.mixing):
             drawn = [rng.standard_normal((trials, len(mix)), dtype=_NOISE) for mix in parts]
             mixed = np.concatenate(drawn, axis=1) @ np.concatenate(parts)
             noise[:, :, 9 * i : 9 * i + 9] = mixed.reshape(trials, rank, 9)
         noise[:, :, -1] = rng.standard_normal((trials, self.common.shape[1])) @ self.common.T
         noise += self.root
-        return roots
+        return noise
 
     def solve(self, roots: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Rotations (T, n, 3, 3) of the trials, and which settled.
@@ -164,7 +163,8 @@ class Sampler:
         size = np.full(T, np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(_STEPS):
-                step = -gradients(roots, rotation) @ self.covariance
+                step = gradients(roots, rotation) + gradients(self.rest, rotation)
+                step = -step @ self.covariance
                 rotation = so3.exp(step.reshape(T, -1, 3)) @ rotation
                 before, size = size, np.abs(step / scale).max(axis=1)
                 # Steps shrink by the same factor each time: so large will the next one be.
@@ -175,7 +175,9 @@ class Sampler:
         settled = np.ones(T, dtype=np.bool_)
         if len(hard):
             start = np.broadcast_to(base, (len(hard), *base.shape))
-            found = descend(roots[hard], start, iterations=_DAMPED, tolerance=_SOLVED, curved=True)
+            rest = np.broadcast_to(self.rest, (len(hard), *self.rest.shape))
+            whole = np.concatenate([roots[hard], rest], axis=1)
+            found = descend(whole, start, iterations=_DAMPED, tolerance=_SOLVED, curved=True)
             rotation[hard], settled[hard] = found.rotation, found.settled
         return rotation, settled
 

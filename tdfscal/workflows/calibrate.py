@@ -37,14 +37,12 @@ from tdfscal.workflows.arguments import (
     window,
 )
 from tdfscal.workflows.calibration import Calibration, Records
-from tdfscal.workflows.campaign import Campaign, resolve
+from tdfscal.workflows.campaign import Campaign, campaign_folders, resolve
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.samples import Own, Samples, Trials, calibrate_samples, check_samples
-from tdfscal.workflows.several_campaigns import calibrate_several, campaign_folders
-from tdfscal.workflows.survey import surveyed
 
 Method = Literal["self", "tracker", "joint"]
 #: Lines to be confirmed that a warning names at most.
@@ -122,6 +120,8 @@ def calibrate(
     log = LogPass(campaign, progress, salvage, part) if len(groups) == 1 else None
     with pages_of_failure(files, campaign, log, page, figures, command, progress):
         if log is None:
+            from tdfscal.workflows.several_campaigns import calibrate_several  # seldom needed
+
             result = calibrate_several(
                 groups,
                 trials=trials,
@@ -209,6 +209,8 @@ def _calibrated(
             own = calibrate_samples(log, samples, static, Trials(own_rng, trials))
         inputs += log.inputs
     if method in ("tracker", "joint"):
+        from tdfscal.workflows.survey import surveyed  # seldom needed
+
         log.progress.stage("calibrating from the tracker's survey")
         tracker, files, doubts = surveyed(campaign, trials, tracker_rng)
         notes += doubts

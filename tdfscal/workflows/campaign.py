@@ -183,3 +183,25 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
 
 def _listed(paths: Sequence[Path]) -> str:
     return ", ".join(map(str, paths[:3])) + (" …" if len(paths) > 3 else "")
+
+
+def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[list[Path]]:
+    """Group a command's paths by campaign: folders with a rig.yaml are a campaign each.
+
+    Everything else, and everything where --rig names the rig, is one campaign. A folder without a
+    rig.yaml stands for its subfolders that hold one.
+    """
+    if rig is not None:
+        return [list(paths)]
+    found: list[list[Path]] = []
+    for path in paths:
+        if not path.is_dir() or is_log(path):
+            return [list(paths)]
+        if (path / RIG_NAME).is_file():
+            found.append([path])
+            continue
+        inside = sorted(p for p in path.iterdir() if (p / RIG_NAME).is_file())
+        if not inside:
+            return [list(paths)]
+        found += [[p] for p in inside]
+    return found

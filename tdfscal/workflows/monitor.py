@@ -24,6 +24,7 @@ from tdfscal.reporting.layout import LISTED, Drawing
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import Instant, one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.campaign import campaign_folders
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
@@ -32,7 +33,6 @@ from tdfscal.workflows.result import Result
 from tdfscal.workflows.rig_life import life_of
 from tdfscal.workflows.several_campaigns import (
     Read,
-    campaign_folders,
     read_campaign,
     recording,
     require_one_rig,

@@ -17,8 +17,7 @@ from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.from_results import from_motion, from_self
 from tdfscal.files.calibration.statistics import campaign_document
-from tdfscal.files.rig import RIG_NAME
-from tdfscal.logs import TimeWindow, is_log
+from tdfscal.logs import TimeWindow
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import p_text
@@ -47,28 +46,6 @@ class Read:
     survey: Rotations | None
     measured: Measured
     inputs: tuple[InputFile, ...]
-
-
-def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[list[Path]]:
-    """Group a command's paths by campaign: folders with a rig.yaml are a campaign each.
-
-    Everything else, and everything where --rig names the rig, is one campaign. A folder without a
-    rig.yaml stands for its subfolders that hold one.
-    """
-    if rig is not None:
-        return [list(paths)]
-    found: list[list[Path]] = []
-    for path in paths:
-        if not path.is_dir() or is_log(path):
-            return [list(paths)]
-        if (path / RIG_NAME).is_file():
-            found.append([path])
-            continue
-        inside = sorted(p for p in path.iterdir() if (p / RIG_NAME).is_file())
-        if not inside:
-            return [list(paths)]
-        found += [[p] for p in inside]
-    return found
 
 
 def read_campaign(

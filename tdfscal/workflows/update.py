@@ -28,7 +28,7 @@ from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, at_least, listed, one, window
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
-from tdfscal.workflows.campaign import resolve
+from tdfscal.workflows.campaign import campaign_folders, resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
@@ -38,7 +38,6 @@ from tdfscal.workflows.several_campaigns import (
     Read,
     as_calibration,
     calibrate_informed,
-    campaign_folders,
     read_campaign,
     recording,
     require_one_rig,
