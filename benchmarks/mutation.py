@@ -87,7 +87,7 @@ GROUPS: dict[str, Group] = {
         ("checks",),
     ),
     "checks of files": Group(
-        ("files/calibration/redundancy", "files/calibration/consistency", "files/rig/checks"),
+        ("files/calibration/consistency", "files/rig/checks"),
         ("files/test_consistency", "files/test_rotation_checks", "files/test_rig_checks",
          "files/test_rig_file"),
     ),

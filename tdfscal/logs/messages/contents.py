@@ -30,7 +30,7 @@ from tdfscal.logs.common.message_path import Named, shown
 from tdfscal.logs.common.message_path import Path as MessagePath
 from tdfscal.logs.messages.buffer import Messages, Recording
 from tdfscal.logs.messages.cdr import Gatherer, element_names, layout_of
-from tdfscal.logs.messages.decoded import content_of, json_of, read_json
+from tdfscal.logs.messages.decoded import ReadNumbers, content_of, json_of, read_json
 from tdfscal.logs.messages.header_times import Stamps
 from tdfscal.logs.messages.ros_types import ROS, Definitions, definitions, full_name
 from tdfscal.records import FloatArray, IntArray
@@ -190,11 +190,7 @@ def _open_json(topic: _Topic, messages: Messages) -> None:
             return True
 
         topic.leaves += _joints(topic, there)
-    if paths := _paths(topic.leaves):
-        topic.read = lambda m: read_json(m, paths, stamped=False)
-    if topic.stamped:
-        name = topic.channel.topic
-        topic.stamps = Stamps(name, lambda m: read_json(m, [], stamped=True)[:, 0])
+    _read_by(topic, read_json)
 
 
 def _joints(topic: _Topic, there: Callable[[MessagePath], bool]) -> list[_Leaf]:
@@ -217,13 +213,14 @@ def _open_protobuf(topic: _Topic, schema: Schema) -> None:
         _Leaf.struct(path, name) if vector else _Leaf(path, name)
         for path, name, vector in islice(protobuf.leaves(kind), _MAX_LEAVES)
     ]
+    _read_by(topic, protobuf.reader_of(kind))
+
+
+def _read_by(topic: _Topic, read: ReadNumbers) -> None:
     if paths := _paths(topic.leaves):
-        topic.read = lambda m: protobuf.read_numbers(m, kind, paths, stamped=False)
+        topic.read = lambda m: read(m, paths, stamped=False)
     if topic.stamped:
-        name = topic.channel.topic
-        topic.stamps = Stamps(
-            name, lambda m: protobuf.read_numbers(m, kind, [], stamped=True)[:, 0]
-        )
+        topic.stamps = Stamps(topic.channel.topic, lambda m: read(m, [], stamped=True)[:, 0])
 
 
 def _paths(leaves: Sequence[_Leaf]) -> list[MessagePath]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -18,6 +18,17 @@ _LARGEST: Final = 4 << 20  # bytes
 
 Inner = Callable[[Any, str | int | Named, Any], Any]
 """(node, step, the node above) → what the step leads to, None where it leads nowhere."""
+
+
+class ReadNumbers(Protocol):
+    """Reads (N, number of paths), float64; with `stamped` the header's time in s comes first.
+
+    Raises ValueError where a message cannot be decoded, or has no number at a path.
+    """
+
+    def __call__(self, messages: Messages, paths: Sequence[Path], *, stamped: bool) -> FloatArray:
+        """Read the wanted numbers of each message."""
+        ...
 
 
 def content_of(messages: Messages, k: int) -> bytes:
@@ -74,12 +85,7 @@ def _number(message: Any, path: Path, inner: Inner) -> float | None:
 
 
 def read_json(messages: Messages, paths: Sequence[Path], *, stamped: bool) -> FloatArray:
-    """Return (N, number of paths), float64; with `stamped` the header's time in s comes first.
-
-    Raises
-    ------
-    ValueError : a message is no JSON, or has no number at a path.
-    """
+    """As `ReadNumbers`, of JSON."""
     return read_rows(messages, paths, json_of, _inner_of_json, stamped=stamped)
 
 

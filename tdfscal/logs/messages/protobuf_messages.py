@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from functools import partial
 from importlib import import_module
 from typing import Any, Final
 
 from tdfscal.errors import DataError
 from tdfscal.logs.common.message_path import Named, Path
-from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.decoded import read_rows
-from tdfscal.records import FloatArray
+from tdfscal.logs.messages.decoded import ReadNumbers, read_rows
 
 _MAX_DEPTH: Final = 8
 
 
-def message_class(name: str, schema: bytes) -> Any:
+def message_class(name: str, schema: bytes, where: str | None = None) -> Any:
     """Build the class of a message from the schema recorded with it, a FileDescriptorSet.
 
     Raises
@@ -31,6 +30,7 @@ def message_class(name: str, schema: bytes) -> Any:
     except ImportError as error:
         raise DataError(
             "messages are encoded as 'protobuf', which needs a library that is not installed",
+            where=where,
             hint='install it with `pip install "tdfscal[protobuf]"`',
         ) from error
     try:
@@ -68,15 +68,8 @@ def _leaves(descriptor: Any, path: Path, depth: int) -> Iterator[tuple[Path, str
             yield from _leaves(field.message_type, here, depth + 1)
 
 
-def read_numbers(
-    messages: Messages, kind: Any, paths: Sequence[Path], *, stamped: bool
-) -> FloatArray:
-    """Return (N, number of paths), float64; with `stamped` the header's time in s comes first.
-
-    Raises
-    ------
-    ValueError : a message cannot be decoded, or has no number at a path.
-    """
+def reader_of(kind: Any) -> ReadNumbers:
+    """Return what reads the messages of a class."""
     broken = import_module("google.protobuf.message").DecodeError
 
     def decode(content: bytes) -> Any:
@@ -85,7 +78,7 @@ def read_numbers(
         except broken as error:
             raise ValueError("it is no message of its type") from error
 
-    return read_rows(messages, paths, decode, _inner, stamped=stamped)
+    return partial(read_rows, decode=decode, inner=_inner)
 
 
 def _inner(node: Any, step: str | int | Named, above: Any) -> Any:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from mcap.records import Channel
+from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
 from tdfscal.logs.common.clock import Skew, shown
@@ -17,7 +17,7 @@ from tdfscal.logs.common.message_path import parse_steps, topic_of
 from tdfscal.logs.common.request import Block, Piece, Request, missing_fields
 from tdfscal.logs.messages.buffer import Messages, Recording
 from tdfscal.logs.messages.cdr import Gatherer
-from tdfscal.logs.messages.decoded import read_json
+from tdfscal.logs.messages.decoded import ReadNumbers, read_json
 from tdfscal.logs.messages.ros_types import ROS, check_path, definitions, expand_vector, settled
 from tdfscal.records import FloatArray, IntArray
 
@@ -186,56 +186,43 @@ class Topics:
 
     def _decoder(self, channel_id: int) -> Decoder:
         channel = self.recording.channels[channel_id]
+        schema = self.recording.schemas.get(channel.schema_id)
         encoding = channel.message_encoding
         where = f"{self.recording.path}, topic {channel.topic}"
-        if encoding in ROS:
-            return self._ros_decoder(channel_id, where)
-        if encoding in ("json", "protobuf"):
-            paths = self._paths(channel.topic, None, where)
-            stamped = self.request.time_source == "header"
-            read = read_json if encoding == "json" else self._protobuf_reader(channel, where)
-
-            def decode(messages: Messages) -> tuple[FloatArray, FloatArray]:
-                numbers = read(messages, paths, stamped=stamped)
-                if stamped:
-                    return numbers[:, 0], numbers[:, 1:]
-                return self._recorded_time(messages), numbers
-
-            return decode
-        raise DataError(
-            f"messages are encoded as {encoding!r}",
-            where=where,
-            hint="record ROS messages (cdr, ros1), protobuf or json",
-        )
-
-    def _protobuf_reader(self, channel: Channel, where: str) -> Callable[..., FloatArray]:
-        from tdfscal.logs.messages import protobuf_messages as protobuf
-
-        schema = self.recording.schemas.get(channel.schema_id)
-        if schema is None or schema.encoding != "protobuf":
-            raise DataError("the channel has no schema for its protobuf messages", where=where)
+        if encoding not in (*ROS, "json", "protobuf"):
+            raise DataError(
+                f"messages are encoded as {encoding!r}",
+                where=where,
+                hint="record ROS messages (cdr, ros1), protobuf or json",
+            )
         try:
-            kind = protobuf.message_class(schema.name, schema.data)
+            if encoding == "json":
+                return self._one_by_one_decoder(channel, read_json, where)
+            if schema is None:
+                raise ValueError("the channel has no schema")
+            if encoding == "protobuf":
+                from tdfscal.logs.messages.protobuf_messages import message_class, reader_of
+
+                read = reader_of(message_class(schema.name, schema.data, where))
+                return self._one_by_one_decoder(channel, read, where)
+            return self._ros_decoder(channel, schema, where)
         except ValueError as error:
             raise DataError(str(error), where=where) from error
-        except DataError as error:
-            raise DataError(error.what, where=where, hint=error.hint) from error
 
-        def read(messages: Messages, paths: Sequence[MessagePath], *, stamped: bool) -> FloatArray:
-            return protobuf.read_numbers(messages, kind, paths, stamped=stamped)
+    def _one_by_one_decoder(self, channel: Channel, read: ReadNumbers, where: str) -> Decoder:
+        paths = self._paths(channel.topic, None, where)
+        stamped = self.request.time_source == "header"
 
-        return read
+        def decode(messages: Messages) -> tuple[FloatArray, FloatArray]:
+            numbers = read(messages, paths, stamped=stamped)
+            if stamped:
+                return numbers[:, 0], numbers[:, 1:]
+            return self._recorded_time(messages), numbers
 
-    def _ros_decoder(self, channel_id: int, where: str) -> Decoder:
-        channel = self.recording.channels[channel_id]
-        schema = self.recording.schemas.get(channel.schema_id)
-        if schema is None:
-            raise DataError("the channel has no schema", where=where)
-        try:
-            text = schema.data.decode("utf-8")
-            types = definitions(schema.name, schema.encoding, text)
-        except ValueError as error:
-            raise DataError(str(error), where=where) from error
+        return decode
+
+    def _ros_decoder(self, channel: Channel, schema: Schema, where: str) -> Decoder:
+        types = definitions(schema.name, schema.encoding, schema.data.decode("utf-8"))
         paths = self._paths(channel.topic, (types, schema.name), where)
         wanted = self.request.time_source == "header"
         stamped = True
