@@ -136,17 +136,10 @@ def calibrate(
             result = _calibrated(
                 campaign, chosen_method, samples, estimator, trials, seed, log, command
             )
-    drawn = ""
-    if page is not None:
-        from tdfscal.reporting.html import render_page
-
-        progress.stage("drawing the report")
-        drawn = render_page(result)
     if chosen is not None and (result.accepted or allow_rejected):
         save_calibration(result, chosen)
-    result.save_figures(figures, progress)
-    if page is not None:  # whatever the verdict: its advice is to look at the postures
-        write_text(page, drawn)
+    # Whatever the verdict: its advice is to look at the postures.
+    result.save_figures(figures, progress, page)
     return result
 
 

@@ -83,11 +83,11 @@ class Calibration(Result, CalibrationFile):
         """1 where the quality gate rejects it."""
         return 0 if self.accepted else 1
 
-    def to_report(self) -> Report:
-        """Return verdict, angles, evidence, what next."""
+    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+        """Lay out verdict, angles, evidence, what next."""
         from tdfscal.reporting.calibration import calibration_report
 
-        return calibration_report(self)
+        return calibration_report(self, drawings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file as plain JSON values."""

@@ -17,7 +17,6 @@ from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
-from tdfscal.files.saving import write_text
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting.layout import LISTED, Drawing
@@ -58,11 +57,8 @@ class MonitorResult(Result):
         """1 on an alarm."""
         return 1 if self.alarms else 0
 
-    def to_report(self) -> Report:
-        """Return verdict, alarms, state, angles."""
-        return self._report(())
-
-    def _report(self, drawings: tuple[Drawing, ...]) -> Report:
+    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+        """Lay out verdict, alarms, state, angles."""
         from tdfscal.reporting.history import history_report
 
         report = history_report(self.life, self.alarms, drawings)
@@ -72,13 +68,6 @@ class MonitorResult(Result):
             title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
             warnings=(*self.warnings, *papers),
         )
-
-    @property
-    def html(self) -> str:
-        """The page."""
-        from tdfscal.reporting.html import render
-
-        return render(self._report(self.drawings()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return checks, alarms, walk and the next calibration as plain JSON values."""
@@ -173,10 +162,7 @@ def monitor(
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
         _warnings(life, known, reads),
     )
-    result.save_figures(figures, progress)
-    if page is not None:
-        progress.stage("drawing the report")
-        write_text(page, result.html)
+    result.save_figures(figures, progress, page)
     return result
 
 

@@ -9,8 +9,7 @@ from typing import Any
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
-from tdfscal.files.saving import write_text
-from tdfscal.reporting.layout import Drawing, Report, Section
+from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.several import as_found, document, put_side_by_side, several_report
 from tdfscal.workflows.arguments import PathLike, one
 from tdfscal.workflows.calibration import (
@@ -36,25 +35,15 @@ class ReportResult(Result):
     named: tuple[tuple[str, Calibration], ...]
     previous: tuple[str, Calibration] | None = None
 
-    def _more(self) -> tuple[Section, ...]:
-        return () if self.previous is None else (as_found(self.named[0][1], *self.previous),)
+    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+        """Lay out the one, or all side by side."""
+        from tdfscal.reporting.calibration import calibration_report
 
-    def to_report(self) -> Report:
-        """Return the summary of the one, or all side by side."""
-        if len(self.named) == 1:
-            from tdfscal.reporting.calibration import calibration_report
-
-            return calibration_report(self.named[0][1], more=self._more())
-        return several_report(put_side_by_side(self.named))
-
-    @property
-    def html(self) -> str:
-        """The page."""
-        from tdfscal.reporting.html import render_page, render_several
-
-        if len(self.named) == 1:
-            return render_page(self.named[0][1], self._more())
-        return render_several(self.named)
+        if len(self.named) > 1:
+            return several_report(put_side_by_side(self.named), drawings)
+        (_, only), before = self.named[0], self.previous
+        more = () if before is None else (as_found(only, *before),)
+        return calibration_report(only, drawings, more)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of the file, or of all with their comparison, as JSON values."""
@@ -111,8 +100,5 @@ def report(
         )
     named = read_sources([*sources, *before])
     result = ReportResult(tuple(named[: len(sources)]), named[-1] if before else None)
-    result.save_figures(folder, progress)
-    if page is not None:
-        progress.stage("drawing the report")
-        write_text(page, result.html)
+    result.save_figures(folder, progress, page)
     return result

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdfscal.errors import UsageError
+from tdfscal.files.saving import write_text
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.progress import SILENT, Progress
@@ -30,9 +31,13 @@ class Result(ABC):
 
     __slots__ = ()
 
+    def _page(self, drawings: tuple[Drawing, ...]) -> Report | None:
+        """Return what a page says beside these drawings; without any, what the text says."""
+        return None
+
     def to_report(self) -> Report | None:
         """Return the result in words and tables; None where its text has no such parts."""
-        return None
+        return self._page(())
 
     @property
     def text(self) -> str:
@@ -79,19 +84,34 @@ class Result(ABC):
             )
         return to_figure(drawings[name] if name else next(iter(drawings.values())))
 
+    @property
+    def html(self) -> str:
+        """The result as a page; empty where it has none."""
+        return self._rendered(self.drawings())
+
+    def _rendered(self, drawings: tuple[Drawing, ...]) -> str:
+        from tdfscal.reporting.html import render
+
+        page = self._page(drawings)
+        return "" if page is None else render(page)
+
     def save_figures(
-        self, folder: PathLike | None, progress: Progress = SILENT
+        self, folder: PathLike | None, progress: Progress = SILENT, page: Path | None = None
     ) -> tuple[Path, ...]:
-        """Write every figure as PNG, SVG and PDF into a folder; None writes none.
+        """Write every figure as PNG, SVG and PDF into a folder, and the page; None writes none.
 
         Raises UsageError where they cannot be written.
         """
+        drawings = self.drawings() if folder is not None or page is not None else ()
+        if page is not None:
+            progress.stage("drawing the report")
+            write_text(page, self._rendered(drawings))
         if folder is None:
             return ()
         from tdfscal.reporting.figures.style import save
 
         progress.stage("drawing the figures")
-        return tuple(path for drawing in self.drawings() for path in save(drawing, Path(folder)))
+        return tuple(path for drawing in drawings for path in save(drawing, Path(folder)))
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -17,7 +17,6 @@ from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
-from tdfscal.files.saving import write_text
 from tdfscal.model.earlier import information_of
 from tdfscal.model.parameters import State, retract, starting_state
 from tdfscal.motioncal.pipeline import MotionCalibration
@@ -114,11 +113,7 @@ def update(
             earlier = read_earlier(result)
     if target is not None and (result.accepted or allow_rejected):
         save_calibration(result, target)
-    if page is not None:  # whatever the verdict
-        from tdfscal.reporting.html import render_page
-
-        progress.stage("drawing the report")
-        write_text(page, render_page(result))
+    result.save_figures(None, progress, page)  # whatever the verdict
     return result
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from tdfscal.errors import TdfscalError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
-from tdfscal.files.saving import write_text
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting import validation_in_motion
@@ -49,6 +48,7 @@ class ValidateResult(Result):
     calibration: Calibration
     warnings: tuple[str, ...]
     inputs: tuple[InputFile, ...]
+    _asked: tuple[str, str]
 
     @property
     def holds(self) -> bool:
@@ -60,12 +60,16 @@ class ValidateResult(Result):
         """1 where the calibration does not hold."""
         return 0 if self.holds else 1
 
-    def to_report(self) -> Report:
-        """Return verdict, causes, residual wrenches."""
-        v = self.validation
+    def _page(self, drawings: tuple[Drawing, ...]) -> Report:
+        """Lay out verdict, causes, residual wrenches; on a page also what they come from."""
+        v, origin = self.validation, None
+        if drawings:
+            created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+            origin = Origin(self.calibration, *self._asked, created, self.inputs)
         if isinstance(v, MovingValidation):
-            return validation_in_motion.moving_validation_report(v, self.warnings)
-        return validation_report(v, self.warnings)
+            lay_out = validation_in_motion.moving_validation_report
+            return lay_out(v, self.warnings, origin, drawings)
+        return validation_report(v, self.warnings, origin, drawings)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -166,15 +170,9 @@ def validate(
         result = _tested(use, log, samples)
     # The log's own warnings come with its dwells.
     warnings = (*use.warnings, *_used_before(use, log), *result.warnings)
-    if page is not None:
-        from tdfscal.reporting.html import render_validation
-
-        progress.stage("drawing the report")
-        created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-        origin = Origin(use.calibration, use.name, command, created, tuple(log.inputs))
-        write_text(page, render_validation(result, warnings, origin))
-    verdict = ValidateResult(result, use.calibration, warnings, tuple(log.inputs))
-    verdict.save_figures(figures, progress)
+    asked, inputs = (use.name, command), tuple(log.inputs)
+    verdict = ValidateResult(result, use.calibration, warnings, inputs, asked)
+    verdict.save_figures(figures, progress, page)
     return verdict
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tdfscal.files.calibration.document import Calibration, load_calibration
-from tdfscal.reporting.html import render_page
 from tdfscal.workflows.report import report
+from tests.reporting.pages import render_page
 from tests.reporting.samples import (
     NASTY,
     changed,

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.html import render_several
 from tdfscal.reporting.layout import Report, Table
 from tdfscal.reporting.several import letter, put_side_by_side, several_report
 from tdfscal.reporting.text import render
+from tests.reporting.pages import render_several
 from tests.reporting.samples import by_hand, changed, run, sample, saved
 
 STD = 2e-4

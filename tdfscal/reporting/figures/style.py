@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
 import numpy as np
@@ -31,6 +32,7 @@ WIDTH = 7.3
 _DPI, _SCREEN_DPI = 200, 130
 _RASTER_FROM = 400
 _TIP = "tip: "
+_DRAWN: WeakKeyDictionary[Drawing, str] = WeakKeyDictionary()
 _SPOT = Outline([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
 _SETTINGS: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -136,7 +138,14 @@ def to_figure(drawing: Drawing) -> Figure:
 
 
 def to_svg(drawing: Drawing) -> str:
-    """SVG element for a page: no XML prologue, identifiers of its own, text as outlines."""
+    """SVG element for a page; drawn once, though a file and a page may want it."""
+    if drawing not in _DRAWN:
+        _DRAWN[drawing] = _svg(drawing)
+    return _DRAWN[drawing]
+
+
+def _svg(drawing: Drawing) -> str:
+    """No XML prologue, identifiers of its own, text as outlines."""
     with look():
         stream, drawn = io.StringIO(), drawing.paint()
         drawn.dpi = _DPI

@@ -1,0 +1,27 @@
+"""Pages of results, for what is looked at in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tdfscal.files.calibration.document import Calibration
+from tdfscal.reporting.calibration import calibration_report
+from tdfscal.reporting.figures import drawings, residuals
+from tdfscal.reporting.figures.drift import draw
+from tdfscal.reporting.html import render
+from tdfscal.reporting.several import put_side_by_side, several_report
+from tdfscal.reporting.validation import Origin, validation_report
+from tdfscal.validation.residual_wrench import Validation
+
+
+def render_page(c: Calibration) -> str:
+    return render(calibration_report(c, drawings(c)))
+
+
+def render_several(named: Sequence[tuple[str, Calibration]]) -> str:
+    view = put_side_by_side(named)
+    return render(several_report(view, (draw(view.history, view.letters, view.days),)))
+
+
+def render_validation(v: Validation, warnings: Sequence[str], origin: Origin) -> str:
+    return render(validation_report(v, warnings, origin, (residuals.validated(v),)))
