@@ -19,7 +19,7 @@ from tdfscal.selfcal.covariance import PRIORS, Quality, Uncertainty, blind_turns
 from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Names in the budget of what only motion has.
-SPECTRUM, MOTION = "noise spectrum", "motion"
+SPECTRUM, MOTION, UNDECLARED = "noise spectrum", "motion", "undeclared error"
 #: Length over which the positioners' errors change, m: of leads of screws, of joints of guides.
 FIELD = 0.015
 #: Places of a block at most between which they are compared.
@@ -33,13 +33,14 @@ class MovingUncertainty:
     """Uncertainty of the rotations and of what motion adds.
 
     turns : as from static postures. joint : (3n, 3n + m), rad and SI, covariance of the rotations
-    with everything active, and of all active, (p, p), in `posterior`. moving_std : (8,), of I_O,
-    τ, d.
+    with everything active, and of all active, (p, p), in `posterior`; `undeclared` (p, p) is what
+    that has by errors that the rig file may lack. moving_std : (8,), of I_O, τ, d.
     """
 
     turns: Uncertainty
     posterior: FloatArray
     moving_std: FloatArray
+    undeclared: FloatArray | None
 
 
 def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:
@@ -62,14 +63,19 @@ def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:
     return C, (axes * np.maximum(values, 0.0)) @ axes.T
 
 
-def evaluate(fit: MovingFit) -> MovingUncertainty:
-    """Posterior covariance, budget and coverage factors."""
+def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUncertainty:
+    """Posterior covariance, budget and coverage factors.
+
+    undeclared : (p, p), covariance of the active parameters by what the rig file may lack.
+    """
     n = fit.rig.n
     parts = spectrum(fit.whitened()[1])
     C, added = posterior(fit, parts)
     turns = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
     p = int(fit.active.sum())
     parted = {**shares_of(fit, C[:p]), SPECTRUM: added[:p, :p]}
+    if undeclared is not None:
+        parted[UNDECLARED] = undeclared
     total = np.sum(list(parted.values()), axis=0)
     shares = {name: share[np.ix_(turns, turns)] for name, share in parted.items()}
     linear = total[np.ix_(turns, turns)]
@@ -91,6 +97,7 @@ def evaluate(fit: MovingFit) -> MovingUncertainty:
             coverage_factor=coverage_factor(INTERVAL_COVERAGE, infinite),
         ),
         posterior=total,
+        undeclared=undeclared,
         moving_std=std[cut:],
     )
 

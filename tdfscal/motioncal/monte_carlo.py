@@ -13,12 +13,11 @@ import numpy as np
 
 from tdfscal.model.parameters import parameter_count, retract
 from tdfscal.model.statics import features
-from tdfscal.motioncal.covariance import faked_information, shares_of
+from tdfscal.motioncal.covariance import MovingUncertainty, faked_information, shares_of
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.numerics import so3
 from tdfscal.numerics.propagation import propagate
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -34,9 +33,16 @@ class Sampler:
     """Draws what a log with other noise would have given.
 
     followed : (n, 1), 1 for sensors whose turns count, 0 for those that stay as they are.
+    undeclared : (p, p), covariance by what the rig file may lack.
     """
 
-    def __init__(self, fit: MovingFit, rng: np.random.Generator, followed: FloatArray) -> None:
+    def __init__(
+        self,
+        fit: MovingFit,
+        rng: np.random.Generator,
+        followed: FloatArray,
+        undeclared: FloatArray | None = None,
+    ) -> None:
         self.fit, self.followed = fit, followed
         rows, model = fit.rows, fit.noise
         cut = len(fit.psi) - fit.rests
@@ -49,7 +55,7 @@ class Sampler:
         self.gain = -root[:p] @ (root.T @ (rows.weighted(fit.jacobian, variance).T @ white))
         C = root[:p] @ root.T
         stated = np.sum(list(shares_of(fit, C).values()), axis=0)
-        wider = _mapping(C[:, :p], stated)
+        wider = _mapping(C[:, :p], stated if undeclared is None else stated + undeclared)
         faked = np.zeros((len(here),) * 2)
         turns = 3 * fit.rig.n
         faked[:turns, :turns] = faked_information(fit)
@@ -112,7 +118,7 @@ def _mapping(before: FloatArray, after: FloatArray) -> FloatArray:
 
 def simulate(
     fit: MovingFit,
-    linear: Uncertainty,
+    uncertainty: MovingUncertainty,
     rng: np.random.Generator,
     max_trials: int,
     known: BoolArray | None = None,
@@ -122,7 +128,8 @@ def simulate(
     known : (n,), sensors whose angles the data determine; those of the others are not followed.
     """
     followed = np.ones((fit.rig.n, 1)) if known is None else known[:, None].astype(np.float64)
-    sampler, base = Sampler(fit, rng, followed), fit.state.still.rotation
+    linear, base = uncertainty.turns, fit.state.still.rotation
+    sampler = Sampler(fit, rng, followed, uncertainty.undeclared)
     estimate = so3.to_rpy(base)
 
     def draw(size: int) -> FloatArray:

@@ -13,7 +13,7 @@ from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated, with_rotations
-from tdfscal.model.parameters import State, nominal, parameter_count, starting_state, with_motions
+from tdfscal.model.parameters import nominal, parameter_count, with_motions
 from tdfscal.model.postures import Postures
 from tdfscal.model.statics import balance
 from tdfscal.motioncal import checks
@@ -31,25 +31,18 @@ from tdfscal.motioncal.estimator import (
 from tdfscal.motioncal.halves import Halves, HeldOut, compare_halves, hold_out
 from tdfscal.motioncal.monte_carlo import MOST_TRIALS, simulate
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
-from tdfscal.motioncal.score_tests import suspicions
+from tdfscal.motioncal.score_tests import suspicions, undeclared
+from tdfscal.motioncal.start import first_fit, moments
 from tdfscal.motioncal.streams import Slow
 from tdfscal.motioncal.usable import usable_samples, without_contacts
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
 from tdfscal.selfcal import observability
 from tdfscal.selfcal.covariance import Quality
-from tdfscal.selfcal.estimator import fit as quasi_static
 from tdfscal.selfcal.monte_carlo import MonteCarlo
-from tdfscal.selfcal.mounting_search import APART, apart, best_start, describe
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.suspicion import Suspicion
-from tdfscal.selfcal.wiring import check_forces
-from tdfscal.significance import AMBIGUOUS_MOUNTING, CHANGED_RIG, MOST_REJECTED
-
-#: Instants at most that the quasi-static start is estimated from, and their noise, N and m.
-_START_ROWS, _START_FORCE, _START_PLACE = 400, 1.0, 1.0e-5
-#: A mounting farther than this from the nominal one was not meant by it, rad.
-_MOUNTED_WITHIN = 0.3
+from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,11 +138,11 @@ def calibrate_moving(
     """
     usable = usable_samples(rig, slow)
     keep, cut = usable.keep, usable.blocks
-    seen = _moments(rig, slow, keep)
+    seen = moments(rig, slow, keep)
     log_against_rig.check_geometry(rig, seen.position)
     progress("fitting the motion and the spectrum of its residuals")
     motion = drifting(rig, slow)
-    fit, doubt = _first_fit(
+    fit, doubt = first_fit(
         rig,
         seen,
         lambda state: fit_moving(
@@ -171,41 +164,8 @@ def calibrate_moving(
     if rng is not None and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
         stand = result.observability.determined
-        trials = simulate(fit, result.uncertainty.turns, rng, max_trials or MOST_TRIALS, stand)
+        trials = simulate(fit, result.uncertainty, rng, max_trials or MOST_TRIALS, stand)
     return replace(result, monte_carlo=trials, warnings=(*result.warnings, *doubt))
-
-
-def _first_fit(
-    rig: Rig, seen: Postures, fitted: Callable[[State], MovingFit]
-) -> tuple[MovingFit, tuple[str, ...]]:
-    """Fit from the nominal mounting, and from the one that explains the forces best.
-
-    Where the two are mountings apart the likelier one stands. A motion that hardly tilts shows
-    forces and their reverse alike (half a turn of every sensor): then the nominal mounting
-    decides, and it is said.
-
-    Raises DataError where units, signs or names of the forces cannot be right.
-    """
-    begin = starting_state(rig)
-    near, best = quasi_static(rig, seen, begin), best_start(rig, seen)
-    check_forces(rig, best.postures, best)
-    if apart(near.state.rotation, best.state.rotation) <= APART:
-        return fitted(best.state), ()
-    far = fitted(best.state)
-    if apart(near.state.rotation, begin.rotation) > APART + _MOUNTED_WITHIN:
-        return far, ()
-    close = fitted(near.state)
-    if apart(close.state.still.rotation, far.state.still.rotation) <= APART:
-        return close, ()
-    # Both by the spectrum of the better one, which the other can only have raised.
-    scale = min(close, far, key=lambda f: float(f.noise.variance(f.rows.bins).sum())).noise
-    gap = replace(close, noise=scale).cost - replace(far, noise=scale).cost
-    if gap > float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2:
-        return far, ()
-    return close, (
-        "another mounting explains the motion about as well, "
-        f"{describe(rig, close.state.still, far.state.still)}; the nominal one decided",
-    )
 
 
 def _judged(
@@ -218,44 +178,21 @@ def _judged(
     inputs: tuple[InputFile, ...],
     progress: Callable[[str], None],
 ) -> MotionCalibration:
-    slow = fit.slow
-    still = fit.state.still
+    slow, still = fit.slow, fit.state.still
     # Forces that nobody measures as the balance demands them.
-    used = balance(_moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
-    uncertainty = evaluate(fit)
-    stats = quality(fit)
-    turns = uncertainty.turns
-    verdict = observability.verdict(rig, fit.state.still, used, turns.covariance, moving=True)
-    open_ends = UndeterminedMotion(rig, slow, keep, rejected, stats, verdict)
-    if not verdict.determined.any() or not verdict.identified:
-        weakness = (*verdict.weak, *verdict.lacking)[0]
-        raise NotIdentifiableError(
-            f"the motion does not determine {verdict.unseen}",
-            hint=weakness.advice,
-            evidence=open_ends,
-        )
-    if not fit.converged:
-        raise NotConvergedError(
-            f"the estimate did not settle in {fit.iterations} iterations",
-            hint="check mass, hinges and nominal mounting in rig.yaml, and record a longer motion",
-            evidence=open_ends,
-        )
+    used = balance(moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
+    stats, uncertainty = quality(fit), evaluate(fit)
+    verdict = observability.verdict(rig, still, used, uncertainty.turns.covariance, moving=True)
+    _determined(fit, verdict, UndeterminedMotion(rig, slow, keep, rejected, stats, verdict))
     doubts = suspicions(fit, uncertainty, stats)
+    if (beside := undeclared(doubts)) is not None:
+        uncertainty = evaluate(fit, beside)
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, delay, verdict.determined)
-    if abs(halves.delay) > float(normal_quantile(1 - CHANGED_RIG / 2)) * halves.delay_std:
-        raise DataError(
-            "the delay between forces and positions changes within the log, by "
-            f"{1e3 * halves.delay:.3g} ± {1e3 * halves.delay_std:.2g} ms from its first to its "
-            "second half: a clock was set anew, or samples are missing in one stream",
-            where="log",
-            hint="calibrate each half alone, and check the recorder's clocks",
-        )
+    _one_delay(halves)
     start = MovingState(
-        nominal(rig, fit.state.still.motions),
-        dynamics.prior(rig, float(delay.value), float(delay.std))[0],
+        nominal(rig, still.motions), dynamics.prior(rig, float(delay.value), float(delay.std))[0]
     )
-    seconds = sum(last - first for first, last in stretches(slow, keep)) * slow.step
     result = MotionCalibration(
         rig=rig,
         fit=fit,
@@ -268,31 +205,66 @@ def _judged(
         validation=hold_out(fit, keep, delay, start),
         rejected=rejected,
         begin=float(slow.time[0]),
-        seconds=seconds,
+        seconds=sum(last - first for first, last in stretches(slow, keep)) * slow.step,
         postures=used,
         dwells=dwells,
         residual_power=_residual_power(fit, start, delay),
-        residual=residual_wrench(
-            rig, slow, fit.blocks, start.still, fit.state.still, fit.state.moving
-        ),
+        residual=residual_wrench(rig, slow, fit.blocks, start.still, still, fit.state.moving),
         reasons=(),
         warnings=(*checks.gaps(slow), *_warnings(rig, rejected, used.position, doubts)),
     )
     conformity = assess_stated(result.calibrated)
-    lost = sum(s.end - s.begin for s in rejected)
-    found = Rotations(rig.supports, fit.state.still.rotation, turns.covariance)
+    return replace(result, conformity=conformity, reasons=_reasons(result, conformity, inputs))
+
+
+def _determined(fit: MovingFit, verdict: Observability, evidence: UndeterminedMotion) -> None:
+    """Raise where the angles do not stand."""
+    if not verdict.determined.any() or not verdict.identified:
+        raise NotIdentifiableError(
+            f"the motion does not determine {verdict.unseen}",
+            hint=(*verdict.weak, *verdict.lacking)[0].advice,
+            evidence=evidence,
+        )
+    if not fit.converged:
+        raise NotConvergedError(
+            f"the estimate did not settle in {fit.iterations} iterations",
+            hint="check mass, hinges and nominal mounting in rig.yaml, and record a longer motion",
+            evidence=evidence,
+        )
+
+
+def _one_delay(halves: Halves) -> None:
+    """Raise where the halves of a log have different delays."""
+    if abs(halves.delay) > float(normal_quantile(1 - CHANGED_RIG / 2)) * halves.delay_std:
+        raise DataError(
+            "the delay between forces and positions changes within the log, by "
+            f"{1e3 * halves.delay:.3g} ± {1e3 * halves.delay_std:.2g} ms from its first to its "
+            "second half: a clock was set anew, or samples are missing in one stream",
+            where="log",
+            hint="calibrate each half alone, and check the recorder's clocks",
+        )
+
+
+def _reasons(
+    result: MotionCalibration, conformity: Conformity | None, inputs: tuple[InputFile, ...]
+) -> tuple[str, ...]:
+    """Why the gate rejects."""
+    rig, halves, rejected = result.rig, result.halves, result.rejected
     reasons = judge(
         rig,
-        found,
-        stats.birge,
-        determined=verdict.determined,
+        Rotations(
+            rig.supports, result.fit.state.still.rotation, result.uncertainty.turns.covariance
+        ),
+        result.quality.birge,
+        determined=result.observability.determined,
         inputs=inputs,
         suspicions=[doubt.finding for doubt in result.suspicions if doubt.spoils_motion],
         conformity=conformity,
     )
-    if lost > MOST_REJECTED * (lost + seconds):
+    lost = sum(s.end - s.begin for s in rejected)
+    if lost > MOST_REJECTED * (lost + result.seconds):
         reasons += (
-            f"{lost:.0f} of {lost + seconds:.0f} s had to be left out, above the limit of "
+            f"{lost:.0f} of {lost + result.seconds:.0f} s had to be left out, above the limit of "
             f"{MOST_REJECTED:.0%}; the first: {rejected[0].reason}",
         )
     if halves.p_value < CHANGED_RIG:
@@ -302,7 +274,7 @@ def _judged(
             f"{'xyz'[j]} axis of {rig.supports[i]}: "
             f"{1e3 * halves.turn[i, j]:.2g} ± {1e3 * halves.std[i, j]:.2g} mrad",
         )
-    return replace(result, conformity=conformity, reasons=reasons)
+    return reasons
 
 
 def _residual_power(
@@ -318,22 +290,6 @@ def _residual_power(
     return np.concatenate(frequency), before, after
 
 
-def _moments(rig: Rig, slow: Slow, keep: BoolArray) -> Postures:
-    """Instants of the motion as if they were postures: for a start, and for the loads' course."""
-    rows = np.flatnonzero(keep)
-    rows = rows[:: max(1, int(np.ceil(len(rows) / _START_ROWS)))]
-    unit = np.broadcast_to(np.eye(3), (len(rows), rig.n, 3, 3))
-    return Postures(
-        position=slow.position[rows],
-        force=np.where(rig.axes, slow.force[rows], 0.0),
-        position_cov=_START_PLACE**2 * unit,
-        force_cov=_START_FORCE**2 * unit,
-        moment_var=0.0,
-        approach=np.zeros((len(rows), 3)),
-        measured=rig.axes,
-    )
-
-
 def _warnings(
     rig: Rig,
     rejected: tuple[Stretch, ...],
@@ -343,5 +299,8 @@ def _warnings(
     out = [f"{s.begin:.2f} to {s.end:.2f} s of the log were left out: {s.reason}" for s in rejected]
     if turned := log_against_rig.turned(rig, position):
         out.append(turned)
-    out += [doubt.text for doubt in doubts if not doubt.spoils_motion]
+    held = (
+        "" if undeclared(doubts) is None else "; till then the stated uncertainty holds that move"
+    )
+    out += [doubt.text + held for doubt in doubts if not doubt.spoils_motion]
     return tuple(out)

@@ -44,7 +44,7 @@ def suspicions(
 ) -> tuple[Suspicion, ...]:
     """Ask for every suspect, and return the likeliest with those that are about as likely."""
     residual, jacobian = fit.whitened()
-    parts, turns = spectrum(jacobian), uncertainty.turns
+    parts, turns, p = spectrum(jacobian), uncertainty.turns, int(fit.active.sum())
     suspects = [*_stated(fit), *_drifts(fit)]
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(2 * len(fit.rows.bins.count)))
@@ -68,11 +68,11 @@ def suspicions(
         if asked is None or asked.p_value(stats) > level:
             continue
         # The other parameters, angles among them, give way to the suspect's amount.
-        move = -parts.root @ (known @ asked.amount)
+        move = -parts.root[:p] @ (known @ asked.amount)
         size = rounded_up(float(np.abs(asked.amount * unit).max()))
         what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
         doubt = suspicion(fit, what, advice, asked.p_value(stats), move[angles] / std)
-        zero_shift, zero = worst_zero(fit, move[: int(fit.active.sum())], turns)
+        zero_shift, zero = worst_zero(fit, move, turns)
         found.append(
             replace(
                 doubt,
@@ -81,9 +81,24 @@ def suspicions(
                 weight=asked.statistic - asked.unknowns * worth,
                 zero_shift=zero_shift,
                 zero=zero,
+                move=move,
             )
         )
     return likeliest(found) if found else ()
+
+
+def undeclared(doubts: tuple[Suspicion, ...]) -> FloatArray | None:
+    """Covariance (p, p) by what is suspected, as if declared with the size that it has here.
+
+    Of suspects about as likely only one is true: the moves count by their likelihood. None where
+    nothing is suspected, or so surely and harmfully that the result is rejected.
+    """
+    if not doubts or any(doubt.spoils_motion for doubt in doubts):
+        return None
+    moves = np.array([doubt.move for doubt in doubts])
+    weight = np.array([doubt.weight for doubt in doubts])
+    share = np.exp((weight - weight.max()) / 2)
+    return np.asarray((moves.T * (share / share.sum())) @ moves)
 
 
 def suspect_level(group: str, count: int) -> float:

@@ -49,6 +49,8 @@ _LESSEN_IN_MOTION = {
     "dominates.",
     "positioner": "A harder squeeze, or a faster motion, would lower the uncertainty: the NCPs' "
     "position errors dominate.",
+    "undeclared error": "Declaring or mending what the residuals suspect would lower the "
+    "uncertainty: it dominates.",
     "motion": "A slower motion, or an inertia, a friction and a delay that are stated, would lower "
     "the uncertainty: what the motion adds dominates.",
 }

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from tdfscal.numerics.distributions import p_text
+from tdfscal.records import FloatArray
 from tdfscal.significance import CERTAIN_SHIFT, CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
 #: Groups without an entry per support.
@@ -110,6 +111,7 @@ class Suspicion:
     angle : which one. kind, support : what it is, and of which support. weight : twice the
     logarithm of its likelihood, less what its unknowns are worth. tied : another one is likelier,
     but not by much. zero_shift, zero : largest move of a zero, likewise, and which one.
+    move : (p,), of the active parameters of a fit in motion, whose covariance may have to hold it.
     """
 
     what: str
@@ -123,6 +125,7 @@ class Suspicion:
     tied: bool = False
     zero_shift: float = 0.0
     zero: str = ""
+    move: FloatArray | None = field(default=None, compare=False, repr=False)
 
     @property
     def certain(self) -> bool:

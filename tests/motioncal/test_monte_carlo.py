@@ -22,12 +22,12 @@ def fit() -> MovingFit:
 
 
 def test_trials_confirm_the_interval_of_a_plain_minute(fit: MovingFit) -> None:
-    linear = evaluate(fit).turns
+    linear = evaluate(fit)
     found = simulate(fit, linear, np.random.default_rng(4), 20_000)
     assert found.trials == 20_000
     assert found.validated
     # 48 spectra share the trials; 5 % are left to their chance.
-    assert found.std == pytest.approx(linear.rpy_std, rel=0.05)
+    assert found.std == pytest.approx(linear.turns.rpy_std, rel=0.05)
 
 
 def test_a_known_spectrum_leaves_the_covariance_of_the_noise_alone(fit: MovingFit) -> None:
@@ -43,7 +43,8 @@ def test_a_known_spectrum_leaves_the_covariance_of_the_noise_alone(fit: MovingFi
 
 
 def test_a_wrong_interval_is_refuted(fit: MovingFit) -> None:
-    linear = evaluate(fit).turns
-    wrong = replace(linear, rpy_covariance=0.25 * linear.rpy_covariance)
-    assert np.all(wrong.rpy_std < 0.6 * linear.rpy_std)
+    linear = evaluate(fit)
+    turns = replace(linear.turns, rpy_covariance=0.25 * linear.turns.rpy_covariance)
+    assert np.all(turns.rpy_std < 0.6 * linear.turns.rpy_std)
+    wrong = replace(linear, turns=turns)
     assert not simulate(fit, wrong, np.random.default_rng(6), 20_000).validated

@@ -9,6 +9,7 @@ import pytest
 
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import layout
+from tdfscal.motioncal.covariance import UNDECLARED, evaluate
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
@@ -48,6 +49,27 @@ def doubts(change: str) -> tuple[Suspicion, ...]:
 def test_what_is_not_stated_is_named(change: str, support: int | None) -> None:
     first = doubts(change)[0]
     assert (first.kind, first.support) == (change, support)
+
+
+def test_an_uncertain_suspicion_stands_in_the_uncertainty() -> None:
+    """A gain 0.3 % wrong in one approach: not sure enough to reject, and 3.6 σ of a turn."""
+    options = replace(MovingOptions.approach(), rate=100.0, noise=1.1)
+    campaign, slow, _ = played(options, 4)
+    force = slow.force.copy()
+    force[:, 1] *= 1.003
+    rng = np.random.default_rng(1)
+    result = calibrate_moving(campaign.rig, replace(slow, force=force), DELAY, rng=rng)
+    doubt = result.suspicions[0]
+    assert (doubt.kind, doubt.support, doubt.spoils_motion) == ("gain", 1, False)
+    assert doubt.shift > 2.0
+    error, turns = turn_error(campaign, result.fit.state.still.rotation), result.uncertainty.turns
+    silent = np.sqrt(np.diagonal(evaluate(result.fit).turns.covariance))
+    assert np.mean(np.abs(error) < 1.96 * silent) < 0.8
+    assert np.all(np.abs(error) < 1.96 * np.sqrt(np.diagonal(turns.covariance)))
+    assert turns.contributions[UNDECLARED].max() > 0.5 * turns.rpy_std.max() ** 2
+    assert any("uncertainty holds" in warning for warning in result.warnings)
+    assert result.monte_carlo is not None
+    assert result.monte_carlo.std == pytest.approx(turns.rpy_std, rel=0.1)
 
 
 def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
