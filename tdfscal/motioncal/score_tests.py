@@ -48,24 +48,20 @@ def suspicions(
     suspects = [*_stated(fit), *_drifts(fit)]
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(2 * len(fit.rows.bins.count)))
-    bias: FloatArray | None = None
+    bias = noise_scores(fit, slope_of(fit.rig, fit.state, fit.origin, len(fit.psi)))
     found = []
     for group, index, columns, unit in suspects:
         level = suspect_level(group, len(suspects))
         known = parts.left.T @ columns
         apart = columns - parts.left @ known
-        asked = ask(apart, columns, residual, np.zeros(columns.shape[1]))
-        if asked is None or asked.p_value(stats) > level:
-            continue
         lean = np.zeros(columns.shape[1])
         if group in MADE_OF_READINGS:
-            if bias is None:
-                bias = noise_scores(fit, slope_of(fit.rig, fit.state, fit.origin, len(fit.psi)))
             lean = lean_of(bias, fit.active, fit.state.still, group, index)
-            asked = ask(apart, columns, residual, lean)
-        if asked is not None:
-            asked = by_spectrum(fit, columns, lean, asked)
+        asked = ask(apart, columns, residual, lean)
         if asked is None or asked.p_value(stats) > level:
+            continue
+        asked = by_spectrum(fit, columns, lean, asked)
+        if asked.p_value(stats) > level:
             continue
         # The other parameters, angles among them, give way to the suspect's amount.
         move = -parts.root[:p] @ (known @ asked.amount)
