@@ -16,11 +16,15 @@ from tdfscal.planning import Plan
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, figure, legend_above, signed, tip
+from tdfscal.reporting.figures.style import Drawing, beside, figure, legend_above, signed, tip
 from tdfscal.significance import INCOMPATIBLE, INTERVAL_COVERAGE
 
-_NAMES = {"self": "self-calibration", "tracker": "laser tracker"}
-_LOOK = {"self": ("s", ink.BLUE, -0.26), "tracker": ("^", ink.ORANGE, 0.0)}
+#: Name, marker, colour and place of each method beside the others.
+_METHODS = {
+    "self": ("self-calibration", "s", ink.BLUE, -0.26),
+    "tracker": ("laser tracker", "^", ink.ORANGE, 0.0),
+    "joint": ("joint", "o", ink.BLACK, 0.26),
+}
 
 
 def draw(c: Calibration) -> Drawing:
@@ -55,15 +59,7 @@ def _paint(c: Calibration) -> Figure:
     reach = np.abs(turn).max() * 1.35 or 1.0
     left.set_xlim(min(0, turn.min()) - 0.3 * reach, max(0, turn.max()) + 0.3 * reach)
     for y, t in zip(place, turn, strict=True):
-        left.annotate(
-            signed(t, "+.2f"),
-            (t, y),
-            xytext=(4 if t >= 0 else -4, 0),
-            textcoords="offset points",
-            ha="left" if t >= 0 else "right",
-            va="center",
-            fontsize=7.5,
-        )
+        beside(left, signed(t, "+.2f"), t, y, 4 if t >= 0 else -4)
     left.set_xlabel("turn from the nominal mounting, mrad")
     left.set_yticks(place, labels)
     left.invert_yaxis()
@@ -107,29 +103,19 @@ def _paint_methods(c: Calibration) -> Figure:
     base += np.repeat(0.5 * np.arange(len(c.supports)), 3)
     fig = figure(1.0 + 0.3 * len(base))
     ax = fig.subplots()
-    for alone in c.methods or ():
-        marker, colour, shift = _LOOK[alone.method]
-        off = so3.wrapped(np.array(alone.rpy) - c.rpy)
+    each = [(m.method, np.array(m.rpy), np.array(m.rpy_std)) for m in c.methods or ()]
+    for method, rpy, std in (*each, ("joint", c.rpy, c.rpy_std)):
+        name, marker, colour, shift = _METHODS[method]
         ax.errorbar(
-            1e3 * off.ravel(),
+            1e3 * so3.wrapped(rpy - c.rpy).ravel(),
             base + shift,
-            xerr=1e3 * k * np.ravel(alone.rpy_std),
+            xerr=1e3 * k * std.ravel(),
             fmt=marker,
             markersize=4.5,
             color=colour,
             capsize=2.5,
-            label=_NAMES[alone.method],
+            label=name,
         )
-    ax.errorbar(
-        np.zeros_like(base),
-        base + 0.26,
-        xerr=1e3 * k * c.rpy_std.ravel(),
-        fmt="o",
-        markersize=4.5,
-        color=ink.BLACK,
-        capsize=2.5,
-        label="joint",
-    )
     ax.axvline(0, color=ink.GREY, linewidth=0.8)
     _named(ax, base, c.support_names)
     ax.set_xlabel("angle less the joint estimate, with its 95 % interval, mrad")

@@ -139,11 +139,8 @@ def _paint_forces(slow: Slow, rejected: Sequence[Stretch]) -> Figure:
     panels = fig.subplots(3, 1, sharex=True)
     for k, ax in enumerate(panels):
         for s in rejected:
-            span = ax.axvspan(
-                s.begin - time.origin, s.end - time.origin,
-                facecolor="white", edgecolor=ink.RED, hatch="////", linewidth=0.4,
-            )  # fmt: skip
-            tip(span, s.reason)
+            begin, end = s.begin - time.origin, s.end - time.origin
+            tip(ax.axvspan(begin, end, linewidth=0.4, **ink.REJECTED), s.reason)
         for i, name in enumerate(slow.supports):
             y = force[:, i, k]
             if not np.isfinite(y).any():

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, figure, logarithmic, tip
+from tdfscal.reporting.figures.style import Drawing, beside, figure, logarithmic, tip
 from tdfscal.selfcal.observability import Angle, Observability
 
 _COLUMNS = 3
@@ -202,9 +202,7 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
         )  # fmt: skip
         said = words(angle.std)
         tip(bar, f"{angle.name}: {said}")
-        ax.annotate(
-            said, (width, y), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7.5
-        )
+        beside(ax, said, width, y, 4)
     ax.axvline(1e3 * limit, color=ink.BLACK, linewidth=1.2, linestyle="--")
     ax.annotate(
         f"limit {1e3 * limit:.3g} mrad", (1e3 * limit, 1.0), xycoords=("data", "axes fraction"),

@@ -63,25 +63,14 @@ def _panel(
 ) -> None:
     pixels = raster(len(number))
     size = 2.0 if pixels else 4.5
-    ax.plot(
-        number,
-        before,
-        "s",
-        markersize=size,
-        markerfacecolor="white",
-        color=ink.ORANGE,
-        label="before: nominal mounting, stated zeros",
-        rasterized=pixels,
-    )
-    ax.plot(
-        number,
-        after,
-        "o",
-        markersize=size,
-        color=ink.BLUE,
-        label=said,
-        rasterized=pixels,
-    )
+    for value, marker, colour, inside, name in (
+        (before, "s", ink.ORANGE, "white", "before: nominal mounting, stated zeros"),
+        (after, "o", ink.BLUE, ink.BLUE, said),
+    ):
+        ax.plot(
+            number, value, marker, markersize=size, color=colour, markerfacecolor=inside,
+            label=name, rasterized=pixels,
+        )  # fmt: skip
     if not pixels:
         unit = label.rpartition(" ")[2]
         words = [

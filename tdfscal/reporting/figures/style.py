@@ -120,6 +120,14 @@ class Tips(Artist):
         gc.restore()
 
 
+def beside(ax: Axes, text: str, x: float, y: float, off: float, **look: Any) -> None:
+    """Small words beside a place in the axes, `off` points to its right, or to its left below 0."""
+    ax.annotate(
+        text, (x, y), xytext=(off, 0), textcoords="offset points", va="center",
+        ha="left" if off > 0 else "right", fontsize=7.5, **look,
+    )  # fmt: skip
+
+
 def legend_above(ax: Axes, columns: int) -> None:
     """Legend over the axes, where it covers nothing."""
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, borderaxespad=0.3)

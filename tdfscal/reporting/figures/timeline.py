@@ -18,6 +18,7 @@ from tdfscal.records import Dwells
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import (
     Drawing,
+    beside,
     figure,
     legend_above,
     legend_outside,
@@ -106,23 +107,8 @@ def _lanes(
         rasterized=pixels,
     )
     for x, w, number in gone:
-        ax.broken_barh(
-            [(x, w)],
-            (0.64, 0.72),
-            facecolor="white",
-            edgecolor=ink.RED,
-            hatch="////",
-            linewidth=0.9,
-        )
-        ax.annotate(
-            f"{number}",
-            (x + w, 1),
-            xytext=(2, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=7.5,
-            fontweight="bold",
-        )
+        ax.broken_barh([(x, w)], (0.64, 0.72), linewidth=0.9, **ink.REJECTED)
+        beside(ax, f"{number}", x + w, 1, 2, fontweight="bold")
     if not gone:
         ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=ink.GREY)
     for piece in table.left_out or ():
@@ -153,7 +139,7 @@ def _forces(
     force, pixels = np.array(dwells.force), raster(3 * len(start))
     for k, ax in enumerate(panels):
         for x, w, _ in gone:
-            ax.axvspan(x, x + w, facecolor="white", edgecolor=ink.RED, hatch="////", linewidth=0.4)
+            ax.axvspan(x, x + w, linewidth=0.4, **ink.REJECTED)
         for i, support in enumerate(rig.supports):
             if "xyz"[k] not in support.axes:
                 continue
