@@ -48,9 +48,9 @@ def log_clock(
 
 def clock_from(first: float) -> Clock:
     """The clock of a log whose first time is this."""
-    if (origin := origin_of(first)) == 0.0:
-        return Clock(0.0, "time in the log, s", "s")
-    return Clock(origin, "time since the log's start, s", "s")
+    origin = origin_of(first)
+    since = "since the log's start" if origin else "in the log"
+    return Clock(origin, f"time {since}, s", "s")
 
 
 def origin_of(first: float) -> float:

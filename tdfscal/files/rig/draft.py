@@ -34,6 +34,17 @@ _MARKS: Final = {
 }
 _MARK: Final = re.compile(rf"#.*\b{CONFIRM}\b")
 
+_UNCERTAINTY: Final = (
+    "# Standard uncertainties, k = 1, that the log's own scatter cannot show.",
+    "uncertainty:",
+    f"  positioner: 1.0e-5  # {CONFIRM}: m, repeatability of an NCP per axis",
+    f"  hinge: 1.0e-4  # {CONFIRM}: m, per coordinate of each hinge",
+    f"  datum: 1.0e-4  # {CONFIRM}: m, constant offset of each servo's coordinates",
+    f"  force_noise: 0.1  # {CONFIRM}: N, per axis and posture, beyond the scatter",
+    f"  force_sensitivity: 0.0  # {CONFIRM}: relative, gain and crosstalk; 0.002 is usual",
+    f"  hinge_moment: 0.0  # {CONFIRM}: N·m, friction of the hinges",
+)
+
 
 def draft(
     name: str,
@@ -76,26 +87,17 @@ def draft(
                  "nothing"),
         "supports:",
     ]  # fmt: skip
-    for i, support in enumerate(supports):
-        x, y, z = hinge[i]
-        quarter = ", ".join(f"{a:.15g}" for a in nominal_rpy[i] + 0.0)
+    for support, place, rpy in zip(supports, hinge, nominal_rpy + 0.0, strict=True):
         lines += [
             f"  - name: {_flow(support)}",
-            f"    hinge: [{x:.6f}, {y:.6f}, {z:.6f}]  # {CONFIRM}",
+            f"    hinge: [{', '.join(f'{c:.6f}' for c in place)}]  # {CONFIRM}",
             f"    zero: {{value: [0, 0, 0], std: [.inf, .inf, .inf]}}  # {CONFIRM}",
-            f"    nominal_rpy: [{quarter}]  # {CONFIRM}",
+            f"    nominal_rpy: [{', '.join(f'{a:.15g}' for a in rpy)}]  # {CONFIRM}",
             "    rpy_std: .inf",
         ]
     head, fields = {k: v for k, v in log.items() if k != "supports"}, log["supports"]
     lines += [
-        "# Standard uncertainties, k = 1, that the log's own scatter cannot show.",
-        "uncertainty:",
-        f"  positioner: 1.0e-5  # {CONFIRM}: m, repeatability of an NCP per axis",
-        f"  hinge: 1.0e-4  # {CONFIRM}: m, per coordinate of each hinge",
-        f"  datum: 1.0e-4  # {CONFIRM}: m, constant offset of each servo's coordinates",
-        f"  force_noise: 0.1  # {CONFIRM}: N, per axis and posture, beyond the scatter",
-        f"  force_sensitivity: 0.0  # {CONFIRM}: relative, gain and crosstalk; 0.002 is usual",
-        f"  hinge_moment: 0.0  # {CONFIRM}: N·m, friction of the hinges",
+        *_UNCERTAINTY,
         *(line for reason in reasons for line in _remark(reason)),
         *log_lines({**head, "delay": {"value": 0.0, "std": 0.005}, "supports": fields}, _MARKS),
         "acceptance:",

@@ -178,11 +178,7 @@ def write_campaign(
     Raises UsageError for an unknown format, signals that do not fit it, or a folder that is not
     empty.
     """
-    story = {**(scenario or {}), "options": documents.options_document(campaign.options)}
-    truth = documents.truth_document(campaign.rig, campaign.truth, story, session)
-    truth["postures"] = documents.dwell_document(
-        campaign.start, campaign.end, campaign.force, campaign.postures.pose.rotation
-    )
+    truth = documents.posture_truth_document(campaign, scenario or {}, session)
     return _write_folder(folder, format, campaign.rig, campaign.log, session, truth, overwrite)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.files.saving import to_yaml, write_text
-from tdfscal.records import CampaignInfo, Drift, FloatArray, Rig, SensorInfo, UncertainValue
-from tdfscal.simulation import MovingCampaign, Options, Survey, Truth
+from tdfscal.records import CampaignInfo, Drift, Rig, SensorInfo, UncertainValue
+from tdfscal.simulation import Campaign, MovingCampaign, Survey, Truth
 from tdfscal.simulation.months import Months
 
 TRACKER_BLOCK = {
@@ -154,12 +154,26 @@ def truth_document(
     return document
 
 
+def posture_truth_document(
+    campaign: Campaign, scenario: Mapping[str, Any], survey: Survey | None
+) -> dict[str, Any]:
+    """truth.yaml of a campaign of postures: dwells (s), forces (N, BCS), commanded rotations."""
+    story = {**scenario, "options": plain(asdict(campaign.options))}
+    document = truth_document(campaign.rig, campaign.truth, story, survey)
+    rotation = campaign.postures.pose.rotation
+    columns = (campaign.start, campaign.end, campaign.force, rotation)
+    document["postures"] = [
+        dict(zip(("start", "end", "force", "rotation"), row, strict=True))
+        for row in zip(*(column.tolist() for column in columns), strict=True)
+    ]
+    return document
+
+
 def moving_truth_document(
     campaign: MovingCampaign, scenario: Mapping[str, Any], survey: Survey | None
 ) -> dict[str, Any]:
     """truth.yaml of a campaign without a stop."""
-    options = {key: plain(value) for key, value in asdict(campaign.options).items()}
-    story = {**scenario, "options": options}
+    story = {**scenario, "options": plain(asdict(campaign.options))}
     document = truth_document(campaign.rig, campaign.truth, story, survey)
     document["terminal"]["inertia"] = campaign.inertia.tolist()
     document["motion"] = {
@@ -201,23 +215,6 @@ def plain(value: object) -> Any:
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     return value
-
-
-def options_document(options: Options) -> dict[str, Any]:
-    """All options of a campaign, faults included."""
-    return {key: plain(value) for key, value in asdict(options).items()}
-
-
-def dwell_document(
-    start: FloatArray, end: FloatArray, force: FloatArray, rotation: FloatArray
-) -> list[dict[str, Any]]:
-    """Per posture: the true dwell (s), forces (N, BCS) and commanded rotation."""
-    return [
-        {"start": s, "end": e, "force": f, "rotation": r}
-        for s, e, f, r in zip(
-            start.tolist(), end.tolist(), force.tolist(), rotation.tolist(), strict=True
-        )
-    ]
 
 
 def write_yaml(path: Path, document: Mapping[str, Any]) -> None:

@@ -11,6 +11,9 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.yaml.scalars import shorten
 from tdfscal.memory import is_short_for, shortage
 
+_Kinds = tuple[type[Exception], ...]
+_CAUGHT: _Kinds = (OSError, EOFError, ValueError, OverflowError, struct.error)
+
 
 @contextmanager
 def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
@@ -27,15 +30,8 @@ def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
     UsageError : the file is not there, or is not to be read by this user.
     DataError : everything else that a file's content can cause.
     """
-    caught: tuple[type[Exception], ...] = (
-        *kinds,
-        OSError,
-        EOFError,
-        ValueError,
-        OverflowError,
-        struct.error,
-    )
-    doubtful: tuple[type[Exception], ...] = (*caught, MemoryError, RuntimeError)
+    caught: _Kinds = (*kinds, *_CAUGHT)
+    doubtful: _Kinds = (*caught, MemoryError, RuntimeError)
     try:
         yield
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
