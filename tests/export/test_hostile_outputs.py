@@ -23,7 +23,7 @@ from tdfscal.exports import FORMATS
 from tdfscal.files.rig.draft import draft
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.files.writers.plan import plan_csv
-from tdfscal.files.writers.wrenches import WrenchRecording
+from tdfscal.files.writers.wrenches import recording
 from tdfscal.planning import Plan, Request, make_plan
 from tdfscal.reporting.text import render
 from tdfscal.simulation import Recorder, reference_rig
@@ -105,7 +105,7 @@ def test_monitor_pages_and_documents(
 @EACH
 def test_recordings_of_wrenches(line: str, wild: str, tmp_path: Path) -> None:
     about = {"rig": f"rig {line}", "calibration": wild}
-    with WrenchRecording(tmp_path / "w.mcap", about, "lcs"):
+    with recording(tmp_path / "w.mcap", about, "lcs"):
         pass
     with (tmp_path / "w.mcap").open("rb") as file:
         (found,) = make_reader(file).iter_metadata()

@@ -5,9 +5,11 @@ The recording is WrenchStamped in CDR, for Foxglove, PlotJuggler and bags.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +42,7 @@ TOPICS = {
 }
 """Topic → prefix of the same columns in a table."""
 _LAST = float(2**31)
+Append = Callable[[WrenchPiece], None]
 
 
 def write_wrenches(
@@ -62,9 +65,12 @@ def write_wrenches(
     rows = 0
     with replacing(path) as beside:
         try:
-            with _sink(path, beside, about, frame) as sink:
+            text = path.suffix.lower() == ".csv"
+            mcap = path.suffix.lower() == ".mcap"
+            sink = recording(beside, about, frame) if mcap else _table(beside, about, text=text)
+            with sink as append:
                 for piece in numbers_only(pieces):
-                    sink.write(piece)
+                    append(piece)
                     rows += piece.time.size
                     watch(piece)
         except OSError as fault:
@@ -98,103 +104,74 @@ def columns_of(piece: WrenchPiece) -> dict[str, FloatArray]:
     return dict(zip(COLUMNS, values, strict=True))
 
 
-class _TableFile:
+@contextmanager
+def _table(beside: Path, about: Mapping[str, str], *, text: bool) -> Iterator[Append]:
     """A CSV or Parquet file that grows piece by piece."""
+    import pyarrow as pa
+    from pyarrow import csv, parquet
 
-    def __init__(self, beside: Path, about: Mapping[str, str], *, text: bool) -> None:
-        import pyarrow as pa
-        from pyarrow import csv, parquet
+    from tdfscal.files.arrow import as_arrow
 
-        self._schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
-        self._writer: Any
-        if text:
-            plain = csv.WriteOptions(quoting_style="none")
-            self._writer = csv.CSVWriter(beside, self._schema, write_options=plain)
-        else:
-            self._writer = parquet.ParquetWriter(
-                beside,
-                self._schema,
-                compression="zstd",
-                use_dictionary=False,
-                write_statistics=False,
-                write_page_checksum=True,
-            )
+    schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
+    writer: Any
+    if text:
+        writer = csv.CSVWriter(beside, schema, write_options=csv.WriteOptions(quoting_style="none"))
+    else:
+        writer = parquet.ParquetWriter(
+            beside,
+            schema,
+            compression="zstd",
+            use_dictionary=False,
+            write_statistics=False,
+            write_page_checksum=True,
+        )
 
-    def __enter__(self) -> Self:
-        self._writer.__enter__()
-        return self
+    def append(piece: WrenchPiece) -> None:
+        arrays = [as_arrow(v, _unknown(v)) for v in columns_of(piece).values()]
+        writer.write_table(pa.table(arrays, schema=schema))
 
-    def __exit__(self, *failure: object) -> None:
-        self._writer.__exit__(*failure)
-
-    def write(self, piece: WrenchPiece) -> None:
-        """Append a piece."""
-        import pyarrow as pa
-
-        from tdfscal.files.arrow import as_arrow
-
-        columns = columns_of(piece).values()
-        arrays = [as_arrow(v, _unknown(v)) for v in columns]
-        self._writer.write_table(pa.table(arrays, schema=self._schema))
+    with writer:
+        yield append
 
 
-class WrenchRecording:
-    """An MCAP file that grows piece by piece; frame : frame_id of the messages."""
+@contextmanager
+def recording(path: Path, about: Mapping[str, str], frame: str) -> Iterator[Append]:
+    """An MCAP file that grows piece by piece; frame : frame_id of the messages.
 
-    def __init__(self, path: Path, about: Mapping[str, str], frame: str) -> None:
-        from mcap.writer import CompressionType, Writer
+    A piece of which a time has no place in a ROS stamp raises DataError.
+    """
+    from mcap.writer import CompressionType, Writer
 
-        self._file = path.open("wb")
-        self._frame, self._sequence = frame, 0
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library=LIBRARY)
-        schema = self._writer.register_schema(WRENCH, "ros2msg", definition(WRENCH))
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library=LIBRARY)
+        schema = writer.register_schema(WRENCH, "ros2msg", definition(WRENCH))
         # rosbag2 asks for the profiles; empty stands for its defaults.
         qos = {"offered_qos_profiles": ""}
-        self._channels = [
-            self._writer.register_channel(topic, "cdr", schema, metadata=qos) for topic in TOPICS
-        ]
-        self._writer.add_metadata("tdfscal", dict(about))
+        channels = [writer.register_channel(t, "cdr", schema, metadata=qos) for t in TOPICS]
+        writer.add_metadata("tdfscal", dict(about))
+        sequence = itertools.count()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: object, *rest: object) -> None:
-        try:
-            if kind is None:  # a file that failed goes away
-                self._writer.finish()  # type: ignore[no-untyped-call]
-        finally:
-            self._file.close()
-
-    def write(self, piece: WrenchPiece) -> None:
-        """Append a piece. Raises DataError where a time has no place in a ROS stamp."""
-        if not (piece.time[0] >= 0 and piece.time[-1] < _LAST):
-            raise DataError(
-                f"the times run from {piece.time[0]:.9g} s to {piece.time[-1]:.9g} s, and a "
-                "recording's from 0 to 2038",
-                where="log",
-                hint="write .csv or .parquet instead, or correct the recorder's clock",
-            )
-        stamp = np.rint(piece.time * 1e9).astype(np.int64)
-        w = piece.wrench
-        streams = [
-            stamped(stamp, self._frame, np.where(np.isfinite(v), v, np.nan))
-            for v in (w.value, w.std, w.calibration_std, w.raw)
-        ]
-        for k, at in enumerate(stamp.tolist()):
-            for channel, messages in zip(self._channels, streams, strict=True):
-                self._writer.add_message(
-                    channel, at, data=messages[k], publish_time=at, sequence=self._sequence
+        def append(piece: WrenchPiece) -> None:
+            if not (piece.time[0] >= 0 and piece.time[-1] < _LAST):
+                raise DataError(
+                    f"the times run from {piece.time[0]:.9g} s to {piece.time[-1]:.9g} s, and a "
+                    "recording's from 0 to 2038",
+                    where="log",
+                    hint="write .csv or .parquet instead, or correct the recorder's clock",
                 )
-            self._sequence += 1
+            stamp = np.rint(piece.time * 1e9).astype(np.int64)
+            w = piece.wrench
+            streams = [
+                stamped(stamp, frame, np.where(np.isfinite(v), v, np.nan))
+                for v in (w.value, w.std, w.calibration_std, w.raw)
+            ]
+            for at, k, *messages in zip(stamp.tolist(), sequence, *streams, strict=False):
+                for channel, data in zip(channels, messages, strict=True):
+                    writer.add_message(channel, at, data=data, publish_time=at, sequence=k)
 
-
-def _sink(
-    path: Path, beside: Path, about: Mapping[str, str], frame: str
-) -> _TableFile | WrenchRecording:
-    if path.suffix.lower() == ".mcap":
-        return WrenchRecording(beside, about, frame)
-    return _TableFile(beside, about, text=path.suffix.lower() == ".csv")
+        yield append
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _unknown(values: FloatArray) -> Any:
