@@ -63,3 +63,33 @@ def test_a_dead_channel_is_named_declared_and_used(
         done = run(capsys, "export", found, "--to", form, "-o", target, "-q")
         assert done.status == 0, (form, done.err)
         assert "ncp3" in target.read_text()
+
+
+@pytest.mark.slow
+def test_a_channel_that_is_not_measured_in_motion(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its field is not even recorded; file, validation and report follow."""
+    campaign, found = tmp_path / "campaign", tmp_path / "found.json"
+    run(capsys, "simulate", campaign, "--scenario", "motion", "--seed", 3, "-q")
+    rig = yaml.safe_load((campaign / "rig.yaml").read_text())
+    rig["supports"][2]["axes"] = ["x", "z"]
+    fields = rig["log"]["supports"][rig["supports"][2]["name"]]
+    fields["force"][1] = "none"
+    (campaign / "rig.yaml").write_text(yaml.safe_dump(rig, sort_keys=False))
+    for samples in ("moving", "all"):
+        done = run(
+            capsys, "calibrate", campaign, "--samples", samples, "--trials", 0, "-o", found, "-q"
+        )
+        assert done.status == 0, done.out + done.err
+        content = json.loads(found.read_text())
+        truth = yaml.safe_load((campaign / "truth.yaml").read_text())
+        for ours, theirs in zip(content["supports"], truth["supports"], strict=True):
+            away = np.abs(np.array(ours["rpy"]) - theirs["rpy"])
+            assert np.all(away < 4 * np.array(ours["rpy_std"])), ours["name"]
+        assert content["supports"][2]["zero"][1] is None
+        assert content["supports"][2]["zero_std"][1] is None
+    done = run(capsys, "validate", found, campaign, "--json", "-q")
+    assert done.status == 0, done.out + done.err
+    page = tmp_path / "page.html"
+    assert run(capsys, "report", found, "--html", page, "-q").status == 0
