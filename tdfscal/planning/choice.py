@@ -17,7 +17,9 @@ from tdfscal.planning.predicted_information import (
     Forecast,
     Sight,
     angle_rows,
+    averaged,
     forecast,
+    leaning,
     widened,
     wrench_rows,
 )
@@ -51,8 +53,8 @@ class Planner:
         self.held = self._held(self.sight)
         self.pool = draw(rig, request.limits, request.candidates, pool_rng)
         self.rows = self.sight.rows(self.pool)
-        some = self.pool.take(np.arange(min(8, len(self.pool))))
-        self.scatter = self.sight.scatter(some, request.limits).mean(axis=0)
+        self.scatter = self._scatter(self.sight)
+        self.leaning = (self.sight,) if given else leaning(self.sight)
         self.sight = replace(self.sight, open=self._open())
         self.objective = self._objective()
         self._usual: FloatArray | None = None
@@ -71,14 +73,22 @@ class Planner:
             held = half @ half.T
         return held
 
+    def _scatter(self, sight: Sight) -> FloatArray:
+        """Information (p, p) to expect per posture of internal forces that nobody plans."""
+        some = self.pool.take(np.arange(min(8, len(self.pool))))
+        return np.asarray(sight.scatter(some, self.request.limits).mean(axis=0))
+
     def _open(self) -> BoolArray:
         """Sensors (n,) without all axes that all candidates together leave undetermined."""
         lacking = np.asarray((~self.rig.axes).any(axis=1))
         if not lacking.any():
             return lacking
-        seen = information(self.rows)
-        C, L = inverse(self.held + seen + len(self.pool) * self.scatter), angle_rows(self.sight)
-        std = np.sqrt(np.einsum("rp,pq,rq->r", L, C, L)).reshape(-1, 3)
+        variance = []
+        for sight in self.leaning:
+            seen = information(sight.rows(self.pool)) + len(self.pool) * self._scatter(sight)
+            C, L = inverse(self.held + seen), angle_rows(sight)
+            variance.append(np.einsum("rp,pq,rq->r", L, C, L))
+        std = np.sqrt(np.mean(variance, axis=0)).reshape(-1, 3)
         prior = _PRIOR_SHARE * self.rig.rpy_std
         weak = (std >= self.rig.acceptance.identifiable) | (std > prior)
         return np.asarray(lacking & weak.any(axis=1))
@@ -117,7 +127,17 @@ class Planner:
     def forecast(self, postures: Candidates) -> Forecast:
         """Uncertainty to expect of postures, with what is held already."""
         at = self._at if self.request.objective == "wrench" else self.request.at
-        return forecast(self.sight, postures, self.request.limits, self.held, at)
+        limits, held = self.request.limits, self.held
+        if self.rig.axes.all():
+            return forecast(self.sight, postures, limits, held, at)
+        seen = [replace(sight, open=self.sight.open) for sight in self.leaning]
+        draws = np.random.default_rng(0).spawn(len(seen))
+        return averaged(
+            [
+                forecast(sight, postures, limits, held, at, rng)
+                for sight, rng in zip(seen, draws, strict=True)
+            ]
+        )
 
     def largest(self, count: int) -> float:
         """Largest standard uncertainty of an angle to expect of `count` rows, rad."""

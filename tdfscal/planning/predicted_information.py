@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +33,9 @@ _WIDE = {
     "friction": 1e3,
     "drift": 1.0,
 }
+#: Mountings that a forecast is averaged over where axes are missing, and how they lean about the
+#: nominal ones where nothing is stated, rad.
+_LEANS, _LEAN = 8, 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +115,12 @@ class Sight:
             out += np.swapaxes(J, 1, 2) @ J
         return out
 
+    def drawn(self, postures: Candidates, limits: Limits, rng: np.random.Generator) -> Candidates:
+        """Postures with unplanned internal forces of their own."""
+        modes = internal_modes(hanging(self.rig, postures.rotation)[0])
+        size = limits.repeatability_force(self.rig) * rng.standard_normal(modes.shape[:2])
+        return replace(postures, squeeze=postures.squeeze + np.einsum("km,kmna->kna", size, modes))
+
     def faked(self, postures: Candidates) -> FloatArray:
         """Information (3n, 3n) about the rotations that noise will fake; see `uncertainty`."""
         return faked_information(self.seen(postures.place, postures.force))
@@ -180,11 +190,20 @@ def forecast(
     limits: Limits,
     held: FloatArray,
     at: tuple[float, float, float] | None = None,
+    rng: np.random.Generator | None = None,
 ) -> Forecast:
-    """Uncertainty to expect of postures on top of the information held (p, p)."""
+    """Uncertainty to expect of postures on top of the information held (p, p).
+
+    rng : draws the unplanned internal forces, which help one posture much and another little where
+    axes are missing; without it they count by their expected information.
+    """
+    information = held.copy()
+    if rng is None:
+        information += sight.scatter(postures, limits).sum(axis=0)
+    else:
+        postures = sight.drawn(postures, limits, rng)
     J = sight.rows(postures)
-    information = held + np.einsum("kmp,kmq->pq", J, J)
-    information += sight.scatter(postures, limits).sum(axis=0)
+    information += np.einsum("kmp,kmq->pq", J, J)
     C = inverse(information)
     turns = slice(0, 3 * sight.rig.n)
     L = angle_rows(sight)
@@ -196,6 +215,36 @@ def forecast(
     W = wrench_rows(sight, at)
     wrench_std = np.sqrt(np.einsum("rp,pq,rq->r", W, C, W))
     return Forecast(std, wrench_std[:3], wrench_std[3:])
+
+
+def leaning(sight: Sight) -> tuple[Sight, ...]:
+    """Sights at mountings that lean as the prior has it, or as careful hands leave them.
+
+    Nominal mountings are too kind to sensors that lack axes: there a push along the line between
+    two load cells lies across what both measure, as it never does on a rig.
+    """
+    rig = sight.rig
+    if rig.axes.all():
+        return (sight,)
+    std = np.where(np.isfinite(rig.rpy_std), rig.rpy_std, _LEAN)
+    lean = std * np.random.default_rng(0).standard_normal((_LEANS, rig.n, 3))
+    return tuple(
+        replace(sight, state=replace(sight.state, rotation=so3.from_rpy(rig.nominal_rpy + each)))
+        for each in lean
+    )
+
+
+def averaged(forecasts: Sequence[Forecast]) -> Forecast:
+    """Quadratic means of forecasts."""
+
+    def mean(values: Sequence[FloatArray | None]) -> FloatArray | None:
+        known = [value for value in values if value is not None]
+        return np.sqrt(np.mean(np.square(known), axis=0)) if known else None
+
+    angles = mean([each.rpy_std for each in forecasts])
+    assert angles is not None
+    force = mean([each.contact_force for each in forecasts])
+    return Forecast(angles, force, mean([each.contact_torque for each in forecasts]))
 
 
 def widened(sight: Sight, factor: float) -> Sight:

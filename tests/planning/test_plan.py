@@ -12,9 +12,11 @@ from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.planning import Forecast, Plan, Request, make_plan, plan_for_target
+from tdfscal.planning.predicted_information import Sight, leaning
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.records import Rig
 from tdfscal.selfcal.outliers import fit_robust
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
 
 from .limits import limits
@@ -166,3 +168,33 @@ def test_a_load_cell_without_a_mounting_stands_aside() -> None:
     assert np.isfinite(std[:2]).all()
     assert plan.expected.mean == pytest.approx(float(std[:2].mean()))
     assert plan.expected.mean < plan.random.mean
+
+
+@pytest.mark.slow
+def test_two_load_cells_are_forecast_as_campaigns_find_them() -> None:
+    """Upright ones would see a push along their joining line lie across what both measure."""
+    whole = make_rig(4)
+    axes = whole.axes.copy()
+    axes[2:, :2] = False
+    rig = replace(whole, axes=axes)
+    request = Request(limits(rig, squeeze=300.0, stiffness=STIFFNESS), candidates=60, noise=0.1)
+    plan = make_plan(rig, request, 20, RNG(1))
+    assert np.isnan(plan.expected.rpy_std[2:]).all()
+    options = Options(command=plan.position, stiffness=STIFFNESS, recorder=Recorder(mean_sd=0.1))
+    batch = simulate_dwells(rig, options, RNG(11), 12)
+    stated = [
+        self_calibrate(rig, batch.dwells(k), rng=RNG(0), max_trials=0).uncertainty.rpy_std[:2]
+        for k in range(12)
+    ]
+    found = np.sqrt(np.mean(np.square(stated), axis=0))
+    assert np.allclose(plan.expected.rpy_std[:2] / found, 1.0, atol=0.2)
+    assert np.mean(plan.expected.rpy_std[:2] / found) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_rig_with_all_axes_is_forecast_at_its_nominal_mounting() -> None:
+    rig = reference_rig()
+    sight = Sight.of(rig, 1.0)
+    assert leaning(sight) == (sight,)
+    rig = replace(rig, axes=np.array([[True] * 3, [True] * 3, [False, False, True]]))
+    rpy = [so3.to_rpy(each.state.rotation) for each in leaning(Sight.of(rig, 1.0))]
+    assert np.std(rpy, axis=0).mean() == pytest.approx(0.02, rel=0.3)
