@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from tdfscal.files.calibration.document import Calibration
+from typing import TYPE_CHECKING
+
 from tdfscal.reporting.figures.drawing import Drawing
+
+if TYPE_CHECKING:
+    from tdfscal.files.calibration.document import Calibration
 
 
 def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     """Return every figure for which the file holds the data, in the order of reading."""
-    # matplotlib is slow to import, and needed only where something is drawn.
+    # matplotlib is slow to import, as is all that reads a calibration: not before it is drawn.
     from tdfscal.reporting.figures import (
         angles,
         motion,
