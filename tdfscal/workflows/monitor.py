@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.logs import is_log
 from tdfscal.records import ANGLES, Rig
-from tdfscal.reporting.layout import LISTED, Drawing
+from tdfscal.reporting.layout import LISTED, Drawing, Report
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import Instant, one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
@@ -28,7 +28,7 @@ from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.recorded_once import Recording, refuse_repeated
-from tdfscal.workflows.result import Result
+from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.rig_life import life_of
 from tdfscal.workflows.several_campaigns import (
     Read,
@@ -36,11 +36,6 @@ from tdfscal.workflows.several_campaigns import (
     recording,
     require_one_rig,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from tdfscal.reporting.layout import Report
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -76,14 +71,12 @@ class MonitorResult(Result):
         content = document(self.life, self.alarms)
         return {"rig": self.rig.name, **content, "warnings": [*self.warnings, *_papers(self.rig)]}
 
-    def to_frame(self) -> pd.DataFrame:
+    def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""
-        import pandas as pd
-
         from tdfscal.reporting.history import day
 
         life = self.life
-        rows = [
+        rows = (
             (
                 check, day(life.month[k]), name, angle,
                 life.rpy[k, i, j], life.rpy_std[k, i, j],
@@ -93,9 +86,8 @@ class MonitorResult(Result):
             for i, name in enumerate(life.supports)
             if life.known[i]
             for j, angle in enumerate(ANGLES)
-        ]  # fmt: skip
-        names = ["check", "date", "support", "angle", "value", "std", "path", "path_std"]
-        return pd.DataFrame(rows, columns=names)
+        )  # fmt: skip
+        return by_column("check date support angle value std path path_std", rows)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return a control chart per sensor."""
