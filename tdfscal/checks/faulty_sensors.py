@@ -140,23 +140,16 @@ def _stuck(rig: Rig, dwells: Dwells, i: int, j: int) -> DataError:
     low, high = (value, value) if dwells.force_range is None else dwells.force_range[:, i, j]
     moves = bool(low < high)
     span = f"{low:.6g} to {high:.6g} N" if moves else ""
-    if abs(value) >= rig.capacity[i, j] * (1 - _AT) or _at_limit(dwells, value, i, j):
-        return DataError(
-            f"{_axis(rig, i, j)} is saturated: it stands at {value:.6g} N {found}"
-            + (f", and the whole log reads {span}" if span else ""),
-            where="log forces",
-            hint="check the range of the sensor and of its amplifier, and squeeze less",
-        )
-    if moves:
-        return DataError(
-            f"{_axis(rig, i, j)} is frozen: it stands at {value:.6g} N {found}, and the whole log "
-            f"reads {span}",
-            where="log forces",
-            hint="check the sensor, its amplifier and the recorder",
-        )
-    return DataError(
-        f"{_axis(rig, i, j)} reads {value:.6g} N in every posture: it is dead or not connected",
-        where="log forces",
-        hint="check the sensor, its amplifier and the force fields in rig.yaml; to calibrate the "
-        f"rest without it, {axes_line(rig, i, j)}",
+    what, hint = (
+        f"reads {value:.6g} N in every posture: it is dead or not connected",
+        "check the sensor, its amplifier and the force fields in rig.yaml; to calibrate the rest "
+        f"without it, {axes_line(rig, i, j)}",
     )
+    if moves:
+        what = f"is frozen: it stands at {value:.6g} N {found}, and the whole log reads {span}"
+        hint = "check the sensor, its amplifier and the recorder"
+    if abs(value) >= rig.capacity[i, j] * (1 - _AT) or _at_limit(dwells, value, i, j):
+        what = f"is saturated: it stands at {value:.6g} N {found}"
+        what += f", and the whole log reads {span}" if span else ""
+        hint = "check the range of the sensor and of its amplifier, and squeeze less"
+    return DataError(f"{_axis(rig, i, j)} {what}", where="log forces", hint=hint)

@@ -51,7 +51,8 @@ def describe_logs(
     guess = guess_mapping(contents[0], rig.rig if rig else None)
     problems = [printable(f"{c.path}: {what}") for c in contents for what in c.problems]
     problems += [printable(f"{contents[0].path}: {what}") for what in guess.problems]
-    mapping, source = guess.mapping, "guessed"
+    source: Source = "guessed"
+    mapping = guess.mapping
     supports = guess.mapping.supports if guess.mapping else ()
     if rig is not None and (rig.log is not None or guess.mapping is None):
         mapping, source = rig.log or LogMapping.default(rig.rig.supports), "rig"
@@ -62,7 +63,6 @@ def describe_logs(
         printable(f"{c.path}: {what}") for c in contents for what in declared_time(c, mapping)
         if source == "rig"
     ]  # fmt: skip
-    known: Source = "rig" if source == "rig" else "guessed"
     watch = _Watch(mapping, tuple(supports))
     try:
         pieces = watch.passing(iter_log(paths, mapping, supports, window=window, progress=progress))
@@ -73,14 +73,14 @@ def describe_logs(
             dwells = dwells_of_bins(bins)
             offset = motion_offset(bins, dwells)
     except TdfscalError as error:
-        return LogInfo(contents, guess, mapping, known, watch.signals(),
+        return LogInfo(contents, guess, mapping, source, watch.signals(),
                        problems=(*problems, *watch.warnings, printable(str(error))))  # fmt: skip
     problems += [*watch.warnings, *dwells.warnings]
     if not len(dwells):
         absence = no_dwell(dwells)
         problems.append(f"{absence.what}; {absence.hint}")
     return LogInfo(
-        contents, guess, mapping, known, watch.signals(), tuple(watch.inputs), dwells, offset,
+        contents, guess, mapping, source, watch.signals(), tuple(watch.inputs), dwells, offset,
         tuple(dict.fromkeys(problems)),
     )  # fmt: skip
 

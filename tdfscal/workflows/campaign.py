@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tdfscal.errors import UsageError
+from tdfscal.files import RIG_NAME
 from tdfscal.files.model_errors import nearest
-from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.bag.rosbag2 import entries_of, refuse_unfinished

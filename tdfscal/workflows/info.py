@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from tdfscal.errors import RigError
+from tdfscal.files import RIG_NAME
 from tdfscal.files.outputs import protect, together
-from tdfscal.files.rig import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
 from tdfscal.logs.describe import describe_logs

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from tdfscal.errors import TdfscalError
-from tdfscal.files.rig import RIG_NAME
+from tdfscal.files import RIG_NAME
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.logs import is_log
 from tdfscal.logs.bag.rosbag2 import read_bag

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tdfscal.checks.same_rig import require_agreement
 from tdfscal.errors import UsageError
-from tdfscal.files.rig import RIG_NAME
+from tdfscal.files import RIG_NAME
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.simulation import SurveyOptions
 from tdfscal.workflows.arguments import PathLike

@@ -118,31 +118,29 @@ def check_covariance(matrix: FloatArray, place: tuple[str, str] = ("covariance",
         raise fault("is not positive semidefinite", *place, hint=ALTERED)
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def check_rotation(support: Mounting, covariance: FloatArray, index: int) -> None:
     """Refuse a support whose rotation, angles, quaternion and uncertainties disagree.
 
     covariance : (3, 3), rad², of the support's rotation, perturbed in the BCS.
     """
-    place = ("supports", index)
     R = np.array(support.rotation)
-    if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) or np.linalg.det(R) < 0:
-        raise fault(
-            "is not a rotation: not orthonormal, or det ≠ +1", *place, "rotation", hint=ALTERED
-        )
-    if not np.allclose(so3.from_rpy(support.rpy), R, rtol=0, atol=SAME):
-        raise fault("is not the angles of `rotation`", *place, "rpy", hint=ALTERED)
-    if not np.allclose(_from_quaternion(support.quaternion), R, rtol=0, atol=SAME):
-        raise fault("is not the quaternion of `rotation`", *place, "quaternion_xyzw", hint=ALTERED)
-    if support.turn_std is not None:
-        own = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-        if not np.allclose(support.turn_std, own, rtol=SAME_STD, atol=0):
-            raise fault("does not follow from the covariance", *place, "turn_std", hint=ALTERED)
-    if not so3.locked(R):
-        J = so3.rpy_jacobian(R)
-        std = np.sqrt(np.maximum(np.diagonal(J @ covariance @ J.T), 0.0))
-        if not np.allclose(support.rpy_std, std, rtol=SAME_STD, atol=0):
-            raise fault("does not follow from the covariance", *place, "rpy_std", hint=ALTERED)
+    own = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    angles = np.sqrt(np.maximum(so3.rpy_variance(R[None], covariance)[0], 0.0))
+    proper = np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) and np.linalg.det(R) > 0
+    turned = so3.from_rpy(support.rpy), _from_quaternion(support.quaternion)
+    rpy, quaternion = (np.allclose(other, R, rtol=0, atol=SAME) for other in turned)
+    turns = support.turn_std is None or np.allclose(support.turn_std, own, rtol=SAME_STD, atol=0)
+    stds = so3.locked(R) or np.allclose(support.rpy_std, angles, rtol=SAME_STD, atol=0)
+    for sound, name, what in (
+        (proper, "rotation", "is not a rotation: not orthonormal, or det ≠ +1"),
+        (rpy, "rpy", "is not the angles of `rotation`"),
+        (quaternion, "quaternion_xyzw", "is not the quaternion of `rotation`"),
+        (turns, "turn_std", "does not follow from the covariance"),
+        (stds, "rpy_std", "does not follow from the covariance"),
+    ):
+        if not sound:
+            raise fault(what, "supports", index, name, hint=ALTERED)
 
 
 def from_directions(
