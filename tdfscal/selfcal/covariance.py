@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.model.parameters import EVEN_TURN, layout, sensing
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
-from tdfscal.numerics.least_squares import Spectrum, spectrum
+from tdfscal.numerics.least_squares import Spectrum, spectrum, triangular
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -81,8 +81,18 @@ class Uncertainty:
 
 def information_root(fit: Fit) -> Spectrum:
     """Decompose the whitened Jacobian of the used postures and the priors."""
-    J = np.sqrt(fit.weight)[:, None, None] * (fit.whitener @ fit.jacobian)
-    return spectrum(np.concatenate([J.reshape(-1, J.shape[-1]), fit.prior_jacobian]))
+    return spectrum(_whitened_jacobian(fit))
+
+
+def factored_information(fit: Fit) -> Spectrum:
+    """The same from the Jacobian's triangular factor, whose rows are no postures: much faster."""
+    J = _whitened_jacobian(fit)
+    return spectrum(triangular(J), len(J))
+
+
+def _whitened_jacobian(fit: Fit) -> FloatArray:
+    J = (np.sqrt(fit.weight)[:, None, None] * fit.whitener) @ fit.jacobian
+    return np.concatenate([J.reshape(-1, J.shape[-1]), fit.prior_jacobian])
 
 
 def quality(fit: Fit, parts: Spectrum) -> Quality:

@@ -29,7 +29,7 @@ from tdfscal.model.statics import Balance, Postures, balance, features, features
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import STEPS, Solution, gauss_newton
+from tdfscal.numerics.least_squares import STEPS, Solution, gauss_newton, triangular
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
@@ -152,9 +152,8 @@ def statistic(at: Balance, weight: FloatArray) -> FloatArray:
     |statistic · ψ|² is the sum of all postures' squared whitened residuals, so this matrix holds
     all that the postures say, however many they are.
     """
-    rows = at.whitener @ at.design
-    rows = rows * np.sqrt(weight)[:, None, None]
-    return np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[-1]), mode="r"))
+    rows = (at.whitener * np.sqrt(weight)[:, None, None]) @ at.design
+    return triangular(rows.reshape(-1, rows.shape[-1]))
 
 
 def solve_statistic(

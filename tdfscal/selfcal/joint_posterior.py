@@ -10,7 +10,7 @@ from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import parameter_count, retract, with_motions
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import information_root
+from tdfscal.selfcal.covariance import factored_information
 from tdfscal.selfcal.estimator import Fit
 
 
@@ -26,7 +26,7 @@ def from_fit(
     any contact wrench at rest either.
     """
     size, turns = len(fit.active), 3 * fit.rig.n
-    parts = information_root(fit)
+    parts = factored_information(fit)
     free = np.flatnonzero(fit.active)
     posterior = np.zeros((size, size))
     posterior[np.ix_(free, free)] = parts.root @ parts.root.T

@@ -12,7 +12,7 @@ from tdfscal.errors import DataError, RigError
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, postures
 from tdfscal.records import Dwells, IntArray, Rig
-from tdfscal.selfcal.covariance import information_root, quality
+from tdfscal.selfcal.covariance import factored_information, quality
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.selfcal.wiring import check_forces
@@ -101,7 +101,7 @@ def _with_residual_noise(rig: Rig, observed: Postures, start: State) -> Postures
         guess = _with_noise(observed, level)
         result = fit_robust(rig, guess, start).fit
         start = result.state
-        stats = quality(result, information_root(result))
+        stats = quality(result, factored_information(result))
         if stats.dof <= 0 or abs(stats.birge - 1) < 1e-3:
             break
         level *= stats.birge

@@ -30,7 +30,7 @@ from tdfscal.model.parameters import layout
 from tdfscal.model.statics import features_jacobian
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
 from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray
-from tdfscal.selfcal.covariance import Uncertainty, information_root
+from tdfscal.selfcal.covariance import Uncertainty, factored_information
 from tdfscal.selfcal.estimator import ROWS, Fit
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import CAUSES_APART, OUTLYING_POSTURE, WITHIN_CAMPAIGN
@@ -74,7 +74,7 @@ class _Normal:
         )
         self.active = self.design[..., fit.active]
         self.residual = (root @ fit.residual[order, :, None])[..., 0]
-        self.root = information_root(fit).root
+        self.root = factored_information(fit).root
         gradient = np.einsum("kra,kr->a", self.active, self.residual)
         gradient += fit.prior_jacobian.T @ fit.prior_residual
         self.gradient = gradient

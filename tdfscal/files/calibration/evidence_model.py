@@ -11,6 +11,7 @@ from tdfscal.files.field_types import (
     Name,
     NotNegative,
     Number,
+    Numbers,
     Strict,
     Text,
     Vector,
@@ -31,7 +32,6 @@ HistogramDefinition = Literal[
 (HISTOGRAM_DEFINITION,) = get_args(HistogramDefinition)
 
 Counts = Annotated[tuple[Count, ...], BeforeValidator(from_numpy)]
-Numbers = Annotated[tuple[Number, ...], BeforeValidator(from_numpy)]
 
 
 class Stretch(Strict):

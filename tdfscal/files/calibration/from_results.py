@@ -22,7 +22,7 @@ from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.selfcal.covariance import Uncertainty, information_root
+from tdfscal.selfcal.covariance import Uncertainty, factored_information
 from tdfscal.selfcal.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.monte_carlo import MonteCarlo
@@ -226,7 +226,7 @@ def published_std(given: Calibrated, fitted: FloatArray) -> FloatArray:
 def _unscaled(result: SelfCalibration) -> FloatArray:
     """Covariance (3n, 3n) of the rotations by the stated uncertainties, for `update`."""
     turns = np.flatnonzero(np.repeat(result.observability.determined, 3))
-    root = information_root(result.fit).root[turns]
+    root = factored_information(result.fit).root[turns]
     return np.asarray(root @ root.T)
 
 

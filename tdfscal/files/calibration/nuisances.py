@@ -16,7 +16,7 @@ from tdfscal.files.calibration.parts import (
 from tdfscal.files.field_types import Number, Strict, key
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.records import BoolArray
-from tdfscal.selfcal.covariance import information_root
+from tdfscal.selfcal.covariance import factored_information
 from tdfscal.selfcal.nuisances import Estimate, compliance_estimates, drift_estimates
 from tdfscal.selfcal.pipeline import SelfCalibration
 
@@ -67,7 +67,7 @@ class ComplianceResult(Strict):
 def nuisance_documents(result: SelfCalibration) -> dict[str, Any]:
     """The blocks `drift` and `compliance`, each None where the rig file declares none."""
     fit, found = result.fit, result.uncertainty
-    parts, determined = information_root(fit), result.observability.determined
+    parts, determined = factored_information(fit), result.observability.determined
     drift: dict[str, Any] = {}
     for estimate in drift_estimates(fit, parts, found):
         drift[estimate.kind] = {"share": _shares(estimate, determined)}
