@@ -103,7 +103,7 @@ def instants(duration: float) -> FloatArray:
 def forecast(
     sight: MovingSight, trajectory: Trajectory, rng: np.random.Generator, draws: int = DRAWS
 ) -> Forecast:
-    """Uncertainty to expect of a motion.
+    """Uncertainty to expect of a motion; NaN for sensors of one axis or none, which have no angles.
 
     rng : draws the internal forces that the positioners' own errors make where their stiffness is
     known; the mean variance over the draws stands.
@@ -111,14 +111,13 @@ def forecast(
     time = instants(trajectory.duration)
     course = trajectory.at(time)
     R = nominal(sight.rig).rotation
+    open_ends = (sight.rig.axes.sum(axis=1) < 2)[:, None]
     unplanned = trajectory.limits.repeatability_force(sight.rig)
-    if unplanned == 0.0:
-        return Forecast(np.sqrt(so3.rpy_variance(R, sight.covariance(course, time))))
-    variance = [
-        so3.rpy_variance(R, sight.covariance(_with_errors(course, unplanned, rng), time))
-        for _ in range(draws)
-    ]
-    return Forecast(np.sqrt(np.mean(variance, axis=0)))
+    courses = [course]
+    if unplanned > 0.0:
+        courses = [_with_errors(course, unplanned, rng) for _ in range(draws)]
+    variance = [so3.rpy_variance(R, sight.covariance(each, time)) for each in courses]
+    return Forecast(np.where(open_ends, np.nan, np.sqrt(np.mean(variance, axis=0))))
 
 
 def _with_errors(course: Course, size: float, rng: np.random.Generator) -> Course:

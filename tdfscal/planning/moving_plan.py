@@ -61,7 +61,7 @@ class MovingPlan:
     @property
     def improvement(self) -> float:
         """Mean standard uncertainty of random motions over that of the plan."""
-        return float(self.random.rpy_std.mean() / self.expected.rpy_std.mean())
+        return self.random.mean / self.expected.mean
 
     @property
     def time(self) -> FloatArray:
@@ -121,7 +121,7 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
 
     def size(lines: Lines) -> float:
         errors = np.random.default_rng(fixed)
-        return float(np.mean(forecast(sight, driven(lines), errors, draws=1).rpy_std ** 2))
+        return float(np.nanmean(forecast(sight, driven(lines), errors, draws=1).rpy_std ** 2))
 
     most = max(1, int(_FASTEST * request.duration))
     choice = np.unique(np.round(np.geomspace(1, most, _CHOICE)).astype(np.int64))
@@ -132,8 +132,8 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
     )
     best = _changed(_exchanged(start, choice, size), most, size, rng)
     expected = forecast(sight, driven(best), rng)
-    if expected.rpy_std.max() > rig.acceptance.identifiable:
-        i, j = np.unravel_index(int(expected.rpy_std.argmax()), expected.rpy_std.shape)
+    if expected.largest > rig.acceptance.identifiable:
+        i, j = np.unravel_index(int(np.nanargmax(expected.rpy_std)), expected.rpy_std.shape)
         raise NotIdentifiableError(
             f"no motion within these limits determines {('roll', 'pitch', 'yaw')[j]} of "
             f"{rig.supports[i]}: about ±{1e3 * expected.rpy_std[i, j]:.3g} mrad would be left",

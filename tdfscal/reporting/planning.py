@@ -121,7 +121,7 @@ def moving_plan_report(plan: MovingPlan) -> Report:
     """Lay out what is driven, and what to expect of it."""
     request, limits = plan.request, plan.request.limits
     used = extremes(plan)
-    mean, random = (1e3 * f.rpy_std.mean() for f in (plan.expected, plan.random))
+    mean, random = (1e3 * f.mean for f in (plan.expected, plan.random))
     way = ", ".join(f"±{v:.3f}" for v in used["travel"])
     blocks = (
         _angles(plan.rig, plan.expected.rpy_std),

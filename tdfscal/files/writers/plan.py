@@ -27,7 +27,7 @@ def plan_csv(plan: Plan, command: str, seed: int) -> str:
         "further to that side (+1: larger coordinates), all alike, then into the posture.",
         "returns: 1 where the first posture comes again, to show drift.",
         "Rest at each posture, without contact, until the forces have settled, then record.",
-        *_expected(plan, plan.expected.mean, f"{plan.request.noise:g} N per axis and posture"),
+        *_expected(plan, f"{plan.request.noise:g} N per axis and posture"),
     ]
     rows = (
         [str(k + 1), f"{plan.approach[k]:+d}", "1" if k in returns else ""]
@@ -95,7 +95,7 @@ def _motion_notes(plan: MovingPlan, what: str, command: str, seed: int) -> list[
         f"t: s, from rest to rest in {request.duration:g} s.",
         *_frame(request.limits, ", at the start and the end"),
         "Move without contact, and record all of it.",
-        *_expected(plan, plan.expected.rpy_std.mean(), noise),
+        *_expected(plan, noise),
     ]
 
 
@@ -126,9 +126,10 @@ def _frame(limits: Limits, when: str) -> list[str]:
     ]
 
 
-def _expected(plan: Plan | MovingPlan, mean: float, noise: str) -> list[str]:
+def _expected(plan: Plan | MovingPlan, noise: str) -> list[str]:
     """What the plan is worth: the mean over all angles, rad, and each sensor's."""
-    lines = [f"expected: mean standard uncertainty of an angle {1e3 * mean:.3g} mrad, with {noise}"]
+    mean = f"{1e3 * plan.expected.mean:.3g} mrad"
+    lines = [f"expected: mean standard uncertainty of an angle {mean}, with {noise}"]
     for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True):
         angles = ", ".join(f"{a} {1e3 * std:.3g}" for a, std in zip(ANGLES, row, strict=True))
         open_ = np.isnan(row).any()
