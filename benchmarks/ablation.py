@@ -68,8 +68,8 @@ def _none_noisier(found: Any, moving: Any) -> Any:
     return noise_level.NoisierStops(none, none, np.ones((0, len(found.value))))
 
 
-def _white(found: Any, stream: int, pooled: Any) -> Any:
-    return np.diag(pooled)
+def _white(found: Any, stream: int, pooled: Any, length: Any, campaign: float) -> Any:
+    return np.broadcast_to(np.diag(pooled), (len(length), 3, 3))
 
 
 def _every_calm(of: Any, begin: int, end: int) -> list[tuple[int, int]]:
@@ -146,6 +146,8 @@ PARTS: dict[str, Part] = {
         ((dwell_means, "density", _white),)),
     "autoregression in the spectrum": Part(_kinds("correlated"), ((noise_spectrum,
         "_rational_spectrum", lambda cov, f: np.broadcast_to(cov[0], (len(f), 3))),)),
+    "noise slower than a stop": Part(_kinds("correlated", "AR", "1/f"), ((noise_spectrum,
+        "slow_noise", lambda frequency, power, *_: [None] * len(power)),)),
     "own scatter of a noisy dwell": Part(_kinds("noisy"), ((dwell_means, "_excess_scatter",
         lambda scatter, count: np.ones_like(scatter)),)),
     "rounding in the covariance": Part(_kinds("rounded", "written"),

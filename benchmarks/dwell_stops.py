@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from tdfscal.dwells import find_dwells
 from tdfscal.records import FloatArray, Log, Series
@@ -175,6 +176,41 @@ def _filled(rng: Random, hertz: float) -> Recorded:
     )
 
 
+def _slow(rng: Random, kind: str) -> Recorded:
+    """2 N of noise that is alike over much of a stop; 8 N settle in 0.1 s."""
+    stops = tuple(rng.uniform(4.0, 5.0, 16))
+    recorded = record(
+        _usual(rng, rate=100.0, stops=stops, force_noise=1e-6, settle=(8.0, 0.1, 0.0))
+    )
+
+    def force(t: FloatArray, value: FloatArray) -> None:
+        white = rng.standard_normal((8 * len(t), 9))
+        if kind == "1/f":
+            wave = np.fft.rfft(white, axis=0)
+            wave[1:] /= np.sqrt(np.arange(1, len(wave)))[:, None]
+            wave[0] = 0.0
+            noise = np.fft.irfft(wave, axis=0)[: len(t)]
+            noise /= noise.std(axis=0).mean()
+        else:
+            phi = float(kind)
+            noise = lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], white, axis=0)[-len(t) :]
+        value += 2.0 * noise.reshape(value.shape)
+
+    return _changed(recorded, force=force)
+
+
+#: Noise that is slower than white, and settling as friction makes it.
+SLOW: dict[str, Callable[[Random], Recorded]] = {
+    "AR(0.95) at 100 Hz": lambda rng: _slow(rng, "0.95"),
+    "AR(0.99) at 100 Hz": lambda rng: _slow(rng, "0.99"),
+    "1/f over eight logs": lambda rng: _slow(rng, "1/f"),
+    "settling of 1 to 10 N in 0.1 to 0.8 s": lambda rng: record(
+        _usual(rng, rate=100.0, stops=tuple(rng.uniform(4.0, 5.0, 16)), force_noise=1.0,
+               settle=(_log(rng, 1.0, 10.0), _log(rng, 0.1, 0.8), 0.0))
+    ),
+}  # fmt: skip
+
+
 #: Faults that an ablation asks for besides; each is found here as a stop is, or not at all.
 FAULTS: dict[str, Callable[[Random], Recorded]] = {
     "bursts of force amid stops": _bursts,
@@ -264,8 +300,9 @@ def score(recorded: Recorded) -> Score:
 
 def scored(what: str, seeds: range) -> Score:
     """What is found of several logs of a kind."""
-    if what in FAULTS:
-        return together([score(FAULTS[what](np.random.default_rng(seed))) for seed in seeds])
+    others = FAULTS | SLOW
+    if what in others:
+        return together([score(others[what](np.random.default_rng(seed))) for seed in seeds])
     return together([score(record(KINDS[what](np.random.default_rng(seed)))) for seed in seeds])
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.dwell_stops import HEADS, KINDS, scored, together
+from benchmarks.dwell_stops import HEADS, KINDS, SLOW, scored, together
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.records import Log, Series
 
@@ -69,6 +69,7 @@ def main() -> None:
     scores = {what: scored(what, range(seeds)) for what in KINDS}
     found = [one.row(what) for what, one in scores.items()]
     found.append(together(list(scores.values())).row("all"))
+    slow = [scored(what, range(5 * seeds)).row(what) for what in SLOW]
     rows = []
     for minutes in (10, 60):
         logs = list(pieces(60.0 * minutes))
@@ -95,6 +96,12 @@ def main() -> None:
             f"| {' | '.join(HEADS)} |",
             f"|{'---|' * len(HEADS)}",
             *found,
+            "",
+            f"Noise that is alike over much of a stop, {5 * seeds} logs of 16 stops of each kind:",
+            "",
+            f"| {' | '.join(HEADS)} |",
+            f"|{'---|' * len(HEADS)}",
+            *slow,
             "",
             "## Speed",
             "",

@@ -116,6 +116,8 @@ LEVEL_CHANGES_PER_LOG: Final = 1e-3
 DRIFT_PER_LOG: Final = 1e-3
 #: False modes of ringing or creep per log and shape. Strict: a mode is cut from every stop.
 RINGING_PER_LOG: Final = 1e-6
+#: Fall of −2 ln L by which noise is slower than a stop: 1e-5 of white channels, for three unknowns.
+SLOW_NOISE: Final = 25.9
 #: False cut per test of what is left of a stop; a cut too many costs only a little time.
 SETTLING_CUT: Final = 3e-3
 #: False decay per stretch.

@@ -77,7 +77,7 @@ def _excesses(signal: Signals, limit: FloatArray, noisier: NoisierStops | None) 
         for axis in range(axes):
             row = signal.value[axis, begin : begin + _SPAN + reach]
             factor = None if noisier is None else noisier.row(axis, begin, begin + _SPAN)
-            for scale, (_, difference) in enumerate(differences(row)):
+            for scale, (_, difference) in enumerate(differences(row, SCALES)):
                 excess = np.abs(difference[:_SPAN], out=difference[:_SPAN])
                 here = slice(begin, begin + len(excess))
                 excess -= limit[scale, axis] * (1.0 if factor is None else factor[: len(excess)])
@@ -92,7 +92,8 @@ def threshold(signal: Signals, noise: Noise) -> FloatArray:
     tests = max(signal.value.size, 1) * SCALES
     quantile = float(-ndtri(0.5 * LEVEL_CHANGES_PER_LOG / tests))
     rounding = 8.0 * np.finfo(np.float64).eps * np.abs(signal.value).max(axis=1, initial=0.0)
-    return np.asarray(quantile * noise.difference + 1.001 * noise.quantum + rounding)
+    difference = np.sqrt(2.0) * noise.of_mean(2 ** np.arange(SCALES))
+    return np.asarray(quantile * difference + 1.001 * noise.quantum + rounding)
 
 
 def quiet_seed(signal: Signals, base: BoolArray, width: float) -> BoolArray:
@@ -139,7 +140,7 @@ def segment(
     sample, out = blocks(signal, base)
     marked = quiet_seed(sample, out, width)
     for _ in range(_ROUNDS):
-        noise = difference_noise(sample, marked)
+        noise = difference_noise(sample, marked, SCALES)
         if travels(noise):
             return np.ones_like(base), noise
         noise = without_creep(noise)

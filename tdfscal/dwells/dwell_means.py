@@ -111,6 +111,8 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
     pooled = np.zeros(shape)
     spectra = _spectra(bins, extents)
     ordinates: dict[tuple[int, ...], Ordinates | None] = {}
+    length = np.array([extent.used.sum() for extent in extents])
+    campaign = float(bins.start[-1] - bins.start[0]) / bins.width
     for stream in range(shape[1] if extents else 0):
         scatter, count = own.scatter[:, stream], own.count[:, stream]
         ratio[:, stream] = _excess_scatter(scatter, count)
@@ -121,7 +123,7 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
         if usable not in ordinates:  # one for all streams, as a rule
             ordinates[usable] = together([spectra[i][1] for i in usable])
         root = np.sqrt(ratio[:, stream])
-        common = density(ordinates[usable], stream, level)
+        common = density(ordinates[usable], stream, level, length, campaign)
         zero[:, stream] = common * root[:, :, None] * root[:, None, :]
     n = np.maximum(own.count, 1)
     # All dwells together: one dwell that sits amid a step shows no scatter, whatever the noise.

@@ -11,6 +11,7 @@ from tdfscal.dwells.change_points import segment, threshold
 from tdfscal.dwells.common_drift import drift_of_rests
 from tdfscal.dwells.dwell_means import Extent
 from tdfscal.dwells.noise_level import (
+    LONGEST,
     Noise,
     NoisierStops,
     Signals,
@@ -104,7 +105,10 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         moving=moving,
         disturbed=disturbed,
         noisier=noisier,
-        noise=together(position_noise, force_noise),
+        noise=together(
+            without_creep(difference_noise(positions, disturbed, LONGEST)),
+            without_creep(difference_noise(forces, disturbed, LONGEST)),
+        ),
         visible=threshold(positions, position_noise)[0],
         shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
         rate=rate,
@@ -118,8 +122,8 @@ def within(field: Field, extents: list[Extent]) -> Field:
     out = np.ones(len(field.bins), dtype=np.bool_)
     for extent in extents:
         out[extent.rows] = False
-    positions = without_creep(difference_noise(field.positions, out))
-    forces = without_creep(difference_noise(field.forces, out))
+    positions = without_creep(difference_noise(field.positions, out, LONGEST))
+    forces = without_creep(difference_noise(field.forces, out, LONGEST))
     return replace(field, noise=together(positions, forces))
 
 

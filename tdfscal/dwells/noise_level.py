@@ -15,9 +15,12 @@ from tdfscal.dwells.bins import Bins
 from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
-SCALES = 6  # windows of 1 … 32 bins; what is slower is settling or drift, tested per dwell
+SCALES = 6  # windows of 1 … 32 bins show changes; what is slower is settling or drift, or noise
+LONGEST = 9  # scales at which noise is measured, where stops are long enough
 _BLOCKS, _BLOCK = 16, 2048  # bins
 _ENOUGH = 8_000  # differences that show the noise
+_ENOUGH_LONG = 4  # windows one after the other that show it at long scales
+_FOLLOWING = 16  # pairs of differences apart from each other that show how these follow
 _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
 _P90 = 1.6448536269514722  # 90 % quantile of a size / standard deviation, Gaussian
 _SMOOTH = 2.0 * np.sqrt(2.0 ** (SCALES - 1))
@@ -70,6 +73,23 @@ class Noise:
         ratio = np.sqrt(2.0**level / (2.0 * n))
         return np.asarray(self.difference[level] * ratio[..., None])
 
+    def of_part(self, length: IntArray, whole: IntArray) -> FloatArray:
+        """Variance by which means of windows depart from that of a neighbour (..., A), in bins.
+
+        length : of a window within a stretch, whole : of that and of the neighbour, no shorter.
+        With D² the variance of a difference of neighbours and V that of a mean, V(W) − V(2W) =
+        D²(W) / 4 whatever the autocorrelation; added is D² of the stretch and its neighbour.
+        """
+        square = 0.25 * self.difference**2
+        # V less what the longest windows have in common, at lengths 1, 2, 4 …, and 1/W between.
+        V = np.cumsum(np.concatenate([square, square[-1:]])[::-1], axis=0)[::-1]
+        size = np.maximum([length, whole], 1.0)
+        level = np.minimum(np.log2(size).astype(np.int64), len(square) - 1)
+        share = (2.0 ** (level + 1) / size - 1.0)[..., None]
+        own = V[level + 1] + share * (V[level] - V[level + 1])
+        own = np.where(share < 0.0, V[level + 1] * (1.0 + share), own)
+        return np.asarray(own[0] - own[1] + 2.0 * self.of_mean(whole) ** 2)
+
 
 def signals(bins: Bins, streams: slice) -> Signals:
     """The bin means of some streams as (A, B) rows; a row of gap is put where time jumps."""
@@ -98,14 +118,14 @@ def _back_to_last_sample(silent: BoolArray, present: BoolArray) -> BoolArray:
     return np.asarray(~present & hit[group])
 
 
-def differences(row: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+def differences(row: FloatArray, scales: int) -> Iterator[tuple[int, FloatArray]]:
     """(W, D) with D[i] = mean(row[i+W : i+2W]) − mean(row[i : i+W]); exact for constant rows.
 
     D is good until the next is taken; it may be changed in place.
     """
     mean, width = row, 1
     difference, *spare = (np.empty(len(row)) for _ in range(3))
-    for scale in range(SCALES):
+    for scale in range(scales):
         size = len(mean) - width
         if size <= 0:
             return
@@ -122,34 +142,37 @@ def clean(marked: BoolArray, length: int) -> BoolArray:
     return np.asarray(total[length:] == total[:-length])
 
 
-def difference_noise(signal: Signals, marked: BoolArray) -> Noise:
-    """Robust noise of the differences over the bins that are not marked."""
+def difference_noise(signal: Signals, marked: BoolArray, most: int) -> Noise:
+    """Robust noise of the differences over the bins that are not marked.
+
+    most : scales, as far as there are windows enough.
+    """
     signal, marked = blocks(signal, marked)
     axes = len(signal.value)
-    result = np.full((SCALES, axes), np.nan)
     some = []
     follow: tuple[int, IntArray] | None = None
-    for scale in range(SCALES):
+    for scale in range(most):
         index = np.flatnonzero(clean(marked, 2 ** (scale + 1)))
+        if scale and len(index) < (8 if scale < SCALES else _ENOUGH_LONG * 2**scale):
+            break
         some.append(index[:: max(len(index) // _ENOUGH, 1)])
         index = np.flatnonzero(clean(marked, 3 * 2**scale))
-        if len(index) >= 8:
+        apart = 1 + np.count_nonzero(np.diff(index) > 1)
+        if len(index) and apart + (len(index) - apart) / 2**scale >= _FOLLOWING:
             follow = scale, index[:: max(len(index) // _ENOUGH, 1)]
     smooth = np.ones(axes, dtype=np.bool_)
+    result = np.zeros((len(some), axes))
 
     def measure(axis: int) -> None:
-        for scale, (width, difference) in enumerate(differences(signal.value[axis])):
+        for scale, (width, difference) in enumerate(differences(signal.value[axis], len(some))):
             if len(some[scale]) >= 8:
                 result[scale, axis] = _spread(np.abs(difference[some[scale]]), signal.quantum[axis])
             if follow is not None and follow[0] == scale:
                 first, second = difference[follow[1]], difference[follow[1] + width]
-                smooth[axis] = np.median(np.abs(second - first)) < np.median(np.abs(first))
+                # Mean products, not medians: a stop shows one or two of the longest windows.
+                smooth[axis] = first @ second > 0.25 * (first @ first + second @ second)
 
     in_threads(measure, range(axes))
-    for scale in range(SCALES):
-        missing = np.isnan(result[scale])
-        white = result[scale - 1] / np.sqrt(2.0) if scale else np.zeros(axes)
-        result[scale, missing] = white[missing]
     return Noise(result, signal.quantum, smooth)
 
 
@@ -238,6 +261,8 @@ def without_creep(noise: Noise) -> Noise:
     """
     difference = noise.difference.copy()
     scales = len(difference)
+    if scales < 2:
+        return noise
     growing = noise.smooth & (difference[-1] > _CREEP * difference[-2])
     lowest = np.full(difference.shape[1], scales - 1)
     for scale in range(scales - 1, 0, -1):

@@ -7,22 +7,25 @@ upwards, by octaves, as long as a wider band agrees with all narrower ones (Leps
 noise uses the whole band, correlated noise only where its spectrum is flat. The same is tried after
 dividing by the shape of white noise plus a first-order autoregression, fitted to the first
 autocovariances, and the wider band wins.
+
+Noise that is slower than a stop has no flat band there; where its fitted spectrum is flat over all
+the band (`slow_noise`), that is carried on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.records import FloatArray
+from tdfscal.dwells.slow_noise import SlowNoise, slow_noise
+from tdfscal.records import FloatArray, IntArray
 
 _SHORTEST_RUN = 6  # bins; shorter pieces of a dwell carry no spectrum
 _BASE_ORDINATES = 40  # in the narrowest band
-_FASTEST, _TRIED = 0.05, 13  # corner, cycles per bin, and values tried, of what axes share
-_BAND = 0.1  # of the frequency's logarithm, within which ordinates are one
+_UNBINNED = 0.125  # cycles per bin up to which means over bins have the spectrum of the noise
 _LEPSKI = 2.8  # standard deviations of disagreement that end the widening
 
 
@@ -95,13 +98,14 @@ class Ordinates:
     """Spectra of several runs together, in the order of frequency.
 
     frequency : (F,). amplitude : (S, 3, F). covariance : (3, S, 3), weighted by the runs' lengths.
-    length : mean of those, bins.
+    length : mean of those, bins. slow : (S, 3), where the noise is slower than a run.
     """
 
     frequency: FloatArray
     amplitude: FloatArray
     covariance: FloatArray
     length: float
+    slow: list[list[SlowNoise | None]]
 
 
 def together(spectra: Sequence[Spectrum]) -> Ordinates | None:
@@ -113,25 +117,45 @@ def together(spectra: Sequence[Spectrum]) -> Ordinates | None:
     amplitude = np.concatenate([one.amplitude for one in spectra], axis=2)[..., order]
     length = np.array([one.length for one in spectra])
     covariance = np.average([one.covariance for one in spectra], axis=0, weights=length)
-    return Ordinates(frequency[order], amplitude, covariance, float(length.mean()))
+    whole = Ordinates(frequency[order], amplitude, covariance, float(length.mean()), [])
+    half = len(amplitude) // 2  # positions, then forces
+    return replace(whole, slow=[*_slow(whole, 0, half), *_slow(whole, half, len(amplitude))])
 
 
-def density(found: Ordinates | None, stream: int, pooled: FloatArray) -> FloatArray:
-    """(3, 3), spectral density of a stream at frequency zero per sample.
+def _slow(found: Ordinates, begin: int, end: int) -> list[list[SlowNoise | None]]:
+    """Noise slower than a run, of each axis of streams of one kind, (S, 3)."""
+    low = slice(int(np.searchsorted(found.frequency, _UNBINNED)))
+    frequency = found.frequency[low]
+    power = (found.amplitude[begin:end, :, low] ** 2).reshape(3 * (end - begin), -1)
+    rival = np.concatenate([_shape(found, stream)[low].T for stream in range(begin, end)])
+    slow = slow_noise(frequency, power, rival, found.length)
+    flat = [
+        _widest_flat_band(frequency, own / one.spectrum(frequency))[1] == len(frequency)
+        for own, one in zip(power, slow, strict=True)
+        if one is not None
+    ]
+    if sum(flat) <= len(flat) / 2:  # vibration, or something else
+        slow = [None] * len(slow)
+    return [slow[k : k + 3] for k in range(0, len(slow), 3)]
+
+
+def density(
+    found: Ordinates | None, stream: int, pooled: FloatArray, length: IntArray, campaign: float
+) -> FloatArray:
+    """(K, 3, 3), spectral density of a stream per sample as it counts in means of K dwells.
 
     found : of dwells with common scatter. pooled : (3,), their sample variance, which stands in
-    where there is too little.
+    where there is too little. length : (K,), of the dwells, campaign : of the log, bins.
     """
     if found is None:
-        return np.diag(pooled)
-    frequency, amplitude = found.frequency, found.amplitude[stream]
-    covariance = _autocovariance(found.covariance[:, stream], found.length)
-    level, width = np.zeros(3), np.zeros(3, dtype=np.int64)
-    shape, common = _shape(covariance, frequency), _common_shape(found, stream)
-    for axis in range(3):
-        level[axis], width[axis] = _zero_frequency(
-            frequency, amplitude[axis] ** 2, shape[:, axis], common
-        )
+        return np.broadcast_to(np.diag(pooled), (len(length), 3, 3))
+    amplitude, shape = found.amplitude[stream], _shape(found, stream)
+    level, width = np.zeros((len(length), 3)), np.zeros(3, dtype=np.int64)
+    for axis, slow in enumerate(found.slow[stream]):
+        power = amplitude[axis] ** 2
+        level[:, axis], width[axis] = _zero_frequency(found.frequency, power, shape[:, axis])
+        if slow is not None:
+            level[:, axis] = slow.of_mean(length, campaign)
     band = amplitude[:, : int(width.min())]
     product = band @ band.T
     scale = np.sqrt(np.diagonal(product))
@@ -139,81 +163,31 @@ def density(found: Ordinates | None, stream: int, pooled: FloatArray) -> FloatAr
         product, np.outer(scale, scale), out=np.eye(3), where=np.outer(scale, scale) > 0
     )
     root = np.sqrt(level)
-    return np.asarray(correlation * np.outer(root, root))
+    return np.asarray(correlation * root[:, :, None] * root[:, None, :])
 
 
-def _shape(covariance: FloatArray, frequency: FloatArray) -> FloatArray:
-    """(F, 3), the fitted spectrum relative to its value at frequency 0."""
-    shape = _rational_spectrum(covariance, np.concatenate([[0.0], frequency]))
+def _shape(found: Ordinates, stream: int) -> FloatArray:
+    """(F, 3), the spectrum that a stream's autocovariances tell, relative to its value at 0."""
+    covariance = _autocovariance(found.covariance[:, stream], found.length)
+    shape = _rational_spectrum(covariance, np.concatenate([[0.0], found.frequency]))
     one = np.ones_like(shape[1:])
     return np.asarray(np.divide(shape[1:], shape[0], out=one, where=shape[0] > 0))
 
 
-def _common_shape(found: Ordinates, stream: int) -> FloatArray | None:
-    """(F,), spectrum of all streams of one kind relative to what a mean sees; None where white.
-
-    Noise as slow as a dwell shows in a few ordinates, by which an axis alone is taken for white or
-    for red as chance has it; all axes together, each at unit power, know better.
-    """
-    half = found.amplitude.shape[0] // 2  # positions, then forces
-    alike = slice(0, half) if stream < half else slice(half, None)
-    power = (found.amplitude[alike] ** 2).reshape(-1, len(found.frequency))
-    mean = power.mean(axis=1)
-    seen = mean > 0
-    if seen.sum() < 2:
-        return None
-    together = np.asarray((power[seen] / mean[seen, None]).mean(axis=0))
-    if _widest_flat_band(found.frequency, together, int(seen.sum()))[1] == len(together):
-        return None
-    return _expected(found.frequency, together, int(seen.sum()), found.length)
-
-
-def _expected(frequency: FloatArray, power: FloatArray, streams: int, length: float) -> FloatArray:
-    """(F,), spectrum of white noise and a first-order autoregression relative to what a mean sees.
-
-    Expected over corner and share by their likelihood (Whittle), since what lies below the lowest
-    ordinate is extrapolated. power : (F,), mean of streams. length : of a mean, bins.
-    """
-    corner, share = np.meshgrid(
-        np.geomspace(1 / (2 * np.pi * length), _FASTEST, _TRIED), np.geomspace(0.1, 1e3, _TRIED)
-    )
-    corner, share = corner.reshape(-1, 1), share.reshape(-1, 1)
-    low = np.linspace(0, 3 / length, 61)
-    passed = np.sinc(low * length) ** 2
-    into_mean = 1 + share * (1 / (1 + (low / corner) ** 2) @ passed / passed.sum())[:, None]
-    _, band = np.unique(np.floor(np.log(frequency) / _BAND), return_inverse=True)
-    count = np.bincount(band)
-    f, p = (np.bincount(band, values) / count for values in (frequency, power))
-    tried = 1 + share / (1 + (f / corner) ** 2)
-    cost = np.log(tried) @ count + count.sum() * np.log((p / tried) @ count)
-    likely = np.exp(-0.5 * streams * (cost - cost.min()))
-    ratio = likely @ (into_mean / tried) / likely.sum()
-    return np.asarray(1 / ratio[band])
-
-
 def _zero_frequency(
-    frequency: FloatArray, power: FloatArray, shape: FloatArray, common: FloatArray | None
+    frequency: FloatArray, power: FloatArray, shape: FloatArray
 ) -> tuple[float, int]:
     """Level of the spectrum at 0 and the number of ordinates behind it.
 
-    shape : the fitted spectrum relative to its value at frequency 0; common : that of all streams.
+    shape : the fitted spectrum relative to its value at frequency 0.
     """
     plain = _widest_flat_band(frequency, power)
     whitened = _widest_flat_band(frequency, power / shape)
-    best = whitened if whitened[1] > plain[1] else plain
-    if common is not None:
-        with_all = _widest_flat_band(frequency, power / common)
-        best = with_all if with_all[1] >= best[1] else best
-    return best
+    return whitened if whitened[1] > plain[1] else plain
 
 
-def _widest_flat_band(
-    frequency: FloatArray, power: FloatArray, streams: int = 1
-) -> tuple[float, int]:
-    """Lepski's rule over bands from 0 to f, f doubling; (mean power, ordinates).
-
-    streams : whose mean the power is.
-    """
+def _widest_flat_band(frequency: FloatArray, power: FloatArray) -> tuple[float, int]:
+    """Lepski's rule over bands from 0 to f, f doubling; (mean power, ordinates)."""
     cumulative = np.cumsum(power)
     size = min(_BASE_ORDINATES, len(power))
     sizes, means = [size], [float(cumulative[size - 1] / size)]
@@ -226,7 +200,7 @@ def _widest_flat_band(
         mean = float(cumulative[size - 1] / size)
         # Difference of nested means: variance of the narrower less that of the wider.
         for narrow, known in zip(sizes, means, strict=True):
-            spread = np.sqrt((2.0 / narrow - 2.0 / size) / streams) * max(known, mean)
+            spread = np.sqrt(2.0 / narrow - 2.0 / size) * max(known, mean)
             if abs(mean - known) > _LEPSKI * spread:
                 return means[-1], sizes[-1]
         sizes.append(size)

@@ -4,6 +4,9 @@ One stop alone does not tell slow ringing from a level: a crest is flat for a wh
 one of the machine, y = c + Re(a e^{−λt}) with λ = 1/τ − iω common to all stops, and it starts when
 the NCPs come to rest. Noise, vibration and drift do not know which end of a stop is its begin: the
 same stops read backwards show how much of them such a shape explains by chance.
+
+Slow noise has more of a slow shape than of a fast one. Where what the mode leaves of the stops is
+correlated, it is looked for again with shapes and stops whitened by the noise's autoregression.
 """
 
 from __future__ import annotations
@@ -28,8 +31,13 @@ _SLOWEST, _CONSTANTS = 5.0, 8  # s; time constants tried
 _LOWEST, _HIGHEST, _FREQUENCIES = 0.1, 6.0, 16  # Hz; frequencies tried, besides none
 _ROUNDS, _CLOSE = 24, 1e-3  # parabolas at most; relative distance of the last one's decays
 _LASTING = 6.0  # time constants after which nothing is left to fit
+_MEMORY = 2  # order of the noise's autoregression
+_WHITE = 4.0  # standard deviations by which correlations of white noise stay below
 
 ComplexArray = npt.NDArray[np.complex128]
+Memory = Sequence[tuple[float, FloatArray]]
+"""An autoregression: for bins 0, 1, … of a stop, the last for all that follow, how many times wider
+the noise of the later bins is than its own once φ (k,) of the k bins before it is taken off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,25 +84,31 @@ class Ringing:
 
 
 class _Shapes:
-    """Decays (G,), each as two shapes over a stop of up to `most` bins, less their means there."""
+    """Decays (G,), each as two shapes over a stop of up to `most` bins, less their levels there.
 
-    def __init__(self, decays: Sequence[complex], most: int) -> None:
+    Whitened, as the stops are.
+    """
+
+    def __init__(self, decays: Sequence[complex], most: int, memory: Memory) -> None:
         wave = np.exp(-np.asarray(decays)[:, None] * np.arange(most))
-        self.wave = np.stack([wave.real, -wave.imag], axis=1)  # (G, 2, most)
-        self._sum = np.cumsum(self.wave, axis=2)
+        self.wave = _whitened(np.stack([wave.real, -wave.imag], axis=1), memory)  # (G, 2, most)
+        level = _whitened(np.ones(most), memory)
+        self._square = np.cumsum(level**2)
+        self._sum = np.cumsum(level * self.wave, axis=2)
         self._product = np.cumsum(self.wave[:, [0, 0, 1]] * self.wave[:, [0, 1, 1]], axis=2)
 
     def gram(self, length: IntArray) -> FloatArray:
         """Inner products of the two shapes over stops of S lengths, (S, G, 2, 2)."""
         total = np.moveaxis(self._sum[:, :, length - 1], 2, 0)
         product = np.moveaxis(self._product[:, :, length - 1], 2, 0)
-        product = product - total[..., [0, 0, 1]] * total[..., [0, 1, 1]] / length[:, None, None]
+        square = self._square[length - 1][:, None, None]
+        product = product - total[..., [0, 0, 1]] * total[..., [0, 1, 1]] / square
         gram = product[..., [0, 1, 1, 2]].reshape(*total.shape, 2)
         # Two shapes that are nearly one, or the second that is none, must not divide by zero.
         return np.asarray(gram + 1e-9 * gram[..., :1, :1] * np.eye(2))
 
     def onto(self, stops: FloatArray) -> FloatArray:
-        """Inner products of stops (S, A, N), less their means, with the shapes, (S, G, 2, A)."""
+        """Inner products of stops (S, A, N), less their levels, with the shapes, (S, G, 2, A)."""
         flat = self.wave[:, :, : stops.shape[2]].reshape(-1, stops.shape[2])
         seen = flat @ np.swapaxes(stops, 1, 2)
         return np.asarray(seen.reshape(len(stops), -1, 2, stops.shape[1]))
@@ -107,7 +121,7 @@ class _Shapes:
 
 @dataclass(frozen=True, slots=True)
 class _Stops:
-    """Stops less their means, of one length by zeros at their ends.
+    """Stops, whitened and less their levels, of one length by zeros at their ends.
 
     value : (S, A, N). length : (S,), bins without the zeros.
     """
@@ -116,12 +130,12 @@ class _Stops:
     length: IntArray
 
     @classmethod
-    def of(cls, stops: Sequence[FloatArray]) -> _Stops:
+    def of(cls, stops: Sequence[FloatArray], memory: Memory) -> _Stops:
         """Take stops (A, N) of any length."""
         length = np.array([stop.shape[1] for stop in stops])
         value = np.zeros((len(stops), len(stops[0]), int(length.max())))
         for row, stop in zip(value, stops, strict=True):
-            row[:, : stop.shape[1]] = _centred(stop)
+            row[:, : stop.shape[1]] = _levelled(stop, memory)
         return cls(value, length)
 
 
@@ -132,36 +146,82 @@ def find_ringing(
 
     value : (A, B), forces. noise : (A,), standard deviation of a bin. width : of a bin, s.
     """
-    most = round(_LONGEST / width)
     long = last - first >= _SHORTEST
     first, last = first[long], last[long]
     noisy = noise > 0
-    if len(first) < _FEWEST or not noisy.any() or most < _SHORTEST:
+    if len(first) < _FEWEST or not noisy.any() or round(_LONGEST / width) < _SHORTEST:
         return None
     some = evenly(len(first), _STOPS)
     scaled = [
         value[noisy, a:b] / noise[noisy, None] for a, b in zip(first[some], last[some], strict=True)
     ]
-    forth = _Stops.of([stop[:, :most] for stop in scaled])
-    back = _Stops.of([stop[:, ::-1][:, :most] for stop in scaled])
-    slowest = min(_SLOWEST / width, float(np.median(last - first)))
+    decay, memory = _likeliest(scaled, width, ()), list[tuple[float, FloatArray]]()
+    if decay is not None and (memory := _memory(scaled, decay)):
+        decay = _likeliest(scaled, width, memory)
+    if decay is None:
+        return None
+    return _in_all_stops(value, noise, first, last, decay, width, memory)
+
+
+def _likeliest(stops: Sequence[FloatArray], width: float, memory: Memory) -> complex | None:
+    """The decay that explains more of the stops (A, N) than of them read backwards by most."""
+    most = round(_LONGEST / width)
+    forth = _Stops.of([stop[:, :most] for stop in stops], memory)
+    back = _Stops.of([stop[:, ::-1][:, :most] for stop in stops], memory)
+    slowest = min(_SLOWEST / width, float(np.median([stop.shape[1] for stop in stops])))
     constants = np.geomspace(2.0, max(slowest, 4.0), _CONSTANTS)
     frequencies = np.geomspace(_LOWEST, min(_HIGHEST, 0.2 / width), _FREQUENCIES)
     decays = [
         complex(1.0 / tau, -2.0 * np.pi * f * width) for tau in constants for f in (0, *frequencies)
     ]
-    shapes = _Shapes(decays, forth.value.shape[2])
+    shapes = _Shapes(decays, forth.value.shape[2], memory)
     begins, ends = shapes.explained(forth), shapes.explained(back)
     best = int(np.argmax(begins - ends))
     # As many independent numbers as stops, shapes and sensors: the axes of one may move as one.
-    dof = len(some) * (1 if decays[best].imag == 0 else 2) * max(int(noisy.sum()) / 3.0, 1.0)
+    dof = len(stops) * (1 if decays[best].imag == 0 else 2) * max(len(stops[0]) / 3.0, 1.0)
     if fdtrc(dof, dof, begins[best] / max(ends[best], 1e-300)) > RINGING_PER_LOG:
         return None
-    decay = _refined(forth, decays[best])
-    return _in_all_stops(value, noise, first, last, decay, width)
+    return _refined(forth, decays[best], memory)
 
 
-def _refined(stops: _Stops, decay: complex) -> complex:
+def _memory(stops: Sequence[FloatArray], decay: complex) -> list[tuple[float, FloatArray]]:
+    """Autoregression of the stops' noise, by Yule and Walker; none where it is white.
+
+    From the later halves of the stops (A, N), without the decay.
+    """
+    whole = _Stops.of(stops, ())
+    shapes = _Shapes([decay], whole.value.shape[2], ())
+    fitted = np.linalg.solve(shapes.gram(whole.length), shapes.onto(whole.value))[:, 0]
+    rests = whole.value - np.swapaxes(fitted, 1, 2) @ shapes.wave[0]
+    lags, count = np.zeros(_MEMORY + 1), 0
+    for stop, length in zip(rests, whole.length, strict=True):
+        rest = stop[:, length // 2 : length]
+        rest = rest - rest.mean(axis=1, keepdims=True)
+        lags += [np.sum(rest[:, k:] * rest[:, : rest.shape[1] - k]) for k in range(_MEMORY + 1)]
+        count += rest.size
+    if np.abs(lags[1:]).max() <= _WHITE * lags[0] / np.sqrt(count):
+        return []
+    lag = np.arange(_MEMORY)
+    steps = [
+        np.linalg.solve(lags[np.abs(lag[:k] - lag[:k, None])], lags[1 : k + 1])
+        for k in range(_MEMORY + 1)
+    ]
+    left = [float(lags[0] - phi @ lags[1 : k + 1]) for k, phi in enumerate(steps)]
+    return [(np.sqrt(left[-1] / own), phi) for own, phi in zip(left, steps, strict=True)]
+
+
+def _whitened(value: FloatArray, memory: Memory) -> FloatArray:
+    """Values (..., N) without what the bins before them say; all as noisy as the last."""
+    white = value.copy()
+    for k, (factor, phi) in enumerate(memory):
+        here = slice(k, k + 1 if k < len(memory) - 1 else None)
+        for back, part in enumerate(phi, 1):
+            white[..., here] -= part * value[..., k - back :][..., : white[..., here].shape[-1]]
+        white[..., here] *= factor
+    return white
+
+
+def _refined(stops: _Stops, decay: complex, memory: Memory) -> complex:
     """The decay that explains most, from one close to it: parabolas through ever closer decays."""
     at = np.array([np.log(decay.real), decay.imag][: 2 if decay.imag else 1])
     step = np.array([0.3, 0.15 * abs(decay.imag)][: len(at)])
@@ -169,7 +229,7 @@ def _refined(stops: _Stops, decay: complex) -> complex:
     for _ in range(_ROUNDS):
         tried = at + step * around
         decays = [complex(np.exp(x[0]), x[1] if len(x) > 1 else 0.0) for x in tried]
-        explained = _Shapes(decays, stops.value.shape[2]).explained(stops)
+        explained = _Shapes(decays, stops.value.shape[2], memory).explained(stops)
         best, top = around[np.argmax(explained)], _top_of_parabola(around, explained)
         if top is None or (np.abs(top) > 1.0).any():
             top = best
@@ -201,20 +261,21 @@ def _in_all_stops(
     last: IntArray,
     decay: complex,
     width: float,
+    memory: Memory,
 ) -> Ringing:
     """Amplitudes given the mode: normal, with a width that all stops show together."""
     most = round(_LASTING / decay.real) + _SHORTEST
     length = np.minimum(last - first, most)
-    shapes = _Shapes([decay], int(length.max()))
+    shapes = _Shapes([decay], int(length.max()), memory)
     gram = shapes.gram(length)[:, 0]  # (R, 2, 2)
     seen = np.empty((len(first), 2, len(value)))
     back, rough = np.empty((len(first), len(value))), np.empty((len(first), len(value)))
     for k, (a, b, n) in enumerate(zip(first, last, length, strict=True)):
         stop = value[:, a : a + n]
-        seen[k] = shapes.onto(_centred(stop)[None])[0, 0]
-        rest = stop - np.linalg.solve(gram[k], seen[k]).T @ shapes.wave[0, :, :n]
-        rough[k] = _of_long_means(rest)
-        other = shapes.onto(_centred(value[:, b - n : b][:, ::-1])[None])[0, 0]
+        seen[k] = shapes.onto(_levelled(stop, memory)[None])[0, 0]
+        fitted = np.linalg.solve(gram[k], seen[k]).T @ shapes.wave[0, :, :n]
+        rough[k] = _of_long_means(_whitened(stop, memory) - fitted)
+        other = shapes.onto(_levelled(value[:, b - n : b][:, ::-1], memory)[None])[0, 0]
         back[k] = (other * np.linalg.solve(gram[k], other)).sum(axis=0)
     rank = 2 if decay.imag else 1
     # The stops read backwards show the noise, unless they ring to their ends; then what the mode
@@ -235,9 +296,13 @@ def _in_all_stops(
     return Ringing(decay, width, first, last, amplitude[:, 0] + 1j * amplitude[:, 1], power)
 
 
-def _centred(stop: FloatArray) -> FloatArray:
-    """A stop (A, N) less its means."""
-    return np.asarray(stop - stop.mean(axis=1, keepdims=True))
+def _levelled(stop: FloatArray, memory: Memory) -> FloatArray:
+    """A stop (A, N), whitened, less its level."""
+    white = _whitened(stop - stop.mean(axis=1, keepdims=True), memory)
+    if not memory:
+        return white
+    level = _whitened(np.ones(stop.shape[1]), memory)
+    return np.asarray(white - (white @ level / (level @ level))[:, None] * level)
 
 
 def _of_long_means(value: FloatArray) -> FloatArray:

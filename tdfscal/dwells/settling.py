@@ -184,10 +184,8 @@ def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
     np.subtract(last, windows[1], out=windows[1])
     windows /= lengths[:, None]
     halves = np.stack([(last - half) / (end - middle), (half - first) / (middle - begin)])
-    sizes = np.concatenate([lengths, (end - middle, middle - begin)])
-    variance = stretch.noise.of_mean(sizes) ** 2
-    of_window, of_half = variance[:many], variance[many:, None]
-    misfit = stretch.misfit(windows - halves[:, None], of_window + of_half, SETTLING_CUT)
+    variance = stretch.noise.of_part(lengths, np.full(many, middle - begin))
+    misfit = stretch.misfit(windows - halves[:, None], variance, SETTLING_CUT)
     first = np.where(misfit.any(axis=1), lengths[misfit.argmax(axis=1)], 0)
     return int(first[0]), int(first[1])
 

@@ -63,8 +63,8 @@ CAUSES: dict[str, tuple[Callable[[float], Log], float, str]] = {
     "stops of 0.1 s": (short, 0.1, "stops are too short"),
     "forces filtered, 0.5 s": (lambda stop: filtered(stop, 0.5, "force"), 4.0, "filter"),
     "forces filtered, 2 s": (lambda stop: filtered(stop, 2.0, "force"), 4.0, "filter"),
-    "noise of 1 s": (lambda stop: correlated(stop, 1.0), 3.0, "correlated"),
-    "noise of 2 s": (lambda stop: correlated(stop, 2.0), 8.0, "correlated"),
+    "noise of 2 s": (lambda stop: correlated(stop, 2.0), 1.0, "correlated"),
+    "noise of 10 s": (lambda stop: correlated(stop, 10.0), 3.0, "correlated"),
 }
 
 
@@ -80,8 +80,13 @@ def test_the_cause_is_named_and_the_advice_helps(name: str) -> None:
 
 
 def test_filtered_positions_are_named() -> None:
-    """No stop is long enough for these: what the filter leaves of the noise never rests."""
-    absence = of(filtered(4.0, 1.0, "position"))
+    """No stop after a move is long enough for these."""
+    log = filtered(4.0, 1.0, "position")
+    moved = [
+        tuple(Series(s.time[s.time > 4.0], s.value[s.time > 4.0]) for s in streams)
+        for streams in (log.position, log.force)
+    ]
+    absence = of(replace(log, position=moved[0], force=moved[1]))
     assert "the positions creep on" in absence.seen
     assert absence.stop is None
 
