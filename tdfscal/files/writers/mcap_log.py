@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tdfscal.files.writers.ros2_messages import POINT, TEMPERATURE, WRENCH, definition, stamped
+from tdfscal.files.writers.table_log import rows_of
 from tdfscal.records import Log, Series
 
 EPOCH = 1_750_000_000
@@ -18,9 +19,8 @@ LATENCY_NS = 400_000
 
 def mcap_block(log: Log) -> dict[str, Any]:
     """The rig file's `log` block that reads what `write_mcap` writes."""
-    block: dict[str, Any] = {"rows": "postures"} if log.rows == "postures" else {}
     return {
-        **block,
+        **rows_of(log),
         "time": {"source": "header"},
         "length_unit": "m",
         "force_unit": "N",

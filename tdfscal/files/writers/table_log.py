@@ -18,7 +18,7 @@ _HALL = "T_hall_degC"
 def csv_block(log: Log) -> dict[str, Any]:
     """The rig file's `log` block that reads what `write_csv` writes."""
     return {
-        **_rows(log),
+        **rows_of(log),
         "time": {"field": "t_s", "unit": "s"},
         "length_unit": "mm",
         "force_unit": "N",
@@ -36,11 +36,12 @@ def csv_block(log: Log) -> dict[str, Any]:
 
 def parquet_block(log: Log) -> dict[str, Any] | None:
     """The rig file's `log` block for `write_parquet`: none where the defaults say it all."""
-    block = {**_rows(log), **({"temperature": "temperature"} if log.temperature else {})}
+    block = {**rows_of(log), **({"temperature": "temperature"} if log.temperature else {})}
     return block or None
 
 
-def _rows(log: Log) -> dict[str, Any]:
+def rows_of(log: Log) -> dict[str, Any]:
+    """What a `log` block says of its rows where these are postures."""
     return {"rows": "postures"} if log.rows == "postures" else {}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final, Literal, cast
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from tdfscal.logs.description.plausible_units import (
 from tdfscal.records import FloatArray, LogMapping, Rig
 
 Role = Literal["position", "force", "other"]
+TimeUnit = Literal["s", "ms", "us", "ns"]
 
 _FORCE: Final = frozenset({"f", "force", "forces", "tdfs", "load", "loadcell", "wrench", "sensor"})
 _POSITION: Final = frozenset({"p", "pos", "position", "positions", "ncp", "actpos", "point", "xyz"})
@@ -109,7 +110,7 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
         return Guess(replace(mapping, rows="postures"), (*notes, posture), problems)
     column, unit = timed
     return Guess(
-        replace(mapping, time_field=column.name, time_unit=_as_unit(unit.unit)),
+        replace(mapping, time_field=column.name, time_unit=cast(TimeUnit, unit.unit)),
         (*notes, *unit.notes),
         (*problems, *unit.problems),
     )
@@ -279,17 +280,6 @@ def _time(columns: Sequence[Column]) -> tuple[Column, Finding] | None:
 
     best = max(columns, key=rank)
     return best, time_unit(best, (words(best.name) or [""])[-1])
-
-
-def _as_unit(unit: str) -> Literal["s", "ms", "us", "ns"]:
-    match unit:
-        case "ms":
-            return "ms"
-        case "us":
-            return "us"
-        case "ns":
-            return "ns"
-    return "s"
 
 
 def _natural(label: str) -> list[tuple[int, int, str]]:
