@@ -268,21 +268,22 @@ def _in_all_stops(
     length = np.minimum(last - first, most)
     shapes = _Shapes([decay], int(length.max()), memory)
     gram = shapes.gram(length)[:, 0]  # (R, 2, 2)
+    inverse = np.linalg.inv(gram)
     seen = np.empty((len(first), 2, len(value)))
     back, rough = np.empty((len(first), len(value))), np.empty((len(first), len(value)))
     for k, (a, b, n) in enumerate(zip(first, last, length, strict=True)):
         stop = value[:, a : a + n]
         seen[k] = shapes.onto(_levelled(stop, memory)[None])[0, 0]
-        fitted = np.linalg.solve(gram[k], seen[k]).T @ shapes.wave[0, :, :n]
+        fitted = (inverse[k] @ seen[k]).T @ shapes.wave[0, :, :n]
         rough[k] = _of_long_means(_whitened(stop, memory) - fitted)
         other = shapes.onto(_levelled(value[:, b - n : b][:, ::-1], memory)[None])[0, 0]
-        back[k] = (other * np.linalg.solve(gram[k], other)).sum(axis=0)
+        back[k] = (other * (inverse[k] @ other)).sum(axis=0)
     rank = 2 if decay.imag else 1
     # The stops read backwards show the noise, unless they ring to their ends; then what the mode
     # does not explain has to.
     variance = np.minimum(np.median(back, axis=0) / rank, np.median(rough, axis=0))
     variance = np.maximum(variance, noise**2)
-    explained = (seen * np.linalg.solve(gram, seen)).sum(axis=1) - rank * variance
+    explained = (seen * (inverse @ seen)).sum(axis=1) - rank * variance
     size = np.trace(gram, axis1=1, axis2=2).sum()
     prior = np.maximum(explained.sum(axis=0), 0.0) / size
     amplitude = np.zeros((len(first), 2, len(value)))
@@ -307,7 +308,8 @@ def _levelled(stop: FloatArray, memory: Memory) -> FloatArray:
 
 def _of_long_means(value: FloatArray) -> FloatArray:
     """Variance per bin in the means of windows, the largest of windows up to a quarter, (A,)."""
-    total = np.cumsum(np.pad(value, ((0, 0), (1, 0))), axis=1)
+    total = np.zeros((len(value), value.shape[1] + 1))
+    np.cumsum(value, axis=1, out=total[:, 1:])
     largest = np.zeros(len(value))
     width = 1
     while 4 * width <= value.shape[1]:

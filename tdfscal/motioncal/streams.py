@@ -23,7 +23,7 @@ _REACH, _CUT = 3.0, 0.4
 #: Longest hole in a stream, in steps of the time base, that the kernel bridges.
 _HOLE = 1.5
 #: Output instants worked on at once.
-_CHUNK = 32
+_CHUNK = 128
 #: Rows read before the rate is known, and rows looked at for the step of the positions.
 _FIRST, _QUANTUM_SAMPLES = 16, 20_000
 
@@ -264,23 +264,25 @@ def _smoothed(
     reach = (_REACH + EVEN) * step
     low = np.searchsorted(stream.time, time - reach)
     high = np.searchsorted(stream.time, time + reach, side="right")
+    no: BoolArray = np.zeros(len(time), dtype=np.bool_)
     if low[0] == high[-1]:
-        no = np.zeros(len(time), dtype=np.bool_)
         return np.zeros((len(time), stream.value.shape[1])), no, no
-    base = int(low[0])
-    stretch = stream.time[base : int(high[-1])]
-    weight, fine = _weights((stretch - time[:, None]) / step, stream)
-    values = stream.value[base : int(high[-1])]
-    bad = ~np.isfinite(values).all(axis=1)
-    whole = stream.clipped[base : int(high[-1])]
-    clipped = np.zeros(len(time), dtype=np.bool_)
-    if whole.any():
-        clipped = (weight[:, whole] != 0.0).any(axis=1)
-    covered = fine & _without_hole(stretch, time, step)
-    if bad.any():
-        covered &= ~(weight[:, bad] != 0.0).any(axis=1)
-        values = np.where(np.isfinite(values), values, 0.0)
-    return weight @ values, covered, clipped
+    stretch = slice(int(low[0]), int(high[-1]))
+    stamp, value = stream.time[stretch], stream.value[stretch]
+    # Samples about each instant (J, M); those that an instant has fewer are out of its reach.
+    near = low[:, None] + np.arange(int((high - low).max()))
+    few = near >= high[:, None]
+    near = np.minimum(near, high[-1] - 1) - stretch.start
+    offset = np.where(few, 2 * _REACH, (stamp[near] - time[:, None]) / step)
+    weight, fine = _weights(offset, stream)
+    covered, clipped = fine & _without_hole(stamp, time, step), no
+    if stream.clipped[stretch].any():
+        clipped = ((weight != 0.0) & stream.clipped[stretch][near]).any(axis=1)
+    finite = np.isfinite(value).all(axis=1)
+    if not finite.all():
+        covered &= ~((weight != 0.0) & ~finite[near]).any(axis=1)
+        value = np.where(np.isfinite(value), value, 0.0)
+    return (weight[:, None] @ value[near])[:, 0], covered, clipped
 
 
 def _weights(offset: FloatArray, stream: Held) -> tuple[FloatArray, BoolArray]:
