@@ -25,7 +25,7 @@ from tdfscal.records import FloatArray
 #: Checks that speak together against those before them, each with its share of the alarm level. The
 #: longer see again what the shorter saw, so that of the shares' sum, above 1, at most 1 comes true
 #: (`benchmarks.life`).
-WINDOWS = {1: 0.60, 3: 0.35, 9: 0.25, 27: 0.20}
+WINDOWS = {1: 0.48, 3: 0.36, 9: 0.14, 27: 0.09}
 #: Share of all sensors together.
 OF_ALL = 0.03
 #: A month of 1/12 year; the rate of a check spends at least a day's and at most a year's share.
