@@ -1,6 +1,6 @@
 """The life of a rig: pooled campaigns, alarms and their rate, time of a hundred campaigns.
 
-    python -m benchmarks.life [histories [pooled] [steps] [calm] [creep] [hundred]]
+    python -m benchmarks.life [histories [pooled] [moving] [steps] [calm] [creep] [hundred]]
 
 Pooled campaigns are simulated and fitted; the many histories for alarms are drawn from the
 information of such campaigns, linear and Gaussian, since the rates asked for are small.
@@ -20,15 +20,20 @@ from scipy.special import logsumexp, ndtr, ndtri
 
 from tdfscal.comparison.control_chart import Alarm, Check, Watching
 from tdfscal.comparison.eliminated import eliminate, stated
-from tdfscal.comparison.pooling import pool
+from tdfscal.comparison.pooling import Recorded, pool
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.model.parameters import nominal
+from tdfscal.motioncal.pipeline import calibrate_moving
+from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Information, contrast
-from tdfscal.records import Drift, FloatArray, Rig
+from tdfscal.records import Drift, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Priors, fit
+from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import ALARMS_PER_YEAR
-from tdfscal.simulation import Recorder, reference_rig
+from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
+from tdfscal.simulation.moving_campaign import simulate_moving
+from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.reference_rig import make_rig
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.several_campaigns import read_campaign, recorded
@@ -36,6 +41,7 @@ from tests.comparison.histories import history
 
 RIG = reference_rig()
 History = list[Check]
+DELAY = UncertainValue(np.array(0.0), np.array(0.02))
 
 
 def pooled(walk: float, histories: int) -> str:
@@ -61,6 +67,38 @@ def pooled(walk: float, histories: int) -> str:
         f"{np.sqrt(np.mean(e**2) / np.mean(var)):.3f} | {np.mean(d2) / 9:.2f} | {inside:.1%} | "
         f"{misfits} |"
     )
+
+
+def moving(histories: int, first: int = 5000) -> Iterator[str]:
+    """Two logs of 30 s in motion, and a check of five postures, of one rig with known hinges."""
+    rig = replace(RIG, declared=replace(RIG.declared, hinge=0.0))
+    found: dict[str, list[tuple[float, float]]] = {}
+    for seed in range(first, first + histories):
+        rng = np.random.default_rng(seed)
+        lean = rng.normal(size=(3, 3)) * [0.02, 0.02, 0.05]
+        rpy = tuple(map(tuple, (rig.nominal_rpy + lean).tolist()))
+        logs = []
+        for k in range(2):
+            log = simulate_moving(rig, MovingOptions(rpy=rpy, duration=30.0), rng).log
+            own = calibrate_moving(rig, slow_streams([log], rig.capacity), DELAY)
+            logs.append(Recorded(f"moving {k}", float(k), rig, estimate=own.calibrated))
+        batch = simulate_dwells(rig, Options(rpy=rpy, postures=5, squeeze=200.0), rng, 1)
+        still = Recorded("still", 2.0, rig, usable_postures(rig, batch.dwells(0)).postures)
+        for name, campaigns in (
+            ("one in motion", logs[:1]), ("two in motion", logs),
+            ("and one at rest", [*logs, still]),
+        ):  # fmt: skip
+            result = pool(campaigns)
+            state = result.posterior(rig, len(campaigns) - 1)
+            C = state.covariance[:9, :9]
+            X = so3.exp(state.mean[:9].reshape(3, 3)) @ result.reference.rotation
+            e = so3.log(batch.truth.rotation[0] @ np.swapaxes(X, 1, 2)).ravel()
+            inside = float(np.mean(np.abs(e) < 1.96 * np.sqrt(np.diagonal(C))))
+            found.setdefault(name, []).append((e @ np.linalg.solve(C, e) / 9, inside))
+    for name, pairs in found.items():
+        d2, inside = np.mean(pairs, axis=0)
+        spread = np.sqrt(2 / 9 / histories)
+        yield f"| {name} | {histories} | {d2:.2f} ± {spread:.2f} | {inside:.1%} |"
 
 
 class Drawn:
@@ -256,6 +294,7 @@ def hundred() -> str:
 
 HEADS = {
     "pooled": "| walk, mrad/√month | histories | RMSE, mrad | / bound | d²/9 | in 95 % | misfits |",
+    "moving": "| campaigns of one rig | histories | d²/9 | in 95 % |",
     "steps": "| zeros, N | one check, mrad | step | histories | within checks | sensor named | and "
     "dated | dated a year later | within one check | best test | sensor and axis known |",
     "calm": "| checks of an unchanged rig | histories | rig-years | that alarm | share | stated | "
@@ -269,6 +308,8 @@ def rows(part: str, histories: int) -> Iterator[str]:
     """Lines of one table."""
     if part == "pooled":
         yield from (pooled(walk, histories) for walk in (0.0, 5e-5))
+    elif part == "moving":
+        yield from moving(histories)
     elif part == "steps":
         yield from (row for zero in (0.5, 0.25) for row in steps(zero, 2 * histories))
     elif part == "calm":
