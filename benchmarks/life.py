@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
-from tdfscal.comparison.control_chart import Alarm, Check, Watching
+from tdfscal.comparison.control_chart import Check, Watch, Watching
 from tdfscal.comparison.eliminated import eliminate, stated
 from tdfscal.comparison.pooling import Recorded, pool
 from tdfscal.files.writers.campaign import simulate_to_folder
@@ -139,10 +139,10 @@ class Drawn:
             checks.append(Check(str(k), float(months[k]), Information(root @ root.T, score)))
         return checks
 
-    def alarms(self, checks: History, rate: float = ALARMS_PER_YEAR) -> tuple[Alarm, ...]:
+    def watch(self, checks: History, rate: float = ALARMS_PER_YEAR) -> Watch:
         """Go through a history without a declared walk."""
         still = [np.zeros(len(self.std))] * len(checks)
-        return Watching(checks, self.prior, still, self.turns // 3, rate).run().alarms
+        return Watching(checks, self.prior, still, self.turns // 3, rate).run()
 
     def moved(self, size: float, shape: FloatArray) -> tuple[int, FloatArray]:
         """Turns (K, 3n) of one sensor about a random axis by size times shape (K,)."""
@@ -158,17 +158,13 @@ class Drawn:
         sensor, turns = self.moved(size, months >= at)
         history = self.checks(turns, months, at, which)
 
-        def own(last: int) -> list[Alarm]:
-            found = self.alarms(history[:last])
-            return [a for a in found if a.sensor == sensor and a.raised >= at and a.kind == "step"]
+        def own(last: int) -> tuple[bool, list[int]]:
+            found = self.watch(history[:last]).alarms
+            own = [a for a in found if a.sensor == sensor and a.raised >= at]
+            return bool(own), [a.onset for a in own if a.kind == "step"]
 
-        now, later = own(at + checks), [a.onset for a in own(len(history))]
-        return (
-            bool(now),
-            any(a.onset == at for a in now),
-            at in later,
-            any(abs(onset - at) <= 1 for onset in later),
-        )
+        (named, now), (_, later) = own(at + checks), own(len(history))
+        return named, at in now, at in later, any(abs(onset - at) <= 1 for onset in later)
 
 
 def bound(drawn: Drawn, size: float, at: int, checks: int) -> tuple[float, float]:
@@ -229,11 +225,12 @@ def creeping(pace: float, histories: int) -> str:
     months, seen, named = np.arange(24.0), [], 0
     for _ in range(histories):
         sensor, turns = drawn.moved(pace, (months - 5).clip(0))
-        own = [a for a in drawn.alarms(drawn.checks(turns, months)) if a.sensor == sensor]
-        seen += [own[0].raised - 5] if own else []
-        named += any(a.kind == "creep" for a in own)
+        found = drawn.watch(drawn.checks(turns, months))
+        seen += np.flatnonzero(found.smallest[:, sensor] <= found.level)[:1].tolist()
+        named += any(a.kind == "creep" and a.sensor == sensor for a in found.alarms)
+    after = np.median(seen) - 5
     return (
-        f"| {1e3 * pace:g} | {histories} | {len(seen) / histories:.0%} | {np.median(seen):.0f} | "
+        f"| {1e3 * pace:g} | {histories} | {len(seen) / histories:.0%} | {after:.0f} | "
         f"{named / histories:.0%} |"
     )
 
@@ -261,7 +258,9 @@ def calm(name: str, histories: int, seed: int = 13) -> str:
     rig = RIG if sensors == RIG.n else make_rig(sensors)
     drawn = Drawn(np.random.default_rng(seed), zero, rig, postures)
     still = np.zeros((len(months), drawn.turns))
-    wrong = sum(bool(drawn.alarms(drawn.checks(still, months), rate)) for _ in range(histories))
+    wrong = sum(
+        bool(drawn.watch(drawn.checks(still, months), rate).alarms) for _ in range(histories)
+    )
     years = histories * (months[-1] - months[0]) / 12
     stated = 1 - np.exp(-rate * years / histories)
     share = wrong / histories / stated
