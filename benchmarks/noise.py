@@ -113,7 +113,11 @@ def split(dwells: Dwells, first: int) -> tuple[Dwells, Dwells]:
 def known_noise(result: SelfCalibration) -> KnownNoise:
     """What `validate` reads of it in the calibration file."""
     channels = None if result.channels is None else result.channels.factor
-    return KnownNoise(channels, result.validation.kurtosis, len(result.validation.index))
+    quality = result.quality
+    return KnownNoise(
+        channels, result.validation.kurtosis, len(result.validation.index),
+        max(1.0, quality.birge), quality.dof,
+    )  # fmt: skip
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Noise as the calibration found it: channels that are noisier than stated, and heavy tails."""
+"""Noise as the calibration found it: its level, noisier channels, and heavy tails."""
 
 from __future__ import annotations
 
@@ -7,7 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from tdfscal.model.statics import Postures
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray
+from tdfscal.selfcal.noise_components import ChannelNoise, scaled
+from tdfscal.significance import MISFIT
 from tdfscal.validation.whitening import Whitened
 
 #: Components of a posture's wrench.
@@ -28,21 +32,57 @@ class KnownNoise:
 
     channels : (n, 3), standard deviation over the stated one; None where it is as stated.
     kurtosis : of its residual wrenches over that of normal ones; None unknown. postures : K, behind
-    both.
+    both. birge : √(χ²/dof) of its fit, where above 1, by which its own noise was scaled too.
+    dof : behind that.
     """
 
     channels: FloatArray | None = None
     kurtosis: float | None = None
     postures: int = 0
+    birge: float = 1.0
+    dof: int = 0
+
+    def scaled(self, observed: Postures) -> Postures:
+        """Postures whose noise is what the calibration's own postures showed it to be."""
+        if self.birge > 1.0:
+            variance = self.birge**2
+            observed = replace(
+                observed,
+                force_cov=variance * observed.force_cov,
+                position_cov=variance * observed.position_cov,
+                moment_var=variance * observed.moment_var,
+            )
+        if self.channels is not None:
+            observed = scaled(observed, ChannelNoise(self.channels))
+        return observed
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What was taken from the calibration, where the noise was not as stated."""
+        found = []
+        if self.birge > 1.0 and chi2_sf(self.birge**2 * self.dof, self.dof) < MISFIT:
+            found.append(
+                f"noise is taken as {self.birge:.2f} times what is stated, as the calibration's "
+                "residuals showed it (fit.birge)"
+            )
+        if self.channels is not None:
+            found.append(
+                "the channels' noise is taken as unequal as the calibration's residuals showed it "
+                "(fit.channel_noise)"
+            )
+        return tuple(found)
 
     def chi2_sf(self, square: float, freedom: int) -> float:
         """Probability of a larger sum of squares of so many white residuals.
 
-        Variances that K postures told are known with K degrees of freedom: Fisher's F.
+        Variances that K postures told are known with K degrees of freedom, that of all with those
+        of the fit: Fisher's F.
         """
-        if self.channels is None:
-            return float(special.chdtrc(freedom, square))
-        return float(special.fdtrc(freedom, self.postures, square / freedom))
+        if self.channels is not None:
+            return float(special.fdtrc(freedom, self.postures, square / freedom))
+        if self.birge > 1.0:
+            return float(special.fdtrc(freedom, self.dof, square / freedom))
+        return float(special.chdtrc(freedom, square))
 
     def reading_tail(self, sensors: int) -> float:
         """Degrees of freedom ν of the t by which one reading scatters, as heavy as may be; or ∞.

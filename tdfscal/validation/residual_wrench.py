@@ -19,7 +19,6 @@ from tdfscal.model.parameters import nominal, prior_std, with_motions
 from tdfscal.model.statics import Postures, balance, features_jacobian, postures
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
-from tdfscal.selfcal.noise_components import ChannelNoise, scaled
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation import causes
 from tdfscal.validation.causes import NOISE, Causes
@@ -28,10 +27,6 @@ from tdfscal.validation.verdict import Verdict
 from tdfscal.validation.whitening import Whitened, whiten
 from tdfscal.wrench.contact_wrench import contact_wrench, to_lcs
 
-_CHANNELS = (
-    "the channels' noise is taken as unequal as the calibration's residuals showed it "
-    "(fit.channel_noise)"
-)
 #: Share of an unmeasured force below which a component of the wrench does not depend on it.
 _REACHED = 1e-6
 
@@ -88,10 +83,7 @@ def validate(
             f"no dwell can be used: {next(iter(screened.reasons.values()))}", where="log forces"
         )
     observed, warnings = _with_noise(postures(rig, dwells, age).subset(used), noise)
-    if known.channels is not None:
-        observed = scaled(observed, ChannelNoise(known.channels))
-        warnings = (*warnings, _CHANNELS)
-    seen = _see(given, observed)
+    seen = _see(given, known.scaled(observed))
     white = seen.white
     found = causes.causes(white)
     p_value, search_p = _chances(white, found, known)
@@ -110,7 +102,7 @@ def validate(
         search_p=search_p,
         causes=found,
         detectable=detectable_turns(causes.turn_information(white), found.tried),
-        warnings=(*dwells.warnings, *warnings, *([turned] if turned else [])),
+        warnings=(*dwells.warnings, *warnings, *known.words, *([turned] if turned else [])),
     )
 
 

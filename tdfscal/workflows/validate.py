@@ -215,7 +215,9 @@ def _known_noise(use: InUse) -> KnownNoise:
     if fit is None:
         return AS_STATED
     channels = None if fit.channel_noise is None else np.array(fit.channel_noise)
-    return KnownNoise(channels, fit.kurtosis, fit.postures)
+    if use.calibration.motion is not None:  # its noise is that of samples in motion
+        return KnownNoise(channels, fit.kurtosis, fit.postures)
+    return KnownNoise(channels, fit.kurtosis, fit.postures, max(1.0, fit.birge), fit.dof)
 
 
 def _used_before(use: InUse, log: LogPass) -> list[str]:

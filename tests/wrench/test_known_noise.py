@@ -12,7 +12,7 @@ from tdfscal.files.calibration.from_results import from_self
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
-from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_dwells
+from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip, simulate_dwells
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation, validate
 from tests.reporting.samples import provenance, rig_of
@@ -111,3 +111,30 @@ def test_heavy_tails_no_longer_look_like_a_contact_but_a_contact_does() -> None:
     assert held >= RUNS - 1
     assert refused > RUNS / 2
     assert alarmed == RUNS
+
+
+@pytest.mark.slow
+def test_noise_that_all_postures_of_the_calibration_showed_is_no_change() -> None:
+    noise = 2.0 * STD * np.random.default_rng(7).standard_normal((RUNS, USED + HELD, 3, 3))
+    turned = Faults(slips=(Slip(0, USED, (0.02, 0.0, 0.0)),))
+    held = refused = seen = 0
+    for dwells, other in zip(campaigns(noise), campaigns(noise, turned), strict=True):
+        result = calibrated(dwells)
+        assert 1.6 < result.quality.birge < 2.4
+        known = KnownNoise(None, None, USED, result.quality.birge, result.quality.dof)
+        held += judged(result, dwells, known).holds
+        refused += not judged(result, dwells, AS_STATED).holds
+        verdict = judged(result, other, known)
+        seen += not verdict.holds and verdict.suspected[0].kind == "sensor turned"
+    assert held >= RUNS - 1
+    assert refused >= RUNS - 1
+    assert seen >= RUNS - 1
+
+
+def test_a_level_from_residuals_widens_the_tail_as_few_of_them_do() -> None:
+    rng, dof, freedom = np.random.default_rng(1), 30, 12
+    ratio = rng.chisquare(freedom, 200_000) / (rng.chisquare(dof, 200_000) / dof)
+    known = KnownNoise(None, None, 6, 1.5, dof)
+    for edge in (20.0, 30.0):
+        assert known.chi2_sf(edge, freedom) == pytest.approx(np.mean(ratio > edge), rel=0.1)
+        assert AS_STATED.chi2_sf(edge, freedom) < known.chi2_sf(edge, freedom)
