@@ -12,7 +12,7 @@ from tdfscal.comparison.joint import Joint
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.assembled import Angles, Provenance, assembled
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.motion import held_out_document, motion_document
+from tdfscal.files.calibration.motion import motion_document
 from tdfscal.files.calibration.nuisances import nuisance_documents
 from tdfscal.files.calibration.parameters import parameters_document
 from tdfscal.model.calibrated import Calibrated
@@ -88,7 +88,7 @@ def from_motion(
         },
         observability=statistics.observability(result.observability),
         monte_carlo=statistics.trials(result.monte_carlo, origin.seed, known.rpy_std),
-        validation=held_out_document(result.validation),
+        validation=statistics.validation(result.validation),
         conformity=statistics.conformity(result.conformity),
         motion=motion_document(result),
         **_state(state, std, result.rig),
@@ -194,7 +194,7 @@ def _self_parts(
         "monte_carlo": statistics.trials(
             result.monte_carlo, origin.seed, result.uncertainty.rpy_std
         ),
-        "validation": statistics.validation(result),
+        "validation": statistics.validation(result.validation),
         "stability": result.stability,
         "conformity": statistics.conformity(result.conformity),
         **({} if result.estimator == "linear" else nuisance_documents(result)),

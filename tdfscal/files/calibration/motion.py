@@ -21,7 +21,6 @@ from tdfscal.files.field_types import (
 )
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA
 from tdfscal.model.parameters import symmetric
-from tdfscal.motioncal.halves import HeldOut
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import FloatArray
 
@@ -126,27 +125,6 @@ def motion_document(result: MotionCalibration) -> dict[str, Any]:
             "moment_before": result.residual.before[:, 1],
             "moment_after": result.residual.after[:, 1],
         },
-    }
-
-
-def held_out_document(check: HeldOut | None) -> dict[str, Any] | None:
-    """Return the `validation` block of stretches held out in turn."""
-    if check is None:
-        return None
-    force, moment = (
-        {
-            "rms_before": check.before[k],
-            "rms_after": check.after[k],
-            "max_before": check.before_max[k],
-            "max_after": check.after_max[k],
-        }
-        for k in range(2)
-    )
-    return {
-        "method": "leave one stretch of the motion out",
-        "postures": check.stretches,
-        "force": force,
-        "moment": moment,
     }
 
 

@@ -14,9 +14,11 @@ from tdfscal.files.calibration.life import measured_document
 from tdfscal.files.calibration.parts import measured_only
 from tdfscal.model.parameters import State
 from tdfscal.model.pose import register
+from tdfscal.motioncal.halves import HeldOut
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
+from tdfscal.selfcal.cross_validation import CrossValidation
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.observability import Observability, load_directions
 from tdfscal.selfcal.pipeline import SelfCalibration
@@ -114,19 +116,21 @@ def trials(
     }
 
 
-def validation(result: SelfCalibration) -> dict[str, Any]:
-    """Residual wrench at leave-one-out postures, before and after."""
-    before, after = result.validation.before, result.validation.after
-    columns = (before.rms(), after.rms(), before.largest(), after.largest())
+def validation(check: CrossValidation | HeldOut | None) -> dict[str, Any] | None:
+    """Residual wrench where postures, or stretches of a motion, were left out, before and after."""
+    if check is None:
+        return None
+    columns: Sequence[Sequence[float] | FloatArray]
+    if isinstance(check, HeldOut):
+        method, count = "leave one stretch of the motion out", check.stretches
+        columns = (check.before, check.after, check.before_max, check.after_max)
+    else:
+        method, count = "leave one posture out", len(check.index)
+        before, after = check.before, check.after
+        columns = (before.rms(), after.rms(), before.largest(), after.largest())
     names = ("rms_before", "rms_after", "max_before", "max_after")
     force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
-    count = len(result.validation.index)
-    return {
-        "method": "leave one posture out",
-        "postures": count,
-        "force": force,
-        "moment": moment,
-    }
+    return {"method": method, "postures": count, "force": force, "moment": moment}
 
 
 def conformity(judged: Conformity | None) -> dict[str, Any] | None:
