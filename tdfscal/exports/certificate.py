@@ -115,11 +115,7 @@ def _conditions(result: ET.Element, low: float, high: float) -> None:
     _named(condition, "Ambient temperature")
     data = _add(condition, "data")
     for name, value in (("lowest temperature", low), ("highest temperature", high)):
-        quantity = _add(data, "quantity")
-        _named(quantity, name)
-        real = _si(quantity, "real")
-        _si(real, "value", number(value))
-        _si(real, "unit", "\\degreecelsius")
+        _real(data, name, value, "\\degreecelsius")
 
 
 def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool, linear: bool) -> None:
@@ -133,11 +129,7 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool, li
         interval, value, std = mounting.interval, mounting.rpy[k], mounting.rpy_std[k]
         # D-SI knows no coverage factor below 1.
         half = max(interval.high[k] - value, value - interval.low[k], std)
-        quantity = _add(data, "quantity")
-        _named(quantity, f"{angle} of {support.name}")
-        real = _si(quantity, "real")
-        _si(real, "value", number(value))
-        _si(real, "unit", "\\radian")
+        real = _real(data, f"{angle} of {support.name}", value, "\\radian")
         if std > 0 and linear:
             _doubled(real, std, univariate=univariate)
         elif std > 0:
@@ -145,13 +137,18 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool, li
     for axis, zero, open_std in zip("xyz", support.zero, support.zero_std, strict=True):
         if zero is None:
             continue
-        quantity = _add(data, "quantity")
-        _named(quantity, f"zero {axis} of {support.name}")
-        real = _si(quantity, "real")
-        _si(real, "value", number(zero))
-        _si(real, "unit", "\\newton")
+        real = _real(data, f"zero {axis} of {support.name}", zero, "\\newton")
         if open_std:
             _doubled(real, open_std, univariate=univariate)
+
+
+def _real(data: ET.Element, name: str, value: float, unit: str) -> ET.Element:
+    quantity = _add(data, "quantity")
+    _named(quantity, name)
+    real = _si(quantity, "real")
+    _si(real, "value", number(value))
+    _si(real, "unit", unit)
+    return real
 
 
 def _doubled(real: ET.Element, std: float, *, univariate: bool) -> None:
