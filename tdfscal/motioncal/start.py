@@ -39,7 +39,9 @@ def first_fit(
     near, best = quasi_static(rig, seen, begin), best_start(rig, seen)
     check_forces(rig, best.postures, best)
     if apart(near.state.rotation, best.state.rotation) <= APART:
-        return fitted(best.state), ()
+        # Without some axes a turn may hardly show at rest, and where that start leads is far off.
+        first = fitted(best.state if rig.axes.all() else begin)
+        return first if first.converged or rig.axes.all() else fitted(best.state), ()
     far = fitted(best.state)
     if apart(near.state.rotation, begin.rotation) > APART + _MOUNTED_WITHIN:
         return far, ()
