@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from tdfscal.files.outputs import make_folder
@@ -21,24 +22,23 @@ def write_session(folder: Path, session: TrackerSession) -> None:
 
 
 def _plain(path: Path, points: PointSet) -> None:
-    lines = ["group,point,x,y,z"]
-    for group, point, xyz in zip(
-        points.group, points.point, (MM * points.xyz).tolist(), strict=True
-    ):
-        lines.append(",".join([group, point, *map(repr, xyz)]))
-    write_text(path, "\n".join(lines) + "\n")
+    _write(path, ["group,point,x,y,z"], points, ",", repr)
 
 
 def _spatial_analyzer(path: Path, points: PointSet) -> None:
-    # Nanometres, a thousandth of what the instrument resolves.
-    lines = [
+    head = [
         "// SpatialAnalyzer export",
         "// AXES = CARTESIAN: X,  Y,  Z (mm)",
         "// Group,  Point,  X,  Y,  Z",
         "",
     ]
-    for group, point, xyz in zip(
-        points.group, points.point, (MM * points.xyz).tolist(), strict=True
-    ):
-        lines.append(",  ".join([group, point, *(f"{v:.6f}" for v in xyz)]))
-    write_text(path, "\n".join(lines) + "\n")
+    # Nanometres, a thousandth of what the instrument resolves.
+    _write(path, head, points, ",  ", "{:.6f}".format)
+
+
+def _write(
+    path: Path, head: list[str], points: PointSet, between: str, text: Callable[[float], str]
+) -> None:
+    rows = zip(points.group, points.point, (MM * points.xyz).tolist(), strict=True)
+    lines = [between.join([group, point, *map(text, xyz)]) for group, point, xyz in rows]
+    write_text(path, "\n".join([*head, *lines]) + "\n")

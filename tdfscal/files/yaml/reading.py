@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import select
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NoReturn
@@ -134,15 +134,6 @@ def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
     def constant(name: str) -> NoReturn:
         fail(f"{name} is not JSON", "leave the value out or write null")
 
-    def number(convert: Callable[[str], float]) -> Callable[[str], float]:
-        def converted(digits: str) -> float:
-            try:
-                return convert(digits)
-            except OverflowError as fault:
-                fail(str(fault), "check the number")
-
-        return converted
-
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         content: dict[str, Any] = {}
         for key, value in pairs:
@@ -155,8 +146,8 @@ def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
         content = json.loads(
             text,
             parse_constant=constant,
-            parse_float=number(decimal),
-            parse_int=number(integer),
+            parse_float=decimal,
+            parse_int=integer,
             object_pairs_hook=unique,
         )
     except json.JSONDecodeError as fault:
@@ -165,6 +156,8 @@ def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
             where=f"{source}, line {fault.lineno}, column {fault.colno}",
             hint="correct the syntax there",
         ) from fault
+    except OverflowError as fault:
+        fail(str(fault), "check the number")
     except RecursionError:
         too_deep = True
     else:
