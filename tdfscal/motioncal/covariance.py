@@ -34,11 +34,13 @@ class MovingUncertainty:
 
     turns : as from static postures. joint : (3n, 3n + m), rad and SI, covariance of the rotations
     with everything active, and of all active, (p, p), in `posterior`; `undeclared` (p, p) is what
-    that has by errors that the rig file may lack. moving_std : (8,), of I_O, τ, d.
+    that has by errors that the rig file may lack, `at_spectrum` (p, p) what it has without these
+    where the spectrum is certain. moving_std : (8,), of I_O, τ, d.
     """
 
     turns: Uncertainty
     posterior: FloatArray
+    at_spectrum: FloatArray
     moving_std: FloatArray
     undeclared: FloatArray | None
 
@@ -73,7 +75,9 @@ def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUnce
     C, added = posterior(fit, parts)
     turns = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
     p = int(fit.active.sum())
-    parted = {**shares_of(fit, C[:p]), SPECTRUM: added[:p, :p]}
+    parted = _shares(fit, C[:p])
+    at_spectrum = np.sum(list(parted.values()), axis=0)
+    parted[SPECTRUM] = added[:p, :p]
     if undeclared is not None:
         parted[UNDECLARED] = undeclared
     total = np.sum(list(parted.values()), axis=0)
@@ -97,12 +101,13 @@ def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUnce
             coverage_factor=coverage_factor(INTERVAL_COVERAGE, infinite),
         ),
         posterior=total,
+        at_spectrum=at_spectrum,
         undeclared=undeclared,
         moving_std=std[cut:],
     )
 
 
-def shares_of(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
+def _shares(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
     """Covariance (p, p) of the active parameters by source; C (p, p + rests) : at the spectrum."""
     bins = fit.rows.bins
     force = fit.noise.parts(bins)[0]
@@ -138,7 +143,8 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
     for item in fit.designs:
         block, N = item.block, len(item.turned)
         frequency = block.frequency
-        answer = np.einsum("k,kac,kap->kcp", block.taper[0], item.turned, _answer(fit, item, C))
+        turned = np.swapaxes(item.turned, 1, 2) * block.taper[0][:, None, None]
+        answer = turned @ _answer(fit, item, C)
         few = np.linspace(0, N, min(N, _PLACES), endpoint=False).astype(int)
         answer = np.add.reduceat(answer, few, axis=0)
         place = fit.slow.position[block.index][few].reshape(len(few), -1)

@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.model.parameters import parameter_count, retract
 from tdfscal.model.statics import features
-from tdfscal.motioncal.covariance import MovingUncertainty, faked_information, shares_of
+from tdfscal.motioncal.covariance import MovingUncertainty, faked_information
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.numerics import so3
 from tdfscal.numerics.propagation import propagate
@@ -32,16 +32,16 @@ _CHUNK = 2_000
 class Sampler:
     """Draws what a log with other noise would have given.
 
+    uncertainty : of the fit, whose covariance at the spectrum the draws have.
     followed : (n, 1), 1 for sensors whose turns count, 0 for those that stay as they are.
-    undeclared : (p, p), covariance by what the rig file may lack.
     """
 
     def __init__(
         self,
         fit: MovingFit,
+        uncertainty: MovingUncertainty,
         rng: np.random.Generator,
         followed: FloatArray,
-        undeclared: FloatArray | None = None,
     ) -> None:
         self.fit, self.followed = fit, followed
         rows, model = fit.rows, fit.noise
@@ -54,8 +54,8 @@ class Sampler:
         # Gain (p, q): where a change of the static features takes the estimate.
         self.gain = -root[:p] @ (root.T @ (rows.weighted(fit.jacobian, variance).T @ white))
         C = root[:p] @ root.T
-        stated = np.sum(list(shares_of(fit, C).values()), axis=0)
-        wider = _mapping(C[:, :p], stated if undeclared is None else stated + undeclared)
+        beside = 0.0 if uncertainty.undeclared is None else uncertainty.undeclared
+        wider = _mapping(C[:, :p], uncertainty.at_spectrum + beside)
         faked = np.zeros((len(here),) * 2)
         turns = 3 * fit.rig.n
         faked[:turns, :turns] = faked_information(fit)
@@ -129,7 +129,7 @@ def simulate(
     """
     followed = np.ones((fit.rig.n, 1)) if known is None else known[:, None].astype(np.float64)
     linear, base = uncertainty.turns, fit.state.still.rotation
-    sampler = Sampler(fit, rng, followed, uncertainty.undeclared)
+    sampler = Sampler(fit, uncertainty, rng, followed)
     estimate = so3.to_rpy(base)
 
     def draw(size: int) -> FloatArray:

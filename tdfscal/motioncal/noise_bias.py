@@ -27,22 +27,22 @@ def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:
     rig, state = fit.rig, fit.state.still
     P = parameter_count(rig.n, state.motions)
     total = np.zeros(P)
+    support, axis = np.nonzero(rig.axes)
     for item in fit.designs:
         some = slice(item.block.index.start, item.block.index.stop, _EVERY)
         weight = item.block.taper[0, ::_EVERY] ** 2
         place = shifted(fit.slow, item.block.index, fit.delay)[::_EVERY]
         seen = instants(rig, fit.slow, place, some)
+        # The instants as they are, and again for every reading, that one moved by a newton.
+        K, reading = len(seen), np.arange(len(support))
+        seen = seen.subset(np.tile(np.arange(K), 1 + len(support)))
+        force = seen.force.reshape(1 + len(support), K, rig.n, 3).copy()
+        force[1 + reading, :, support, axis] += 1.0
+        seen = replace(seen, force=force.reshape(-1, rig.n, 3))
         at = balance(seen, state, fit.origin.centre, rig.gravity)
-        W = reading_gain(item, fit.noise)
-        static = at.design.shape[2]
-        # Σ_a over readings of (∂design/∂f_a)ᵀ W B M e_a, the readings moved by one newton each.
-        felt = W @ at.noise_force * weight[:, None, None, None]
-        along = np.zeros(static)
-        for i, a in np.argwhere(rig.axes):
-            force = seen.force.copy()
-            force[:, i, a] += 1.0
-            moved = replace(seen, force=force)
-            change = balance(moved, state, fit.origin.centre, rig.gravity).design - at.design
-            along += np.tensordot(felt[:, i, :, a], change, axes=2)
-        total += along @ slope[:static, :P] / weight.sum()
+        design = at.design.reshape(1 + len(support), K, 6, -1)
+        # Σ_a over readings of (∂design/∂f_a)ᵀ W B M e_a.
+        felt = reading_gain(item, fit.noise) @ at.noise_force[:K] * weight[:, None, None, None]
+        along = np.tensordot(felt[:, support, :, axis], design[1:] - design[0], axes=3)
+        total += along @ slope[: len(along), :P] / weight.sum()
     return total

@@ -278,7 +278,7 @@ def _smoothed(
     covered, clipped = fine & _without_hole(stamp, time, step), no
     if stream.clipped[stretch].any():
         clipped = ((weight != 0.0) & stream.clipped[stretch][near]).any(axis=1)
-    finite = np.isfinite(value).all(axis=1)
+    finite = np.asarray(np.isfinite(value).all(axis=1))
     if not finite.all():
         covered &= ~((weight != 0.0) & ~finite[near]).any(axis=1)
         value = np.where(np.isfinite(value), value, 0.0)

@@ -32,12 +32,12 @@ def test_trials_confirm_the_interval_of_a_plain_minute(fit: MovingFit) -> None:
 
 def test_a_known_spectrum_leaves_the_covariance_of_the_noise_alone(fit: MovingFit) -> None:
     sure = replace(fit, noise=replace(fit.noise, covariance=np.zeros_like(fit.noise.covariance)))
-    rng = np.random.default_rng(5)
+    rng, uncertainty = np.random.default_rng(5), evaluate(sure)
     turns = so3.log(
-        Sampler(sure, rng, np.ones((3, 1))).draw(rng, 8000)
+        Sampler(sure, uncertainty, rng, np.ones((3, 1))).draw(rng, 8000)
         @ np.swapaxes(fit.state.still.rotation, 1, 2)
     ).reshape(8000, -1)
-    covariance = evaluate(sure).turns.covariance
+    covariance = uncertainty.turns.covariance
     # Standard error of a variance from 8000 draws: 1.6 %.
     assert turns.var(axis=0) == pytest.approx(np.diagonal(covariance), rel=0.08)
 
