@@ -16,6 +16,7 @@ from tdfscal.motioncal import rests
 from tdfscal.motioncal.across import Across, across, filled
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.streams import Slow
+from tdfscal.numerics.splines import even_spline
 from tdfscal.records import FloatArray, Rig
 from tdfscal.wrench.kinematics import Motion, Poses, motion, rotations
 
@@ -74,11 +75,9 @@ def shifted(slow: Slow, rows: slice, delay: float) -> FloatArray:
 
 def _course(slow: Slow, rows: slice) -> Callable[[float], FloatArray]:
     """Servo positions (N, n, 3) of these rows as a function of the delay, s."""
-    from scipy.interpolate import CubicSpline
-
-    time = slow.time[rows]
-    course = CubicSpline(time, slow.position[rows])
-    return lambda delay: np.asarray(course(np.clip(time - delay, time[0], time[-1])))
+    course = even_spline(slow.position[rows])
+    place = np.arange(len(slow.time[rows]), dtype=np.float64)
+    return lambda delay: course(np.clip(place - delay / slow.step, 0.0, place[-1]))
 
 
 def block_design(
