@@ -90,8 +90,8 @@ class _Pace:
     """Times of one stream, piece by piece."""
 
     count: int = 0
-    start: float = np.nan
-    end: float = np.nan
+    start: float | None = None
+    end: float | None = None
     period: float | None = None
     gaps: int = 0
     longest: float = 0.0
@@ -100,13 +100,13 @@ class _Pace:
         time = series.time
         if not time.size:
             return
-        step = np.diff(time, prepend=self.end) if self.count else np.diff(time)
+        step = np.diff(time, prepend=self.end) if self.end is not None else np.diff(time)
         if step.size:
             if self.period is None:
                 self.period = float(np.median(step))
             self.gaps += int((step > GAP * self.period).sum())
             self.longest = max(self.longest, float(step.max()))
-        if not self.count:
+        if self.start is None:
             self.start = float(time[0])
         self.end = float(time[-1])
         self.count += time.size
@@ -140,8 +140,8 @@ class _Watch:
             index = self.mapping.supports.index(name)
             quantity: Literal["position", "force"] = "position" if k < n else "force"
             fields = self.mapping.position if k < n else self.mapping.force
-            span = pace.end - pace.start
-            rate = (pace.count - 1) / span if pace.count > 1 and span > 0 else None
+            span = 0.0 if pace.start is None or pace.end is None else pace.end - pace.start
+            rate = (pace.count - 1) / span if span > 0 else None
             result.append(
                 Signal(
                     name, quantity, fields[index], pace.count, pace.start, pace.end, rate,

@@ -99,10 +99,10 @@ def _signals(info: LogInfo) -> Iterator[str]:
     rows = []
     for s in info.signals:
         rate = "–" if s.rate is None else f"{s.rate:.5g}"
-        span = s.end - s.start if s.count else 0.0
+        span = 0.0 if s.start is None or s.end is None else s.end - s.start
         rows.append(
             (s.support, s.quantity, f"{s.count}", rate, f"{span:.2f}", f"{s.gaps}",
-             f"{s.longest:.4g}")
+             f"{s.longest_interval:.4g}")
         )  # fmt: skip
     header = ("support", "quantity", "samples", "Hz", "span s", "gaps", "longest s")
     yield from table(header, rows, left=2)
@@ -117,8 +117,8 @@ def _dwells(dwells: Dwells, signals: Sequence[Signal]) -> Iterator[str]:
     elif not length.any():
         yield f"{len(dwells)} postures, one per row"
     else:
-        span = max((s.end for s in signals if s.count), default=0.0) - min(
-            (s.start for s in signals if s.count), default=0.0
+        span = max((s.end for s in signals if s.end is not None), default=0.0) - min(
+            (s.start for s in signals if s.start is not None), default=0.0
         )
         yield from _wrapped(
             f"{len(dwells)} dwells of {length.min():.2f} to {length.max():.2f} s (median "

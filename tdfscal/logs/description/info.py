@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -21,19 +21,19 @@ Source = Literal["rig", "guessed"]
 class Signal:
     """One vector signal as it is read with the mapping.
 
-    fields : in the file. count : samples. start, end : s. rate : Hz, None below two samples.
-    gaps : intervals of more than five periods; longest : s, the longest interval.
+    fields : in the file. count : samples. start, end : s, None without any. rate : Hz, None below
+    two samples. gaps : intervals of more than five periods. longest_interval : s.
     """
 
     support: str
     quantity: Literal["position", "force"]
     fields: tuple[str, ...]
     count: int
-    start: float
-    end: float
+    start: float | None
+    end: float | None
     rate: float | None
     gaps: int
-    longest: float
+    longest_interval: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
         "mapping": mapping_document(guess, by_topic=by_topic) if guess else None,
         "mapping_yaml": mapping_block(guess, by_topic=by_topic) if guess else None,
         "mapping_notes": list(info.guess.notes),
-        "signals": [_signal(signal) for signal in info.signals],
+        "signals": [asdict(s) | {"fields": list(s.fields)} for s in info.signals],
         "inputs": [
             {"path": i.path, "sha256": i.sha256, "bytes": i.bytes, "integrity": i.integrity}
             for i in info.inputs
@@ -73,9 +73,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
         "time_offset": None
         if info.offset is None
         else {
-            "seconds": info.offset.seconds,
-            "std": info.offset.std,
-            "moves": info.offset.moves,
+            **asdict(info.offset),
             "definition": "time of the forces less that of the positions",
         },
         "dwells": None if info.dwells is None else _dwells(info.dwells),
@@ -105,29 +103,12 @@ def _file(contents: Contents) -> dict[str, Any]:
     }
 
 
-def _signal(signal: Signal) -> dict[str, Any]:
-    some = signal.count > 0
-    return {
-        "support": signal.support,
-        "quantity": signal.quantity,
-        "fields": list(signal.fields),
-        "count": signal.count,
-        "start": signal.start if some else None,
-        "end": signal.end if some else None,
-        "rate": signal.rate,
-        "gaps": signal.gaps,
-        "longest_interval": signal.longest,
-    }
-
-
 def _dwells(dwells: Dwells) -> dict[str, Any]:
     return {
         "count": len(dwells),
         "start": np.asarray(dwells.start).tolist(),
         "end": np.asarray(dwells.end).tolist(),
-        "left_out": [
-            {"start": out.start, "end": out.end, "reason": out.reason} for out in dwells.left_out
-        ],
+        "left_out": [asdict(out) for out in dwells.left_out],
     }
 
 
