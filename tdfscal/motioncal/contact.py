@@ -17,7 +17,6 @@ from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import bins_of, independent
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import CONTACT_IN_MOTION
 
@@ -56,7 +55,7 @@ def touched(fit: MovingFit, level: float = CONTACT_IN_MOTION) -> tuple[Stretch, 
     tests = max(1, sum(len(shapes.of(block)[1]) for block in fit.blocks))
     seen = len(fit.designs[0].seen)
     limit = float(chi2_quantile(1 - level / tests, seen))
-    root = spectrum(fit.whitened()[1]).root
+    root = fit.information().root
     floor = _HALF * limit if len(fit.designs) > _MANY else 0.0
     scores = [
         _scores(fit, item, e, *shapes.of(item.block), root, floor)

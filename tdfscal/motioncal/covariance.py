@@ -13,7 +13,7 @@ from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import bins_of, independent, reading_gain
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
-from tdfscal.numerics.least_squares import Spectrum, spectrum
+from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import PRIORS, Quality, Uncertainty, blind_turns, without_faked
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -71,7 +71,7 @@ def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUnce
     undeclared : (p, p), covariance of the active parameters by what the rig file may lack.
     """
     n = fit.rig.n
-    parts = spectrum(fit.whitened()[1])
+    parts = fit.information()
     C, added = posterior(fit, parts)
     turns = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
     p = int(fit.active.sum())
@@ -191,8 +191,7 @@ def faked_information(fit: MovingFit) -> FloatArray:
 
 def quality(fit: MovingFit) -> Quality:
     """χ² of the fit, which the spectrum has been brought to agree with; rms over time."""
-    _, jacobian = fit.whitened()
-    used = len(spectrum(jacobian).values)
+    used = len(fit.information().values)
     count = round(float(fit.rows.bins.count.sum()))
     dof = count + len(fit.prior_residual) - used
     chi2 = fit.cost

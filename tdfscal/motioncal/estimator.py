@@ -23,7 +23,14 @@ from tdfscal.motioncal.normal_equations import NormalEquations
 from tdfscal.motioncal.rests import rests as find_rests
 from tdfscal.motioncal.rows import Rows, bins_of, gather, independent
 from tdfscal.motioncal.streams import Slow
-from tdfscal.numerics.least_squares import Solution, gauss_newton, gram_root, triangular
+from tdfscal.numerics.least_squares import (
+    Solution,
+    Spectrum,
+    gauss_newton,
+    gram_root,
+    spectrum,
+    triangular,
+)
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Priors
 
@@ -128,10 +135,14 @@ class MovingFit:
         columns = [r[:, None], j] if more is None else [r[:, None], j, more]
         return NormalEquations(self.rows, self.noise, np.concatenate(columns, axis=1))
 
-    def wrenches(self, step: FloatArray | None = None) -> list[ComplexArray]:
-        """Residual wrench (F, 6) of every block; step : of all that is unknown."""
-        psi = self.psi if step is None else self.psi + self.slope @ step
-        return [item.wrench(psi) for item in self.designs]
+    def information(self) -> Spectrum:
+        """Decompose the white Jacobian by its triangular factor, whose rows are no coefficients."""
+        _, jacobian = self.whitened()
+        return spectrum(triangular(jacobian), len(jacobian))
+
+    def wrenches(self) -> list[ComplexArray]:
+        """Residual wrench (F, 6) of every block."""
+        return [item.wrench(self.psi) for item in self.designs]
 
     @property
     def cost(self) -> float:

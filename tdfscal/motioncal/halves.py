@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tdfscal.motioncal.blocks import SHORTEST, ComplexArray, blocks
+from tdfscal.motioncal.blocks import SHORTEST, blocks
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, MovingState, at_state, moved_to
 from tdfscal.motioncal.rows import rows_of
 from tdfscal.numerics.distributions import chi2_sf
@@ -98,14 +98,13 @@ def hold_out(
     if parted is None:
         return None
     at, folds = parted
-    nominal = moved_to(at, start, MovingPriors(fit.rig, fit.slow, delay)).wrenches()
+    nominal = moved_to(at, start, MovingPriors(fit.rig, fit.slow, delay)).psi
     factors = [_factor(at, fold) for fold in folds]
     before, after = [], []
     for k, fold in enumerate(folds):
         others = [(at.prior_residual, at.prior_jacobian), *factors[:k], *factors[k + 1 :]]
         r, j = (np.concatenate(part) for part in zip(*others, strict=True))
-        predicted = at.wrenches(spectrum(j).solve(r))
-        after.append(_rms(at, predicted, fold))
+        after.append(_rms(at, at.psi + at.slope @ spectrum(j).solve(r), fold))
         before.append(_rms(at, nominal, fold))
     b, a = np.array(before), np.array(after)
     return HeldOut(
@@ -152,11 +151,11 @@ def _factor(fit: MovingFit, which: range) -> tuple[FloatArray, FloatArray]:
     return factor[:, 0], factor[:, 1:]
 
 
-def _rms(fit: MovingFit, wrenches: list[ComplexArray], which: range) -> FloatArray:
+def _rms(fit: MovingFit, psi: FloatArray, which: range) -> FloatArray:
     """Quadratic means (2,) over time, N and N·m about the barycentre, of some blocks."""
     power, total = np.zeros(2), 0.0
     for k in which:
-        block, e = fit.blocks[k], wrenches[k]
+        block, e = fit.designs[k].block, fit.designs[k].wrench(psi)
         both = np.where(np.arange(len(e)) > 0, 2.0, 1.0)[:, None]
         sums = np.sum(both * np.abs(e) ** 2, axis=0)
         power += [sums[:3].sum(), sums[3:].sum()]

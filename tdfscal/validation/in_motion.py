@@ -179,7 +179,7 @@ def _whitened(given: Calibrated, fit: MovingFit, delay: UncertainValue) -> White
 
 def _by_spectrum(fit: MovingFit, J: FloatArray) -> FloatArray:
     """What the spectrum's own uncertainty adds to the covariance of rows with the Jacobian J."""
-    _, added = posterior(fit, spectrum(fit.whitened()[1]))
+    _, added = posterior(fit, fit.information())
     columns = J[:, np.concatenate([fit.active, np.ones(fit.rests, dtype=np.bool_)])]
     return np.asarray(columns @ added @ columns.T)
 
