@@ -112,7 +112,7 @@ def motion_document(result: MotionCalibration) -> dict[str, Any]:
         "begin": result.begin,
         "seconds": result.seconds,
         "dwells": result.dwells,
-        "rejected": [{"begin": s.begin, "end": s.end, "reason": s.reason} for s in result.rejected],
+        "rejected": result.rejected,
         "delay": {"value": moving.delay, "std": std[DELAY]},
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},

@@ -182,10 +182,7 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
         "moment_after": _in_lcs(found, check.after.moment),
         "force_std": std[:, :3],
         "moment_std": std[:, 3:],
-        "left_out": [
-            {"start": piece.start, "end": piece.end, "reason": piece.reason}
-            for piece in dwells.left_out
-        ],
+        "left_out": dwells.left_out,
     }
 
 

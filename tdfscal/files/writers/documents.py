@@ -20,6 +20,8 @@ TRACKER_BLOCK = {
     "targets": {"nominal": "tracker/nominal.csv", "measured": "tracker/targets.csv"},
     "moves": {"servo": "tracker/servo.csv", "measured": "tracker/moves.csv"},
 }
+#: Of the truth, what each support has of its own.
+_OF_A_SUPPORT = ("rotation", "rpy", "zero", "sensitivity", "hinge", "datum", "stiffness")
 
 
 def rig_document(
@@ -129,28 +131,15 @@ def truth_document(
         "rotation = Rz(yaw)·Ry(pitch)·Rx(roll); hinge centre = servo + datum + deflection",
         "scenario": dict(scenario),
         "supports": [
-            {
-                "name": name,
-                "rotation": truth.rotation[i].tolist(),
-                "rpy": truth.rpy[i].tolist(),
-                "zero": truth.zero[i].tolist(),
-                "sensitivity": truth.sensitivity[i].tolist(),
-                "hinge": truth.hinge[i].tolist(),
-                "datum": truth.datum[i].tolist(),
-                "stiffness": truth.stiffness[i].tolist(),
-            }
+            {"name": name, **{key: getattr(truth, key)[i].tolist() for key in _OF_A_SUPPORT}}
             for i, name in enumerate(rig.supports)
         ],
         "terminal": {"mass": float(truth.mass), "barycenter": truth.barycentre.tolist()},
         "gravity": truth.gravity.tolist(),
     }
     if survey is not None:
-        document["tracker"] = {
-            "rotation": survey.rotation.tolist(),
-            "translation": survey.translation.tolist(),
-            "body": survey.body.tolist(),
-            "offset": survey.offset.tolist(),
-        }
+        keys = ("rotation", "translation", "body", "offset")
+        document["tracker"] = {key: getattr(survey, key).tolist() for key in keys}
     return document
 
 
