@@ -36,6 +36,19 @@ class ChannelNoise:
 
     factor: FloatArray
 
+    def worth(self, stated: Fit, own: Fit) -> float:
+        """Fall of −2 ln L from a fit by the stated noise to one by this, less k ln N (Schwarz).
+
+        Of all postures, also those that either leaves out: noise may have made them outliers.
+        """
+
+        def misfit(fit: Fit) -> float:
+            spread = np.linalg.slogdet(fit.at.cov)[1]
+            return float(np.sum(fit.distance + spread) + np.sum(fit.prior_residual**2))
+
+        unknowns = int(np.sum(self.factor > 1.0))
+        return misfit(stated) - misfit(own) - unknowns * float(np.log(max(stated.rows, 2)))
+
     def text(self, supports: tuple[str, ...]) -> str:
         """Name the channels that are noisier than stated."""
         named = [

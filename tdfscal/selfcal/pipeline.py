@@ -116,8 +116,9 @@ def self_calibrate(
         The iteration does not settle.
     """
     usable = usable_postures(rig, dwells)
+    held = ((dwells.start + dwells.end) / 2)[usable.index]
     estimate = (
-        _likeliest_rotations(rig, usable)
+        _likeliest_rotations(rig, usable, held)
         if estimator == "ml"
         else _linear(rig, usable.postures, rng, max_trials or LINEAR_TRIALS)
     )
@@ -127,7 +128,6 @@ def self_calibrate(
         int(usable.index[r.index]): r.reason for r in estimate.rejections
     }
     check_determined(Undetermined(rig, dwells, result, stats, seen, rejected), estimate.rivals)
-    held = ((dwells.start + dwells.end) / 2)[usable.index]
     steady = repeatability.examine(result, held)
     doubts: tuple[Suspicion, ...] = ()
     set_aside: tuple[Suspicion, ...] = ()
@@ -191,15 +191,25 @@ class _Estimate:
     rivals: tuple[Rival, ...] = ()
 
 
-def _likeliest_rotations(rig: Rig, usable: Usable) -> _Estimate:
+def _likeliest_rotations(rig: Rig, usable: Usable, held: FloatArray) -> _Estimate:
+    """Maximum likelihood; with unequal noise where channels ask for it more than a slip does."""
     robust = _fit(rig, usable.postures, usable.start)
+    estimate = _summed_up(robust, usable.measured_noise)
     channels = None if usable.measured_noise else channel_noise(robust.fit)
-    if channels is not None:
-        robust = _fit(rig, scaled(usable.postures, channels), robust.fit.state)
+    if channels is None:
+        return estimate
+    weighted = _fit(rig, scaled(usable.postures, channels), robust.fit.state)
+    slip = find_slip(robust.fit, estimate.uncertainty, held, usable.index + 1)
+    if slip is not None and slip.weight > channels.worth(robust.fit, weighted.fit):
+        return estimate
+    return replace(_summed_up(weighted, measured_noise=False), channels=channels)
+
+
+def _summed_up(robust: RobustFit, measured_noise: bool) -> _Estimate:
     parts = information_root(robust.fit)
     stats = quality(robust.fit, parts)
-    spread = evaluate(robust.fit, parts, stats.birge, noise_from_residuals=usable.measured_noise)
-    return _Estimate(robust.fit, parts, stats, spread, channels, robust.rejections, robust.rivals)
+    spread = evaluate(robust.fit, parts, stats.birge, noise_from_residuals=measured_noise)
+    return _Estimate(robust.fit, parts, stats, spread, None, robust.rejections, robust.rivals)
 
 
 def _linear(rig: Rig, observed: Postures, rng: np.random.Generator, trials: int) -> _Estimate:

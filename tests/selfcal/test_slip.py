@@ -107,3 +107,26 @@ def test_postures_without_a_stated_noise_show_a_slip_too() -> None:
     result = self_calibrate(rig, bare, rng=np.random.default_rng(0), max_trials=0)
     assert any("sensor of ncp1" in what for what in turned(result))
     assert result.reasons
+
+
+def test_a_noisy_channel_is_no_slip_and_a_slip_no_noise() -> None:
+    """Either explains some of the other; the likelier is named."""
+    options = Options(squeeze=100.0, postures=POSTURES)
+    batch = simulation.simulate_dwells(RIG, options, np.random.default_rng(77), 40)
+    for k in (7, 9, 20):  # by themselves their residuals ask for a slip with χ² above 600
+        dwells = batch.dwells(k)
+        force = dwells.force.copy()
+        force[:, 0, 1] += 2.0 * np.random.default_rng(k).standard_normal(POSTURES)
+        noisy = self_calibrate(
+            RIG, replace(dwells, force=force), rng=np.random.default_rng(0), max_trials=0
+        )
+        assert not noisy.suspicions
+        assert noisy.channels is not None
+        assert np.unravel_index(np.argmax(noisy.channels.factor), (3, 3)) == (0, 1)
+    faults = Faults(slips=(Slip(1, 12, (0.0, 0.0, SLIP)),))
+    batch = simulation.simulate_dwells(
+        RIG, replace(options, faults=faults), np.random.default_rng(22), 100
+    )
+    slipping = calibrated(batch, RIG, 66)  # its channels ask for noise too
+    assert slipping.channels is None
+    assert turned(slipping)
