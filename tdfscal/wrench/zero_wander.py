@@ -66,9 +66,14 @@ def flicker_level(
     """
     if head.averaged or not span > 2 * dwell > 0:
         return 0.0
-    between = max(posture_variance - head.mean_variance, 0.0) / np.log(span / dwell)
     within = _allan_variance(head, axes)
-    return float(between if within is None else min(between, within / (2 * np.log(2))))
+    if within is None:
+        within = np.inf
+    # Of what the means of dwells are stated to scatter by, short memory makes no more than half of
+    # what means of half a dwell show; the rest is the 1/f noise itself.
+    brief = min(head.mean_variance, within / 2)
+    between = max(posture_variance - brief, 0.0) / np.log(span / dwell)
+    return float(min(between, within / (2 * np.log(2))))
 
 
 def flicker(level: float, start: float, age: ZeroAge, span: float) -> ZeroVariance | None:
