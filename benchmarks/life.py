@@ -104,7 +104,15 @@ def moving(histories: int, first: int = 5000) -> Iterator[str]:
 class Drawn:
     """Histories drawn from the information of simulated campaigns."""
 
-    def __init__(self, rng: np.random.Generator, zero: float, rig: Rig = RIG, postures: int = 5):
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        zero: float,
+        rig: Rig = RIG,
+        postures: int = 5,
+        finer: float = 1.0,
+    ) -> None:
+        """finer : by so much all readings and positions of a check are better than the rig's."""
         self.rng, self.turns = rng, 3 * rig.n
         std = np.where(np.isinf(rig.zero.std), np.inf, zero)
         rig = replace(rig, zero=replace(rig.zero, std=std))
@@ -115,7 +123,7 @@ class Drawn:
             assert campaign.postures is not None
             found = fit(rig, campaign.postures, reference)
             values, vectors = np.linalg.eigh(eliminate(found, found.state).information.matrix)
-            self.roots.append(vectors * np.sqrt(values.clip(0.0)))
+            self.roots.append(finer * vectors * np.sqrt(values.clip(0.0)))
         prior = stated(Priors(rig), reference)
         self.prior = Information(prior.matrix, np.zeros_like(prior.score))
         self.std = 1 / np.sqrt(np.diagonal(prior.matrix))
@@ -202,9 +210,9 @@ def bound(drawn: Drawn, size: float, at: int, checks: int) -> tuple[float, float
     return float(np.mean(np.concatenate(stepped) > limit)), float(np.mean(oracle))
 
 
-def steps(zero: float, histories: int) -> Iterator[str]:
+def steps(zero: float, histories: int, finer: float = 1.0) -> Iterator[str]:
     """Steps of all sizes after 6, 12 and 24 checks, beside the bounds."""
-    drawn = Drawn(np.random.default_rng(12), zero)
+    drawn = Drawn(np.random.default_rng(12), zero, finer=finer)
     for size, checks in ((2e-3, 1), (1e-3, 3), (0.5e-3, 12), (5e-3, 1), (20e-3, 1)):
         for at in (6, 12, 24):
             found = np.mean(
@@ -310,7 +318,8 @@ def rows(part: str, histories: int) -> Iterator[str]:
     elif part == "moving":
         yield from moving(histories)
     elif part == "steps":
-        yield from (row for zero in (0.5, 0.25) for row in steps(zero, 2 * histories))
+        for zero, finer in ((0.5, 1.0), (0.25, 1.0), (0.5, 1.45)):
+            yield from steps(zero, 2 * histories, finer)
     elif part == "calm":
         yield from (calm(name, 5 * histories) for name in CALM)
     elif part == "creep":

@@ -83,8 +83,9 @@ CAUSES_APART: Final = 9.0
 
 #: That campaigns of an unchanged rig are called inconsistent, all of them together.
 CAMPAIGN_MISFIT: Final = 0.01
-#: Default rate at which an unchanged rig raises an alarm of `monitor`, per year.
-ALARMS_PER_YEAR: Final = 0.01
+#: Default rate at which an unchanged rig raises an alarm of `monitor`, per year: two years raise
+#: none in 99 of 100.
+ALARMS_PER_YEAR: Final = 0.005
 
 # The laser tracker --------------------------------------------------------------------------------
 
