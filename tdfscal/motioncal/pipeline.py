@@ -211,7 +211,11 @@ def _judged(
         residual_power=_residual_power(fit, start, delay),
         residual=residual_wrench(rig, slow, fit.blocks, start.still, still, fit.state.moving),
         reasons=(),
-        warnings=(*checks.gaps(slow), *_warnings(rig, rejected, used.position, doubts)),
+        warnings=(
+            *checks.gaps(slow),
+            *verdict.caveats,
+            *_warnings(rig, rejected, used.position, doubts),
+        ),
     )
     conformity = assess_stated(result.calibrated)
     return replace(result, conformity=conformity, reasons=_reasons(result, conformity, inputs))

@@ -101,6 +101,16 @@ class Observability:
         return f"{names}; for {weak[0].angle.name}, {weak[0].cause}"
 
     @property
+    def caveats(self) -> list[str]:
+        """Sensors that go without angles although the calibration stands."""
+        if not self.undetermined:
+            return []
+        return [
+            f"{', '.join(self.undetermined)}: the axes that are measured leave the mounting of the "
+            "sensor undetermined, so that it has no angles; the others stand"
+        ]
+
+    @property
     def verdict(self) -> str:
         """One sentence."""
         if self.identified:

@@ -319,11 +319,7 @@ def _warnings(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple
     found += _turned_sensors(rig, of.fit.state)
     if of.channels is not None:
         found.append(of.channels.text(rig.supports))
-    if seen.undetermined:
-        found.append(
-            f"{', '.join(seen.undetermined)}: the axes that are measured leave the mounting of the "
-            "sensor undetermined, so that it has no angles; the others stand"
-        )
+    found += seen.caveats
     if rig.declared.force_sensitivity > 0:
         found.append(
             "gain and crosstalk of the sensors were decoupled in situ, from a prior of "

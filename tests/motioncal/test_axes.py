@@ -121,6 +121,7 @@ def test_a_load_cell_stays_undetermined_and_the_others_stand(
     found = calibrate_moving(rig, slow, DELAY)
     assert found.observability.undetermined == (rig.supports[3],)
     assert not found.reasons
+    assert any(rig.supports[3] in text for text in found.warnings)
     error = turn_error(campaign, found.fit.state.still.rotation)[:9]
     covariance = found.uncertainty.turns.covariance[:9, :9]
     distance = error @ np.linalg.solve(covariance, error)
