@@ -76,7 +76,7 @@ def moving(histories: int, first: int = 5000) -> Iterator[str]:
     for seed in range(first, first + histories):
         rng = np.random.default_rng(seed)
         lean = rng.normal(size=(3, 3)) * [0.02, 0.02, 0.05]
-        rpy = tuple(map(tuple, (rig.nominal_rpy + lean).tolist()))
+        rpy = rig.nominal_rpy + lean
         logs = []
         for k in range(2):
             log = simulate_moving(rig, MovingOptions(rpy=rpy, duration=30.0), rng).log
@@ -94,7 +94,7 @@ def moving(histories: int, first: int = 5000) -> Iterator[str]:
             X = so3.exp(state.mean[:9].reshape(3, 3)) @ result.reference.rotation
             e = so3.log(batch.truth.rotation[0] @ np.swapaxes(X, 1, 2)).ravel()
             inside = float(np.mean(np.abs(e) < 1.96 * np.sqrt(np.diagonal(C))))
-            found.setdefault(name, []).append((e @ np.linalg.solve(C, e) / 9, inside))
+            found.setdefault(name, []).append((float(e @ np.linalg.solve(C, e)) / 9, inside))
     for name, pairs in found.items():
         d2, inside = np.mean(pairs, axis=0)
         spread = np.sqrt(2 / 9 / histories)
@@ -163,7 +163,7 @@ class Drawn:
     def stepped(self, size: float, at: int, checks: int, which: int) -> tuple[bool, ...]:
         """A step: sensor named within so many checks; dated right; a year later; within a check."""
         months = np.arange(at + 12.0)
-        sensor, turns = self.moved(size, months >= at)
+        sensor, turns = self.moved(size, (months >= at).astype(np.float64))
         history = self.checks(turns, months, at, which)
 
         def own(last: int) -> tuple[bool, list[int]]:

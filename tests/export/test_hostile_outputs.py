@@ -95,7 +95,9 @@ def test_monitor_pages_and_documents(
     assert [check["name"] for check in document["checks"]] == list(names)
     words = " ".join(read(result.html).words)
     no_controls(words)
-    no_controls(render(result.to_report()))
+    report = result.to_report()
+    assert report is not None
+    no_controls(render(report))
     for text in (f"rig {line}", f"warning {line}"):
         assert on_page(text) in on_page(words)
     for text in names:
