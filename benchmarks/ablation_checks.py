@@ -16,8 +16,9 @@ from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.errors import TdfscalError
 from tdfscal.records import Dwells
 from tdfscal.selfcal import outliers, pipeline, preparation
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.repeatability import Stability
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Contact, Crosstalk, DeadAxis, Drift, Faults, Slip, ZeroShift
 
 HEADS = ("left out", "fault", "accepted, in silence, harmed", "without it")

@@ -24,7 +24,8 @@ from tdfscal.errors import TdfscalError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.joint_posterior import from_fit
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import (
     Contact,
     Crosstalk,

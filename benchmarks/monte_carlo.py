@@ -18,7 +18,8 @@ import numpy as np
 
 from tdfscal import simulation
 from tdfscal.errors import TdfscalError
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Options, Recorder
 
 CELLS = tuple(product((10.0, 20.0, 50.0), (12, 24, 60)))

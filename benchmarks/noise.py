@@ -23,7 +23,8 @@ from tdfscal.errors import TdfscalError
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig, Series
 from tdfscal.selfcal.joint_posterior import from_fit
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Options, Recorder
 from tdfscal.validation.causes import NOISE
 from tdfscal.validation.known_noise import KnownNoise

@@ -22,7 +22,8 @@ from tdfscal import simulation
 from tdfscal.errors import TdfscalError
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import (
     Contact,
     Crosstalk,

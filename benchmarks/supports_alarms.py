@@ -20,7 +20,8 @@ import numpy as np
 from tdfscal import simulation
 from tdfscal.dwells import find_dwells
 from tdfscal.records import Drift, Dwells, Rig
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import MISFIT
 from tdfscal.simulation import Options, Recorder
 

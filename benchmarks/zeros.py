@@ -22,7 +22,7 @@ from benchmarks.selfcal_faults import calibrate, turn
 from tdfscal import simulation
 from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.simulation import Options
 

@@ -4,43 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from tdfscal.acceptance.conformity import Conformity, assess_stated
+from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
-from tdfscal.checks import log_against_rig
 from tdfscal.errors import RigError
 from tdfscal.model.earlier import loosened
-from tdfscal.model.parameters import State, nominal
+from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
-from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
 from tdfscal.selfcal import observability, repeatability
 from tdfscal.selfcal.closure import frame_errors
 from tdfscal.selfcal.covariance import Quality, Uncertainty, evaluate, information_root, quality
-from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
+from tdfscal.selfcal.cross_validation import cross_validate
 from tdfscal.selfcal.estimator import Fit, fit
-from tdfscal.selfcal.exact_quantities import exact_caveats
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
-from tdfscal.selfcal.monte_carlo import MonteCarlo, simulate
+from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.mounting_search import Rival
 from tdfscal.selfcal.noise_components import ChannelNoise, channel_noise, scaled
-from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.outliers import Rejection, RobustFit, fit_robust
 from tdfscal.selfcal.preparation import Usable, usable_postures
-from tdfscal.selfcal.repeatability import Stability
+from tdfscal.selfcal.result import Estimator, SelfCalibration, caveats
 from tdfscal.selfcal.score_tests import likeliest, suspicions, wandering
 from tdfscal.selfcal.slip import find_slip
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.selfcal.undetermined import Undetermined, check_determined
-from tdfscal.significance import MISFIT, MOST_REJECTED, OVERSTATED_NOISE
-
-Estimator = Literal["ml", "linear"]
+from tdfscal.significance import MOST_REJECTED
 
 #: Trials after which a Monte Carlo stops although its averages still move: the ends of an interval
 #: are then known to 0.013 σ, a quarter of the finest tolerance that clause 8 can ask for.
@@ -53,41 +45,6 @@ _PARABOLA = (
     "the residuals ask for more than a slope of the zeros in time: a parabola was estimated "
     "beside it"
 )
-_NO_TRIALS = (
-    "the linear intervals of {} sensors stand without a Monte Carlo, which takes minutes: ask for "
-    "it by --trials"
-)
-#: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
-_FAR_TURNED = np.pi / 8
-
-
-@dataclass(frozen=True, slots=True)
-class SelfCalibration:
-    """The judged result of a self-calibration.
-
-    dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
-    index → reason. suspicions : what the residuals say was not declared. conformity : of the
-    contact wrench, where the rig file limits it. reasons : why the gate rejects; empty where it
-    accepts. set_aside : suspicions that a slip explains as well.
-    """
-
-    rig: Rig
-    estimator: Estimator
-    dwells: Dwells
-    fit: Fit
-    quality: Quality
-    uncertainty: Uncertainty
-    observability: Observability
-    suspicions: tuple[Suspicion, ...]
-    channels: ChannelNoise | None
-    stability: Stability
-    conformity: Conformity | None
-    validation: CrossValidation
-    monte_carlo: MonteCarlo | None
-    rejected: dict[int, str]
-    set_aside: tuple[Suspicion, ...]
-    reasons: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
 
 
 def self_calibrate(
@@ -170,7 +127,7 @@ def self_calibrate(
     return replace(
         calibration,
         reasons=_reasons(calibration, inputs),
-        warnings=_warnings(calibration, usable.measured_noise, unasked),
+        warnings=caveats(calibration, usable.measured_noise, unasked),
     )
 
 
@@ -285,17 +242,6 @@ def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
     return replace(robust, fit=fit(rig, observed, robust.fit.state, robust.fit.weight))
 
 
-def _turned_sensors(rig: Rig, state: State) -> list[str]:
-    """Warnings for sensors that stand far from their nominal mounting."""
-    back = np.swapaxes(nominal(rig).rotation, 1, 2)
-    turn = np.linalg.norm(so3.log(state.rotation @ back), axis=1)
-    return [
-        f"the sensor of {rig.supports[i]} is turned by {np.degrees(turn[i]):.0f}° from its "
-        "nominal mounting: look whether it is, and state nominal_rpy in rig.yaml"
-        for i in np.flatnonzero(turn > _FAR_TURNED)
-    ]
-
-
 def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[str, ...]:
     return judge(
         of.rig,
@@ -308,54 +254,3 @@ def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[str, .
         suspicions=[doubt.finding for doubt in of.suspicions if doubt.harmful],
         conformity=of.conformity,
     )
-
-
-def _warnings(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[str, ...]:
-    """Collect what the user must know although the result may be good."""
-    rig, stats, trials, seen = of.rig, of.quality, of.monte_carlo, of.observability
-    found = list(of.dwells.warnings)
-    if turned := log_against_rig.turned(rig, of.dwells.position):
-        found.append(turned)
-    found += _turned_sensors(rig, of.fit.state)
-    if of.channels is not None:
-        found.append(of.channels.text(rig.supports))
-    found += seen.caveats
-    if rig.declared.force_sensitivity > 0:
-        found.append(
-            "gain and crosstalk of the sensors were decoupled in situ, from a prior of "
-            f"{rig.declared.force_sensitivity:.2%}: a reading needs rotation · sensitivity⁻¹"
-        )
-    if measured_noise:
-        found.append(
-            "neither the log nor rig.yaml states a force noise; it was taken from the residuals, "
-            "so χ² cannot warn of contact or a wrong rig file (set uncertainty.force_noise)"
-        )
-    elif stats.p_value < MISFIT:
-        found.append(
-            f"the residuals are {stats.birge:.2g} times what the stated uncertainties explain "
-            f"({p_text(stats.p_value)}); all noise was scaled up by that factor"
-        )
-    elif stats.p_value > 1 - OVERSTATED_NOISE:
-        found.append(
-            f"the residuals are only {stats.birge:.2g} times what the stated uncertainties "
-            "explain: those may be overstated (uncertainty.force_noise, positioner), and so the "
-            "angles' own"
-        )
-    found += [doubt.text for doubt in of.suspicions if not doubt.harmful]
-    if not measured_noise and not of.suspicions:  # a named cause says more than the trend it makes
-        found += of.stability.warnings
-    if trials is not None and trials.unsettled:
-        found.append(
-            f"{trials.unsettled} of {trials.trials} Monte Carlo trials did not settle; they count "
-            "where they ended: the angles are known so poorly that noise can turn a sensor away"
-        )
-    if trials is not None and not trials.validated:
-        found.append(
-            "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those "
-            "of the trials"
-        )
-    if of.estimator == "ml":
-        found += exact_caveats(of.fit, of.uncertainty)
-        if unasked:
-            found.append(_NO_TRIALS.format(rig.n))
-    return tuple(found)

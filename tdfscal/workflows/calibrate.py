@@ -24,7 +24,8 @@ from tdfscal.model.calibrated import independent
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import Dwells, InputFile, Rig, Rotations
 from tdfscal.selfcal.joint_posterior import from_fit
-from tdfscal.selfcal.pipeline import Estimator, SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import Estimator, SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.arguments import (
     Instant,

@@ -25,7 +25,7 @@ from tdfscal.files.output_places import check_calibration
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.result import Result, by_column
 

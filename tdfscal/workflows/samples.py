@@ -15,7 +15,7 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import Dwells, InputFile, Log, Rig, UncertainValue
-from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.workflows.log_pass import LogPass
 
 Samples = Literal["static", "moving", "all"]

@@ -20,7 +20,8 @@ from tdfscal.files.rig.reading import LoadedRig, parse_rig
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, InputFile, Rotations
 from tdfscal.reporting.figures import style
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Options, SurveyOptions, simulate_dwells, simulate_survey
 from tdfscal.trackercal import calibrate_tracker
 

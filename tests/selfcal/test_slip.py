@@ -9,7 +9,8 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.records import Rig
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Contact, Drift, Faults, Options, Slip, ZeroShift
 
 from .campaigns import calibrated

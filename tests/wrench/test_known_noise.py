@@ -11,7 +11,8 @@ from tdfscal.files.calibration.document import dump_calibration, parse_calibrati
 from tdfscal.files.calibration.from_results import from_self
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.joint_posterior import from_fit
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip, simulate_dwells
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation, validate

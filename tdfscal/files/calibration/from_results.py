@@ -26,7 +26,7 @@ from tdfscal.selfcal.covariance import Uncertainty, factored_information
 from tdfscal.selfcal.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.monte_carlo import MonteCarlo
-from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
 from tdfscal.trackercal import TrackerCalibration

@@ -18,7 +18,7 @@ from tdfscal.files.rig.reading import HOUR
 from tdfscal.records import BoolArray
 from tdfscal.selfcal.covariance import factored_information
 from tdfscal.selfcal.nuisances import Estimate, compliance_estimates, drift_estimates
-from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.selfcal.result import SelfCalibration
 
 Shares = tuple[OpenAngles, ...]
 _POWERS_OF_TIME = {"time": 1, "parabola": 2}

@@ -21,7 +21,7 @@ from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
 from tdfscal.selfcal.cross_validation import CrossValidation
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.observability import Observability, load_directions
-from tdfscal.selfcal.pipeline import SelfCalibration
+from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.selfcal.undetermined import Undetermined
 from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
 from tdfscal.trackercal import TrackerCalibration

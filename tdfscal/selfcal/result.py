@@ -1,0 +1,125 @@
+"""What a self-calibration is: its record, and what its user must know beside the numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tdfscal.acceptance.conformity import Conformity
+from tdfscal.checks import log_against_rig
+from tdfscal.model.parameters import State, nominal
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import p_text
+from tdfscal.records import Dwells, Rig
+from tdfscal.selfcal.covariance import Quality, Uncertainty
+from tdfscal.selfcal.cross_validation import CrossValidation
+from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.exact_quantities import exact_caveats
+from tdfscal.selfcal.monte_carlo import MonteCarlo
+from tdfscal.selfcal.noise_components import ChannelNoise
+from tdfscal.selfcal.observability import Observability
+from tdfscal.selfcal.repeatability import Stability
+from tdfscal.selfcal.suspicion import Suspicion
+from tdfscal.significance import MISFIT, OVERSTATED_NOISE
+
+Estimator = Literal["ml", "linear"]
+
+_NO_TRIALS = (
+    "the linear intervals of {} sensors stand without a Monte Carlo, which takes minutes: ask for "
+    "it by --trials"
+)
+#: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
+_FAR_TURNED = np.pi / 8
+
+
+@dataclass(frozen=True, slots=True)
+class SelfCalibration:
+    """The judged result of a self-calibration.
+
+    dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
+    index → reason. suspicions : what the residuals say was not declared. conformity : of the
+    contact wrench, where the rig file limits it. reasons : why the gate rejects; empty where it
+    accepts. set_aside : suspicions that a slip explains as well.
+    """
+
+    rig: Rig
+    estimator: Estimator
+    dwells: Dwells
+    fit: Fit
+    quality: Quality
+    uncertainty: Uncertainty
+    observability: Observability
+    suspicions: tuple[Suspicion, ...]
+    channels: ChannelNoise | None
+    stability: Stability
+    conformity: Conformity | None
+    validation: CrossValidation
+    monte_carlo: MonteCarlo | None
+    rejected: dict[int, str]
+    set_aside: tuple[Suspicion, ...]
+    reasons: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[str, ...]:
+    """Collect what the user must know although the result may be good."""
+    rig, stats, trials, seen = of.rig, of.quality, of.monte_carlo, of.observability
+    found = list(of.dwells.warnings)
+    if turned := log_against_rig.turned(rig, of.dwells.position):
+        found.append(turned)
+    found += _turned_sensors(rig, of.fit.state)
+    if of.channels is not None:
+        found.append(of.channels.text(rig.supports))
+    found += seen.caveats
+    if rig.declared.force_sensitivity > 0:
+        found.append(
+            "gain and crosstalk of the sensors were decoupled in situ, from a prior of "
+            f"{rig.declared.force_sensitivity:.2%}: a reading needs rotation · sensitivity⁻¹"
+        )
+    if measured_noise:
+        found.append(
+            "neither the log nor rig.yaml states a force noise; it was taken from the residuals, "
+            "so χ² cannot warn of contact or a wrong rig file (set uncertainty.force_noise)"
+        )
+    elif stats.p_value < MISFIT:
+        found.append(
+            f"the residuals are {stats.birge:.2g} times what the stated uncertainties explain "
+            f"({p_text(stats.p_value)}); all noise was scaled up by that factor"
+        )
+    elif stats.p_value > 1 - OVERSTATED_NOISE:
+        found.append(
+            f"the residuals are only {stats.birge:.2g} times what the stated uncertainties "
+            "explain: those may be overstated (uncertainty.force_noise, positioner), and so the "
+            "angles' own"
+        )
+    found += [doubt.text for doubt in of.suspicions if not doubt.harmful]
+    if not measured_noise and not of.suspicions:  # a named cause says more than the trend it makes
+        found += of.stability.warnings
+    if trials is not None and trials.unsettled:
+        found.append(
+            f"{trials.unsettled} of {trials.trials} Monte Carlo trials did not settle; they count "
+            "where they ended: the angles are known so poorly that noise can turn a sensor away"
+        )
+    if trials is not None and not trials.validated:
+        found.append(
+            "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those "
+            "of the trials"
+        )
+    if of.estimator == "ml":
+        found += exact_caveats(of.fit, of.uncertainty)
+        if unasked:
+            found.append(_NO_TRIALS.format(rig.n))
+    return tuple(found)
+
+
+def _turned_sensors(rig: Rig, state: State) -> list[str]:
+    """Warnings for sensors that stand far from their nominal mounting."""
+    back = np.swapaxes(nominal(rig).rotation, 1, 2)
+    turn = np.linalg.norm(so3.log(state.rotation @ back), axis=1)
+    return [
+        f"the sensor of {rig.supports[i]} is turned by {np.degrees(turn[i]):.0f}° from its "
+        "nominal mounting: look whether it is, and state nominal_rpy in rig.yaml"
+        for i in np.flatnonzero(turn > _FAR_TURNED)
+    ]
