@@ -26,6 +26,7 @@ from tdfscal.records import FloatArray, IntArray
 _SHORTEST_RUN = 6  # bins; shorter pieces of a dwell carry no spectrum
 _BASE_ORDINATES = 40  # in the narrowest band
 _UNBINNED = 0.125  # cycles per bin up to which means over bins have the spectrum of the noise
+_CREST = 64  # bins; in shorter runs what is left of ringing looks like slow noise
 _LEPSKI = 2.8  # standard deviations of disagreement that end the widening
 
 
@@ -124,6 +125,8 @@ def together(spectra: Sequence[Spectrum]) -> Ordinates | None:
 
 def _slow(found: Ordinates, begin: int, end: int) -> list[list[SlowNoise | None]]:
     """Noise slower than a run, of each axis of streams of one kind, (S, 3)."""
+    if found.length < _CREST:
+        return [[None] * 3 for _ in range(begin, end)]
     low = slice(int(np.searchsorted(found.frequency, _UNBINNED)))
     frequency = found.frequency[low]
     power = (found.amplitude[begin:end, :, low] ** 2).reshape(3 * (end - begin), -1)
