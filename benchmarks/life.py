@@ -253,7 +253,7 @@ CALM = {
     "2 checks, 0.3 a year": (5, 3, 0.5, np.arange(2.0), 0.3),
     "6 checks, 0.1 a year": (5, 3, 0.5, np.arange(6.0), 0.1),
     "200 daily checks, 0.2 a year": (5, 3, 0.5, np.arange(200.0) / 30.4375, 0.2),
-    "200 monthly checks, 0.01 a year": (5, 3, 0.5, np.arange(200.0), ALARMS_PER_YEAR),
+    "200 monthly checks, 0.01 a year": (5, 3, 0.5, np.arange(200.0), 0.01),
     "30 checks 1 day to 6 months apart, 0.03 a year": (
         5, 3, 0.5, np.cumsum(np.geomspace(1 / 30, 6, 30)[np.argsort(np.sin(np.arange(30)))]), 0.03,
     ),

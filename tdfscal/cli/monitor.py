@@ -21,7 +21,7 @@ def monitor(
     ],
     rate: Annotated[
         float, typer.Option(help="False alarms per year where nothing changes.")
-    ] = 0.01,
+    ] = 0.005,
     from_: options.From = None,
     to: options.To = None,
     since: Annotated[
