@@ -121,7 +121,13 @@ FAULTS: dict[str, tuple[Break, int, str]] = {
 }
 
 
-@pytest.mark.parametrize("name", FAULTS)
+#: The search for another wiring takes a second; one of its cases is always tried.
+LONG = ("swapped axes", "an axis of opposite sign", "swapped sensors")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in FAULTS]
+)
 def test_refused_in_one_paragraph_without_a_file(
     name: str, campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -185,6 +185,7 @@ def test_paper_against_here(
     assert "Paper against here" in page
 
 
+@pytest.mark.slow
 def test_cost_follows_its_assumptions(
     bench: Bench,
     tmp_path: Path,

@@ -281,6 +281,7 @@ def test_false_force_displaces_by_its_stiffness() -> None:
     assert np.abs(result.traces.deviation[-1][:, :3]).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_same_seed_same_numbers_and_other_noise_other_numbers() -> None:
     truth = truths(2)
     controller = replace(IDEAL, sensing=Sensing(noise=1.75))

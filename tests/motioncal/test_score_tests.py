@@ -72,6 +72,7 @@ def test_an_uncertain_suspicion_stands_in_the_uncertainty() -> None:
     assert result.monte_carlo.std == pytest.approx(turns.rpy_std, rel=0.1)
 
 
+@pytest.mark.slow
 def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
     """A hall that warms by 10 K and cools again; the truth moves the second sensor's zero."""
     campaign, slow, _ = played(MINUTE, 21)

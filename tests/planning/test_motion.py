@@ -154,10 +154,11 @@ def test_the_files_and_the_command(tmp_path: Path, capsys: pytest.CaptureFixture
         ({"duration": 5.0}, UsageError, "20 to 3600"),
         ({"speed": 0.0}, UsageError, "speed"),
         ({"limits": replace(LIMITS, force=1000.0)}, UsageError, "weight alone"),
-        (
+        pytest.param(
             {"limits": replace(LIMITS, squeeze=0.0, stiffness=None)},
             NotIdentifiableError,
             "no motion within these limits",
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["too short", "no speed", "too weak", "nothing squeezes"],

@@ -80,6 +80,7 @@ def test_displacements_make_the_planned_forces(reference: Plan) -> None:
     assert np.array_equal(servoed.position, servoed.postures.place)
 
 
+@pytest.mark.slow
 def test_one_seed_one_plan() -> None:
     rig = make_rig(4)
     request = Request(limits(rig), candidates=50)
@@ -130,6 +131,7 @@ def test_the_contact_wrench_as_objective() -> None:
     assert angles.rpy_std.mean() < wrench.rpy_std.mean()
 
 
+@pytest.mark.slow
 def test_what_stays_unobservable_is_refused() -> None:
     rig = reference_rig()
     # Level and without squeeze, all loads are vertical: no yaw can be seen.

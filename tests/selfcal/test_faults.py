@@ -32,6 +32,7 @@ def test_touched_postures_are_rejected_by_name_and_no_other(touched: tuple[int, 
         assert not result.reasons
 
 
+@pytest.mark.slow
 def test_more_than_a_tenth_rejected_is_a_failure() -> None:
     contacts = tuple(Contact(k, (30.0, -40.0, 60.0)) for k in (2, 8, 13, 19))
     for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=3, trials=1).results:

@@ -72,6 +72,7 @@ def test_the_posture_and_the_turn_are_stated() -> None:
     assert what.endswith("posture 11")
 
 
+@pytest.mark.slow
 def test_sound_campaigns_have_no_slip() -> None:
     assert not any(turned(result) for result in runs(Faults(), seed=9, trials=12))
 

@@ -66,6 +66,7 @@ def test_an_undeclared_tilt_of_gravity_is_not_covered() -> None:
     assert sum(distance) > stats.chi2.ppf(1 - RARE, 9 * 5)
 
 
+@pytest.mark.slow
 def test_an_undeclared_gain_is_found() -> None:
     options = Options(squeeze=100.0, faults=Faults(gains=(Gain(0, (0.01, 0.01, 0.01)),)))
     seen = study(simulation.reference_rig(), options, seed=1, trials=4)
@@ -84,6 +85,7 @@ def test_the_linear_method_states_every_declared_input() -> None:
     assert within(9 * float(np.sum(found)), stats.chi2, 9 * runs)
 
 
+@pytest.mark.slow
 def test_one_noisy_sensor_is_named_and_weighted() -> None:
     """Six times the stated noise in one sensor: covered, named, the others keep their weight."""
     from benchmarks.noise import drawn, noisy

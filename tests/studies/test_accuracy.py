@@ -64,6 +64,7 @@ def test_unbiased_and_as_accurate_as_stated() -> None:
     assert "times better than laser tracker" in study.verdict
 
 
+@pytest.mark.slow
 def test_table_2_in_words(study: Accuracy) -> None:
     text = render(report(study, {}))
     assert "is the most accurate on this rig" in text.replace("\n  ", " ")

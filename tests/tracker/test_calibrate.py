@@ -258,6 +258,7 @@ def test_a_turned_positioner_is_reported() -> None:
     assert any("ncp4: all axes" in w for w in result.warnings)
 
 
+@pytest.mark.slow
 def test_faultless_axes_are_not_reported() -> None:
     reported = sum(
         bool(test.faults) for seed in range(12) for test in calibrate(make_survey(seed)).axes

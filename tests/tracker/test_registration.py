@@ -65,6 +65,7 @@ def draws(seeds: int, stated_C: FloatArray) -> tuple[FloatArray, list[FloatArray
     return np.array(squares), whitened, chi2, dof
 
 
+@pytest.mark.slow
 def test_stated_covariance_is_the_scatter() -> None:
     squares, whitened, chi2, dof = draws(300, C)
     low, high = chi2_bounds(6 * 300)

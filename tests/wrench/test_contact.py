@@ -64,6 +64,7 @@ def test_wrench_is_newtons_law_written_out() -> None:
         assert np.abs(found[k] - [*force, *moment]).max() < 5e-7
 
 
+@pytest.mark.slow
 def test_standard_uncertainty_is_the_spread_over_the_covariance() -> None:
     given, dwells = world(100).given[0], world(100).held(0)
     rng, draws = np.random.default_rng(5), 1000

@@ -90,6 +90,7 @@ def test_a_load_of_2_kg_is_found_and_weighed() -> None:
     assert 1e-4 < stats.chi2.cdf(z @ z, len(z)) < 1 - 1e-4
 
 
+@pytest.mark.slow
 def test_a_posture_in_contact_is_found_and_named() -> None:
     touched = Contact(USED + 2, (3.0, -2.0, 4.0), (1.0, 1.0, -1.0))
     found = verdicts(held_of(Faults(contacts=(touched,))))
@@ -123,6 +124,7 @@ def test_one_over_f_noise_is_called_noise_and_no_change() -> None:
     assert named >= 0.9 * FEWER
 
 
+@pytest.mark.slow
 def test_friction_that_is_not_stated_is_named() -> None:
     rng, named = np.random.default_rng(7), 0
     for t in range(FEWER):
@@ -138,6 +140,7 @@ def test_friction_that_is_not_stated_is_named() -> None:
     assert named >= 0.9 * FEWER
 
 
+@pytest.mark.slow
 def test_a_drifted_zero_is_told_from_a_turned_sensor() -> None:
     shift = ZeroShift(1, USED, (2.0, -1.0, 3.0))
     found = verdicts(held_of(Faults(zero_shifts=(shift,))))

@@ -254,7 +254,7 @@ def ros1_chunk_that_expands(folder: Path) -> Path:
     return path
 
 
-QUICK = 4
+QUICK = 2
 BOMBS: list[Callable[[Path], Path]] = [
     one_large_page_each,
     chunk_that_lies,
