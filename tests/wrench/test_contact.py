@@ -50,7 +50,7 @@ def test_error_is_within_the_stated_uncertainty(touching: bool) -> None:
 
 
 def test_wrench_is_newtons_law_written_out() -> None:
-    given, dwells = world(100).given[0], world(100).held(0)
+    given, dwells = world(1).given[0], world(1).held(0)
     s = given.state
     found = wrenches(given, dwells.start, dwells.position, dwells.force).value
     R, _ = register(s.hinge, dwells.position - s.datum)
@@ -81,7 +81,7 @@ def test_standard_uncertainty_is_the_spread_over_the_covariance() -> None:
 
 
 def test_sensitivity_is_undone_before_the_rotation() -> None:
-    given, dwells = world(100).given[0], world(100).held(0)
+    given, dwells = world(1).given[0], world(100).held(0)
     voigt = np.array([[0.01, -0.02, 0.015, 0.003, -0.004, 0.005]] * 3)
     scaled = replace(given, state=replace(given.state, sensitivity=voigt))
     xx, yy, zz, yz, xz, xy = voigt[0]
