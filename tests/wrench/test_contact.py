@@ -81,7 +81,7 @@ def test_standard_uncertainty_is_the_spread_over_the_covariance() -> None:
 
 
 def test_sensitivity_is_undone_before_the_rotation() -> None:
-    given, dwells = world(1).given[0], world(100).held(0)
+    given, dwells = world(1).given[0], world(1).held(0)
     voigt = np.array([[0.01, -0.02, 0.015, 0.003, -0.004, 0.005]] * 3)
     scaled = replace(given, state=replace(given.state, sensitivity=voigt))
     xx, yy, zz, yz, xz, xy = voigt[0]
