@@ -1,13 +1,13 @@
 """Control chart of a rig's sensors: steps, creep, and alarms with a stated rate per year.
 
 Every check (a calibration, or a campaign) is held against what those before it predict. Of each
-sensor it is asked whether it turned with the last check, with the last three, with the last nine:
-χ² of a turn of that one sensor, with all other constants of the rig free to be what they are. The
-rate is spent evenly over time and shared among the tests of a check, so that a year raises as many
-false alarms with daily checks as with monthly ones. What raised an alarm does not name it: sensor,
-date, step or creep are those that explain most of what the checks so far show (`turns_since`), and
-once more of what those show that came after. After a step the sensor's past counts no more, a creep
-is followed, and the search goes on.
+sensor it is asked whether it turned with the last check, or with the last three, nine or 27: χ² of
+a turn of that one sensor, with all other constants of the rig free to be what they are. The rate is
+spent evenly over time and shared among the tests of a check, so that a year raises as many false
+alarms with daily checks as with monthly ones. What raised an alarm does not name it: sensor, date,
+step or creep are those that explain most of what the checks so far show (`turns_since`), and once
+more of what those show that came after. After a step the sensor's past counts no more, a creep is
+followed, and the search goes on.
 """
 
 from __future__ import annotations

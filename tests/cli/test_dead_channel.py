@@ -5,12 +5,21 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
 from tests.cli.running import run
+
+
+def near_truth(content: dict[str, Any], campaign: Path) -> None:
+    """Every angle lies within four standard uncertainties of the simulated one."""
+    truth = yaml.safe_load((campaign / "truth.yaml").read_text())
+    for ours, theirs in zip(content["supports"], truth["supports"], strict=True):
+        away = np.abs(np.array(ours["rpy"]) - theirs["rpy"])
+        assert np.all(away < 4 * np.array(ours["rpy_std"])), ours["name"]
 
 
 def test_a_dead_channel_is_named_declared_and_used(
@@ -39,10 +48,7 @@ def test_a_dead_channel_is_named_declared_and_used(
     done = run(capsys, "calibrate", campaign, "--trials", 0, "-o", found, "-q")
     assert done.status == 0, done.out + done.err
     content = json.loads(found.read_text())
-    truth = yaml.safe_load((campaign / "truth.yaml").read_text())
-    for ours, theirs in zip(content["supports"], truth["supports"], strict=True):
-        away = np.abs(np.array(ours["rpy"]) - theirs["rpy"])
-        assert np.all(away < 4 * np.array(ours["rpy_std"])), ours["name"]
+    near_truth(content, campaign)
     assert content["supports"][2]["zero"][1] is None
     # Held out, applied, reported and exported.
     held_out = tmp_path / "held-out"
@@ -83,10 +89,7 @@ def test_a_channel_that_is_not_measured_in_motion(
         )
         assert done.status == 0, done.out + done.err
         content = json.loads(found.read_text())
-        truth = yaml.safe_load((campaign / "truth.yaml").read_text())
-        for ours, theirs in zip(content["supports"], truth["supports"], strict=True):
-            away = np.abs(np.array(ours["rpy"]) - theirs["rpy"])
-            assert np.all(away < 4 * np.array(ours["rpy_std"])), ours["name"]
+        near_truth(content, campaign)
         assert content["supports"][2]["zero"][1] is None
         assert content["supports"][2]["zero_std"][1] is None
     done = run(capsys, "validate", found, campaign, "--json", "-q")

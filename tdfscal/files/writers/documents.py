@@ -143,12 +143,18 @@ def truth_document(
     return document
 
 
+def _with_options(
+    campaign: Campaign | MovingCampaign, scenario: Mapping[str, Any], survey: Survey | None
+) -> dict[str, Any]:
+    story = {**scenario, "options": plain(asdict(campaign.options))}
+    return truth_document(campaign.rig, campaign.truth, story, survey)
+
+
 def posture_truth_document(
     campaign: Campaign, scenario: Mapping[str, Any], survey: Survey | None
 ) -> dict[str, Any]:
     """truth.yaml of a campaign of postures: dwells (s), forces (N, BCS), commanded rotations."""
-    story = {**scenario, "options": plain(asdict(campaign.options))}
-    document = truth_document(campaign.rig, campaign.truth, story, survey)
+    document = _with_options(campaign, scenario, survey)
     rotation = campaign.postures.pose.rotation
     columns = (campaign.start, campaign.end, campaign.force, rotation)
     document["postures"] = [
@@ -162,8 +168,7 @@ def moving_truth_document(
     campaign: MovingCampaign, scenario: Mapping[str, Any], survey: Survey | None
 ) -> dict[str, Any]:
     """truth.yaml of a campaign without a stop."""
-    story = {**scenario, "options": plain(asdict(campaign.options))}
-    document = truth_document(campaign.rig, campaign.truth, story, survey)
+    document = _with_options(campaign, scenario, survey)
     document["terminal"]["inertia"] = campaign.inertia.tolist()
     document["motion"] = {
         "delay": campaign.options.delay,
