@@ -17,7 +17,7 @@ from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile
-from tdfscal.reporting.figures import motion, observability, residuals, timeline
+from tdfscal.reporting.figures import observability, residuals, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
 from tdfscal.reporting.layout import LISTED, Facts, Items, Report, Row, Section, Table, illustrated
@@ -70,7 +70,7 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
         observability.determined(seen.observability, seen.rig.acceptance.identifiable)
     ]
     if isinstance(seen, UndeterminedMotion):
-        found.append(motion.forces(seen.slow, seen.rejected))
+        found.append(timeline.moving(seen.slow, seen.rejected))
     elif log is not None:
         found.append(timeline.of(log))
         if seen.quality.dof > 0:
@@ -79,8 +79,8 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
                 "others: it says how well log and rig file agree, and nothing of turns that are "
                 "not determined."
             )
-            left = residuals.of(log.postures)
-            found += [left and replace(left, reading=said), residuals.components_of(log.postures)]
+            left = residuals.at_postures(log.postures)
+            found += [left and replace(left, reading=said), residuals.components(log.postures)]
     return tuple(drawing for drawing in found if drawing is not None)
 
 

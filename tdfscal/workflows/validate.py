@@ -116,12 +116,9 @@ class ValidateResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the residual wrench, before and after."""
-        from tdfscal.reporting.figures import motion, residuals
+        from tdfscal.reporting.figures.residuals import validated
 
-        v = self.validation
-        if isinstance(v, MovingValidation):
-            return (motion.validated(v),)
-        return (residuals.validated(v),)
+        return (validated(self.validation),)
 
 
 @together()

@@ -15,7 +15,6 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     # matplotlib is slow to import, as is all that reads a calibration: not before it is drawn.
     from tdfscal.reporting.figures import (
         angles,
-        motion,
         observability,
         residuals,
         rig,
@@ -24,10 +23,18 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
         uncertainty,
     )
 
-    in_order = (
-        *(angles.draw, angles.methods, residuals.draw, residuals.components, uncertainty.draw),
-        *(timeline.draw, observability.draw, rig.draw, motion.spectrum, motion.draw),
-        *(uncertainty.trials, survey.draw),
+    found = (
+        angles.draw(calibration),
+        angles.methods(calibration),
+        residuals.at_postures(calibration.postures),
+        residuals.components(calibration.postures),
+        uncertainty.draw(calibration),
+        timeline.draw(calibration),
+        observability.draw(calibration),
+        rig.draw(calibration),
+        residuals.spectrum(calibration),
+        residuals.over_motion(calibration),
+        uncertainty.trials(calibration),
+        survey.draw(calibration),
     )
-    found = (draw(calibration) for draw in in_order)
     return tuple(drawing for drawing in found if drawing is not None)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
 from tdfscal.comparison.compatibility import Comparison
@@ -17,7 +19,7 @@ from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, beside, figure, legend_above, signed, tip
-from tdfscal.significance import INCOMPATIBLE, INTERVAL_COVERAGE
+from tdfscal.significance import COVERAGE_FACTOR, INCOMPATIBLE, INTERVAL_COVERAGE
 
 #: Name, marker, colour and place of each method beside the others.
 _METHODS = {
@@ -25,6 +27,25 @@ _METHODS = {
     "tracker": ("laser tracker", "^", ink.ORANGE, 0.0),
     "joint": ("joint", "o", ink.BLACK, 0.26),
 }
+_WHISKERS: dict[str, Any] = {"fmt": "o", "markersize": 3.5, "elinewidth": 1.8, "capsize": 3.5}
+
+
+def by_angle(
+    supports: Sequence[str], columns: int = 1, head: float = 0.9, row: float = 0.23
+) -> tuple[Figure, list[Axes], FloatArray]:
+    """A figure with a row per angle from the top down, its columns, and where the rows lie.
+
+    head, row : heights, inches.
+    """
+    sensors = len(supports)
+    place = np.arange(3.0 * sensors) + np.repeat(0.5 * np.arange(sensors), 3)
+    fig = figure(head + row * len(place))
+    axes = list(fig.subplots(1, columns, sharey=True, squeeze=False)[0])
+    axes[0].set_yticks(place, [f"{name}  {angle}" for name in supports for angle in ANGLES])
+    axes[0].invert_yaxis()
+    for ax in axes:
+        ax.grid(axis="y", visible=False)
+    return fig, axes, place
 
 
 def draw(c: Calibration) -> Drawing:
@@ -45,41 +66,30 @@ def draw(c: Calibration) -> Drawing:
 def _paint(c: Calibration) -> Figure:
     nominal = np.array([support.nominal_rpy for support in c.rig.supports])[c.determined]
     turn = 1e3 * so3.wrapped(c.rpy[c.determined] - nominal).ravel()
-    low = 1e3 * np.array([s.interval.low for s in c.mounted]).ravel()
-    high = 1e3 * np.array([s.interval.high for s in c.mounted]).ravel()
+    low = 1e3 * np.ravel([s.interval.low for s in c.mounted])
+    high = 1e3 * np.ravel([s.interval.high for s in c.mounted])
     value = 1e3 * c.rpy[c.determined].ravel()
-    place = np.arange(len(value), dtype=float) + np.repeat(0.5 * np.arange(len(c.mounted)), 3)
-    fig = figure(0.9 + 0.23 * len(value))
-    left, right = fig.subplots(1, 2, sharey=True)
-    labels = [f"{s.name}  {angle}" for s in c.mounted for angle in ANGLES]
-    bars = left.barh(place, turn, height=0.62, color=ink.BLUE, edgecolor=ink.BLACK, linewidth=0.4)
-    for bar, label, v, a, b in zip(bars, labels, value, low, high, strict=True):
-        tip(bar, f"{label}: {v:.3f} mrad, 95 % from {a:.3f} to {b:.3f}")
-    left.axvline(0, color=ink.BLACK, linewidth=0.8)
+    fig, (left, right), place = by_angle([s.name for s in c.mounted], 2)
+    bars = _turns(left, place, turn)
+    for bar, name, v, a, b in zip(bars, left.get_yticklabels(), value, low, high, strict=True):
+        tip(bar, f"{name.get_text()}: {v:.3f} mrad, 95 % from {a:.3f} to {b:.3f}")
     reach = np.abs(turn).max() * 1.35 or 1.0
     left.set_xlim(min(0, turn.min()) - 0.3 * reach, max(0, turn.max()) + 0.3 * reach)
     for y, t in zip(place, turn, strict=True):
         beside(left, signed(t, "+.2f"), t, y, 4 if t >= 0 else -4)
-    left.set_xlabel("turn from the nominal mounting, mrad")
-    left.set_yticks(place, labels)
-    left.invert_yaxis()
-    right.errorbar(
-        np.zeros_like(value),
-        place,
-        xerr=np.maximum(0, [value - low, high - value]),
-        fmt="o",
-        markersize=3.5,
-        color=ink.BLACK,
-        ecolor=ink.BLUE,
-        elinewidth=1.8,
-        capsize=3.5,
-    )
+    ends = np.maximum(0, [value - low, high - value])
+    right.errorbar(0 * value, place, xerr=ends, color=ink.BLACK, ecolor=ink.BLUE, **_WHISKERS)
     right.axvline(0, color=ink.GREY, linewidth=0.8)
     right.set_xlabel("95 % interval about the angle, mrad")
     right.tick_params(left=False)
-    for ax in (left, right):
-        ax.grid(axis="y", visible=False)
     return fig
+
+
+def _turns(ax: Axes, place: FloatArray, turn: FloatArray) -> BarContainer:
+    """Bars of the turns from the nominal mounting, mrad."""
+    ax.axvline(0, color=ink.BLACK, linewidth=0.8)
+    ax.set_xlabel("turn from the nominal mounting, mrad")
+    return ax.barh(place, turn, height=0.62, color=ink.BLUE, **ink.EDGE)
 
 
 def methods(c: Calibration) -> Drawing | None:
@@ -99,25 +109,15 @@ def methods(c: Calibration) -> Drawing | None:
 
 def _paint_methods(c: Calibration) -> Figure:
     k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
-    base = np.arange(3 * len(c.supports), dtype=float)
-    base += np.repeat(0.5 * np.arange(len(c.supports)), 3)
-    fig = figure(1.0 + 0.3 * len(base))
-    ax = fig.subplots()
+    fig, (ax,), place = by_angle(c.support_names, head=1.0, row=0.3)
     each = [(m.method, np.array(m.rpy), np.array(m.rpy_std)) for m in c.methods or ()]
     for method, rpy, std in (*each, ("joint", c.rpy, c.rpy_std)):
         name, marker, colour, shift = _METHODS[method]
         ax.errorbar(
-            1e3 * so3.wrapped(rpy - c.rpy).ravel(),
-            base + shift,
-            xerr=1e3 * k * std.ravel(),
-            fmt=marker,
-            markersize=4.5,
-            color=colour,
-            capsize=2.5,
-            label=name,
-        )
+            1e3 * so3.wrapped(rpy - c.rpy).ravel(), place + shift, xerr=1e3 * k * std.ravel(),
+            fmt=marker, markersize=4.5, color=colour, capsize=2.5, label=name,
+        )  # fmt: skip
     ax.axvline(0, color=ink.GREY, linewidth=0.8)
-    _named(ax, base, c.support_names)
     ax.set_xlabel("angle less the joint estimate, with its 95 % interval, mrad")
     legend_above(ax, 3)
     return fig
@@ -125,87 +125,49 @@ def _paint_methods(c: Calibration) -> Figure:
 
 def comparison(pair: Comparison, number: int = 1) -> Drawing:
     """Differences of the angles with their expanded uncertainty, k = 2."""
-    return Drawing(
-        f"comparison-{number}",
-        f"{pair.names[0]} against {pair.names[1]}",
-        f"{pair.verdict}.",
-        lambda: _paint_comparison(pair),
-    )
 
+    def paint() -> Figure:
+        value, expanded = 1e3 * pair.rpy.ravel(), 1e3 * COVERAGE_FACTOR * pair.rpy_std.ravel()
+        beyond = pair.en.ravel() > 1.0
+        fig, (ax,), place = by_angle(pair.supports)
+        ax.axvline(0.0, color=ink.GREY, linewidth=0.8)
+        for which, colour in ((~beyond, ink.BLUE), (beyond, ink.RED)):
+            ax.errorbar(
+                value[which], place[which], xerr=expanded[which], color=ink.BLACK, ecolor=colour,
+                **_WHISKERS,
+            )  # fmt: skip
+        ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
+        return fig
 
-def _paint_comparison(pair: Comparison) -> Figure:
-    value, std = 1e3 * pair.rpy.ravel(), 1e3 * pair.rpy_std.ravel()
-    place = np.arange(len(value), dtype=float)
-    beyond = pair.en.ravel() > 1.0
-    fig = figure(0.9 + 0.23 * len(value))
-    ax = fig.subplots()
-    ax.axvline(0.0, color=ink.GREY, linewidth=0.8)
-    for which, colour in ((~beyond, ink.BLUE), (beyond, ink.RED)):
-        ax.errorbar(
-            value[which], place[which], xerr=2.0 * std[which], fmt="o", markersize=3.5,
-            color=ink.BLACK, ecolor=colour, elinewidth=1.8, capsize=3.5,
-        )  # fmt: skip
-    _named(ax, place, pair.supports)
-    ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
-    return fig
+    title = f"{pair.names[0]} against {pair.names[1]}"
+    return Drawing(f"comparison-{number}", title, f"{pair.verdict}.", paint)
 
 
 def planned(plan: Plan | MovingPlan) -> Drawing:
     """Standard uncertainty to expect of each angle, of the plan and of random ones."""
+
+    def paint() -> Figure:
+        fig, (ax,), place = by_angle(plan.rig.supports)
+        random, expected = (1e3 * f.rpy_std.ravel() for f in (plan.random, plan.expected))
+        ax.barh(place, random, height=0.75, color=ink.PALE, label="random")
+        ax.barh(place, expected, height=0.45, color=ink.BLUE, label="plan", **ink.EDGE)
+        ax.set_xlabel("standard uncertainty, mrad")
+        legend_above(ax, 2)
+        return fig
+
     what = "motions" if isinstance(plan, MovingPlan) else "postures"
-    return Drawing(
-        "plan",
-        "Uncertainty to expect",
-        f"The plan is {plan.improvement:.2f} times better than random {what}.",
-        lambda: _paint_planned(plan),
-    )
-
-
-def _paint_planned(plan: Plan | MovingPlan) -> Figure:
-    expected = 1e3 * plan.expected.rpy_std.ravel()
-    place = np.arange(len(expected), dtype=float)
-    fig = figure(0.9 + 0.23 * len(expected))
-    ax = fig.subplots()
-    ax.barh(place, 1e3 * plan.random.rpy_std.ravel(), height=0.75, color=ink.PALE, label="random")
-    ax.barh(
-        place,
-        expected,
-        height=0.45,
-        color=ink.BLUE,
-        edgecolor=ink.BLACK,
-        linewidth=0.4,
-        label="plan",
-    )
-    _named(ax, place, plan.rig.supports)
-    ax.set_xlabel("standard uncertainty, mrad")
-    legend_above(ax, 2)
-    return fig
+    said = f"The plan is {plan.improvement:.2f} times better than random {what}."
+    return Drawing("plan", "Uncertainty to expect", said, paint)
 
 
 def truth(supports: tuple[str, ...], rpy: FloatArray, nominal: FloatArray) -> Drawing:
     """Turn from the nominal mounting; rpy, nominal : (n, 3), rad."""
     turn = 1e3 * so3.wrapped(rpy - nominal).ravel()
-    return Drawing(
-        "truth",
-        "True mounting",
-        f"The largest turn from the nominal mounting is {np.abs(turn).max():.3g} mrad.",
-        lambda: _paint_truth(supports, turn),
-    )
 
+    def paint() -> Figure:
+        fig, (ax,), place = by_angle(supports)
+        _turns(ax, place, turn)
+        return fig
 
-def _paint_truth(supports: tuple[str, ...], turn: FloatArray) -> Figure:
-    place = np.arange(len(turn), dtype=float)
-    fig = figure(0.9 + 0.23 * len(turn))
-    ax = fig.subplots()
-    ax.barh(place, turn, height=0.62, color=ink.BLUE, edgecolor=ink.BLACK, linewidth=0.4)
-    ax.axvline(0.0, color=ink.BLACK, linewidth=0.8)
-    _named(ax, place, supports)
-    ax.set_xlabel("turn from the nominal mounting, mrad")
-    return fig
-
-
-def _named(ax: Axes, place: FloatArray, supports: Sequence[str]) -> None:
-    """Name the rows of the angles, which lie at `place`, from the top down."""
-    ax.set_yticks(place, [f"{name}  {angle}" for name in supports for angle in ANGLES])
-    ax.invert_yaxis()
-    ax.grid(axis="y", visible=False)
+    said = f"The largest turn from the nominal mounting is {np.abs(turn).max():.3g} mrad."
+    return Drawing("truth", "True mounting", said, paint)

@@ -128,6 +128,15 @@ def beside(ax: Axes, text: str, x: float, y: float, off: float, **look: Any) -> 
     )  # fmt: skip
 
 
+def marks(ax: Axes, place: npt.NDArray[Any], vectors: npt.NDArray[np.float64]) -> None:
+    """Components x, y, z of vectors (K, 3) beside each other at their places (K,)."""
+    for k, (axis, marker, colour) in enumerate(ink.AXES):
+        ax.plot(
+            place + 0.2 * (k - 1), vectors[:, k], marker, color=colour, markersize=3.2, label=axis,
+            rasterized=raster(vectors.size),
+        )  # fmt: skip
+
+
 def legend_above(ax: Axes, columns: int) -> None:
     """Legend over the axes, where it covers nothing."""
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=columns, borderaxespad=0.3)

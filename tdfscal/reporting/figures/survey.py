@@ -13,12 +13,11 @@ from pydantic import JsonValue
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import WIDTH, Drawing, figure, legend_above, raster
+from tdfscal.reporting.figures.style import WIDTH, Drawing, figure, legend_above, marks
 from tdfscal.trackercal import PointRegistration
 
 _CHARACTER = 0.075
 """Inches that a letter of a tick label takes, at most."""
-_MARKS = (("o", ink.BLUE, "x"), ("s", ink.ORANGE, "y"), ("^", ink.GREEN, "z"))
 
 
 def draw(c: Calibration) -> Drawing | None:
@@ -57,18 +56,8 @@ def _read(
 def _paint(names: list[str], residual: FloatArray, normalised: FloatArray) -> Figure:
     fig = figure(3.9)
     top, bottom = fig.subplots(2, 1, sharex=True)
-    place = np.arange(len(names))
     for ax, table in ((top, 1e6 * residual), (bottom, normalised)):
-        for k, (marker, colour, label) in enumerate(_MARKS):
-            ax.plot(
-                place + 0.2 * (k - 1),
-                table[:, k],
-                marker,
-                color=colour,
-                markersize=3.4,
-                label=label,
-                rasterized=raster(len(names)),
-            )
+        marks(ax, np.arange(len(names)), table)
         ax.axhline(0, color=ink.GREY, linewidth=0.8)
     for limit in (-2, 2):
         bottom.axhline(limit, color=ink.BLACK, linewidth=0.8, linestyle="--")
@@ -99,28 +88,18 @@ def _groups(bottom: Axes, top: Axes, names: list[str]) -> None:
 
 def registered(r: PointRegistration) -> Drawing:
     """Residual of each point in µm, by coordinate."""
-    return Drawing(
-        "residuals",
-        "Residuals of the points",
-        f"The points fit within {1e6 * r.rms:.3g} µm rms.",
-        lambda: _paint_registered(r),
-    )
 
+    def paint() -> Figure:
+        fig = figure(2.6)
+        ax = fig.subplots()
+        place = np.arange(len(r.names))
+        for j, (axis, residual) in enumerate(zip("xyz", 1e6 * r.residual.T, strict=True)):
+            ax.bar(place + 0.27 * (j - 1), residual, width=0.25, color=ink.FILLS[j], label=axis)
+        ax.set_xticks(place, r.names, rotation=90 if len(r.names) > 8 else 0)
+        ax.set_ylabel("residual, µm")
+        ax.grid(axis="x", visible=False)
+        legend_above(ax, 3)
+        return fig
 
-def _paint_registered(r: PointRegistration) -> Figure:
-    fig = figure(2.6)
-    ax = fig.subplots()
-    place = np.arange(len(r.names), dtype=float)
-    for j, axis in enumerate("xyz"):
-        ax.bar(
-            place + 0.27 * (j - 1),
-            1e6 * r.residual[:, j],
-            width=0.25,
-            color=ink.FILLS[j],
-            label=axis,
-        )
-    ax.set_xticks(place, r.names, rotation=90 if len(r.names) > 8 else 0)
-    ax.set_ylabel("residual, µm")
-    ax.grid(axis="x", visible=False)
-    legend_above(ax, 3)
-    return fig
+    said = f"The points fit within {1e6 * r.rms:.3g} µm rms."
+    return Drawing("residuals", "Residuals of the points", said, paint)

@@ -1,20 +1,24 @@
-"""The log's timeline: dwells in use and rejected, stretches left out, forces of every dwell."""
+"""The log over its time: dwells in use and rejected, stretches left out, forces."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
-from tdfscal.files.calibration.log_time import Clock, log_clock
+from tdfscal.files.calibration.log_time import Clock, clock_from, log_clock
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.model import RigFile
-from tdfscal.records import Dwells
+from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.streams import Slow
+from tdfscal.records import Dwells, FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import (
     Drawing,
@@ -29,6 +33,10 @@ from tdfscal.reporting.figures.style import (
 #: Height of a panel of forces, inches.
 _PANEL = 0.72
 _MARKERS = "osD^vPX*"
+#: Instants of a line at most; more are not to be told apart.
+_INSTANTS = 1500
+#: Begin and end of what was left out, s of the axis, and why.
+Gone = Sequence[tuple[float, float, str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,121 +73,127 @@ def of(log: DwellLog) -> Drawing | None:
     if log.clock.unit == "s":
         said += f", {averaged:.0f} s of force readings in all"
     said += f"; {len(rejected)} had to be rejected." if rejected else "; none had to be rejected."
-    return Drawing("timeline", "The log and its dwells", said, lambda: _paint(log, rejected))
+    return Drawing("timeline", "The log and its dwells", said, lambda: _paint(log))
 
 
-def _paint(log: DwellLog, rejected: list[RejectedPosture]) -> Figure:
-    time, table = log.clock, log.postures
-    width = 0.9 if time.unit == "row" else 0.0
-    lanes = ["in the fit", "rejected"] + (["no dwell"] if table.left_out else [])
-    heights = [0.34 * len(lanes)] + ([_PANEL] * 3 if log.dwells is not None else [])
+def _paint(log: DwellLog) -> Figure:
+    time, table, dwells = log.clock, log.postures, log.dwells
+    shortest = 0.9 if time.unit == "row" else 0.0
+
+    def ends(start: float | None, end: float | None) -> tuple[float, float]:
+        begin = (start or 0.0) - time.origin
+        return begin, begin + max((end or 0.0) - (start or 0.0), shortest)
+
+    used = [ends(*pair) for pair in zip(table.start, table.end, strict=True)]
+    rejected = [r for r in log.rejected if r.start is not None]
+    gone = [(*ends(r.start, r.end), f"posture {r.index + 1}: {r.reason}") for r in rejected]
+    pieces = [(*ends(s.start, s.end), s.reason) for s in table.left_out or ()]
+    heights = [0.34 * (3 if pieces else 2)] + ([_PANEL] * 3 if dwells is not None else [])
     fig = figure(0.75 + sum(heights))
-    panels = np.atleast_1d(
-        fig.subplots(len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights})
-    )
-    gone = [(r.start - time.origin, max(r.end - r.start, width), r.index + 1) for r in rejected
-            if r.start is not None and r.end is not None]  # fmt: skip
-    _lanes(panels[0], table, gone, lanes, width, time.origin)
-    if log.dwells is not None:
-        _forces(list(panels[1:]), log.rig, log.dwells, gone, width, time.origin)
-        legend_outside(fig, panels[1])
-    panels[-1].set_xlabel(time.label)
+    axes = fig.subplots(
+        len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
+    )[:, 0]
+    _lanes(axes[0], used, gone, pieces)
+    for r, (_, end, _) in zip(rejected, gone, strict=True):
+        beside(axes[0], f"{r.index + 1}", end, 1, 2, fontweight="bold")
+    if dwells is not None:
+        middle = np.mean([ends(*pair) for pair in zip(dwells.start, dwells.end, strict=True)], 1)
+        measured = [[axis in support.axes for axis in "xyz"] for support in log.rig.supports]
+        force = np.where(measured, np.swapaxes(dwells.force, 0, 1), np.nan)
+        names = [support.name for support in log.rig.supports]
+        _forces(
+            axes[1:], names, middle, force, gone, _MARKERS, linewidth=0.7, markersize=3.2,
+            markeredgecolor=ink.BLACK, markeredgewidth=0.3, rasterized=raster(3 * len(middle)),
+        )  # fmt: skip
+        legend_outside(fig, axes[1])
+    axes[-1].set_xlabel(time.label)
     return fig
 
 
-def _lanes(
-    ax: Axes,
-    table: PostureTable,
-    gone: list[tuple[float, float, int]],
-    lanes: list[str],
-    width: float,
-    origin: float,
-) -> None:
-    """Dwells in the fit, rejected ones with their numbers, stretches that are no dwells."""
-    pixels = raster(len(table.index))
-    spans = [(s - origin, max(e - s, width)) for s, e in zip(table.start, table.end, strict=True)]
-    ax.broken_barh(
-        spans,
-        (-0.36, 0.72),
-        facecolor=ink.FILLS[0],
-        edgecolor=ink.BLACK,
-        linewidth=0.0 if pixels else 0.5,
-        rasterized=pixels,
-    )
-    for x, w, number in gone:
-        ax.broken_barh([(x, w)], (0.64, 0.72), linewidth=0.9, **ink.REJECTED)
-        beside(ax, f"{number}", x + w, 1, 2, fontweight="bold")
+def _lanes(ax: Axes, used: Sequence[tuple[float, float]], gone: Gone, pieces: Gone) -> None:
+    """Dwells in the fit, rejected ones, stretches that are no dwells."""
+    pixels = raster(len(used))
+
+    def bars(lane: int, spans: Sequence[tuple[float, float]], **look: Any) -> PolyCollection:
+        lengths = [(begin, end - begin) for begin, end in spans]
+        return ax.broken_barh(lengths, (lane - 0.36, 0.72), **look)
+
+    bars(0, used, facecolor=ink.FILLS[0], edgecolor=ink.BLACK, linewidth=0.0 if pixels else 0.5,
+         rasterized=pixels)  # fmt: skip
+    for begin, end, why in gone:
+        tip(bars(1, [(begin, end)], linewidth=0.9, **ink.REJECTED), why)
     if not gone:
         ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=ink.GREY)
-    for piece in table.left_out or ():
-        ax.broken_barh(
-            [(piece.start - origin, max(piece.end - piece.start, width))],
-            (1.64, 0.72),
-            facecolor=ink.PALE,
-            edgecolor=ink.GREY,
-            hatch="...",
-            linewidth=0.4,
-        )
+    for begin, end, why in pieces:
+        look = {"facecolor": ink.PALE, "edgecolor": ink.GREY, "hatch": "...", "linewidth": 0.4}
+        tip(bars(2, [(begin, end)], **look), why)
+    lanes = ["in the fit", "rejected"] + (["no dwell"] if pieces else [])
     ax.set_ylim(len(lanes) - 0.45, -0.5)
     ax.set_yticks(range(len(lanes)), lanes)
     ax.grid(axis="y", visible=False)
 
 
 def _forces(
-    panels: Sequence[Axes],
-    rig: RigFile,
-    dwells: DwellTable,
-    gone: list[tuple[float, float, int]],
-    width: float,
-    origin: float,
+    axes: Iterable[Axes],
+    supports: Sequence[str],
+    time: FloatArray,
+    force: FloatArray,
+    gone: Gone,
+    markers: str,
+    **line: Any,
 ) -> None:
-    """Mean readings of each dwell, a panel per axis of the sensors, rejected dwells shaded."""
-    start = np.array(dwells.start) - origin
-    middle = start + np.maximum(np.array(dwells.end) - np.array(dwells.start), width) / 2
-    force, pixels = np.array(dwells.force), raster(3 * len(start))
-    for k, ax in enumerate(panels):
-        for x, w, _ in gone:
-            ax.axvspan(x, x + w, linewidth=0.4, **ink.REJECTED)
-        for i, support in enumerate(rig.supports):
-            if "xyz"[k] not in support.axes:
-                continue
-            (line,) = ax.plot(
-                middle, force[i, :, k], linewidth=0.7, color=ink.LINES[i % len(ink.LINES)],
-                marker=_MARKERS[i % len(_MARKERS)], markersize=3.2, markeredgecolor=ink.BLACK,
-                markeredgewidth=0.3, label=support.name, rasterized=pixels,
-            )  # fmt: skip
-            low, high = force[i, :, k].min(), force[i, :, k].max()
-            tip(line, f"{support.name} F{'xyz'[k]}: {low:.1f} to {high:.1f} N")
-        ax.set_ylabel(f"F{'xyz'[k]}, N")
+    """Readings (N, n, 3), a panel per axis of the sensors; what was left out is shaded."""
+    for k, (axis, ax) in enumerate(zip("xyz", axes, strict=True)):
+        for begin, end, why in gone:
+            tip(ax.axvspan(begin, end, linewidth=0.4, **ink.REJECTED), why)
+        for i, name in enumerate(supports):
+            y = force[:, i, k]
+            if np.isfinite(y).any():
+                (drawn,) = ax.plot(
+                    time, y, color=ink.LINES[i % len(ink.LINES)], label=name,
+                    marker=markers[i % len(markers)], **line,
+                )  # fmt: skip
+                tip(drawn, f"{name} F{axis}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N")
+        ax.set_ylabel(f"F{axis}, N")
+
+
+def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
+    """Forces of a log in motion: a panel per axis of the sensors, a line per sensor."""
+
+    def paint() -> Figure:
+        time = clock_from(float(slow.time[0]))
+        fig = figure(3.4)
+        axes = fig.subplots(3, 1, sharex=True)
+        every = max(1, len(slow.time) // _INSTANTS)
+        x, force = slow.time[::every] - time.origin, slow.force[::every]
+        gone = [(s.begin - time.origin, s.end - time.origin, s.reason) for s in rejected]
+        _forces(axes, slow.supports, x, force, gone, " ", linewidth=1.1)
+        axes[-1].set_xlabel(time.label)
+        legend_outside(fig, axes[0])
+        return fig
+
+    said = f"{slow.time[-1] - slow.time[0]:.0f} s of the log are in motion"
+    lost = sum(s.end - s.begin for s in rejected)
+    said += f"; {lost:.0f} s in {len(rejected)} stretches (hatched) were left out." if lost else "."
+    return Drawing("forces", "The log and its forces", said, paint)
 
 
 def found(dwells: Dwells) -> Drawing:
     """Length of each sensor's mean force, a bar over the time of every dwell."""
-    return Drawing(
-        "dwells",
-        "Static dwells",
-        f"{len(dwells)} dwells are found.",
-        lambda: _paint_found(dwells),
-    )
 
+    def paint() -> Figure:
+        start = dwells.start - dwells.start[0]
+        end = start + np.maximum(dwells.end - dwells.start, 0.0)
+        fig = figure(2.6)
+        ax = fig.subplots()
+        for i, name in enumerate(dwells.supports):
+            force = np.linalg.norm(dwells.force[:, i], axis=1)
+            colour = ink.FILLS[i % len(ink.FILLS)]
+            ax.hlines(force, start, end, color=colour, linewidth=3, label=name)
+            ax.plot(start, force, "|", color=colour, markersize=4)
+        ax.set_xlabel("time since the first dwell, s")
+        ax.set_ylabel("force, N")
+        legend_above(ax, 4)
+        return fig
 
-def _paint_found(dwells: Dwells) -> Figure:
-    force = np.linalg.norm(dwells.force, axis=2)
-    start = dwells.start - dwells.start[0]
-    length = np.maximum(dwells.end - dwells.start, 0.0)
-    fig = figure(2.6)
-    ax = fig.subplots()
-    for i, name in enumerate(dwells.supports):
-        ax.hlines(
-            force[:, i],
-            start,
-            start + length,
-            color=ink.FILLS[i % len(ink.FILLS)],
-            linewidth=3,
-            label=name,
-        )
-        ax.plot(start, force[:, i], "|", color=ink.FILLS[i % len(ink.FILLS)], markersize=4)
-    ax.set_xlabel("time since the first dwell, s")
-    ax.set_ylabel("force, N")
-    legend_above(ax, 4)
-    return fig
+    return Drawing("dwells", "Static dwells", f"{len(dwells)} dwells are found.", paint)
