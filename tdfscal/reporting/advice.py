@@ -229,7 +229,4 @@ def _shares(c: Calibration) -> dict[str, float]:
     """Mean share of each source over the angles."""
     if c.budget is None or not c.budget.sources:
         return {}
-    table = np.array([[a.variance[s] for s in c.budget.sources] for a in c.budget.angles])
-    total = table.sum(axis=1, keepdims=True)
-    share = np.divide(table, total, out=np.zeros_like(table), where=total > 0).mean(axis=0)
-    return dict(zip(c.budget.sources, share.tolist(), strict=True))
+    return dict(zip(c.budget.sources, c.budget.shares.mean(axis=0).tolist(), strict=True))

@@ -60,12 +60,12 @@ class ReportResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figures of the one, or those of all together."""
-        from tdfscal.reporting.figures.drift import draw
+        from tdfscal.reporting.figures.history import drift
 
         if len(self.named) == 1:
             return self.named[0][1].drawings()
         view = put_side_by_side(self.named)
-        return (draw(view.history, view.letters, view.days),)
+        return (drift(view),)
 
 
 @together()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures import drawings, residuals
-from tdfscal.reporting.figures.drift import draw
+from tdfscal.reporting.figures.history import drift
 from tdfscal.reporting.html import render
 from tdfscal.reporting.several import put_side_by_side, several_report
 from tdfscal.reporting.validation import Origin, validation_report
@@ -20,7 +20,7 @@ def render_page(c: Calibration) -> str:
 
 def render_several(named: Sequence[tuple[str, Calibration]]) -> str:
     view = put_side_by_side(named)
-    return render(several_report(view, (draw(view.history, view.letters, view.days),)))
+    return render(several_report(view, (drift(view),)))
 
 
 def render_validation(v: Validation, warnings: Sequence[str], origin: Origin) -> str:

@@ -331,6 +331,13 @@ class Budget(Strict):
                 raise fault("does not name the sources listed", "angles", index, "variance")
         return self
 
+    @property
+    def shares(self) -> FloatArray:
+        """(angles, sources), share of each angle's variance; 0 where it has none."""
+        table = np.array([[angle.variance[s] for s in self.sources] for angle in self.angles])
+        total = table.sum(axis=1, keepdims=True)
+        return np.asarray(np.divide(table, total, out=np.zeros_like(table), where=total > 0))
+
 
 class ExactEffect(Strict):
     """By how much a typical error of a quantity would turn a sensor, rad."""

@@ -10,8 +10,7 @@ from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, figure, legend_above, raster
 
-_PANELS = (("fx", "fy", "fz", "force, N"), ("mx", "my", "mz", "torque, N·m"))
-_LINES = ((ink.BLUE, "-"), (ink.ORANGE, "--"), (ink.GREEN, ":"))
+_LINES = ("-", "--", ":")
 
 
 def draw(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
@@ -19,30 +18,27 @@ def draw(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
 
     columns : (N,) each; s, N, N·m, LCS. largest : contact force of the log, N.
     """
-    return Drawing(
-        "contact-wrench",
-        "Contact wrench over the log",
-        f"The largest contact force of the log is {largest:.3g} N.",
-        lambda: _paint(columns),
-    )
+    said = f"The largest contact force of the log is {largest:.3g} N."
+    return Drawing("contact-wrench", "Contact wrench over the log", said, lambda: _paint(columns))
 
 
 def _paint(columns: Mapping[str, FloatArray]) -> Figure:
     time = columns["time"] - columns["time"][0]
+    pixels = raster(len(time))
     fig = figure(4.6)
-    for ax, (*names, label) in zip(fig.subplots(2, 1, sharex=True), _PANELS, strict=True):
+    axes = fig.subplots(2, 1, sharex=True)
+    for ax, letter, label in zip(axes, "fm", ("force, N", "torque, N·m"), strict=True):
+        names = [letter + axis for axis in "xyz"]
         for name in names:
+            raw = columns[f"raw_{name}"]
+            ax.plot(time, raw, color=ink.PALE, linewidth=0.6, rasterized=pixels)
+        for name, (_, _, colour), style in zip(names, ink.AXES, _LINES, strict=True):
             ax.plot(
-                time, columns[f"raw_{name}"], color=ink.PALE, linewidth=0.6,
-                rasterized=raster(len(time)),
-            )  # fmt: skip
-        for name, (colour, style) in zip(names, _LINES, strict=True):
-            ax.plot(
-                time, columns[name], color=colour, linestyle=style, linewidth=0.9,
-                label=name, rasterized=raster(len(time)),
+                time, columns[name], style, color=colour, linewidth=0.9, label=name,
+                rasterized=pixels,
             )  # fmt: skip
         ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
         ax.set_ylabel(label)
         legend_above(ax, 3)
-    fig.axes[-1].set_xlabel("time since the first sample, s; pale: uncalibrated")
+    axes[1].set_xlabel("time since the first sample, s; pale: uncalibrated")
     return fig

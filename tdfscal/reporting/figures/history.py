@@ -1,8 +1,9 @@
-"""Control chart of a rig: every angle over the dates of measurement, and what alarms saw."""
+"""Angles over time: the control chart of a rig with its alarms; calibrations against the first."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,14 +16,22 @@ from matplotlib.patches import Patch
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.numerics import so3
-from tdfscal.records import ANGLES, BoolArray, FloatArray
-from tdfscal.reporting.figures.ink import BLACK as INK
-from tdfscal.reporting.figures.ink import BLUE, GREY, ORANGE, PALE, RED
+from tdfscal.records import ANGLES
+from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, figure, signed
+from tdfscal.reporting.several import Several
 from tdfscal.significance import COVERAGE_FACTOR
 
 Dates = npt.NDArray[np.object_]
 _DAYS = 30.4375
+#: Days between first and last from which the axis is time, not order.
+_LEAST_DAYS = 1.0
+_BAND: dict[str, Any] = {"facecolor": ink.PALE, "edgecolor": ink.GREY, "linewidth": 0.4}
+#: Of a step, and of a creep.
+_ALARMS: tuple[dict[str, Any], ...] = (
+    {"color": ink.RED},
+    {"color": ink.ORANGE, "linestyle": "-."},
+)
 #: A path that moves by less is said to rest, mrad.
 _STILL = 1e-3
 #: From this many checks on their whiskers would be a hedge: points alone.
@@ -41,13 +50,9 @@ def date_of(month: float) -> datetime:
 
 def _of(life: Life, i: int) -> Drawing:
     own = [alarm for alarm in life.alarms if alarm.sensor == i]
-    name = life.supports[i]
-    return Drawing(
-        f"history-{i + 1}",
-        f"{name} over time",
-        " ".join(_said(life, alarm) for alarm in own) or _calm(life, i),
-        lambda: _paint(life, i, own),
-    )
+    said = " ".join(_said(life, alarm) for alarm in own) or _calm(life, i)
+    title = f"{life.supports[i]} over time"
+    return Drawing(f"history-{i + 1}", title, said, lambda: _paint(life, i, own))
 
 
 def _calm(life: Life, i: int) -> str:
@@ -69,67 +74,58 @@ def _paint(life: Life, i: int, own: list[Alarm]) -> Figure:
     fig = figure(5.6)
     axes = fig.subplots(4, 1, sharex=True, gridspec_kw={"height_ratios": [3, 3, 3, 2]})
     dates = np.array([date_of(month) for month in life.month])
-    shown = life.seen[:, i]
     for j, ax in enumerate(axes[:3]):
-        _angle(ax, life, i, j, dates, shown)
-        for alarm in own:
-            _mark(ax, dates, alarm)
+        _angle(ax, life, i, j, dates)
     _surprise(axes[3], life, i, dates)
-    for alarm in own:
-        _mark(axes[3], dates, alarm)
+    for ax in axes:
+        for alarm in own:
+            ax.axvline(dates[alarm.onset], linewidth=1.2, **_ALARMS[alarm.kind == "creep"])
     keys = [
-        Line2D([], [], marker="o", linestyle="", color=BLUE, markersize=4, label="check, k = 2"),
-        Line2D([], [], color=INK, linewidth=1.2, label="smoothed path"),
-        Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.4, label="its band, k = 2"),
-        Line2D([], [], color=GREY, linestyle="--", linewidth=0.9, label="mean ± limit"),
-        Line2D([], [], color=RED, linewidth=1.2, label="step"),
-        Line2D([], [], color=ORANGE, linewidth=1.2, linestyle="-.", label="creep"),
+        Line2D(
+            [], [], marker="o", linestyle="", color=ink.BLUE, markersize=4, label="check, k = 2"
+        ),
+        Line2D([], [], color=ink.BLACK, linewidth=1.2, label="smoothed path"),
+        Patch(**_BAND, label="its band, k = 2"),
+        Line2D([], [], color=ink.GREY, linestyle="--", linewidth=0.9, label="mean ± limit"),
+        Line2D([], [], linewidth=1.2, label="step", **_ALARMS[False]),
+        Line2D([], [], linewidth=1.2, label="creep", **_ALARMS[True]),
     ]
     fig.legend(handles=keys, loc="outside upper left", ncols=6, fontsize=7.5, columnspacing=1.2)
     return fig
 
 
-def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates, shown: BoolArray) -> None:
+def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates) -> None:
     """Deviation of one angle from its first mean, mrad."""
-    zero = life.mean[0, i, j]
-
-    def mrad(angle: FloatArray) -> FloatArray:
-        return 1e3 * so3.wrapped(angle - zero)
-
-    path, band = mrad(life.path[:, i, j]), 1e3 * COVERAGE_FACTOR * life.path_std[:, i, j]
-    mean, limit = mrad(life.mean[:, i, j]), 1e3 * life.limit[:, i, j]
-    ax.fill_between(dates, path - band, path + band, color=PALE, edgecolor=GREY, linewidth=0.4)
-    ax.plot(dates, path, color=INK, linewidth=1.2)
+    shown = life.seen[:, i]
+    path, mean, points = (
+        1e3 * so3.wrapped(angle[:, i, j] - life.mean[0, i, j])
+        for angle in (life.path, life.mean, life.rpy)
+    )
+    band, half = (1e3 * COVERAGE_FACTOR * std[:, i, j] for std in (life.path_std, life.rpy_std))
+    limit = 1e3 * life.limit[:, i, j]
+    ax.fill_between(dates, path - band, path + band, **_BAND)
+    ax.plot(dates, path, color=ink.BLACK, linewidth=1.2)
     for edge in (mean - limit, mean + limit):
-        ax.plot(dates[shown], edge[shown], color=GREY, linestyle="--", linewidth=0.9)
-    points = mrad(life.rpy[shown, i, j])
+        ax.plot(dates[shown], edge[shown], color=ink.GREY, linestyle="--", linewidth=0.9)
     if len(dates) > _CROWDED:
-        ax.plot(dates[shown], points, "o", color=BLUE, markersize=2.2)
+        ax.plot(dates[shown], points[shown], "o", color=ink.BLUE, markersize=2.2)
     else:
-        half = 1e3 * COVERAGE_FACTOR * life.rpy_std[shown, i, j]
         ax.errorbar(
-            dates[shown], points, yerr=half, fmt="o", color=BLUE, markersize=3.5,
+            dates[shown], points[shown], yerr=half[shown], fmt="o", color=ink.BLUE, markersize=3.5,
             elinewidth=0.8, capsize=2,
         )  # fmt: skip
     ax.set_ylabel(f"{ANGLES[j]}, mrad")
-    last = signed(1e3 * float(life.path[-1, i, j]), "+.3f")
-    ax.set_title(
-        f"now {last} ± {1e3 * COVERAGE_FACTOR * life.path_std[-1, i, j]:.3f} mrad",
-        fontsize=7.5, loc="right", pad=2, color=GREY,
-    )  # fmt: skip
+    now = f"now {signed(1e3 * float(life.path[-1, i, j]), '+.3f')} ± {band[-1]:.3f} mrad"
+    ax.set_title(now, fontsize=7.5, loc="right", pad=2, color=ink.GREY)
 
 
 def _surprise(ax: Axes, life: Life, i: int, dates: Dates) -> None:
     """How improbable the least probable test of a check is, against the level of the alarm."""
     p = np.clip(life.smallest[1:, i], 1e-12, 1.0)
-    over = p <= life.level[1:]
-    bars = -np.log10(p)
+    colours = np.where(p <= life.level[1:], ink.RED, ink.BLUE)
     width = 0.5 * float(np.median(np.diff(life.month))) * _DAYS if len(dates) > 2 else 10.0
-    ax.bar(
-        dates[1:], bars, width=max(width, 1.0), color=[RED if o else BLUE for o in over],
-        hatch=None,
-    )  # fmt: skip
-    ax.plot(dates[1:], -np.log10(life.level[1:]), color=GREY, linestyle="--", linewidth=0.9)
+    ax.bar(dates[1:], -np.log10(p), width=max(width, 1.0), color=colours)
+    ax.plot(dates[1:], -np.log10(life.level[1:]), color=ink.GREY, linestyle="--", linewidth=0.9)
     ax.set_ylabel("−log₁₀ p")
     ax.set_ylim(0, 12.5)
     locator = AutoDateLocator(minticks=3, maxticks=8)  # type: ignore[no-untyped-call]
@@ -137,14 +133,55 @@ def _surprise(ax: Axes, life: Life, i: int, dates: Dates) -> None:
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
 
 
-def _mark(ax: Axes, dates: Dates, alarm: Alarm) -> None:
-    creeping = alarm.kind == "creep"
-    ax.axvline(
-        dates[alarm.onset],
-        color=ORANGE if creeping else RED,
-        linewidth=1.2,
-        linestyle="-." if creeping else "-",
+def drift(view: Several) -> Drawing:
+    """One panel per angle; whiskers are the expanded uncertainty of the difference (k = 2)."""
+    h, letters = view.history, view.letters
+    en = np.stack([c.en for c in h.against_first])
+    f, i, j = (int(k) for k in np.unravel_index(int(en.argmax()), en.shape))
+    change = signed(1e3 * float(h.drift[f + 1, i, j]), "+.3g")
+    said = (
+        f"The largest change against {letters[0]} is {ANGLES[j]} of {h.supports[i]} in "
+        f"{letters[f + 1]}: {change} mrad, E_n = {en[f, i, j]:.2f}; "
+        f"{'beyond' if en[f, i, j] > 1 else 'within'} its uncertainty."
     )
+    return Drawing("drift", "Change of each angle", said, lambda: _paint_drift(view))
 
 
-__all__ = ["date_of", "draw"]
+def _paint_drift(view: Several) -> Figure:
+    h, letters, days = view.history, view.letters, view.days
+    n, over_time = len(h.supports), days[-1] - days[0] >= _LEAST_DAYS
+    x = np.array(days) if over_time else np.arange(len(letters), dtype=float)
+    margin = 0.08 * (x[-1] - x[0]) if over_time else 0.5
+    said = f"days since {letters[0]}" if over_time else "calibration, in order of creation"
+    look = {
+        False: {"fmt": "o", "color": ink.BLUE, "markersize": 4},
+        True: {"fmt": "X", "color": ink.RED, "markersize": 6},
+    }
+    fig = figure(0.7 + 1.45 * n)
+    grid = fig.subplots(n, 3, sharex=True, squeeze=False)
+    for (i, j), ax in np.ndenumerate(grid):
+        half = COVERAGE_FACTOR * 1e3 * h.rpy_std[0, i, j]
+        ax.axhspan(-half, half, hatch="....", **_BAND)
+        ax.axhline(0, color=ink.GREY, linewidth=0.8)
+        for f, pair in enumerate(h.against_first, 1):
+            ax.errorbar(
+                x[f], 1e3 * h.drift[f, i, j], yerr=COVERAGE_FACTOR * 1e3 * h.drift_std[f, i, j],
+                capsize=3, **look[bool(pair.en[i, j] > 1)],
+            )  # fmt: skip
+        ax.plot(x[0], 0, "D", color=ink.BLACK, markersize=4)
+        ax.set_title(f"{h.supports[i]}  {ANGLES[j]}", fontsize=8, pad=2)
+    ax.set_xlim(x[0] - margin, x[-1] + margin)
+    if not over_time:
+        ax.set_xticks(x, letters)
+    for bottom in grid[-1]:
+        bottom.set_xlabel(said)
+    for left in grid[:, 0]:
+        left.set_ylabel("change, mrad")
+    keys = [
+        Line2D([], [], marker="D", linestyle="", color=ink.BLACK, label=f"{letters[0]}, the first"),
+        Patch(**_BAND, hatch="....", label="its uncertainty, k = 2"),
+        Line2D([], [], marker="o", linestyle="", color=ink.BLUE, label="later, E_n ≤ 1"),
+        Line2D([], [], marker="X", linestyle="", color=ink.RED, label="later, E_n > 1"),
+    ]
+    fig.legend(handles=keys, loc="outside upper left", ncols=4)
+    return fig

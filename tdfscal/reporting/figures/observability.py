@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +13,7 @@ from matplotlib.lines import Line2D
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import Drawing, beside, figure, logarithmic, tip
+from tdfscal.reporting.figures.style import Drawing, beside, figure, logarithmic, projection, tip
 from tdfscal.selfcal.observability import Angle, Observability
 
 _COLUMNS = 3
@@ -22,23 +21,11 @@ _COLUMNS = 3
 _WIDE, _HIGH = 2.7, 3.1
 _ROUND = (1, 1.5, 2, 3, 4, 5, 7, 10)
 #: (2, 3): BCS directions as seen from azimuth −58° and elevation 18°, to the right and upwards.
-_AZIMUTH, _ELEVATION = np.radians(-58.0), np.radians(18.0)
-_VIEW = np.array(
-    [
-        [-np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0],
-        [
-            -np.sin(_ELEVATION) * np.cos(_AZIMUTH),
-            -np.sin(_ELEVATION) * np.sin(_AZIMUTH),
-            np.cos(_ELEVATION),
-        ],
-    ]
-)
+_VIEW = projection(np.radians(-58.0), np.radians(18.0))
 #: Axes closer than this to the load's line are called the load's own.
 _ALONG = np.radians(20.0)
 #: rad; a turn no better known than this is not known at all.
 _OPEN = 1.0
-#: Inches of a bar.
-_BAR = 0.19
 
 
 def draw(c: Calibration) -> Drawing:
@@ -123,13 +110,13 @@ def _paint(c: Calibration) -> Figure:
     ax.set_yticks([])
     ax.spines[:].set_visible(False)
     ax.set_xlabel(f"X, Y, Z: axes of the BCS, {scale:g} mrad either way")
-    handles = [
-        _key("-", ink.BLUE, "standard uncertainty of the turn about each direction of the BCS"),
-        _key("o-", ink.ORANGE, "weakest direction"),
+    said = "standard uncertainty of the turn about each direction of the BCS"
+    keys = [
+        Line2D([], [], color=ink.BLUE, label=said),
+        Line2D([], [], color=ink.ORANGE, marker="o", label="weakest direction"),
+        Line2D([], [], color=ink.BLACK, linestyle="--", label="line of its loads"),
     ]
-    if loads:
-        handles.append(_key("--", ink.BLACK, "line of its loads"))
-    fig.legend(handles=handles, loc="outside upper left", ncols=3)
+    fig.legend(handles=keys if loads else keys[:2], loc="outside upper left", ncols=3)
     return fig
 
 
@@ -153,23 +140,12 @@ def _axes(ax: Axes, place: FloatArray, scale: float) -> None:
         ax.text(x, y, name, fontsize=7, color=ink.GREY, ha="center", va="center")
 
 
-def _key(style: str, colour: str, label: str) -> Line2D:
-    marker = "o" if "o" in style else None
-    line: Any = style.strip("o")
-    return Line2D([], [], linestyle=line, marker=marker, color=colour, label=label)
-
-
 def _ellipsoid(std: FloatArray, axes: FloatArray) -> list[FloatArray]:
     """Meridians and parallels (M, 2) of an ellipsoid, as seen."""
     u, v = np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13)
-    ball = np.stack(
-        [
-            np.outer(np.cos(u), np.sin(v)),
-            np.outer(np.sin(u), np.sin(v)),
-            np.outer(np.ones_like(u), np.cos(v)),
-        ]
-    )
-    flat = np.einsum("xa,ab,b,buv->uvx", _VIEW, axes, std, ball)
+    circle = np.array([np.cos(u), np.sin(u), np.ones_like(u)])
+    height = np.array([np.sin(v), np.sin(v), np.cos(v)])
+    flat = np.einsum("xa,ab,b,bu,bv->uvx", _VIEW, axes, std, circle, height)
     return [*flat[::2], *np.swapaxes(flat, 0, 1)[2:-2:2]]
 
 
@@ -189,17 +165,13 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
     angles = seen.angles
     std = np.array([angle.std for angle in angles])
     shown = 1e3 * np.clip(np.nan_to_num(std, nan=_OPEN, posinf=_OPEN), 0.0, _OPEN)
-    fig = figure(0.8 + _BAR * len(angles))
+    fig = figure(0.8 + 0.19 * len(angles))
     ax = fig.subplots()
     left = 0.5 * min(float(shown[shown > 0].min(initial=1e3 * limit)), 1e3 * limit)
     place = _places(angles)
     for y, width, angle in zip(place, shown, angles, strict=True):
-        (bar,) = ax.barh(
-            [y], [width - left], left=left, height=0.72, linewidth=0.5,
-            edgecolor=ink.BLACK if angle.identified else ink.RED,
-            color=ink.BLUE if angle.identified else "white",
-            hatch="" if angle.identified else "////",
-        )  # fmt: skip
+        look = {"facecolor": ink.BLUE, **ink.EDGE} if angle.identified else ink.REJECTED
+        (bar,) = ax.barh([y], [width - left], left=left, height=0.72, **look)
         said = words(angle.std)
         tip(bar, f"{angle.name}: {said}")
         beside(ax, said, width, y, 4)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -11,12 +13,20 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import Histogram
 from tdfscal.files.calibration.parts import Budget, MonteCarloResult
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.records import ANGLES, FloatArray
+from tdfscal.records import ANGLES
 from tdfscal.reporting.figures import ink
+from tdfscal.reporting.figures.angles import by_angle
 from tdfscal.reporting.figures.style import Drawing, figure, legend_outside, signed, tip
 from tdfscal.significance import INTERVAL_COVERAGE
 
 _ROOM_FOR_LABEL = 12.0
+_ON_A_BAR: dict[str, Any] = {
+    "ha": "center",
+    "va": "center",
+    "fontsize": 7.5,
+    "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
+}
+_BARS: dict[str, Any] = {"facecolor": "#c6d6ea", "edgecolor": ink.BLACK, "linewidth": 0.5}
 #: Ends of the linear interval, in standard uncertainties.
 _LIMIT = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
 #: Width of a place in widths of its histogram, and height of a row in those of the highest bar.
@@ -28,12 +38,11 @@ def draw(c: Calibration) -> Drawing | None:
     budget = c.budget
     if budget is None or not budget.sources:
         return None
-    mean = _shares(budget).mean(axis=0)
-    order = np.argsort(-mean)
-    share = 100 * mean[order]
-    said = f"{budget.sources[order[0]]} makes up {share[0]:.0f} % of the variance on average"
+    share = 100 * budget.shares.mean(axis=0)
+    order = np.argsort(-share)
+    said = f"{budget.sources[order[0]]} makes up {share[order[0]]:.0f} % of the variance on average"
     if len(order) > 1:
-        said += f", {budget.sources[order[1]]} {share[1]:.0f} %"
+        said += f", {budget.sources[order[1]]} {share[order[1]]:.0f} %"
     said = said[0].upper() + said[1:]
     return Drawing(
         "budget",
@@ -43,50 +52,22 @@ def draw(c: Calibration) -> Drawing | None:
     )
 
 
-def _shares(budget: Budget) -> FloatArray:
-    """(3n, sources), share of each angle's variance."""
-    table = np.array([[a.variance[s] for s in budget.sources] for a in budget.angles])
-    total = table.sum(axis=1, keepdims=True)
-    return np.asarray(np.divide(table, total, out=np.zeros_like(table), where=total > 0))
-
-
 def _paint(c: Calibration, budget: Budget) -> Figure:
-    share = 100 * _shares(budget)
-    place = np.arange(len(share), dtype=float) + np.repeat(0.5 * np.arange(len(c.mounted)), 3)
-    fig = figure(1.1 + 0.24 * len(share))
-    ax = fig.subplots()
-    left = np.zeros(len(share))
-    for s, source in enumerate(budget.sources):
+    fig, (ax,), place = by_angle([support.name for support in c.mounted], head=1.1, row=0.24)
+    left = np.zeros(len(place))
+    for s, (source, share) in enumerate(zip(budget.sources, 100 * budget.shares.T, strict=True)):
         bars = ax.barh(
-            place,
-            share[:, s],
-            left=left,
-            height=0.78,
-            color=ink.FILLS[s % len(ink.FILLS)],
-            hatch=ink.HATCHES[s % len(ink.HATCHES)],
-            edgecolor=ink.BLACK,
-            linewidth=0.4,
-            label=source,
-        )
-        for bar, a, width in zip(bars, budget.angles, share[:, s], strict=True):
+            place, share, left=left, height=0.78, color=ink.FILLS[s % len(ink.FILLS)],
+            hatch=ink.HATCHES[s % len(ink.HATCHES)], label=source, **ink.EDGE,
+        )  # fmt: skip
+        for bar, a, y, x, width in zip(bars, budget.angles, place, left, share, strict=True):
             tip(bar, f"{a.support} {a.angle}: {source} {width:.1f} %")
-        for y, x, width in zip(place, left, share[:, s], strict=True):
             if width >= _ROOM_FOR_LABEL:
-                ax.text(
-                    x + width / 2,
-                    y,
-                    f"{width:.0f} %",
-                    ha="center",
-                    va="center",
-                    fontsize=7.5,
-                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
-                )
-        left += share[:, s]
-    for y, angle, std in zip(place, budget.angles, c.rpy_std[c.determined].ravel(), strict=True):
-        del angle
+                ax.text(x + width / 2, y, f"{width:.0f} %", **_ON_A_BAR)
+        left += share
+    for y, std in zip(place, c.rpy_std[c.determined].ravel(), strict=True):
         ax.text(101.5, y, f"{1e3 * std:.3f} mrad", va="center", fontsize=8)
     ax.text(101.5, place[0] - 1.0, "std. uncertainty", va="center", fontsize=7.5)
-    ax.set_yticks(place, [f"{a.support}  {a.angle}" for a in budget.angles])
     ax.set_xlim(0, 100)
     ax.set_ylim(place[-1] + 0.6, place[0] - 0.6)
     ax.set_xlabel("share of the variance of the angle, %")
@@ -130,10 +111,8 @@ def _paint_trials(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> 
         floor = -row * _ROW * peak
         for j in range(3):
             middle, std = j * across, c.rpy_std[i, j]
-            bars = ax.stairs(
-                density[row, j] + floor, edges + middle, baseline=floor, fill=True,
-                color="#c6d6ea", edgecolor=ink.BLACK, linewidth=0.5,
-            )  # fmt: skip
+            height = density[row, j] + floor
+            bars = ax.stairs(height, edges + middle, baseline=floor, fill=True, **_BARS)
             tip(bars, f"{c.supports[i].name} {ANGLES[j]}: 1 std. unc. is {1e3 * std:.3f} mrad")
             ax.plot(u + middle, normal + floor, color=ink.ORANGE, linewidth=1.4)
             high = floor + 1.06 * peak
@@ -159,14 +138,11 @@ def _paint_trials(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> 
     ax.tick_params(labelsize=7)
     ax.set_xlabel("deviation from the estimate, std. unc. σ of the linear prediction")
     ax.set_ylabel("trials per bin, %", fontsize=7.5)
-    fig.legend(handles=_keys(), loc="outside upper left", ncols=4)
-    return fig
-
-
-def _keys() -> list[Line2D | Patch]:
-    return [
-        Patch(facecolor="#c6d6ea", edgecolor=ink.BLACK, linewidth=0.5, label="trials"),
+    keys = [
+        Patch(**_BARS, label="trials"),
         Line2D([], [], color=ink.BLACK, linestyle=":", label="95 % of the trials"),
         Line2D([], [], color=ink.ORANGE, label="linear"),
         Line2D([], [], color=ink.ORANGE, linestyle="--", label="95 % linear"),
     ]
+    fig.legend(handles=keys, loc="outside upper left", ncols=4)
+    return fig
