@@ -65,7 +65,7 @@ class ReportResult(Result):
         if len(self.named) == 1:
             return self.named[0][1].drawings()
         view = put_side_by_side(self.named)
-        return (drift(view),)
+        return (drift(view.history, view.letters, view.days),)
 
 
 @together()

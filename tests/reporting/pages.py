@@ -20,7 +20,7 @@ def render_page(c: Calibration) -> str:
 
 def render_several(named: Sequence[tuple[str, Calibration]]) -> str:
     view = put_side_by_side(named)
-    return render(several_report(view, (drift(view),)))
+    return render(several_report(view, (drift(view.history, view.letters, view.days),)))
 
 
 def render_validation(v: Validation, warnings: Sequence[str], origin: Origin) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -13,13 +14,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from tdfscal.comparison.compatibility import History
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, figure, signed
-from tdfscal.reporting.several import Several
 from tdfscal.significance import COVERAGE_FACTOR
 
 Dates = npt.NDArray[np.object_]
@@ -133,9 +134,8 @@ def _surprise(ax: Axes, life: Life, i: int, dates: Dates) -> None:
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
 
 
-def drift(view: Several) -> Drawing:
+def drift(h: History, letters: Sequence[str], days: Sequence[float]) -> Drawing:
     """One panel per angle; whiskers are the expanded uncertainty of the difference (k = 2)."""
-    h, letters = view.history, view.letters
     en = np.stack([c.en for c in h.against_first])
     f, i, j = (int(k) for k in np.unravel_index(int(en.argmax()), en.shape))
     change = signed(1e3 * float(h.drift[f + 1, i, j]), "+.3g")
@@ -144,11 +144,10 @@ def drift(view: Several) -> Drawing:
         f"{letters[f + 1]}: {change} mrad, E_n = {en[f, i, j]:.2f}; "
         f"{'beyond' if en[f, i, j] > 1 else 'within'} its uncertainty."
     )
-    return Drawing("drift", "Change of each angle", said, lambda: _paint_drift(view))
+    return Drawing("drift", "Change of each angle", said, lambda: _paint_drift(h, letters, days))
 
 
-def _paint_drift(view: Several) -> Figure:
-    h, letters, days = view.history, view.letters, view.days
+def _paint_drift(h: History, letters: Sequence[str], days: Sequence[float]) -> Figure:
     n, over_time = len(h.supports), days[-1] - days[0] >= _LEAST_DAYS
     x = np.array(days) if over_time else np.arange(len(letters), dtype=float)
     margin = 0.08 * (x[-1] - x[0]) if over_time else 0.5
