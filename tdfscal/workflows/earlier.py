@@ -12,7 +12,7 @@ import numpy as np
 
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
-from tdfscal.files.calibration.life import instant
+from tdfscal.files.calibration.life import measured_document
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.model.calibrated import with_rotations
 from tdfscal.model.earlier import free_constants, joint_prior, turned
@@ -74,11 +74,7 @@ class Earlier:
         """The calibrations that one which stands on this one stands on."""
         own = {
             "created": self.file.created,
-            "measured": {
-                "begin": instant(self.measured.begin),
-                "end": instant(self.measured.end),
-                "source": self.measured.source,
-            },
+            "measured": measured_document(self.measured),
             "method": self.file.method,
             "sha256": self.sha256,
         }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from tdfscal import __version__
 from tdfscal.acceptance.turns import locked_warnings, turn_std
 from tdfscal.errors import visible
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.evidence_model import HISTOGRAM_DEFINITION
 from tdfscal.files.calibration.life import measured_document
 from tdfscal.files.calibration.parameters import turn_parameters
 from tdfscal.files.calibration.parts import (
@@ -24,9 +26,16 @@ from tdfscal.files.calibration.parts import (
 )
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.numerics import so3
-from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured
+from tdfscal.numerics.distributions import coverage_factor
+from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, Rig
 from tdfscal.selfcal.exact_quantities import ExactQuantity
+from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import INTERVAL_COVERAGE
+from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
+
+#: Bins of a quarter of a standard uncertainty; normally one trial in 16 000 lies beyond.
+_EDGES = np.linspace(-4.0, 4.0, 33)
+_NORMAL = float(coverage_factor(INTERVAL_COVERAGE))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,33 +53,45 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True)
 class Angles:
-    """Rotations (n, 3, 3), their covariance (3n, 3n), and intervals (n, 3), rad."""
+    """Rotations (n, 3, 3), their covariance (3n, 3n), and which of them the data determine, (n,).
+
+    trials : of their Monte Carlo. factor : k of the linear intervals; the trials' own stand where
+    they do not validate these.
+    """
 
     rotation: FloatArray
     covariance: FloatArray
-    std: FloatArray
-    low: FloatArray
-    high: FloatArray
     determined: BoolArray
+    trials: MonteCarlo | TrackerMonteCarlo | None = None
+    factor: FloatArray | float = _NORMAL
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainty (n, 3) of roll, pitch, yaw, rad."""
+        return np.asarray(np.sqrt(np.maximum(self.variance(self.covariance), 0.0)))
+
+    def variance(self, covariance: FloatArray) -> FloatArray:
+        """Variance (n, 3), rad², of roll, pitch, yaw by a covariance (3n, 3n) of the turns."""
+        return so3.rpy_variance(self.rotation, covariance)
 
 
 def assembled(
     origin: Provenance,
+    angles: Angles,
     *,
     method: str,
     reasons: Sequence[str],
     warnings: Sequence[str],
-    angles: Angles,
     budget: Mapping[str, FloatArray],
+    exact: Sequence[ExactQuantity],
     zero: FloatArray,
     zero_std: FloatArray,
     sensitivity: FloatArray | None = None,
     advice: Sequence[str] = (),
-    exact: Sequence[ExactQuantity] = (),
     **parts: Any,
 ) -> Calibration:
     """Return the file's model of a result; parts : its further keys."""
-    names = origin.rig.rig.supports
+    rig = origin.rig.rig
     stand = np.repeat(angles.determined, 3)
     covariance = angles.covariance[np.ix_(stand, stand)]
     document = {
@@ -78,7 +99,7 @@ def assembled(
         "status": "rejected" if reasons else "accepted",
         "method": method,
         "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "measured": None if origin.measured is None else measured_document(origin.measured),
+        "measured": measured_document(origin.measured),
         "campaigns": origin.campaigns,
         "history": origin.history,
         "rig": {**origin.rig.document, "sha256": origin.rig.sha256},
@@ -87,56 +108,84 @@ def assembled(
         "seed": origin.seed,
         "inputs": origin.inputs,
         "convention": CONVENTION if sensitivity is None else CONVENTION_WITH_SENSITIVITY,
-        "supports": _supports(origin, angles, zero, zero_std, sensitivity),
+        "supports": _supports(rig, angles, zero, zero_std, sensitivity),
         "covariance": {
-            "parameters": turn_parameters(tuple(np.array(names)[angles.determined].tolist())),
+            "parameters": turn_parameters(tuple(compress(rig.supports, angles.determined))),
             "definition": COVARIANCE_DEFINITION,
             "matrix": (covariance + covariance.T) / 2,
         },
-        "budget": _budget(names, budget, angles.determined),
-        "taken_as_exact": [_exact(names, angles, quantity) for quantity in exact],
+        "budget": _budget(rig.supports, budget, angles.determined),
+        "taken_as_exact": [_exact(rig.supports, angles, quantity) for quantity in exact],
+        "monte_carlo": _trials(angles, origin.seed),
         "quality": {"reasons": tuple(reasons), "advice": tuple(advice)},
         # Names in files of others may hold control characters.
-        "warnings": (*map(visible, warnings), *locked_warnings(names, angles.rotation)),
+        "warnings": (*map(visible, warnings), *locked_warnings(rig.supports, angles.rotation)),
     }
     return Calibration.model_validate(document | parts)
 
 
 def _supports(
-    origin: Provenance,
+    rig: Rig,
     angles: Angles,
     zero: FloatArray,
     zero_std: FloatArray,
     sensitivity: FloatArray | None,
 ) -> list[dict[str, Any]]:
     """What each sensor's entry says; one that is undetermined has the directions of its axes."""
-    axes = origin.rig.rig.axes
-    rpy, quaternion = so3.to_rpy(angles.rotation), so3.to_quaternion(angles.rotation)
-    locked, turns = so3.locked(angles.rotation), turn_std(angles.covariance)
-    zeros, zero_stds = measured_only(zero, axes), measured_only(zero_std, axes)
-    nobody = (None,) * 3
+    R, std, known = angles.rotation, angles.std, angles.determined[:, None]
+    rpy, quaternion, turns = so3.to_rpy(R), so3.to_quaternion(R), turn_std(angles.covariance)
+    half = angles.factor * std
+    low, high = rpy - half, rpy + half
+    if angles.trials is not None and not angles.trials.validated:
+        low, high = angles.trials.low, angles.trials.high
+    stated = np.where(known, rpy, np.inf)
+    stated_std = np.where(known & ~so3.locked(R)[:, None], std, np.inf)
+    zeros, zero_stds = measured_only(zero, rig.axes), measured_only(zero_std, rig.axes)
     supports: list[dict[str, Any]] = []
-    for i, name in enumerate(origin.rig.rig.supports):
-        R, known = angles.rotation[i], bool(angles.determined[i])
-        ends = {"coverage": INTERVAL_COVERAGE, "low": angles.low[i], "high": angles.high[i]}
+    for i, name in enumerate(rig.supports):
+        axes = {axis: R[i, :, j] for j, axis in enumerate("xyz") if rig.axes[i, j]}
+        ends = {"coverage": INTERVAL_COVERAGE, "low": low[i], "high": high[i]}
+        mounting = {
+            "rotation": R[i],
+            "turn_std": turns[i],
+            "rpy_interval": ends,
+            "quaternion_xyzw": quaternion[i],
+        }
+        absent = {**dict.fromkeys(mounting), "directions": axes}
         supports.append(
             {
                 "name": name,
-                "rotation": R if known else None,
-                "rpy": rpy[i] if known else nobody,
-                "rpy_std": angles.std[i] if known and not locked[i] else nobody,
-                "turn_std": turns[i] if known else None,
-                "rpy_interval": ends if known else None,
-                "quaternion_xyzw": quaternion[i] if known else None,
+                "rpy": stated[i],
+                "rpy_std": stated_std[i],
                 "zero": zeros[i],
                 "zero_std": zero_stds[i],
                 "sensitivity": None if sensitivity is None else sensitivity[i],
-                "directions": None
-                if known
-                else {axis: R[:, j] for j, axis in enumerate("xyz") if axes[i, j]},
+                **(mounting if angles.determined[i] else absent),
             }
         )
     return supports
+
+
+def _trials(angles: Angles, seed: int) -> dict[str, Any] | None:
+    """Monte Carlo of either method, with its trials in bins of the linear standard uncertainty."""
+    trials = angles.trials
+    if trials is None:
+        return None
+    columns = np.moveaxis(trials.sample / angles.std, 0, -1)
+    return {
+        "trials": trials.trials,
+        "seed": seed,
+        "rpy_std": trials.std,
+        "low": trials.low,
+        "high": trials.high,
+        "tolerance": float(trials.tolerance.min()),
+        "linear_interval_validated": trials.validated,
+        "histogram": {
+            "definition": HISTOGRAM_DEFINITION,
+            "edges": _EDGES,
+            "counts": [[np.histogram(angle, _EDGES)[0] for angle in three] for three in columns],
+        },
+    }
 
 
 def _budget(
@@ -161,9 +210,8 @@ def _budget(
 
 def _exact(names: Sequence[str], angles: Angles, quantity: ExactQuantity) -> dict[str, Any]:
     """Effect of a quantity's typical error on the sensors that are determined."""
-    covariance, locked = quantity.covariance, so3.locked(angles.rotation)
-    turn = np.sqrt(np.diagonal(covariance)).reshape(-1, 3)
-    rpy = np.sqrt(np.maximum(so3.rpy_variance(angles.rotation, covariance), 0.0))
+    locked, turn = so3.locked(angles.rotation), turn_std(quantity.covariance)
+    rpy = np.sqrt(np.maximum(angles.variance(quantity.covariance), 0.0))
     return {
         "name": quantity.name,
         "error": quantity.error,

@@ -5,19 +5,10 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, StringConstraints, model_validator
+from pydantic import StringConstraints, model_validator
 
-from tdfscal.files.calibration.parts import Input, OpenAngles, OpenStds, TerminalResult
-from tdfscal.files.field_types import (
-    Count,
-    NotNegative,
-    Sha256,
-    Strict,
-    Text,
-    fault,
-    from_numpy,
-    key,
-)
+from tdfscal.files.calibration.parts import Input, OpenRows, OpenStdRows, TerminalResult
+from tdfscal.files.field_types import Count, NotNegative, Sha256, Strict, Text, fault, key
 from tdfscal.records import Measured
 
 Instant = Annotated[
@@ -56,10 +47,8 @@ class CampaignResult(Strict):
     name: Text = key("its folder")
     measured: MeasuredResult | None = key("when it was recorded", None)
     inputs: tuple[Input, ...] = key("its files")
-    zero: tuple[OpenAngles, ...] = key("N: its own zeros, per sensor")
-    zero_std: Annotated[tuple[OpenStds, ...], BeforeValidator(from_numpy)] = key(
-        "N: their standard uncertainties; null where open"
-    )
+    zero: OpenRows = key("N: its own zeros, per sensor")
+    zero_std: OpenStdRows = key("N: their standard uncertainties; null where open")
     terminal: TerminalResult = key("its own mass and barycentre")
     postures: Count = key("number of postures used")
     chi2: NotNegative = key("χ² that it added: its residuals, and its departure from earlier ones")
@@ -85,8 +74,10 @@ def seconds(text: str) -> float:
     return datetime.fromisoformat(text).timestamp()
 
 
-def measured_document(measured: Measured) -> dict[str, Any]:
+def measured_document(measured: Measured | None) -> dict[str, Any] | None:
     """The block of a file."""
+    if measured is None:
+        return None
     return {
         "begin": instant(measured.begin),
         "end": instant(measured.end),

@@ -59,13 +59,9 @@ def none_where_open(value: Any) -> Any:
     return value
 
 
-def measured_only(values: FloatArray, axes: BoolArray) -> list[list[float | None]]:
-    """Return values (n, 3) as a file has them: None for an axis not measured, and for ∞."""
-    there = axes & (values != np.inf)
-    return [
-        [float(v) if known else None for v, known in zip(row, of, strict=True)]
-        for row, of in zip(values, there, strict=True)
-    ]
+def measured_only(values: FloatArray, axes: BoolArray) -> FloatArray:
+    """Return values (n, 3) for a file: ∞, which becomes null, for an axis that is not measured."""
+    return np.where(axes, values, np.inf)
 
 
 Angle = Literal["roll", "pitch", "yaw"]
@@ -74,8 +70,10 @@ Turn = Literal["roll", "pitch", "yaw", "turn about X", "turn about Y", "turn abo
 OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open)]
 OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(none_where_open)]
 OpenAngles = Annotated[
-    tuple[Number | None, Number | None, Number | None], BeforeValidator(from_numpy)
+    tuple[Number | None, Number | None, Number | None], BeforeValidator(none_where_open)
 ]
+OpenRows = Annotated[tuple[OpenAngles, ...], BeforeValidator(none_where_open)]
+OpenStdRows = Annotated[tuple[OpenStds, ...], BeforeValidator(none_where_open)]
 Quaternion = Annotated[tuple[Number, Number, Number, Number], BeforeValidator(from_numpy)]
 Texts = tuple[Text, ...]
 

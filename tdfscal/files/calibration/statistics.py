@@ -9,27 +9,23 @@ from typing import Any
 import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity
-from tdfscal.files.calibration.evidence_model import HISTOGRAM_DEFINITION, POSTURES_DEFINITION
+from tdfscal.files.calibration.evidence_model import POSTURES_DEFINITION
 from tdfscal.files.calibration.life import measured_document
 from tdfscal.files.calibration.parts import measured_only
 from tdfscal.model.parameters import State
 from tdfscal.model.pose import register
 from tdfscal.motioncal.halves import HeldOut
-from tdfscal.numerics import so3
+from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
 from tdfscal.selfcal.cross_validation import CrossValidation
-from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.observability import Observability, load_directions
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.selfcal.undetermined import Undetermined
-from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
 from tdfscal.trackercal import TrackerCalibration
 
 #: Dwells that a file keeps for a figure, at most.
 _LOOKED_AT = 2000
-#: Bins of a quarter of a standard uncertainty; normally one trial in 16 000 lies beyond.
-_EDGES = np.linspace(-4.0, 4.0, 33)
 
 
 def terminal(
@@ -42,17 +38,30 @@ def terminal(
     }
 
 
-def fit(result: SelfCalibration) -> dict[str, Any]:
-    """Residuals, rejected postures, iterations."""
-    return {
-        "postures": len(result.dwells) - len(result.rejected),
-        "rejected": rejected(result.dwells, result.rejected),
+def fit(
+    result: SelfCalibration | MotionCalibration, campaigns: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Residuals, rejected postures, iterations; χ² of all campaigns, where there are several."""
+    said = {
         **asdict(result.quality),
         "iterations": result.fit.iterations,
         "converged": result.fit.converged,
-        "channel_noise": None if result.channels is None else result.channels.factor,
-        "kurtosis": result.validation.kurtosis,
     }
+    if isinstance(result, MotionCalibration):
+        said["postures"] = result.dwells
+    else:
+        said |= {
+            "postures": len(result.dwells) - len(result.rejected),
+            "rejected": rejected(result.dwells, result.rejected),
+            "channel_noise": None if result.channels is None else result.channels.factor,
+            "kurtosis": result.validation.kurtosis,
+        }
+    if campaigns:
+        said |= {key: sum(one[key] for one in campaigns) for key in ("postures", "chi2", "dof")}
+        chi2, dof = said["chi2"], said["dof"]
+        said["p_value"] = float(chi2_sf(chi2, dof)) if dof else 1.0
+        said["birge"] = float(np.sqrt(chi2 / dof)) if dof else 1.0
+    return said
 
 
 def rejected(dwells: Dwells, reasons: Mapping[int, str]) -> list[dict[str, Any]]:
@@ -61,20 +70,6 @@ def rejected(dwells: Dwells, reasons: Mapping[int, str]) -> list[dict[str, Any]]
         {"index": k, "start": dwells.start[k], "end": dwells.end[k], "reason": reason}
         for k, reason in sorted(reasons.items())
     ]
-
-
-def totals(campaigns: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What `fit` says of all campaigns together, where there are several."""
-    if not campaigns:
-        return {}
-    chi2, dof = (sum(campaign[name] for campaign in campaigns) for name in ("chi2", "dof"))
-    return {
-        "postures": sum(campaign["postures"] for campaign in campaigns),
-        "chi2": chi2,
-        "dof": dof,
-        "p_value": float(chi2_sf(chi2, dof)) if dof else 1.0,
-        "birge": float(np.sqrt(chi2 / dof)) if dof else 1.0,
-    }
 
 
 def observability(seen: Observability) -> dict[str, Any]:
@@ -93,26 +88,6 @@ def observability(seen: Observability) -> dict[str, Any]:
             {"name": w.angle.name, "cause": w.cause, "advice": w.advice} for w in seen.lacking
         ],
         "correlations": seen.correlations,
-    }
-
-
-def trials(
-    trials: MonteCarlo | TrackerMonteCarlo | None,
-    seed: int,
-    rpy_std: FloatArray,
-) -> dict[str, Any] | None:
-    """Monte Carlo of either method."""
-    if trials is None:
-        return None
-    return {
-        "trials": trials.trials,
-        "seed": seed,
-        "rpy_std": trials.std,
-        "low": trials.low,
-        "high": trials.high,
-        "tolerance": float(trials.tolerance.min()),
-        "linear_interval_validated": trials.validated,
-        "histogram": histogram(trials.sample, rpy_std),
     }
 
 
@@ -150,7 +125,7 @@ def conformity(judged: Conformity | None) -> dict[str, Any] | None:
 
 
 def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
-    """Residuals, points and rejected points of a survey."""
+    """Points of a survey, and their residuals: m in the tracker's frame, and over their std."""
     return {
         "chi2": result.chi2,
         "dof": result.dof,
@@ -160,7 +135,11 @@ def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
         "rejected": [point.name for point in result.rejected],
         "coplanar_targets": list(result.coplanar_targets),
         "rms_residual": float(np.sqrt(np.mean(np.sum(result.residual**2, axis=1)))),
-        "residuals": survey_residuals(result),
+        "residuals": {
+            "points": list(result.point_names),
+            "residual": result.residual.tolist(),
+            "normalised": result.normalised.tolist(),
+        },
     }
 
 
@@ -170,7 +149,6 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
     used = [k for k in range(len(dwells)) if k not in result.rejected]
     stated, _ = register(result.rig.hinge, result.fit.postures.position[check.index])
     found = result.fit.at.rotation[check.index]
-    std = _std_in_lcs(found, check.cov)
     return {
         "definition": POSTURES_DEFINITION,
         "index": used,
@@ -180,8 +158,8 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
         "force_after": _in_lcs(found, check.after.force),
         "moment_before": _in_lcs(stated, check.before.moment),
         "moment_after": _in_lcs(found, check.after.moment),
-        "force_std": std[:, :3],
-        "moment_std": std[:, 3:],
+        "force_std": _std_in_lcs(found, check.cov[:, :3, :3]),
+        "moment_std": _std_in_lcs(found, check.cov[:, 3:, 3:]),
         "left_out": dwells.left_out,
     }
 
@@ -189,6 +167,12 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
 def _in_lcs(pose: FloatArray, vectors: FloatArray) -> FloatArray:
     """Vectors (K, 3) of the BCS in LCS axes; pose (K, 3, 3), LCS → BCS."""
     return np.asarray(np.einsum("kba,kb->ka", pose, vectors))
+
+
+def _std_in_lcs(pose: FloatArray, cov: FloatArray) -> FloatArray:
+    """Standard uncertainties (K, 3) in LCS axes of vectors with cov (K, 3, 3) in the BCS."""
+    variance = np.einsum("kba,kbc,kca->ka", pose, cov, pose)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
@@ -206,13 +190,6 @@ def dwells(result: SelfCalibration | Undetermined) -> dict[str, Any] | None:
     }
 
 
-def _std_in_lcs(pose: FloatArray, cov: FloatArray) -> FloatArray:
-    """Standard uncertainties (K, 6) in LCS axes of wrenches with cov (K, 6, 6) in the BCS."""
-    blocks = (cov[:, k : k + 3, k : k + 3] for k in (0, 3))
-    variance = [np.einsum("kba,kbc,kca->ka", pose, block, pose) for block in blocks]
-    return np.asarray(np.sqrt(np.maximum(np.hstack(variance), 0.0)))
-
-
 def loads(result: SelfCalibration) -> list[dict[str, Any]]:
     """Mean line of action and spread of the loads on each sensor."""
     fit = result.fit
@@ -221,38 +198,6 @@ def loads(result: SelfCalibration) -> list[dict[str, Any]]:
         {"support": name, "axis": axis[i], "spread": spread[i], "across": across[i]}
         for i, name in enumerate(result.rig.supports)
     ]
-
-
-def histogram(deviations: FloatArray, rpy_std: FloatArray) -> dict[str, Any]:
-    """Monte Carlo trials (trials, n, 3) in bins of the linear standard uncertainty (n, 3)."""
-    sample = deviations / rpy_std
-    n = sample.shape[1]
-    return {
-        "definition": HISTOGRAM_DEFINITION,
-        "edges": _EDGES,
-        "counts": [[np.histogram(sample[:, i, j], _EDGES)[0] for j in range(3)] for i in range(n)],
-    }
-
-
-def methods(own: SelfCalibration, tracker: TrackerCalibration) -> list[dict[str, Any]]:
-    """Return what each method alone says, beside a joint result."""
-    return [
-        {
-            "method": "self",
-            "rpy": so3.to_rpy(own.fit.state.rotation),
-            "rpy_std": own.uncertainty.rpy_std,
-        },
-        {"method": "tracker", "rpy": tracker.rpy, "rpy_std": tracker.rpy_std},
-    ]
-
-
-def survey_residuals(result: TrackerCalibration) -> dict[str, Any]:
-    """Residual per surveyed point: m in the tracker's frame, and in standard uncertainties."""
-    return {
-        "points": list(result.point_names),
-        "residual": result.residual.tolist(),
-        "normalised": result.normalised.tolist(),
-    }
 
 
 def campaign_document(
@@ -273,7 +218,7 @@ def campaign_document(
     """
     return {
         "name": name,
-        "measured": None if measured is None else measured_document(measured),
+        "measured": measured_document(measured),
         "inputs": tuple(inputs),
         "zero": measured_only(state.zero, axes),
         "zero_std": measured_only(std.zero, axes),
