@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Sized
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from tdfscal.acceptance.turns import turn_std
 from tdfscal.files.calibration.parameters import (
     Parameters,
     calibrated_from,
@@ -39,8 +40,16 @@ def check(c: Calibration) -> None:
     """Raise the model's fault, which names the place, where a file contradicts itself."""
     _check_status(c)
     _check_names(c)
-    _check_rotations(c)
-    _check_shapes(c)
+    matrix = np.array(c.covariance.matrix)
+    check_covariance(matrix, ("covariance", "matrix"))
+    if c.parameters is not None:
+        turns = np.flatnonzero(np.repeat(c.determined, 3)).tolist()
+        check_parameters(c.parameters, c.support_names, turns, matrix)
+    for index, support in enumerate(c.supports):
+        block = slice(3 * index, 3 * index + 3)
+        if support.mounting is not None:
+            check_rotation(support.mounting, c.rotation_covariance[block, block], index)
+    _check_rows(c)
     check_stated(c)
     if c.rig.edited:
         raise fault("was edited after the calibration", "rig", hint=ALTERED)
@@ -75,46 +84,34 @@ def _check_names(c: Calibration) -> None:
             f"must be {stand[0]}.rx, {stand[0]}.ry and so on, in the order of the supports",
             *("covariance", "parameters"),
         )
-    size = 3 * len(stand)
-    rows = c.covariance.matrix
-    if len(rows) != size or any(len(row) != size for row in rows):
-        raise fault(f"must have {size} rows of {size} numbers", "covariance", "matrix")
+    _check_square(c.covariance.matrix, 3 * len(stand), "covariance", "matrix")
 
 
-def _check_rotations(c: Calibration) -> None:
-    matrix = np.array(c.covariance.matrix)
-    check_covariance(matrix)
-    if c.parameters is not None:
-        turns = np.flatnonzero(np.repeat(c.determined, 3)).tolist()
-        check_parameters(c.parameters, c.support_names, turns, matrix)
-    for index, support in enumerate(c.supports):
-        block = slice(3 * index, 3 * index + 3)
-        if support.mounting is not None:
-            check_rotation(support.mounting, c.rotation_covariance[block, block], index)
-
-
-def _check_shapes(c: Calibration) -> None:
+def _check_rows(c: Calibration) -> None:
+    """Refuse a table that has not one row per support."""
+    histogram = c.monte_carlo and c.monte_carlo.histogram
     tables: list[tuple[Any, tuple[str, ...], tuple[str | int, ...]]] = [
         (c.monte_carlo, ("rpy_std", "low", "high"), ("monte_carlo",)),
+        (histogram, ("counts",), ("monte_carlo", "histogram")),
+        (c.fit, ("channel_noise",), ("fit",)),
         (c.dwells, ("force",), ("dwells",)),
         *((one, ("zero", "zero_std"), ("campaigns", k)) for k, one in enumerate(c.campaigns)),
         *((one, ("rpy", "rpy_std"), ("methods", k)) for k, one in enumerate(c.methods or ())),
     ]
+    n = len(c.supports)
     for table, names, place in tables:
         for name in names if table is not None else ():
-            check_shape(getattr(table, name), len(c.supports), name, *place)
-    if c.monte_carlo is not None and c.monte_carlo.histogram is not None:
-        check_shape(c.monte_carlo.histogram.counts, len(c.supports), "histogram", "monte_carlo")
-    if c.fit is not None and c.fit.channel_noise is not None:
-        check_shape(c.fit.channel_noise, len(c.supports), "channel_noise", "fit")
+            rows = getattr(table, name)
+            if rows is not None and len(rows) != n:
+                raise fault(f"must have a row per support, {n}, got {len(rows)}", *place, name)
 
 
-def check_covariance(matrix: FloatArray, place: tuple[str, str] = ("covariance", "matrix")) -> None:
+def check_covariance(matrix: FloatArray, place: tuple[str, str], rounding: float = 1e-12) -> None:
     """Refuse a matrix that is not symmetric and positive semidefinite to rounding."""
     unit = matrix / (np.abs(matrix).max() or 1.0)
-    if not np.allclose(unit, unit.T, rtol=0, atol=1e-12):
+    if not np.allclose(unit, unit.T, rtol=0, atol=rounding):
         raise fault("is not symmetric", *place, hint=ALTERED)
-    if np.linalg.eigvalsh(unit)[0] < -1e-12:
+    if np.linalg.eigvalsh(unit)[0] < -rounding:
         raise fault("is not positive semidefinite", *place, hint=ALTERED)
 
 
@@ -124,23 +121,17 @@ def check_rotation(support: Mounting, covariance: FloatArray, index: int) -> Non
 
     covariance : (3, 3), rad², of the support's rotation, perturbed in the BCS.
     """
-    R = np.array(support.rotation)
-    own = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    angles = np.sqrt(np.maximum(so3.rpy_variance(R[None], covariance)[0], 0.0))
-    proper = np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) and np.linalg.det(R) > 0
-    turned = so3.from_rpy(support.rpy), _from_quaternion(support.quaternion)
-    rpy, quaternion = (np.allclose(other, R, rtol=0, atol=SAME) for other in turned)
-    turns = support.turn_std is None or np.allclose(support.turn_std, own, rtol=SAME_STD, atol=0)
-    stds = so3.locked(R) or np.allclose(support.rpy_std, angles, rtol=SAME_STD, atol=0)
-    for sound, name, what in (
-        (proper, "rotation", "is not a rotation: not orthonormal, or det ≠ +1"),
-        (rpy, "rpy", "is not the angles of `rotation`"),
-        (quaternion, "quaternion_xyzw", "is not the quaternion of `rotation`"),
-        (turns, "turn_std", "does not follow from the covariance"),
-        (stds, "rpy_std", "does not follow from the covariance"),
-    ):
-        if not sound:
-            raise fault(what, "supports", index, name, hint=ALTERED)
+    R, place = np.array(support.rotation), ("supports", index)
+    if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) or np.linalg.det(R) < 0:
+        raise fault("is not a rotation: not orthonormal, or det ≠ +1", *place, "rotation")
+    _same(so3.from_rpy(support.rpy), R, *place, "rpy", what="the angles of `rotation`")
+    turned = _from_quaternion(support.quaternion)
+    _same(turned, R, *place, "quaternion_xyzw", what="the quaternion of `rotation`")
+    if support.turn_std is not None:
+        _same_std(support.turn_std, turn_std(covariance)[0], *place, "turn_std")
+    if not so3.locked(R):
+        variance = so3.rpy_variance(R[None], covariance)[0]
+        _same_std(support.rpy_std, np.sqrt(np.maximum(variance, 0.0)), *place, "rpy_std")
 
 
 def from_directions(
@@ -163,16 +154,15 @@ def from_directions(
     return np.asarray(so3.exp(np.arctan2(sine, cosine) * about / sine) @ R)
 
 
-def check_shape(rows: Sized, n: int, name: str, *place: str | int) -> None:
-    """Refuse a table that has not one row per support."""
-    if len(rows) != n:
-        raise fault(f"must have a row per support, {n}, got {len(rows)}", *place, name)
-
-
 def _from_quaternion(q: tuple[float, float, float, float]) -> FloatArray:
     """Rotation of q = (x, y, z, w); no rotation where q is not of unit length."""
     v, w = np.array(q[:3]), np.float64(q[3])
     return np.asarray((w**2 - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * so3.hat(v))
+
+
+def _check_square(rows: Sequence[Sequence[float]], size: int, *place: str) -> None:
+    if len(rows) != size or any(len(row) != size for row in rows):
+        raise fault(f"must have {size} rows of {size} numbers", *place)
 
 
 def check_parameters(
@@ -186,19 +176,15 @@ def check_parameters(
     turns : places of the rotations that the covariance (of as many rows) is about.
     """
     place = places(block, supports)
+    _check_square(block.matrix, len(place), "parameters", "matrix")
+    if len(block.value) != len(place):
+        raise fault(f"must have {len(place)} numbers", "parameters", "value")
     matrix = np.array(block.matrix)
-    if matrix.shape != (len(place), len(place)) or len(block.value) != len(place):
-        raise fault(f"must have {len(place)} rows of {len(place)} numbers", "parameters", "matrix")
     scale = np.sqrt(np.diagonal(matrix).clip(1e-300))
-    unit = matrix / np.outer(scale, scale)
-    if np.abs(unit - unit.T).max() > 1e-9 or np.linalg.eigvalsh(unit)[0] < -1e-9:
-        raise fault("is no covariance", "parameters", "matrix", hint=ALTERED)
-    unscaled = block.unscaled
-    if unscaled is not None:
-        if np.shape(unscaled) != rotation_covariance.shape:
-            size = len(rotation_covariance)
-            raise fault(f"must have {size} rows of {size} numbers", "parameters", "unscaled")
-        check_covariance(np.array(unscaled), ("parameters", "unscaled"))
+    check_covariance(matrix / np.outer(scale, scale), ("parameters", "matrix"), rounding=1e-9)
+    if block.unscaled is not None:
+        _check_square(block.unscaled, len(rotation_covariance), "parameters", "unscaled")
+        check_covariance(np.array(block.unscaled), ("parameters", "unscaled"))
     if not set(turns) <= set(place) or len(turns) != len(rotation_covariance):
         raise fault("lacks turns that `covariance` has", "parameters", "parameters")
     rows = [place.index(turn) for turn in turns]
@@ -283,10 +269,15 @@ def _check_fit(c: Calibration) -> None:
         _same(dof, sum(one.dof for one in c.campaigns), "fit", "dof")
 
 
-def _same(stated: npt.ArrayLike, other: npt.ArrayLike, *place: str | int) -> None:
+def _same(
+    stated: npt.ArrayLike,
+    other: npt.ArrayLike,
+    *place: str | int,
+    what: str = "what the file says elsewhere",
+) -> None:
     """Compare two statements of a value to rounding; a nanometre, a nanonewton."""
     if not np.allclose(stated, other, rtol=SAME, atol=SAME):
-        raise fault("is not what the file says elsewhere", *place, hint=ALTERED)
+        raise fault(f"is not {what}", *place, hint=ALTERED)
 
 
 def _same_std(stated: Sequence[float | None], other: FloatArray, *place: str | int) -> None:
