@@ -68,7 +68,7 @@ GROUPS: dict[str, Group] = {
     ),
     "tracker": Group(
         ("trackercal/instrument", "trackercal/best_fit", "trackercal/judged_registration",
-         "trackercal/group_motion"),
+         "trackercal/best_fit"),
         ("tracker/test_instrument", "tracker/test_points", "tracker/test_register",
          "tracker/test_registration"),
     ),

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from tdfscal.trackercal.best_fit import PointRegistration, register
-from tdfscal.trackercal.monte_carlo import MonteCarlo
 from tdfscal.trackercal.pipeline import TrackerCalibration, calibrate_tracker
 from tdfscal.trackercal.point_matching import match_points
 
 __all__ = [
-    "MonteCarlo",
     "PointRegistration",
     "TrackerCalibration",
     "calibrate_tracker",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,6 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import Extension, extend
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.significance import SCALE_DIFFERS
-from tdfscal.trackercal.group_motion import fit_one_by_one, moved_apart
 from tdfscal.trackercal.judged_registration import (
     MEASURED_FILE,
     Noise,
@@ -32,6 +31,10 @@ from tdfscal.trackercal.point_matching import (
 
 _SCALE_STEPS = 30
 _LISTED = 8
+#: By so much the residuals must shrink before another model is worth a word. Three further
+#: unknowns do so by chance in about one case of a thousand at six degrees of freedom.
+_BETTER = 3.0
+_LEAST_DOF = 6
 _INSTEAD = ("the uncertainties stated in the file stand in place of the instrument's",)
 
 
@@ -42,7 +45,7 @@ class PointRegistration:
     rotation : (3, 3), det = +1. rpy, rpy_std : (3,), rad. translation, translation_std : (3,), m.
     covariance : (6, 6) of (d, t), R_true = exp([d]×) · rotation, d in the measured frame; rad, m.
     chi2, p_value : None where no uncertainty was stated; sigma : m per coordinate, estimated from
-    the residuals then, else None. residual, normalised : (N, 3), m and 1, of the points `names`.
+    the residuals then, else None. residual : (N, 3), m, of the points `names`.
     scale : best scale of the reference with its standard uncertainty; applied where it was to be
     estimated (`scaled`), else a check.
     scale_p : probability of a scale this far from 1 by chance. coplanar : handedness unchecked.
@@ -60,7 +63,6 @@ class PointRegistration:
     p_value: float | None
     sigma: float | None
     residual: FloatArray
-    normalised: FloatArray
     rms: float
     scale: float
     scale_std: float
@@ -97,15 +99,16 @@ def register(
     """
     matched = match_points(measured, reference, match, groups)
     noise = point_noise(matched, instrument, {"drawing": drawing})
-    applied, survey, scaled = _scaled(matched, noise) if scale else _unscaled(matched, noise)
-    fit, covariance = survey.fit, survey.fit.covariance
-    fewer = fit.dof / (fit.dof - 1) if scale and fit.sigma is not None else 1.0
-    ratio, ratio_std = applied - 1, np.inf
-    if scaled is not None:
-        ratio, ratio_std = ratio + float(scaled.value[0]), float(scaled.covariance[0, 0] ** 0.5)
-    if scale and scaled is not None:
-        # One parameter more, taken from the residuals that tell the noise.
-        covariance, ratio_std = scaled.rigid_covariance * fewer, ratio_std * fewer**0.5
+    applied, survey = _scaled(matched, noise) if scale else (1.0, _together(matched, noise))
+    fit, beside = survey.fit, _scale_beside(survey)
+    covariance, ratio, ratio_std = fit.covariance, applied - 1, np.inf
+    fewer = 1.0
+    if beside is not None:
+        ratio += float(beside.value[0])
+        ratio_std = float(beside.covariance[0, 0] ** 0.5)
+        if scale:  # one parameter more, taken from the residuals where these tell the noise
+            fewer = fit.dof / (fit.dof - 1) if fit.sigma is not None else 1.0
+            covariance, ratio_std = beside.rigid_covariance * fewer, ratio_std * fewer**0.5
     scale_p = float(chi2_sf((ratio / ratio_std) ** 2, 1))
     J = so3.rpy_jacobian(fit.rotation)
     return PointRegistration(
@@ -121,7 +124,6 @@ def register(
         p_value=None if fit.p_value is None else float(chi2_sf(fit.chi2, fit.dof - scale)),
         sigma=None if fit.sigma is None else fit.sigma * fewer**0.5,
         residual=fit.residual,
-        normalised=fit.normalised,
         rms=float(np.sqrt(np.mean(np.sum(fit.residual**2, axis=1)))),
         scale=1 + ratio,
         scale_std=ratio_std,
@@ -164,14 +166,8 @@ def _scale_doubt(ratio: float, std: float) -> tuple[str]:
     )
 
 
-def _unscaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit, Extension | None]:
-    """The fit, and the scale that it would take beside."""
-    survey = _together(points, noise)
-    return 1.0, survey, _scale_beside(survey)
-
-
-def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit, Extension]:
-    """The fit to a reference of the best scale, that scale, and what remains to it."""
+def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit]:
+    """The scale of the reference that fits best, and the fit to the reference of that scale."""
     scale = 1.0
     for _ in range(_SCALE_STEPS):
         larger = replace(points, reference=scale * points.reference)
@@ -184,7 +180,7 @@ def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit, Exte
             )
         move = float(step.value[0])
         if abs(move) <= 1e-6 * float(step.covariance[0, 0] ** 0.5):
-            return scale, survey, step
+            return scale, survey
         scale *= 1 + move
     raise NotConvergedError("the scale found no minimum", where=points.source)
 
@@ -206,3 +202,55 @@ def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
             hint=f"each of the groups {', '.join(dict.fromkeys(points.group))} fits by itself: "
             "register one at a time, or calibrate sensors with targets by --method tracker",
         ) from error
+
+
+def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> str | None:
+    """Say that a translation, or a transform, per group fits much better; None where it does not.
+
+    together : the fit of one transform for all.
+    """
+    groups = dict.fromkeys(points.group)
+    if len(groups) < 2:
+        return None
+    if (sigma := together.fit.sigma) is not None:  # none was stated: that of the residuals
+        noise = Noise({}, {"residuals": np.tile(sigma**2 * np.eye(3), (len(points), 1, 1))})
+    best, model = _spread([together]), ""
+    for fits, name in (
+        (_fits([(points, noise)], common_shift=False), "a translation"),
+        (fit_one_by_one(points, noise), "a transform"),
+    ):
+        enough = sum(fit.fit.dof for fit in fits) >= _LEAST_DOF
+        if enough and best > _BETTER * _spread(fits):
+            best, model = _spread(fits), name
+    if not model:
+        return None
+    return (
+        f"{model} of its own for each group ({', '.join(groups)}) fits "
+        f"{_spread([together]) / best:.3g} times better, within {1e3 * best:.2g} mm per "
+        "coordinate: the groups have moved against each other, or are given in frames of their "
+        "own; register each by itself"
+    )
+
+
+def fit_one_by_one(points: MatchedPoints, noise: Noise) -> list[SurveyFit]:
+    """Fits of the single groups; none where there is one group, or one that fails."""
+    groups = [points.indices(name) for name in dict.fromkeys(points.group)]
+    parts = [(points.take(which), noise.take(which)) for which in groups]
+    return _fits(parts, common_shift=True) if len(parts) > 1 else []
+
+
+def _fits(parts: Sequence[tuple[MatchedPoints, Noise]], *, common_shift: bool) -> list[SurveyFit]:
+    """Fits of all parts; none where one fails."""
+    try:
+        return [
+            fit_survey(points, noise, common_shift=common_shift, least=3, what="points")
+            for points, noise in parts
+        ]
+    except TdfscalError:
+        return []
+
+
+def _spread(fits: Iterable[SurveyFit]) -> float:
+    """Noise per coordinate that the residuals show, m."""
+    squares = sum(float(np.sum(fit.fit.residual**2)) for fit in fits)
+    return float(np.sqrt(squares / max(sum(fit.fit.dof for fit in fits), 1)))

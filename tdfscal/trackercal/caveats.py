@@ -9,9 +9,9 @@ import numpy as np
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import FAR_FROM_NOMINAL
-from tdfscal.trackercal.judged_registration import SurveyFit
+from tdfscal.trackercal.judged_registration import MEASURED_FILE, REFERENCE_FILE, SurveyFit
 from tdfscal.trackercal.point_matching import relabellings
-from tdfscal.trackercal.positioner_axes import AxisTest
+from tdfscal.trackercal.positioner_axes import AxisFault
 from tdfscal.trackercal.variance_components import Components
 
 
@@ -20,37 +20,25 @@ def survey_warnings(
     X: FloatArray,
     moves: SurveyFit,
     targets: Sequence[SurveyFit],
-    axes: Sequence[AxisTest],
+    axes: Sequence[AxisFault],
     components: Components,
 ) -> tuple[str, ...]:
     """Sentences for the calibration's warnings; X (n, 3, 3) sensor → BCS."""
-    lines = [
-        f"{name} is left out: {reason}"
-        for s in (moves, *targets)
-        for name, reason in ((r.name, r.reason) for r in s.rejected)
-    ]
+    surveys = (moves, *targets)
+    lines = [f"{r.name} is left out: {r.reason}" for s in surveys for r in s.rejected]
     lines += [f"{text}; the result is weighted by it" for text in components.understated]
-    lines += [str(fault) for test in axes for fault in test.faults]
+    lines += map(str, axes)
     lines += _unchecked_targets(rig.supports, targets)
-    for name, turn, std in zip(
-        rig.supports,
-        so3.log(X @ np.swapaxes(so3.from_rpy(rig.nominal_rpy), 1, 2)),
-        rig.rpy_std,
-        strict=True,
-    ):
-        if np.all(np.isfinite(std)) and np.linalg.norm(turn) > FAR_FROM_NOMINAL * np.linalg.norm(
-            std
-        ):
-            lines.append(
-                f"{name} is turned by {np.linalg.norm(turn):.3g} rad from its nominal mounting, "
-                "far more than its rpy_std allows: check the names of its targets"
-            )
+    turn = so3.log(X @ np.swapaxes(so3.from_rpy(rig.nominal_rpy), 1, 2))
+    far = np.linalg.norm(turn, axis=1) > FAR_FROM_NOMINAL * np.linalg.norm(rig.rpy_std, axis=1)
+    lines += [
+        f"{rig.supports[i]} is turned by {np.linalg.norm(turn[i]):.3g} rad from its nominal "
+        "mounting, far more than its rpy_std allows: check the names of its targets"
+        for i in np.flatnonzero(far)
+    ]
     lines += _swapped_supports(rig, moves, targets)
-    if any(
-        "file" in name
-        for s in (moves, *targets)
-        for name in (*s.noise.measured, *s.noise.reference)
-    ):
+    sources = {name for s in surveys for name in (*s.noise.measured, *s.noise.reference)}
+    if sources & {MEASURED_FILE, REFERENCE_FILE}:
         lines.append(
             "uncertainties that the point files state stand in place of the instrument's, the "
             "drawing's and the positioners'"
@@ -82,16 +70,15 @@ def _unchecked_targets(supports: Sequence[str], targets: Sequence[SurveyFit]) ->
 
 def _swapped_supports(rig: Rig, moves: SurveyFit, targets: Sequence[SurveyFit]) -> list[str]:
     """Targets sit beside the point that their NCP carries; swapped supports lie far from it."""
-    places = [
-        moves.points.measured[moves.group == moves.groups.index(name)].mean(axis=0)
-        if name in moves.groups
-        else None
-        for name in rig.supports
-    ]
-    if any(place is None for place in places):
+    if set(moves.groups) != set(rig.supports):
         return []
+    place = {
+        name: moves.points.measured[moves.group == g].mean(axis=0)
+        for g, name in enumerate(moves.groups)
+    }
+    places = np.stack([place[name] for name in rig.supports])
     centres = np.stack([t.points.measured.mean(axis=0) for t in targets])
-    gap = np.linalg.norm(centres[:, None] - np.stack([p for p in places if p is not None]), axis=-1)
+    gap = np.linalg.norm(centres[:, None] - places, axis=-1)
     nearest = gap.argmin(axis=1)
     return [
         f"the targets of {name} lie nearest to the moves of {rig.supports[k]}: check the group "

@@ -90,49 +90,36 @@ def point_noise(
     file states of a point stands in the place of both; a point of which it states none has the
     instrument's or, without one, the largest that the file states.
     """
-    measured: dict[str, FloatArray] = {}
-    by_file = np.isfinite(points.measured_std).all(axis=1)
-    if instrument is not None and not by_file.all():
-        left = np.where(by_file, 0.0, 1.0)[:, None, None]
-        for name, covariance in zip(INSTRUMENT, (range_covariance, angle_covariance), strict=True):
-            measured[name] = left * covariance(points.measured, instrument)
-    if by_file.any():
-        std = _filled(points.measured_std, 0.0 if instrument is not None else None)
-        measured[MEASURED_FILE] = _diagonal(std)
-    isotropic = {}
-    by_file = np.isfinite(points.reference_std).all(axis=1)
-    for name, size in reference.items():
-        if size > 0 and not by_file.all():
-            isotropic[name] = np.where(by_file, 0.0, size**2)[:, None, None] * np.eye(3)
-    if by_file.any():
-        std = _filled(points.reference_std, 0.0 if isotropic else None)
-        isotropic[REFERENCE_FILE] = _diagonal(std)
-    return _with_rounding(points, measured, isotropic)
-
-
-def _filled(std: FloatArray, unstated: float | None) -> FloatArray:
-    """Rows of NaN become `unstated`, or where it is None the largest of each column."""
-    fill = np.nanmax(std, axis=0) if unstated is None else np.full(3, unstated)
-    return np.where(np.isfinite(std), std, fill)
-
-
-def _with_rounding(
-    points: MatchedPoints, measured: dict[str, FloatArray], isotropic: dict[str, FloatArray]
-) -> Noise:
-    """Add what the last digits of the files leave open, where any uncertainty is stated.
-
-    Without any, the residuals show the rounding among the rest. A stated uncertainty of the
-    reference points is that of the points themselves: it covers how they are written.
-    """
-    if measured or isotropic:
-        for digit, sources in (
-            (points.measured_digit, measured),
-            (points.reference_digit if not isotropic else 0.0, isotropic),
-        ):
-            if digit > 0:
-                std = np.full((len(points), 3), digit * ROUNDING)
-                sources[LAST_DIGIT] = _diagonal(std)
+    seen = {}
+    if instrument is not None and not np.isfinite(points.measured_std).all():
+        seen[INSTRUMENT[0]] = range_covariance(points.measured, instrument)
+        seen[INSTRUMENT[1]] = angle_covariance(points.measured, instrument)
+    stated = np.ones((len(points), 1, 1)) * np.eye(3)
+    known = {name: size**2 * stated for name, size in reference.items() if size > 0}
+    measured = _beside_file(points.measured_std, seen, MEASURED_FILE)
+    isotropic = _beside_file(points.reference_std, known, REFERENCE_FILE)
+    # Where nothing is stated the residuals show the rounding among the rest. A stated uncertainty
+    # of the reference points is that of the points themselves: it covers how they are written.
+    if (measured or isotropic) and points.measured_digit > 0:
+        measured[LAST_DIGIT] = (points.measured_digit * ROUNDING) ** 2 * stated
+    if measured and not isotropic and points.reference_digit > 0:
+        isotropic[LAST_DIGIT] = (points.reference_digit * ROUNDING) ** 2 * stated
     return Noise(measured, isotropic)
+
+
+def _beside_file(
+    std: FloatArray, known: Mapping[str, FloatArray], file: str
+) -> dict[str, FloatArray]:
+    """Covariances by source: what a file states, std (N, 3), in the place of what is known else."""
+    given = np.isfinite(std)
+    by_file = np.all(given, axis=1, keepdims=True)
+    found = {}
+    if not by_file.all():
+        found = {name: np.where(by_file[..., None], 0.0, cov) for name, cov in known.items()}
+    if by_file.any():
+        own = np.where(given, std, 0.0 if known else np.nanmax(std, axis=0))
+        found[file] = own[:, :, None] ** 2 * np.eye(3)
+    return found
 
 
 def fit_survey(
@@ -159,21 +146,17 @@ def fit_survey(
         p = _outlier_p(current, covs, index, fit, common_shift)
         worst = int(np.argmin(p))
         enough = np.sum(index == index[worst]) > least and fit.dof > 3
-        if p[worst] >= OUTLYING_POINT / len(kept) or not enough:
-            return SurveyFit(current, covs, groups, index, fit, tuple(rejected))
-        suspects = [
-            name
-            for name, statistic in zip(current.names, fit.statistic, strict=True)
-            if statistic > fit.statistic[worst] - POINTS_AS_LIKELY
-        ]
-        if common_shift and len(suspects) > 1:
-            if p[worst] < UNUSABLE_SURVEY:
-                raise DataError(
-                    f"the {what} do not fit their reference points, and any of "
-                    f"{', '.join(suspects)} may be the one that is off",
-                    where=points.source,
-                    hint="measure them again; a fifth or sixth target would tell which one it is",
-                )
+        outlies = enough and p[worst] < OUTLYING_POINT / len(kept)
+        near = np.flatnonzero(fit.statistic > fit.statistic[worst] - POINTS_AS_LIKELY)
+        alike = common_shift and len(near) > 1
+        if outlies and alike and p[worst] < UNUSABLE_SURVEY:
+            raise DataError(
+                f"the {what} do not fit their reference points, and any of "
+                f"{', '.join(current.names[k] for k in near)} may be the one that is off",
+                where=points.source,
+                hint="measure them again; a fifth or sixth target would tell which one it is",
+            )
+        if alike or not outlies:
             return SurveyFit(current, covs, groups, index, fit, tuple(rejected))
         size = np.linalg.norm(fit.residual[worst])
         ratio = np.sqrt(fit.statistic[worst] / max(fit.redundancy[worst], 1))
@@ -240,10 +223,8 @@ def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> R
         digits = np.hypot(points.measured_digit, points.reference_digit)
         least = max(FINEST, float(digits) * ROUNDING)
         return solve(points.measured, points.reference, group=index, least=least)
-    except MirroredError as error:
-        raise DataError(error.what, where=f"{points.source}, {what}", hint=error.hint) from error
     except (NotIdentifiableError, NotConvergedError) as error:
-        kind = type(error)
+        kind = DataError if isinstance(error, MirroredError) else type(error)
         raise kind(error.what, where=f"{points.source}, {what}", hint=error.hint) from error
 
 
@@ -283,7 +264,3 @@ def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool,
                     where=points.source,
                     hint="correct the group names",
                 )
-
-
-def _diagonal(std: FloatArray) -> FloatArray:
-    return np.asarray(std[:, :, None] ** 2 * np.eye(3))

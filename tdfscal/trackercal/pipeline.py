@@ -8,7 +8,7 @@ the moves of all NCPs, one per sensor. The X_i are correlated through R_b^m.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,13 +18,14 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
 from tdfscal.selfcal.exact_quantities import ExactQuantity
+from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import MOST_REJECTED
 from tdfscal.trackercal.caveats import survey_warnings
 from tdfscal.trackercal.exact_quantities import exact_quantities
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey, point_noise
-from tdfscal.trackercal.monte_carlo import MonteCarlo, linear_interval, simulate_inputs
+from tdfscal.trackercal.monte_carlo import simulate_inputs
 from tdfscal.trackercal.point_matching import MatchedPoints, describe_unmatched, match_points
-from tdfscal.trackercal.positioner_axes import AxisTest, examine_axes
+from tdfscal.trackercal.positioner_axes import AxisFault, examine_axes
 from tdfscal.trackercal.variance_components import Components, estimate_components
 
 
@@ -32,20 +33,20 @@ from tdfscal.trackercal.variance_components import Components, estimate_componen
 class TrackerCalibration:
     """A laser-tracker calibration of all n sensors.
 
-    rpy, rpy_std : (n, 3), rad, roll, pitch, yaw. low, high : (n, 3), rad, linear 95 % interval.
+    moves, targets : the registrations behind it; of the moves of all NCPs, whose rotation is
+    R_b^m, BCS → tracker, and of each sensor's targets.
+    rpy, rpy_std : (n, 3), rad, roll, pitch, yaw.
     chi2, dof, p_value : of all residuals together; birge = √(χ²/dof),
     with the noise as stated. components : the noise of each source that the covariance is of.
     budget : source → (n, 3), rad², its share of the variance of each angle; they sum to rpy_std².
-    tracker_rotation : (3, 3), R_b^m, BCS → tracker; its covariance (3, 3) in the tracker's frame.
-    point_names, residual (N, 3), m, normalised (N, 3) : of the points used, moves first.
     exact : what has no uncertainty stated, and what an error of it would do.
     """
 
     rotations: Rotations
+    moves: SurveyFit
+    targets: tuple[SurveyFit, ...]
     rpy: FloatArray
     rpy_std: FloatArray
-    low: FloatArray
-    high: FloatArray
     chi2: float
     dof: int
     p_value: float
@@ -53,16 +54,25 @@ class TrackerCalibration:
     components: Components
     budget: Mapping[str, FloatArray]
     monte_carlo: MonteCarlo | None
-    axes: tuple[AxisTest, ...]
-    tracker_rotation: FloatArray
-    tracker_covariance: FloatArray
-    point_names: tuple[str, ...]
-    residual: FloatArray
-    normalised: FloatArray
-    rejected: tuple[RejectedPoint, ...]
-    coplanar_targets: tuple[str, ...]
+    axes: tuple[AxisFault, ...]
     warnings: tuple[str, ...]
     exact: tuple[ExactQuantity, ...]
+
+    @property
+    def surveys(self) -> tuple[SurveyFit, ...]:
+        """All registrations, the moves' first."""
+        return (self.moves, *self.targets)
+
+    @property
+    def rejected(self) -> tuple[RejectedPoint, ...]:
+        """Points that are not used."""
+        return tuple(point for survey in self.surveys for point in survey.rejected)
+
+    @property
+    def coplanar_targets(self) -> tuple[str, ...]:
+        """Sensors whose targets lie in a plane, so that handedness is not checked."""
+        named = zip(self.rotations.supports, self.targets, strict=True)
+        return tuple(name for name, survey in named if not survey.fit.handed)
 
 
 def calibrate_tracker(
@@ -90,14 +100,10 @@ def calibrate_tracker(
     chi2, dof = (sum(getattr(s.fit, name) for s in (moves, *targets)) for name in ("chi2", "dof"))
     axes, components = examine_axes(moves), estimate_components(moves, targets)
     moves, targets = _fit(rig, session, move_points, target_points, components)
-    surveys = [moves, *targets]
-    R_b = moves.fit.rotation
-    X = so3.project(np.stack([R_b.T @ t.fit.rotation for t in targets]))
+    X = so3.project(np.stack([moves.fit.rotation.T @ t.fit.rotation for t in targets]))
     shares = _shares(moves, targets, misalignment)
     covariance = np.sum(list(shares.values()), axis=0)
-    budget = {name: so3.rpy_variance(X, share) for name, share in shares.items()}
-    rpy, rpy_std = so3.to_rpy(X), np.sqrt(so3.rpy_variance(X, covariance))
-    low, high = linear_interval(rpy, rpy_std)
+    rpy_std = np.sqrt(so3.rpy_variance(X, covariance))
     monte_carlo = None
     if trials > 0:
         monte_carlo = simulate_inputs(
@@ -105,34 +111,24 @@ def calibrate_tracker(
             targets,
             components.scaled(session.instrument),
             misalignment,
-            (moves.fit.gain[:3], [t.fit.gain[:3] for t in targets]),
             rpy_std,
             trials=trials,
             rng=np.random.default_rng(0) if rng is None else rng,
         )
     return TrackerCalibration(
         rotations=Rotations(rig.supports, X, (covariance + covariance.T) / 2),
-        rpy=rpy,
+        moves=moves,
+        targets=targets,
+        rpy=so3.to_rpy(X),
         rpy_std=rpy_std,
-        low=low,
-        high=high,
         chi2=chi2,
         dof=dof,
         p_value=float(chi2_sf(chi2, dof)),
         birge=float(np.sqrt(chi2 / dof)),
         components=components,
-        budget=budget,
+        budget={name: so3.rpy_variance(X, share) for name, share in shares.items()},
         monte_carlo=monte_carlo,
         axes=axes,
-        tracker_rotation=R_b,
-        tracker_covariance=moves.fit.rotation_covariance,
-        point_names=tuple(name for s in surveys for name in s.points.names),
-        residual=np.concatenate([s.fit.residual for s in surveys]),
-        normalised=np.concatenate([s.fit.normalised for s in surveys]),
-        rejected=tuple(r for s in surveys for r in s.rejected),
-        coplanar_targets=tuple(
-            name for name, t in zip(rig.supports, targets, strict=True) if not t.fit.handed
-        ),
         warnings=(*notes, *survey_warnings(rig, X, moves, targets, axes, components)),
         exact=exact_quantities(rig.supports, X, session, misalignment),
     )
@@ -155,7 +151,7 @@ def _fit(
     moves: MatchedPoints,
     targets: MatchedPoints,
     components: Components | None,
-) -> tuple[SurveyFit, list[SurveyFit]]:
+) -> tuple[SurveyFit, tuple[SurveyFit, ...]]:
     """Register the moves of all NCPs, and the targets of each sensor; noise as stated by None."""
 
     def fitted(points: MatchedPoints, source: str, std: float, least: int, what: str) -> SurveyFit:
@@ -164,12 +160,11 @@ def _fit(
             noise = components.enlarged(noise, source)
         return fit_survey(points, noise, common_shift=least == 3, least=least, what=what)
 
-    return fitted(moves, "positioner", rig.declared.positioner, 2, "moved points"), [
-        fitted(
-            targets.take(targets.indices(name)), "drawing", session.drawing, 3, f"targets of {name}"
-        )
-        for name in rig.supports
-    ]
+    own = {name: targets.take(targets.indices(name)) for name in rig.supports}
+    return fitted(moves, "positioner", rig.declared.positioner, 2, "moved points"), tuple(
+        fitted(points, "drawing", session.drawing, 3, f"targets of {name}")
+        for name, points in own.items()
+    )
 
 
 def _require_supports(rig: Rig, targets: MatchedPoints) -> None:
@@ -206,7 +201,7 @@ def _of_supports(rig: Rig, moves: MatchedPoints) -> tuple[MatchedPoints, tuple[s
     return moves.take(which), tuple(notes)
 
 
-def _refuse_many_outliers(moves: SurveyFit, targets: list[SurveyFit], source: str) -> None:
+def _refuse_many_outliers(moves: SurveyFit, targets: Sequence[SurveyFit], source: str) -> None:
     surveys = [moves, *targets]
     rejected = [r.name for s in surveys for r in s.rejected]
     count = sum(len(s.points) for s in surveys) + len(rejected)
@@ -219,7 +214,7 @@ def _refuse_many_outliers(moves: SurveyFit, targets: list[SurveyFit], source: st
 
 
 def _shares(
-    moves: SurveyFit, targets: list[SurveyFit], misalignment: float
+    moves: SurveyFit, targets: Sequence[SurveyFit], misalignment: float
 ) -> dict[str, FloatArray]:
     """Share of each source in the covariance (3n, 3n) of the rotations.
 

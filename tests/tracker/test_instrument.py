@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.trackercal import register
-from tdfscal.trackercal.group_motion import fit_one_by_one, moved_apart
+from tdfscal.trackercal.best_fit import fit_one_by_one, moved_apart
 from tdfscal.trackercal.instrument import angle_covariance, observe, range_covariance
 from tdfscal.trackercal.judged_registration import Noise, fit_survey, point_noise
 from tdfscal.trackercal.point_matching import MatchedPoints

@@ -31,7 +31,6 @@ from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, 
 from tdfscal.selfcal.exact_quantities import ExactQuantity
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import INTERVAL_COVERAGE
-from tdfscal.trackercal import MonteCarlo as TrackerMonteCarlo
 
 #: Bins of a quarter of a standard uncertainty; normally one trial in 16 000 lies beyond.
 _EDGES = np.linspace(-4.0, 4.0, 33)
@@ -62,7 +61,7 @@ class Angles:
     rotation: FloatArray
     covariance: FloatArray
     determined: BoolArray
-    trials: MonteCarlo | TrackerMonteCarlo | None = None
+    trials: MonteCarlo | None = None
     factor: FloatArray | float = _NORMAL
 
     @property

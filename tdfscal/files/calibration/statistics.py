@@ -126,19 +126,24 @@ def conformity(judged: Conformity | None) -> dict[str, Any] | None:
 
 def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
     """Points of a survey, and their residuals: m in the tracker's frame, and over their std."""
+    residual, normalised = (
+        np.concatenate([getattr(survey.fit, name) for survey in result.surveys])
+        for name in ("residual", "normalised")
+    )
+    names = [name for survey in result.surveys for name in survey.points.names]
     return {
         "chi2": result.chi2,
         "dof": result.dof,
         "p_value": result.p_value,
         "birge": result.birge,
-        "points": len(result.point_names),
+        "points": len(names),
         "rejected": [point.name for point in result.rejected],
         "coplanar_targets": list(result.coplanar_targets),
-        "rms_residual": float(np.sqrt(np.mean(np.sum(result.residual**2, axis=1)))),
+        "rms_residual": float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))),
         "residuals": {
-            "points": list(result.point_names),
-            "residual": result.residual.tolist(),
-            "normalised": result.normalised.tolist(),
+            "points": names,
+            "residual": residual.tolist(),
+            "normalised": normalised.tolist(),
         },
     }
 
