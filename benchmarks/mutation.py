@@ -67,8 +67,7 @@ GROUPS: dict[str, Group] = {
         ("numerics", "tracker/test_registration"),
     ),
     "tracker": Group(
-        ("trackercal/instrument", "trackercal/best_fit", "trackercal/judged_registration",
-         "trackercal/best_fit"),
+        ("trackercal/instrument", "trackercal/best_fit", "trackercal/judged_registration"),
         ("tracker/test_instrument", "tracker/test_points", "tracker/test_register",
          "tracker/test_registration"),
     ),

@@ -7,6 +7,7 @@ runs, so no tag can make an object; depth and the expansion of aliases are bound
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
@@ -26,8 +27,8 @@ _TAGS = {"!"} | {f"tag:yaml.org,2002:{name}" for name in _CORE}
 
 
 @dataclass(frozen=True, slots=True)
-class _Done:
-    """A complete value; size and height count its aliases in full."""
+class _Node:
+    """A value; size and height count its aliases in full."""
 
     value: Any
     size: int = 1
@@ -35,32 +36,8 @@ class _Done:
 
 
 @dataclass(slots=True)
-class _Open:
-    """A collection whose end has not been read yet."""
-
-    value: dict[str, Any] | list[Any]
-    anchor: str | None
-    place: Place
-    size: int = 1
-    height: int = 1
-    key: str | None = None
-
-    @property
-    def wants_key(self) -> bool:
-        return isinstance(self.value, dict) and self.key is None
-
-    def add(self, done: _Done) -> None:
-        self.size += done.size
-        self.height = max(self.height, done.height + 1)
-        if isinstance(self.value, list):
-            self.value.append(done.value)
-        elif self.key is not None:
-            self.value[self.key], self.key = done.value, None
-
-
-@dataclass(slots=True)
 class YamlBuilder:
-    """Turns one YAML text into plain values, without recursion.
+    """Turns one YAML text into plain values.
 
     source : the file's name for messages. error : the class to raise.
     lines : after `build`, the line of each value, counted from 1.
@@ -69,65 +46,70 @@ class YamlBuilder:
     source: str
     error: type[TdfscalError]
     lines: dict[Place, int] = field(default_factory=dict)
-    _stack: list[_Open] = field(default_factory=list)
-    _anchors: dict[str, _Done] = field(default_factory=dict)
-    _root: Any = None
-    _documents: int = 0
+    _anchors: dict[str, _Node] = field(default_factory=dict)
 
     def build(self, text: str) -> Any:
         """Return the document's value; None for an empty text. Raises `error`."""
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        events, root = yaml.parse(text, Loader=loader), None
         try:
-            for event in yaml.parse(text, Loader=loader):
-                self._take(event)
+            for event in events:
+                if isinstance(event, yaml.NodeEvent):
+                    root = self._node(event, events, ())
+                elif isinstance(event, yaml.DocumentStartEvent) and root is not None:
+                    self._fail("holds more than one document", event, "remove the line `---`")
         except yaml.YAMLError as fault:
             raise self._syntax(fault, text) from fault
-        return self._root
+        return None if root is None else root.value
 
-    def _take(self, event: yaml.Event) -> None:
-        if isinstance(event, yaml.DocumentStartEvent):
-            self._documents += 1
-            if self._documents > 1:
-                self._fail("holds more than one document", event, "remove the line `---`")
-        elif isinstance(event, yaml.NodeEvent):
-            if self._stack and self._stack[-1].wants_key:
-                self._key(self._stack[-1], event)
-            else:
-                self._value(event)
-        elif isinstance(event, yaml.CollectionEndEvent):
-            done = self._stack.pop()
-            self._finish(_Done(done.value, done.size, done.height), done.anchor, event)
-
-    def _key(self, parent: _Open, event: yaml.NodeEvent) -> None:
-        if not isinstance(event, yaml.ScalarEvent):
-            self._fail("a key must be plain text", event, "write `key: value`")
-        if event.value == "<<" and event.implicit[0]:
-            self._fail("merge keys (`<<`) are not read", event, "write the keys out")
-        if event.value in parent.value:
-            name = shorten(event.value)
-            self._fail(f"the key `{name}` occurs twice", event, "keep one of them")
-        parent.key = event.value
-
-    def _value(self, event: yaml.NodeEvent) -> None:
-        place = self._place()
+    def _node(self, event: yaml.NodeEvent, events: Iterator[Any], place: Place) -> _Node:
+        """The value that begins with an event, its own events taken."""
         self.lines[place] = _line(event)
         if isinstance(event, yaml.AliasEvent):
-            self._finish(self._aliased(event), None, event)
-            return
+            return self._aliased(event, len(place))
         tag = getattr(event, "tag", None)
         if tag is not None and tag not in _TAGS:
             self._fail(f"the tag {shorten(tag)} is not read", event, "write a plain value")
         if isinstance(event, yaml.ScalarEvent):
-            self._finish(_Done(self._scalar(event)), event.anchor, event)
-        elif len(self._stack) >= MAX_DEPTH:
-            self._too_deep(event)
+            node = _Node(self._scalar(event))
         else:
-            if event.anchor is not None:
-                self._anchors.pop(event.anchor, None)
-            empty: dict[str, Any] | list[Any] = (
-                {} if isinstance(event, yaml.MappingStartEvent) else []
-            )
-            self._stack.append(_Open(empty, event.anchor, place))
+            if len(place) >= MAX_DEPTH:
+                self._too_deep(event)
+            self._anchors.pop(event.anchor or "", None)
+            node = self._collection(event, events, place)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = node
+        return node
+
+    def _collection(self, start: yaml.NodeEvent, events: Iterator[Any], place: Place) -> _Node:
+        """The mapping or list that has begun, up to its end."""
+        content: dict[str | int, Any] = {}
+        size, height = 1, 1
+        for event in events:
+            if not isinstance(event, yaml.NodeEvent):  # the end
+                break
+            key: str | int = len(content)
+            if isinstance(start, yaml.MappingStartEvent):
+                key, event = self._key(event, content), next(events)
+            node = self._node(event, events, (*place, key))
+            content[key] = node.value
+            size, height = size + node.size, max(height, node.height + 1)
+            if size > MAX_VALUES:
+                self._fail(
+                    f"holds more than {MAX_VALUES} values", event, "write out what is needed"
+                )
+        mapping = isinstance(start, yaml.MappingStartEvent)
+        return _Node(content if mapping else list(content.values()), size, height)
+
+    def _key(self, event: yaml.NodeEvent, known: Container[str | int]) -> str:
+        if not isinstance(event, yaml.ScalarEvent):
+            self._fail("a key must be plain text", event, "write `key: value`")
+        key: str = event.value
+        if key == "<<" and event.implicit[0]:
+            self._fail("merge keys (`<<`) are not read", event, "write the keys out")
+        if key in known:
+            self._fail(f"the key `{shorten(key)}` occurs twice", event, "keep one of them")
+        return key
 
     def _scalar(self, event: yaml.ScalarEvent) -> Any:
         if not event.implicit[0]:
@@ -137,36 +119,15 @@ class YamlBuilder:
         except OverflowError as fault:
             self._fail(str(fault), event, "check the number")
 
-    def _aliased(self, event: yaml.AliasEvent) -> _Done:
-        done = self._anchors.get(event.anchor or "")
-        if done is None:
+    def _aliased(self, event: yaml.AliasEvent, depth: int) -> _Node:
+        node = self._anchors.get(event.anchor or "")
+        if node is None:
             name = shorten(event.anchor or "")
-            self._fail(
-                f"the alias `*{name}` refers to nothing before it, or to itself",
-                event,
-                "write the value out",
-            )
-        if len(self._stack) + done.height > MAX_DEPTH:
+            what = f"the alias `*{name}` refers to nothing before it, or to itself"
+            self._fail(what, event, "write the value out")
+        if depth + node.height > MAX_DEPTH:
             self._too_deep(event)
-        return done
-
-    def _finish(self, done: _Done, anchor: str | None, event: yaml.Event) -> None:
-        """Hand a complete value to the collection it stands in."""
-        if anchor is not None:
-            self._anchors[anchor] = done
-        if not self._stack:
-            self._root = done.value
-            return
-        self._stack[-1].add(done)
-        if self._stack[-1].size > MAX_VALUES:
-            self._fail(f"holds more than {MAX_VALUES} values", event, "write out what is needed")
-
-    def _place(self) -> Place:
-        if not self._stack:
-            return ()
-        parent = self._stack[-1]
-        last = len(parent.value) if isinstance(parent.value, list) else parent.key
-        return parent.place if last is None else (*parent.place, last)
+        return node
 
     def _too_deep(self, event: yaml.Event) -> NoReturn:
         self._fail(f"is nested deeper than {MAX_DEPTH} levels", event, "check that it is this file")
@@ -175,8 +136,7 @@ class YamlBuilder:
         raise self.error(what, where=f"{self.source}, line {_line(event)}", hint=hint)
 
     def _syntax(self, fault: yaml.YAMLError, text: str) -> TdfscalError:
-        mark = fault.problem_mark if isinstance(fault, yaml.MarkedYAMLError) else None
-        if mark is None:
+        if not isinstance(fault, yaml.MarkedYAMLError) or (mark := fault.problem_mark) is None:
             return self.error(
                 "holds a character that YAML does not allow",
                 where=self.source,
@@ -185,7 +145,7 @@ class YamlBuilder:
         rows = text.split("\n")
         row = rows[mark.line] if mark.line < len(rows) else ""
         tab = "\t" in row[: len(row) - len(row.lstrip())]
-        problem = getattr(fault, "problem", None) or "bad syntax"
+        problem = fault.problem or "bad syntax"
         return self.error(
             "a tab stands where YAML wants spaces" if tab else f"is not YAML: {problem}",
             where=f"{self.source}, line {mark.line + 1}, column {mark.column + 1}",
