@@ -10,28 +10,25 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.files.points.numbers import SPELLINGS, as_number, to_metres
+from tdfscal.records import FloatArray
 
 _BARE_UNIT = "|".join(map(re.escape, sorted(SPELLINGS, key=len, reverse=True)))
 _GAP = r"[\s_.-]*"
+_MEASURED = r"(?:meas(?:ured)?|actual|act|ist|coord(?:inate)?)"
+#: What stands before and after the axis in the names of each kind of column.
 _KINDS = {
-    "expanded": rf"u{_GAP}\(?\s*95\s*%?\s*\)?",
-    "standard": r"(?:u|σ|sigma|std|sd|unc(?:ert(?:ainty)?)?)",
-    "nominal": r"(?:nom(?:inal)?|soll|ref(?:erence)?)",
-    "coordinate": r"(?:(?:meas(?:ured)?|actual|act|ist|coord(?:inate)?)?)",
-}
-_AFTER = {
-    "coordinate": rf"(?:{_GAP}(?:meas(?:ured)?|actual|act|ist|coord(?:inate)?))?",
-    "nominal": "",
-    "expanded": "",
-    "standard": "",
+    "expanded": (rf"u{_GAP}\(?\s*95\s*%?\s*\)?", ""),
+    "standard": (r"(?:u|σ|sigma|std|sd|unc(?:ert(?:ainty)?)?)", ""),
+    "nominal": (r"(?:nom(?:inal)?|soll|ref(?:erence)?)", ""),
+    "coordinate": (rf"{_MEASURED}?", rf"(?:{_GAP}{_MEASURED})?"),
 }
 _COLUMN = {
     kind: re.compile(
-        rf"{before}{_GAP}\(?(?P<axis>[xyz])\)?{_AFTER[kind]}\s*"
+        rf"{before}{_GAP}\(?(?P<axis>[xyz])\)?{after}\s*"
         rf"(?:[\[(](?P<unit>[^\])]*)[\])]|[/_\s]\s*(?P<bare>{_BARE_UNIT}))?",
         re.IGNORECASE,
     )
-    for kind, before in _KINDS.items()
+    for kind, (before, after) in _KINDS.items()
 }
 _GROUP = ("group", "group name", "point group", "gruppe")
 #: Names of the column with the points' names, the best first; `Target` is a reflector's type or,
@@ -51,7 +48,7 @@ class Columns:
     """Where a table has what, by column number.
 
     group, point : None where there is no such column. coordinate, uncertainty : x, y, z; factor
-    and uncertainty_factor take them to m, None where the header names no unit. expanded : the
+    and uncertainty_factor (3,) take them to m, NaN where the header names no unit. expanded : the
     uncertainties are U(95). bare : they are such as SpatialAnalyzer's `U-x`, whose coverage stands
     elsewhere in the file. reflector : the point's column may hold the reflector's type instead.
     offset : columns that must be zero.
@@ -60,14 +57,14 @@ class Columns:
     count: int
     group: int | None
     point: int | None
-    coordinate: tuple[int, int, int]
-    factor: tuple[float | None, float | None, float | None]
-    uncertainty: tuple[int, int, int] | None = None
-    uncertainty_factor: tuple[float | None, float | None, float | None] = (None, None, None)
+    coordinate: Sequence[int]
+    factor: FloatArray
+    uncertainty: Sequence[int] | None
+    uncertainty_factor: FloatArray
     expanded: bool = False
     bare: bool = False
     reflector: bool = False
-    offset: tuple[int, ...] = ()
+    offset: Sequence[int] = ()
     ignored: tuple[str, ...] = ()
 
     @property
@@ -107,23 +104,22 @@ def read_header(cells: Sequence[str], where: str) -> Columns:
             raise DataError(
                 f"names the column `{names[i]}` twice", where=where, hint="leave one out"
             )
-    coordinate = kinds["coordinate"] if len(kinds["coordinate"]) == 3 else kinds["nominal"]
-    uncertain = _uncertain(kinds, where)
+    coordinate = _xyz(kinds["coordinate"] if len(kinds["coordinate"]) == 3 else kinds["nominal"])
+    uncertainty = _uncertainty(kinds, where)
     point = _first(folded, _POINT)
     target = _first(folded, _TARGET) if point is None else None
     group = _first(folded, _GROUP)
-    offset = tuple(i for i, name in enumerate(names) if parsed[i] is None and _OFFSET.search(name))
+    offset = [i for i, name in enumerate(names) if parsed[i] is None and _OFFSET.search(name)]
     name = point if point is not None else target
-    used = {group, name, *coordinate.values(), *uncertain.values(), *offset}
-    u = _three(uncertain) if uncertain else None
+    used = {group, name, *coordinate, *(uncertainty or ()), *offset}
     return Columns(
         count=len(names),
         group=group,
         point=name,
-        coordinate=_three(coordinate),
-        factor=_factors(parsed, _three(coordinate), where),
-        uncertainty=u,
-        uncertainty_factor=_factors(parsed, u, where) if u else (None, None, None),
+        coordinate=coordinate,
+        factor=_factors(parsed, coordinate, where),
+        uncertainty=uncertainty,
+        uncertainty_factor=_factors(parsed, uncertainty or coordinate, where),
         expanded=bool(kinds["expanded"]),
         bare=any(re.match(r"U\W", names[i]) for i in kinds["standard"].values()),
         reflector=target is not None and group is None,
@@ -184,7 +180,7 @@ def _parsed(name: str) -> _Name | None:
     return None
 
 
-def _uncertain(kinds: dict[str, dict[str, int]], where: str) -> dict[str, int]:
+def _uncertainty(kinds: dict[str, dict[str, int]], where: str) -> list[int] | None:
     if kinds["expanded"] and kinds["standard"]:
         raise DataError(
             "has both U(95) and u columns", where=where, hint="leave one kind of them out"
@@ -196,19 +192,16 @@ def _uncertain(kinds: dict[str, dict[str, int]], where: str) -> dict[str, int]:
             where=where,
             hint="give them for x, y and z, or for none",
         )
-    return uncertain
+    return _xyz(uncertain) if uncertain else None
 
 
-def _three(index: dict[str, int]) -> tuple[int, int, int]:
-    return index["x"], index["y"], index["z"]
+def _xyz(index: dict[str, int]) -> list[int]:
+    return [index[axis] for axis in "xyz"]
 
 
-def _factors(
-    parsed: Sequence[_Name | None], columns: tuple[int, int, int], where: str
-) -> tuple[float | None, float | None, float | None]:
-    units = [column.unit if (column := parsed[i]) else None for i in columns]
-    x, y, z = (to_metres(unit, where) if unit is not None else None for unit in units)
-    return x, y, z
+def _factors(parsed: Sequence[_Name | None], which: Sequence[int], where: str) -> FloatArray:
+    units = [column.unit for i in which if (column := parsed[i])]
+    return np.array([np.nan if unit is None else to_metres(unit, where) for unit in units])
 
 
 def _first(names: Sequence[str], known: Sequence[str]) -> int | None:
@@ -216,14 +209,15 @@ def _first(names: Sequence[str], known: Sequence[str]) -> int | None:
 
 
 def _columns(names: int, numbers: int, *, normals: bool = False) -> Columns:
-    u = (names + 3, names + 4, names + 5) if numbers == 6 and not normals else None
+    u = range(names + 3, names + 6) if numbers == 6 and not normals else None
     return Columns(
         count=names + numbers,
         group=names - 2 if names >= 2 else None,
         point=names - 1 if names else None,
-        coordinate=(names, names + 1, names + 2),
-        factor=(None, None, None),
+        coordinate=range(names, names + 3),
+        factor=np.full(3, np.nan),
         uncertainty=u,
+        uncertainty_factor=np.full(3, np.nan),
         bare=u is not None,
         ignored=("Collection",) * (names == 3) + ("i", "j", "k") * normals,
     )

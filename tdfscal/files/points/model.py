@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from typing import Literal, Self
 
+import numpy as np
 from pydantic import model_validator
 
+from tdfscal.errors import DataError
 from tdfscal.files.field_types import NotNegative, Number, Strict, Text, fault, key
+from tdfscal.files.model_errors import checked
+from tdfscal.files.points.numbers import to_metres
+from tdfscal.files.yaml.reading import parse_document
+from tdfscal.records import PointSet
 
 
 class Point(Strict):
@@ -49,3 +55,19 @@ class PointFile(Strict):
                     hint="give each point of a group a name of its own",
                 )
         return self
+
+
+def parse_json(text: str, source: str) -> PointSet:
+    """Read a point file in JSON. Raises DataError with the place of what is wrong in it."""
+    file = checked(PointFile, parse_document(text.encode(), source, DataError), DataError)
+    if not file.points:
+        raise DataError("holds no points", where=source, hint="check the export")
+    factor = to_metres(file.length_unit, source)
+    std = np.array([[p.ux, p.uy, p.uz] for p in file.points], dtype=np.float64)  # None is NaN
+    return PointSet(
+        group=tuple(p.group for p in file.points),
+        point=tuple(p.point for p in file.points),
+        xyz=factor * np.array([[p.x, p.y, p.z] for p in file.points]),
+        std=None if np.isnan(std).all() else factor * std,
+        source=source,
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from tdfscal.files.points.columns import (
     read_header,
     spatial_analyzer,
 )
+from tdfscal.files.points.model import parse_json
 from tdfscal.files.points.numbers import as_number, last_digit, to_metres
 from tdfscal.files.points.text import (
     Line,
@@ -28,9 +30,9 @@ from tdfscal.files.points.text import (
     read_text,
     split,
 )
-from tdfscal.files.points.uncertainties import coverage_of, standard_uncertainties
 from tdfscal.files.rig.reading import TrackerFiles
 from tdfscal.records import FloatArray, PointSet, TrackerSession
+from tdfscal.significance import COVERAGE_FACTOR
 
 #: Lines before the header at most, as instruments write them about themselves.
 _PREAMBLE = 60
@@ -49,12 +51,30 @@ class _Table:
     """A table of cells: its columns, the line of each row, decimal comma allowed or not."""
 
     columns: Columns
-    rows: tuple[tuple[Line, list[str]], ...]
+    lines: Sequence[Line]
+    rows: Sequence[list[str]]
     comma: bool
     source: str
 
-    def where(self, row: int) -> str:
-        return f"{self.source}, line {self.rows[row][0].number}"
+    def refuse(self, row: int, what: str, hint: str) -> NoReturn:
+        """Raise DataError at a row."""
+        raise DataError(what, where=f"{self.source}, line {self.lines[row].number}", hint=hint)
+
+    def numbers(self, columns: Sequence[int], *, blank: bool = False) -> FloatArray:
+        """Return the numbers (N, columns); blank : a cell may be, and is not a number then."""
+        numbers = np.full((len(self.rows), len(columns)), np.nan)
+        for k, row in enumerate(self.rows):
+            for j, column in enumerate(columns):
+                value = as_number(row[column], comma=self.comma)
+                if value is not None:
+                    numbers[k, j] = value
+                elif row[column] or not blank:
+                    self.refuse(k, f"`{row[column]}` is not a finite number", "check the line")
+        return numbers
+
+    def last_digit(self, columns: Sequence[int]) -> float:
+        """Return what the last digit of the most finely written number is worth."""
+        return last_digit((row[i] for row in self.rows for i in columns), comma=self.comma)
 
 
 def read_tracker_session(files: TrackerFiles) -> tuple[TrackerSession, tuple[str, ...]]:
@@ -80,93 +100,67 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     path = Path(path)
     text, source = read_text(path), str(path)
     if path.suffix.lower() == ".json":
-        return PointReading(_from_json(text, source), ())
-    lines = split(text)
-    data = [line for line in lines if not line.comment]
-    if not data:
-        raise DataError("holds no points", where=source, hint="check the export")
-    table, beside, notes = _table(lines, data, source)
-    coordinate, uncertainty = _factors(table.columns, beside, length_unit, source)
+        return PointReading(parse_json(text, source), ())
+    table, beside, notes = _table(split(text), source)
+    columns = table.columns
+    coordinate, uncertainty = _factors(columns, beside, length_unit, source)
     names, named = _names(table)
-    xyz, cells = _coordinates(table)
+    xyz = _coordinates(table)
     # Whole numbers are a drawing's: exact, not readings that were rounded to a unit.
-    digit = 0.0 if np.all(xyz == np.round(xyz)) else last_digit(cells, comma=table.comma)
-    std, stated = _stated(table, beside, uncertainty)
-    if table.columns.ignored:
-        notes.append(f"{source}: columns not used: {', '.join(table.columns.ignored)}")
+    digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinate)
+    std, stated = _stated(table, beside)
+    if columns.ignored:
+        notes.append(f"{source}: columns not used: {', '.join(columns.ignored)}")
     points = PointSet(
         group=tuple(group for group, _ in names),
         point=tuple(point for _, point in names),
         xyz=xyz * coordinate,
-        std=std,
+        std=None if std is None else std * uncertainty,
         source=source,
         resolution=digit * max(coordinate),
     )
     return PointReading(points, (*named, *stated, *notes))
 
 
-def _from_json(text: str, source: str) -> PointSet:
-    from tdfscal.files.model_errors import checked
-    from tdfscal.files.points.model import PointFile
-    from tdfscal.files.yaml.reading import parse_document
-
-    file = checked(PointFile, parse_document(text.encode(), source, DataError), DataError)
-    if not file.points:
-        raise DataError("holds no points", where=source, hint="check the export")
-    factor = to_metres(file.length_unit, source)
-    given = [p.ux is not None for p in file.points]
-    nan = float("nan")
-    std = [[nan if u is None else u for u in (p.ux, p.uy, p.uz)] for p in file.points]
-    return PointSet(
-        group=tuple(p.group for p in file.points),
-        point=tuple(p.point for p in file.points),
-        xyz=factor * np.array([[p.x, p.y, p.z] for p in file.points]),
-        std=factor * np.array(std, dtype=np.float64) if any(given) else None,
-        source=source,
-    )
-
-
-def _table(
-    lines: Sequence[Line], data: Sequence[Line], source: str
-) -> tuple[_Table, Preamble, list[str]]:
+def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[str]]:
     """The table, what the lines beside it say, and a note where no line names the columns."""
-    delimiter = delimiter_of(data[-1].text)
-    header = _header(lines, data, delimiter)
+    data = [line for line in lines if not line.comment]
+    delimiter = delimiter_of(data[-1].text) if data else None
+    header = _header(lines, delimiter)
     begin = 0 if header is None or header.comment else header.number
     body = [line for line in data if line.number > begin]
     if not body:
-        raise DataError("holds a header, but no points", where=source, hint="check the export")
-    inside = {line.number for line in body}
-    beside = read_preamble([line for line in lines if line.number not in inside], source)
-    rows = tuple((line, cells_of(line.text, delimiter)) for line in body)
-    notes = []
+        what = "holds a header, but no points" if data else "holds no points"
+        raise DataError(what, where=source, hint="check the export")
+    others = [line for line in lines if line.comment or line.number <= begin]
+    beside = read_preamble(others, source)
+    rows, notes, comma = [cells_of(line.text, delimiter) for line in body], [], delimiter != ","
     if header is not None:
         where = f"{source}, line {header.number}"
         columns = read_header(_cells_of_header(header, delimiter), where)
+    elif beside.axes and (known := spatial_analyzer(len(rows[0]), beside.uncertain)):
+        columns = known
     else:
-        columns, note = _nameless(rows, beside, delimiter != ",", source)
-        notes = [note] if note else []
-    table = _Table(columns, rows, delimiter != ",", source)
-    for k, (_, cells) in enumerate(rows):
+        columns = _nameless(rows, body[0], beside, comma, source)
+        notes = [f"{source}: no line names the columns; read as {in_words(columns)}"]
+    table = _Table(columns, body, rows, comma, source)
+    for k, cells in enumerate(rows):
         if not columns.needed <= len(cells) <= columns.count:
-            raise DataError(
+            table.refuse(
+                k,
                 f"has {len(cells)} columns where {columns.count} are expected",
-                where=table.where(k),
-                hint="check the line; quote a name that has a comma or a blank in it",
+                "check the line; quote a name that has a comma or a blank in it",
             )
         cells += [""] * (columns.count - len(cells))
     return table, beside, notes
 
 
-def _header(lines: Sequence[Line], data: Sequence[Line], delimiter: str | None) -> Line | None:
+def _header(lines: Sequence[Line], delimiter: str | None) -> Line | None:
     """The line that names x, y and z: among the first of the file, or a comment."""
-    first = [line for line in data[:_PREAMBLE] if is_header(_cells_of_header(line, delimiter))]
-    comments = [
-        line
-        for line in lines
-        if line.comment and "=" not in line.text and is_header(_cells_of_header(line, delimiter))
-    ]
-    return next(iter([*first, *comments]), None)
+    data = [line for line in lines if not line.comment][:_PREAMBLE]
+    comments = [line for line in lines if line.comment and "=" not in line.text]
+    named = (line for line in (*data, *comments) if is_header(_cells_of_header(line, delimiter)))
+    return next(named, None)
 
 
 def _cells_of_header(line: Line, delimiter: str | None) -> list[str]:
@@ -175,56 +169,51 @@ def _cells_of_header(line: Line, delimiter: str | None) -> list[str]:
 
 
 def _nameless(
-    rows: Sequence[tuple[Line, list[str]]], beside: Preamble, comma: bool, source: str
-) -> tuple[Columns, str | None]:
-    where = f"{source}, line {rows[0][0].number}"
-    cells = [row for _, row in rows]
-    if beside.axes and (columns := spatial_analyzer(len(cells[0]), beside.uncertain)):
-        return columns, None
-    if not any(as_number(cell, comma=comma) is not None for cell in cells[0]):
+    rows: Sequence[list[str]], first: Line, beside: Preamble, comma: bool, source: str
+) -> Columns:
+    where = f"{source}, line {first.number}"
+    if not any(as_number(cell, comma=comma) is not None for cell in rows[0]):
         raise DataError(
             "no line names the columns group, point, x, y and z; the first reads "
-            f"`{rows[0][0].text[:60]}`",
+            f"`{first.text[:60]}`",
             where=where,
             hint="begin the file with `group,point,x,y,z`",
         )
-    columns = by_cells(cells, beside.uncertain, comma, where)
-    return columns, f"{source}: no line names the columns; read as {in_words(columns)}"
+    return by_cells(rows, beside.uncertain, comma, where)
 
 
 def _factors(
     columns: Columns, beside: Preamble, length_unit: str | None, source: str
 ) -> tuple[FloatArray, FloatArray]:
     """Factors to m of the coordinates and of their uncertainties, (3,) each."""
-    unit = None if beside.unit is None else to_metres(beside.unit, source)
-    named = [f for f in columns.factor if f is not None]
-    if unit is not None and any(f != unit for f in named):
-        raise DataError(
-            f"the {'AXES line' if beside.axes else 'unit line'} and the column names give "
-            "different units",
-            where=source,
-            hint="correct one of them",
-        )
-    fallback = unit
-    if fallback is None and length_unit is not None:
+    named = np.isfinite(columns.factor)
+    fallback = np.nan
+    if beside.unit is not None:
+        fallback = to_metres(beside.unit, source)
+        if np.any(columns.factor[named] != fallback):
+            raise DataError(
+                f"the {'AXES line' if beside.axes else 'unit line'} and the column names give "
+                "different units",
+                where=source,
+                hint="correct one of them",
+            )
+    elif length_unit is not None:
         fallback = to_metres(length_unit, "length_unit")
-    if fallback is None and len(named) < 3:
+    coordinate = np.where(named, columns.factor, fallback)
+    if np.isnan(coordinate).any():
         raise DataError(
             "no length unit: the file names none and neither does the rig file",
             where=source,
             hint="name it in the header, as in `x [mm]`, or give it with --unit or `length_unit`",
         )
-    coordinate = np.array([f if f is not None else fallback for f in columns.factor])
     own = columns.uncertainty_factor
-    return coordinate, np.array(
-        [u if u is not None else f for u, f in zip(own, coordinate, strict=True)]
-    )
+    return coordinate, np.where(np.isfinite(own), own, coordinate)
 
 
 def _names(table: _Table) -> tuple[list[tuple[str, str]], list[str]]:
     """Group and point of each row, and notes; rows are numbered where no column names them."""
     columns, source = table.columns, table.source
-    points = None if columns.point is None else [row[columns.point] for _, row in table.rows]
+    points = None if columns.point is None else [row[columns.point] for row in table.rows]
     notes = []
     if points and columns.reflector and 2 * len(set(points)) <= len(points):
         notes.append(f"{source}: the column Target holds reflectors ({points[0]}), not points")
@@ -233,19 +222,15 @@ def _names(table: _Table) -> tuple[list[tuple[str, str]], list[str]]:
         notes.append(f"{source}: the points have no names; they are numbered by their rows")
         points = [str(k + 1) for k in range(len(table.rows))]
     seen: dict[tuple[str, str], int] = {}
-    for k, (line, row) in enumerate(table.rows):
-        group = "" if columns.group is None else row[columns.group]
-        name = _apart(group, points[k])
+    for k, (line, row) in enumerate(zip(table.lines, table.rows, strict=True)):
+        name = _apart("" if columns.group is None else row[columns.group], points[k])
         if not name[1] or (columns.group is not None and not name[0]):
-            raise DataError(
-                "has no group or no point name", where=table.where(k), hint="name the point"
-            )
+            table.refuse(k, "has no group or no point name", "name the point")
         if name in seen:
-            label = "/".join(part for part in name if part)
-            raise DataError(
-                f"{label} stands in line {seen[name]} already",
-                where=table.where(k),
-                hint="give each point of a group a name of its own, or leave one out",
+            table.refuse(
+                k,
+                f"{'/'.join(filter(None, name))} stands in line {seen[name]} already",
+                "give each point of a group a name of its own, or leave one out",
             )
         seen[name] = line.number
     return list(seen), notes
@@ -257,58 +242,64 @@ def _apart(group: str, point: str) -> tuple[str, str]:
     return (group or (path[-1] if path else ""), last) if path else (group, point)
 
 
-def _coordinates(table: _Table) -> tuple[FloatArray, list[str]]:
-    """Coordinates (N, 3) in the file's unit, and their cells."""
-    columns, cells = table.columns, list[str]()
-    xyz = np.empty((len(table.rows), 3))
-    for k, (_, row) in enumerate(table.rows):
-        for i in columns.offset:
-            if row[i] and _number(table, k, i) != 0:
-                label = row[columns.point] if columns.point is not None else f"point {k + 1}"
-                raise DataError(
-                    f"{label} has a probe offset of {row[i]}: the coordinates are those of the "
-                    "probe, not of the point",
-                    where=table.where(k),
-                    hint="export offset-corrected points",
-                )
-        xyz[k] = [_number(table, k, i) for i in columns.coordinate]
-        cells += [row[i] for i in columns.coordinate]
-    return xyz, cells
-
-
-def _stated(
-    table: _Table, beside: Preamble, factor: FloatArray
-) -> tuple[FloatArray | None, list[str]]:
-    """Standard uncertainties (N, 3), m, as `PointSet.std` has them, and notes."""
+def _coordinates(table: _Table) -> FloatArray:
+    """Coordinates (N, 3) in the file's unit, of points and not of a probe beside them."""
     columns = table.columns
+    offset = np.nan_to_num(table.numbers(columns.offset, blank=True))
+    for k, i in np.argwhere(offset != 0):
+        row = table.rows[k]
+        label = f"point {k + 1}" if columns.point is None else row[columns.point]
+        table.refuse(
+            k,
+            f"{label} has a probe offset of {row[columns.offset[i]]}: the coordinates are those "
+            "of the probe, not of the point",
+            "export offset-corrected points",
+        )
+    return table.numbers(columns.coordinate)
+
+
+def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[str]]:
+    """Standard uncertainties (N, 3), in the file's unit, as `PointSet.std` has them, and notes."""
+    columns, source = table.columns, table.source
     if columns.uncertainty is None:
         return None, []
-    cells = [[row[i] for i in columns.uncertainty] for _, row in table.rows]
-    numbers = np.full((len(cells), 3), np.nan)
-    for k, row in enumerate(cells):
-        if 0 < sum(map(bool, row)) < 3:
-            raise DataError(
-                "has an uncertainty for some of x, y and z only",
-                where=table.where(k),
-                hint="give all three, or none",
-            )
-        if all(row):
-            numbers[k] = [_number(table, k, i) for i in columns.uncertainty]
+    numbers = table.numbers(columns.uncertainty, blank=True)
+    there = np.isfinite(numbers)
+    for k, row in enumerate(there):
+        if row.any() and not row.all():
+            hint = "give all three, or none"
+            table.refuse(k, "has an uncertainty for some of x, y and z only", hint)
         if np.any(numbers[k] < 0):
+            table.refuse(k, "has a negative uncertainty", "check the line")
+    notes = []
+    if columns.expanded:
+        coverage = COVERAGE_FACTOR
+        notes.append(f"U(95) is taken as an expanded uncertainty, u = U(95)/{coverage:g}")
+        if beside.coverage not in (None, 1.0, coverage):
             raise DataError(
-                "has a negative uncertainty", where=table.where(k), hint="check the line"
+                f"has U(95) columns and names a coverage of {beside.coverage:g} sigma",
+                where=source,
+                hint="correct one of them",
             )
-    coverage, note = coverage_of(columns, beside.coverage, table.source)
-    digit = last_digit((cell for row in cells for cell in row), comma=table.comma)
-    std, notes = standard_uncertainties(numbers, digit, coverage, table.source)
-    return None if std is None else std * factor, [*note, *notes]
-
-
-def _number(table: _Table, row: int, column: int) -> float:
-    cell = table.rows[row][1][column]
-    value = as_number(cell, comma=table.comma)
-    if value is None:
-        raise DataError(
-            f"`{cell}` is not a finite number", where=table.where(row), hint="check the line"
-        )
-    return value
+    else:
+        coverage = beside.coverage or 1.0
+        if beside.coverage is not None:
+            notes.append(f"its uncertainties are of {coverage:g} sigma, as it says")
+        elif columns.bare:
+            notes.append(
+                "its uncertainties are taken as standard ones (1 sigma); no line says more"
+            )
+    std = None
+    if np.any(numbers > 0):
+        # A zero beside other uncertainties was rounded: it is anything below half a digit, and
+        # the end of that interval is taken.
+        rounded = table.last_digit(columns.uncertainty) / 2
+        if np.any(numbers == 0):
+            notes.append(f"uncertainties printed as 0 are taken as {rounded:g}, as rounded")
+        if not there.all():
+            notes.append(f"{np.sum(~there.all(axis=1))} point(s) have no uncertainty")
+        std = np.where(numbers == 0, rounded, numbers) / coverage
+    else:
+        kind = "are all zero" if there.any() else "are all blank"
+        notes.append(f"its uncertainties {kind}, which states none")
+    return std, [f"{source}: {note}" for note in notes]
