@@ -52,7 +52,7 @@ def aligned(pieces: Iterable[Log], tally: Tally) -> Iterator[Samples]:
     held: list[Series] = []
     for piece in pieces:
         streams = [*piece.position, *piece.force]
-        held = [_joined(a, b) for a, b in zip(held, streams, strict=True)] if held else streams
+        held = [joined(a, b) for a, b in zip(held, streams, strict=True)] if held else streams
         base = len(piece.position)
         if all(s.time is held[0].time or np.array_equal(s.time, held[0].time) for s in held):
             yield from _sound(held[base].time, [s.value for s in held], tally)
@@ -65,7 +65,8 @@ def aligned(pieces: Iterable[Log], tally: Tally) -> Iterator[Samples]:
         tally.uncovered += held[len(held) // 2].time.size
 
 
-def _joined(a: Series, b: Series) -> Series:
+def joined(a: Series, b: Series) -> Series:
+    """One stream from two pieces of it."""
     if not a.time.size or not b.time.size:
         return b if b.time.size else a
     return Series(np.concatenate([a.time, b.time]), np.concatenate([a.value, b.value]))
