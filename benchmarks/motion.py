@@ -61,7 +61,7 @@ def bound(rig: Rig, campaign: MovingCampaign, slow: Slow) -> FloatArray:
     )  # fmt: skip
     state = MovingState(still, Moving(voigt(campaign.inertia), options.friction, options.delay))
     cut = blocks(slow, np.ones(len(slow.time), dtype=np.bool_))
-    fit = at_state(rig, slow, cut, state, MovingPriors(rig, slow, DELAY), None)
+    fit = at_state(MovingPriors(rig, slow, DELAY), cut, state, None)
     f = fit.rows.bins.frequency
     density = options.noise**2 / options.rate + options.slow_noise**2 * 2 * options.slow_time / (
         1 + (2 * np.pi * f * options.slow_time) ** 2

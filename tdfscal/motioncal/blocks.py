@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.motioncal.streams import Slow
-from tdfscal.records import BoolArray, FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -31,12 +31,20 @@ _FEWEST = 40
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
-    """One stretch of the slow streams.
+class Stretch:
+    """A stretch of time, s, that is left out, and why."""
 
-    index : rows of the streams, consecutive. taper : (3, N), w, w' (1/s), w'' (1/s²).
+    begin: float
+    end: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """N consecutive instants of the slow streams.
+
+    index : rows of the streams. taper : (3, N), w, w' (1/s), w'' (1/s²).
     frequency : (F,), Hz, from 0 to the band's edge. step : s. begin : s, of the first row.
-    share : independent Fourier coefficients per coefficient: the taper makes neighbours alike.
     """
 
     index: slice
@@ -45,11 +53,24 @@ class Block:
     step: float
     begin: float
 
+    def __len__(self) -> int:
+        return len(self.taper[0])
+
+    @property
+    def seconds(self) -> float:
+        """How long it is, s."""
+        return len(self) * self.step
+
     @property
     def share(self) -> float:
-        """(Σ w²)² / (N Σ w⁴): how much the coefficients count (1 without a taper)."""
+        """(Σ w²)² / (N Σ w⁴): how much a coefficient counts; the taper makes neighbours alike."""
         w = self.taper[0]
         return float(np.sum(w**2) ** 2 / (len(w) * np.sum(w**4)))
+
+    def power(self, coefficients: ComplexArray) -> FloatArray:
+        """Mean square (c,) over time of what has these coefficients (F, c)."""
+        both = np.where(np.arange(len(coefficients)) > 0, 2.0, 1.0)[:, None]
+        return np.asarray(np.sum(both * np.abs(coefficients) ** 2, axis=0) / self.seconds)
 
     @property
     def scale(self) -> float:
@@ -58,9 +79,8 @@ class Block:
 
     def transform(self, signal: FloatArray, derivative: int = 0) -> ComplexArray:
         """Coefficients (F, ...) of signal (N, ...), of its first or its second derivative."""
-        rows = signal.reshape(
-            len(signal), -1
-        ).T  # an instant beside the next: what FFTs are fast on
+        # An instant beside the next: what FFTs are fast on.
+        rows = signal.reshape(len(signal), -1).T
         omega, count = 2 * np.pi * self.frequency, len(self.frequency)
 
         def fourier(taper: FloatArray) -> ComplexArray:
@@ -78,24 +98,27 @@ class Block:
 def blocks(slow: Slow, keep: BoolArray) -> tuple[Block, ...]:
     """Cut the kept instants (a mask (N,)) into blocks."""
     out = []
-    for first, last in stretches(slow, keep):
-        length = (last - first) * slow.step
+    for run in stretches(slow, keep):
+        length = (run.stop - run.start) * slow.step
         parts = max(1, int(np.ceil(length / LONGEST)))
-        edges = np.linspace(first, last, parts + 1).astype(int)
+        edges = np.linspace(run.start, run.stop, parts + 1).astype(int)
         out += [_block(slow, a, b) for a, b in pairwise(edges)]
     return tuple(out)
 
 
-def stretches(slow: Slow, keep: BoolArray) -> list[tuple[int, int]]:
-    """Rows first … last − 1 of every stretch that is kept, without a hole and long enough."""
-    rows: IntArray = np.flatnonzero(keep)
-    if not rows.size:
-        return []
+def stretches(slow: Slow, keep: BoolArray) -> list[slice]:
+    """Rows of every stretch that is kept, without a hole and long enough."""
+    rows = np.flatnonzero(keep)
     apart = (np.diff(rows) > 1) | (np.diff(slow.time[rows]) > 1.5 * slow.step)
-    cuts = np.flatnonzero(apart) + 1
-    runs = np.split(rows, cuts)
     least = max(SHORTEST / slow.step, _FEWEST)
-    return [(int(run[0]), int(run[-1]) + 1) for run in runs if len(run) >= least]
+    parts = np.split(rows, np.flatnonzero(apart) + 1)
+    return [slice(int(p[0]), int(p[-1]) + 1) for p in parts if len(p) >= least]
+
+
+def runs(flag: BoolArray) -> list[slice]:
+    """Rows of every run of True in flags (N,)."""
+    edges = np.flatnonzero(np.diff(flag, prepend=False, append=False))
+    return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _block(slow: Slow, first: int, last: int) -> Block:

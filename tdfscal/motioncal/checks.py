@@ -1,13 +1,14 @@
-"""Can this log calibrate in motion at all? What cannot is refused with its reason."""
+"""What of a log serves in motion; what cannot serve at all is refused with its reason."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.checks.faulty_sensors import axes_line, check_unmeasured
 from tdfscal.errors import DataError
-from tdfscal.motioncal.blocks import BAND, SHORTEST, Block
-from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, Stretch, blocks, runs
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, FloatArray, Rig
 
@@ -25,6 +26,27 @@ _FROZEN, _SAME, _MOVES = 1.0, 1e-12, 1e-4
 _HOLE, _JUMPED = 1.5, 0.2
 #: Holes that are named one by one.
 _NAMED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Usable:
+    """What of a log serves: its instants (a mask (N,)), their blocks, and what was left out."""
+
+    keep: BoolArray
+    blocks: tuple[Block, ...]
+    rejected: tuple[Stretch, ...]
+
+
+def usable_samples(rig: Rig, slow: Slow) -> Usable:
+    """Leave out what is frozen or clipped. Raises DataError where nothing serves."""
+    check_stream(rig, slow)
+    keep, rejected = np.ones(len(slow.time), dtype=np.bool_), []
+    for run, reason in _unfit(rig, slow):
+        keep[run] = False
+        rejected.append(Stretch(float(slow.time[run][0]), float(slow.time[run][-1]), reason))
+    cut = blocks(slow, keep)
+    check_blocks(slow, cut)
+    return Usable(keep, cut, tuple(rejected))
 
 
 def check_stream(rig: Rig, slow: Slow) -> None:
@@ -67,23 +89,23 @@ def check_stream(rig: Rig, slow: Slow) -> None:
         )
 
 
-def check_blocks(slow: Slow, blocks: tuple[Block, ...]) -> None:
+def check_blocks(slow: Slow, cut: tuple[Block, ...]) -> None:
     """Raise DataError where nothing is left, or the motion is faster than the recording."""
-    if not blocks:
+    if not cut:
         raise DataError(
             f"no stretch of {SHORTEST:.0f} s is left to calibrate from in motion",
             where="log",
             hint="record half a minute of motion or more, without holes in the streams",
         )
     fast = total = 0.0
-    for block in blocks:
-        place = slow.position[block.index].reshape(block.taper.shape[1], -1)
+    for block in cut:
+        place = slow.position[block.index].reshape(len(block), -1)
         spectrum = np.fft.rfft(block.taper[0][:, None] * (place - place.mean(axis=0)), axis=0)
         f = np.fft.rfftfreq(len(place), slow.step)
         power = np.sum(np.abs(spectrum) ** 2, axis=1) * f**2
         fast += float(power[f > BAND / slow.step].sum())
         total += float(power.sum())
-    moved = max(np.ptp(slow.position[block.index], axis=0).max() for block in blocks)
+    moved = max(np.ptp(slow.position[block.index], axis=0).max() for block in cut)
     noise = 10 * max(slow.quantum, 1e-6)
     if fast > _FAST * total and moved > noise:
         raise DataError(
@@ -94,8 +116,8 @@ def check_blocks(slow: Slow, blocks: tuple[Block, ...]) -> None:
         )
 
 
-def frozen(rig: Rig, slow: Slow) -> tuple[BoolArray, tuple[Stretch, ...]]:
-    """Mask (N,) of instants that stand apart from channels which froze for a while.
+def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, str]]:
+    """Runs of instants at which a channel is frozen or clipped, and what is wrong there.
 
     A force that stays the same to the last digit is frozen; an NCP's place is while others move.
     """
@@ -108,33 +130,18 @@ def frozen(rig: Rig, slow: Slow) -> tuple[BoolArray, tuple[Stretch, ...]]:
         for run in _same(slow.position[:, i], slow.step):
             if np.ptp(slow.position[run], axis=0).max() > _MOVES:
                 found.append((run, reason))
-    keep = np.ones(len(slow.time), dtype=np.bool_)
-    for run, _ in found:
-        keep[run] = False
-    return keep, tuple(
-        Stretch(float(slow.time[run][0]), float(slow.time[run][-1]), reason)
-        for run, reason in found
-    )
+    return found + [(run, "a sensor is at its capacity") for run in runs(slow.clipped)]
 
 
 def _same(value: FloatArray, step: float) -> list[slice]:
     """Runs of instants at which values (N, c) stay the same for _FROZEN seconds or more."""
     change = np.abs(np.diff(value, axis=0)) <= _SAME * np.abs(value[1:])
-    rows = np.flatnonzero(change.all(axis=1))
     least = max(3, int(np.ceil(_FROZEN / step)))
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    return [slice(int(run[0]), int(run[-1]) + 2) for run in runs if len(run) >= least]
-
-
-def clipped(rig: Rig, slow: Slow) -> tuple[Stretch, ...]:
-    """Name the stretches in which a reading stands at its capacity."""
-    rows = np.flatnonzero(slow.clipped)
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    return tuple(
-        Stretch(float(slow.time[run[0]]), float(slow.time[run[-1]]), "a sensor is at its capacity")
-        for run in runs
-        if run.size
-    )
+    return [
+        slice(run.start, run.stop + 1)
+        for run in runs(np.asarray(change.all(axis=1)))
+        if run.stop - run.start >= least
+    ]
 
 
 def gaps(slow: Slow) -> tuple[str, ...]:

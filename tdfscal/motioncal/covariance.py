@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -191,24 +192,22 @@ def faked_information(fit: MovingFit) -> FloatArray:
 
 def quality(fit: MovingFit) -> Quality:
     """χ² of the fit, which the spectrum has been brought to agree with; rms over time."""
-    used = len(fit.information().values)
     count = round(float(fit.rows.bins.count.sum()))
-    dof = count + len(fit.prior_residual) - used
+    dof = count + len(fit.prior_residual) - len(fit.information().values)
     chi2 = fit.cost
-    rms = [0.0, 0.0]
-    total = sum(design.block.taper.shape[1] for design in fit.designs)
-    for item, e in zip(fit.designs, fit.wrenches(), strict=True):
-        both = np.where(np.arange(len(e)) > 0, 2.0, 1.0)[:, None]
-        length = item.block.taper.shape[1] * item.block.step
-        power = np.sum(both * np.abs(e) ** 2, axis=0) / length
-        share = item.block.taper.shape[1] / total
-        rms[0] += share * float(power[:3].sum())
-        rms[1] += share * float(power[3:].sum())
+    rms_force, rms_moment = map(float, rms(fit.designs, fit.psi))
     return Quality(
         chi2=chi2,
         dof=dof,
         p_value=float(chi2_sf(chi2, dof)) if dof > 0 else 1.0,
         birge=float(np.sqrt(chi2 / dof)) if dof > 0 else 1.0,
-        rms_force=float(np.sqrt(rms[0])),
-        rms_moment=float(np.sqrt(rms[1])),
+        rms_force=rms_force,
+        rms_moment=rms_moment,
     )
+
+
+def rms(designs: Sequence[BlockDesign], psi: FloatArray) -> FloatArray:
+    """Quadratic means (2,) over time of the wrench of some blocks, N and N·m about c."""
+    each = [item.block.seconds * item.block.power(item.wrench(psi)) for item in designs]
+    seconds = sum(item.block.seconds for item in designs)
+    return np.asarray(np.sqrt(np.sum(each, axis=0).reshape(2, 3).sum(axis=1) / seconds))

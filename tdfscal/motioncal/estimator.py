@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.model import dynamics
 from tdfscal.model.dynamics import Moving
-from tdfscal.model.parameters import State, retract
+from tdfscal.model.parameters import State, retract, with_motions
 from tdfscal.model.statics import Balance, features, features_jacobian
 from tdfscal.motioncal import noise
 from tdfscal.motioncal.blocks import Block, ComplexArray
@@ -26,6 +26,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import (
     Solution,
     Spectrum,
+    block_diagonal,
     gauss_newton,
     gram_root,
     spectrum,
@@ -60,26 +61,31 @@ class MovingState:
 
 
 class MovingPriors:
-    """Whitened prior rows of all parameters, statics first, by the active ones.
+    """What is stated of a log in motion, as whitened prior rows by the active parameters.
 
-    delay : stated in the rig file, s.
+    rig, slow : the rig file and the log's streams. motions : G, of the zeros. delay : stated in
+    the rig file, s. active : (P + 8,), statics first.
     """
 
     def __init__(self, rig: Rig, slow: Slow, delay: UncertainValue) -> None:
-        self.still = Priors(rig, drifting(rig, slow))
+        motion = drifting(rig, slow)
+        self.rig, self.slow = rig, slow
+        self.motions = 0 if motion is None else len(motion.std)
+        self.still = Priors(rig, motion)
         self.mean, self.std = dynamics.prior(rig, float(delay.value), float(delay.std))
         self.free = self.std > 0
         self.active = np.concatenate([self.still.active, self.free])
+
+    def start(self, still: State) -> MovingState:
+        """All parameters, those of the motion as stated."""
+        return MovingState(with_motions(still, self.motions), self.mean)
 
     def __call__(self, state: MovingState) -> tuple[FloatArray, FloatArray]:
         """Residual (m,) and Jacobian (m, p)."""
         r, j = self.still(state.still)
         more = (state.moving.vector - self.mean.vector)[self.free] / self.std[self.free]
         own = np.diag(1 / self.std[self.free])
-        rows = np.zeros((len(r) + len(more), j.shape[1] + len(more)))
-        rows[: len(r), : j.shape[1]] = j
-        rows[len(r) :, j.shape[1] :] = own
-        return np.concatenate([r, more]), rows
+        return np.concatenate([r, more]), block_diagonal(j, own)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +100,13 @@ class MovingFit:
     delay : s, by which the poses of the designs are shifted.
     """
 
-    rig: Rig
-    slow: Slow
+    priors: MovingPriors
     designs: tuple[BlockDesign, ...]
     rows: Rows
     origin: Balance
     delay: float
-    state: MovingState
-    active: BoolArray
     rests: int
+    state: MovingState
     noise: NoiseModel
     psi: FloatArray
     slope: FloatArray
@@ -114,9 +118,41 @@ class MovingFit:
     converged: bool
 
     @property
+    def rig(self) -> Rig:
+        """The rig."""
+        return self.priors.rig
+
+    @property
+    def slow(self) -> Slow:
+        """The log's streams."""
+        return self.priors.slow
+
+    @property
+    def active(self) -> BoolArray:
+        """Which parameters (P + 8,) are free."""
+        return self.priors.active
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """The stretches that were used."""
         return tuple(design.block for design in self.designs)
+
+    def features_at(self, state: MovingState) -> FloatArray:
+        """Features (q + 12 + s + rests,) of a state, without turns at rests."""
+        still = features(state.still, self.origin, self.rig.gravity)
+        more = dynamics.features(state.still, state.moving, self.origin.centre, self.delay)
+        out = np.zeros(self.rows.design.shape[1])
+        out[: len(still) + len(more)] = np.concatenate([still, more])
+        return out
+
+    def slope_at(self, state: MovingState) -> FloatArray:
+        """∂ features / ∂ all parameters, (…, P + 8); suspects have none."""
+        still = features_jacobian(state.still, self.origin, self.rig.gravity)
+        more = dynamics.features_jacobian(state.still, self.origin.centre)
+        out = np.zeros((self.rows.design.shape[1], more.shape[1]))
+        out[: len(still), : still.shape[1]] = still
+        out[len(still) : len(still) + len(more)] = more
+        return out
 
     def whitened(self) -> tuple[FloatArray, FloatArray]:
         """Residual and Jacobian as rows of unit variance, priors last."""
@@ -151,50 +187,26 @@ class MovingFit:
         return float(r @ r)
 
 
-def _features(rig: Rig, state: MovingState, origin: Balance, delay: float, size: int) -> FloatArray:
-    still = features(state.still, origin, rig.gravity)
-    more = dynamics.features(state.still, state.moving, origin.centre, delay)
-    out = np.zeros(size)
-    out[: len(still) + len(more)] = np.concatenate([still, more])
-    return out
-
-
-def slope_of(rig: Rig, state: MovingState, origin: Balance, size: int) -> FloatArray:
-    """∂ features / ∂ all parameters, (size, P + 8); suspects have none."""
-    still = features_jacobian(state.still, origin, rig.gravity)
-    more = dynamics.features_jacobian(state.still, origin.centre)
-    out = np.zeros((size, more.shape[1]))
-    out[: len(still), : still.shape[1]] = still
-    out[len(still) : len(still) + len(more)] = more
-    return out
-
-
-def moved_to(fit: MovingFit, state: MovingState, priors: MovingPriors) -> MovingFit:
+def moved_to(fit: MovingFit, state: MovingState) -> MovingFit:
     """The fit at another state near by, by the same linearised balance.
 
     The turns at rests are the likeliest ones for it.
     """
-    fit = _at(fit, state, priors, np.zeros(fit.rests))
+    fit = _at(fit, state, np.zeros(fit.rests))
     if not fit.rests:
         return fit
     r, j = fit.whitened()
     C = j[:, -fit.rests :]  # the unit matrix among its rows is the turns' prior
-    turn = -np.linalg.solve(C.T @ C, C.T @ r)
-    return _at(fit, state, priors, np.asarray(turn))
+    return _at(fit, state, np.asarray(-np.linalg.solve(C.T @ C, C.T @ r)))
 
 
-def _at(fit: MovingFit, state: MovingState, priors: MovingPriors, turn: FloatArray) -> MovingFit:
+def _at(fit: MovingFit, state: MovingState, turn: FloatArray) -> MovingFit:
     """The fit at a state and turns (rests,) at the rests."""
-    size, cut, p = len(fit.psi), len(fit.psi) - fit.rests, int(fit.active.sum())
-    psi = _features(fit.rig, state, fit.origin, fit.delay, size)
+    psi, slope = fit.features_at(state), fit.slope_at(state)[:, fit.active]
+    cut, unit = len(psi) - fit.rests, np.eye(fit.rests)
     psi[cut:] = turn
-    slope = np.zeros((size, p + fit.rests))
-    slope[:, :p] = slope_of(fit.rig, state, fit.origin, size)[:, fit.active]
-    slope[cut:, p:] = np.eye(fit.rests)
-    prior_r, prior_j = priors(state)
-    prior = np.zeros((len(prior_r) + fit.rests, p + fit.rests))
-    prior[: len(prior_r), :p] = prior_j
-    prior[len(prior_r) :, p:] = np.eye(fit.rests)
+    slope = block_diagonal(slope[:cut], unit)
+    prior_r, prior_j = fit.priors(state)
     return replace(
         fit,
         state=state,
@@ -203,25 +215,25 @@ def _at(fit: MovingFit, state: MovingState, priors: MovingPriors, turn: FloatArr
         residual=fit.rows.design @ psi,
         jacobian=fit.rows.design @ slope,
         prior_residual=np.concatenate([prior_r, turn]),
-        prior_jacobian=prior,
+        prior_jacobian=block_diagonal(prior_j, unit),
     )
 
 
-def _solve(fit: MovingFit, priors: MovingPriors) -> Solution[MovingState]:
+def _solve(fit: MovingFit) -> Solution[MovingState]:
     """Gauss–Newton on the statistic of all rows, and the priors."""
-    rig, rows, active = fit.rig, fit.rows, fit.active
+    rows, active = fit.rows, fit.active
     real = rows.weighted(rows.design, fit.noise.variance(rows.bins))
-    size = real.shape[1] - fit.rests
+    cut = real.shape[1] - fit.rests
     if fit.rests:
         # The turns at rests first: what is left below them has them eliminated.
-        real = np.concatenate([real[:, size:], real[:, :size]], axis=1)
+        real = np.concatenate([real[:, cut:], real[:, :cut]], axis=1)
         real = np.concatenate([np.eye(fit.rests, real.shape[1]), real])
     compressed = triangular(real)[fit.rests :, fit.rests :]
 
     def model(state: MovingState) -> tuple[FloatArray, FloatArray]:
-        prior_r, prior_j = priors(state)
-        r = compressed @ _features(rig, state, fit.origin, fit.delay, size)
-        j = compressed @ slope_of(rig, state, fit.origin, size)[:, active]
+        prior_r, prior_j = fit.priors(state)
+        r = compressed @ fit.features_at(state)[:cut]
+        j = compressed @ fit.slope_at(state)[:cut, active]
         return np.concatenate([r, prior_r]), np.concatenate([j, prior_j])
 
     def move(state: MovingState, step: FloatArray) -> MovingState:
@@ -233,14 +245,13 @@ def _solve(fit: MovingFit, priors: MovingPriors) -> Solution[MovingState]:
 
 
 def at_state(
-    rig: Rig,
-    slow: Slow,
+    priors: MovingPriors,
     blocks: tuple[Block, ...],
     state: MovingState,
-    priors: MovingPriors,
     model: NoiseModel | None,
 ) -> MovingFit:
     """Linearise at a state; without a noise model, with one that is flat."""
+    rig, slow = priors.rig, priors.slow
     resting = find_rests(slow, blocks)
     pairs = [
         block_design(rig, slow, b, state.still, state.moving, own)
@@ -251,31 +262,13 @@ def at_state(
         replace(design, place=slice(int(stop) - 3 * len(own), int(stop)))
         for (design, _), own, stop in zip(pairs, resting, last, strict=True)
     )
-    rows, none = gather(designs, model), np.empty(0)
-    size = rows.design.shape[1]
-    fit = MovingFit(
-        rig=rig,
-        slow=slow,
-        designs=designs,
-        rows=rows,
-        origin=pairs[0][1],
-        delay=state.moving.delay,
-        state=state,
-        active=priors.active,
-        rests=int(last[-1]),
-        noise=model or noise.NOTHING,
-        psi=np.zeros(size),
-        slope=np.empty(0),
-        residual=none,
-        jacobian=none,
-        prior_residual=np.empty(0),
-        prior_jacobian=np.empty(0),
-        iterations=0,
-        converged=False,
-    )
-    fit = _at(fit, state, priors, np.zeros(fit.rests))
+    rows, rests = gather(designs, model), int(last[-1])
+    none = (np.empty(0),) * 6
+    origin, delay, before = pairs[0][1], state.moving.delay, model or noise.NOTHING
+    fit = MovingFit(priors, designs, rows, origin, delay, rests, state, before, *none, 0, False)
+    fit = _at(fit, state, np.zeros(rests))
     if model is None:
-        longest = max(b.step * b.taper.shape[1] for b in blocks)
+        longest = max(block.seconds for block in blocks)
         power = rows.power(fit.residual[:, None])
         model = noise.initial(rows.bins, power, rig.declared.positioner, longest)
     return replace(fit, noise=model)
@@ -297,47 +290,44 @@ def estimate_noise(fit: MovingFit) -> MovingFit:
 
 
 def fit_moving(
-    rig: Rig,
-    slow: Slow,
+    priors: MovingPriors,
     blocks: tuple[Block, ...],
     start: MovingState,
-    delay: UncertainValue,
     model: NoiseModel | None = None,
 ) -> MovingFit:
     """Maximum-likelihood estimate of state and spectrum from one start.
 
     A long log is first fitted on a few of its blocks, then linearised there once as a whole.
     """
-    priors = MovingPriors(rig, slow, delay)
     state, iterations, converged = start, 0, False
     few = blocks[:: -(-len(blocks) // _FEW)]
     if len(few) < len(blocks):
-        first = fit_moving(rig, slow, few, start, delay, model)
+        first = fit_moving(priors, few, start, model)
         state, model, iterations = first.state, first.noise, first.iterations
-    for look in range(_LOOKS if rig.axes.all() else _LOOKS_ACROSS):
-        fit = estimate_noise(at_state(rig, slow, blocks, state, priors, model))
+    for look in range(_LOOKS if priors.rig.axes.all() else _LOOKS_ACROSS):
+        fit = estimate_noise(at_state(priors, blocks, state, model))
         model = fit.noise
-        solution = _solve(fit, priors)
+        solution = _solve(fit)
         iterations += solution.iterations
-        r, j = moved_to(fit, state, priors).whitened()
+        r, j = moved_to(fit, state).whitened()
         step = np.linalg.norm(gram_root(j.T @ j, len(j)).T @ (j.T @ r))
         state = solution.state
-        fit = moved_to(fit, state, priors)
+        fit = moved_to(fit, state)
         settled = _SETTLED * np.sqrt(j.shape[1])
         converged = bool(step < settled)
         if not converged and len(few) < len(blocks):
-            converged = _bent(fit, few[:_PROBES], priors) < settled
+            converged = _bent(fit, few[:_PROBES]) < settled
         if converged or (look > 0 and not solution.converged):
             break
     return replace(fit, iterations=iterations, converged=converged)
 
 
-def _bent(fit: MovingFit, some: tuple[Block, ...], priors: MovingPriors) -> float:
+def _bent(fit: MovingFit, some: tuple[Block, ...]) -> float:
     """How far the balance at the fit's state is from its linearisation, in standard deviations
     of the whole; looked at on some of its blocks.
     """
     index = [fit.blocks.index(block) for block in some]
-    anew = at_state(fit.rig, fit.slow, some, fit.state, priors, fit.noise)
+    anew = at_state(fit.priors, some, fit.state, fit.noise)
     cut = len(fit.psi) - fit.rests
     square = 0.0
     for k, item in zip(index, anew.designs, strict=True):

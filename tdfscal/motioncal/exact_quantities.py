@@ -6,7 +6,7 @@ import numpy as np
 
 from tdfscal.model import dynamics
 from tdfscal.model.parameters import parameter_count
-from tdfscal.motioncal.estimator import MovingFit, slope_of
+from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.selfcal.exact_quantities import ExactQuantity, of_columns
 
@@ -17,7 +17,7 @@ _DELAY = 1e-3
 def exact_quantities(fit: MovingFit) -> tuple[ExactQuantity, ...]:
     """Each quantity of a calibration in motion that has no uncertainty of its own."""
     still, variance = fit.state.still, fit.noise.variance(fit.rows.bins)
-    slope = slope_of(fit.rig, fit.state, fit.origin, len(fit.psi))
+    slope = fit.slope_at(fit.state)
     columns = fit.rows.weighted(fit.rows.design @ slope, variance)
     parts = spectrum(fit.whitened()[1])
     P = parameter_count(still.n, still.motions)

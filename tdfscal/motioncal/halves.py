@@ -8,11 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.motioncal.blocks import SHORTEST, blocks
-from tdfscal.motioncal.estimator import MovingFit, MovingPriors, MovingState, at_state, moved_to
+from tdfscal.motioncal.covariance import rms
+from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
 from tdfscal.motioncal.rows import rows_of
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import spectrum, triangular
-from tdfscal.records import BoolArray, FloatArray, UncertainValue
+from tdfscal.records import BoolArray, FloatArray
 
 #: Length of the stretches that are held out in turn, s, and how many at least and at most.
 _FOLD, _FEWEST, _MOST = 15.0, 2, 8
@@ -52,16 +53,14 @@ class HeldOut:
     after_max: FloatArray
 
 
-def compare_halves(
-    fit: MovingFit, keep: BoolArray, delay: UncertainValue, determined: BoolArray
-) -> Halves:
+def compare_halves(fit: MovingFit, keep: BoolArray, determined: BoolArray) -> Halves:
     """Estimate the turn of every sensor between the halves, all else common to both.
 
     determined : (n,), sensors whose turns the data show; the others are taken to stand.
     """
     n, free = fit.rig.n, np.flatnonzero(np.repeat(determined, 3))
     none = Halves(np.zeros((n, 3)), np.full((n, 3), np.inf), 1.0)
-    both = _parted(fit, keep, delay, 2)
+    both = _parted(fit, keep, 2)
     if both is None:
         return none
     at, (first, second) = both
@@ -88,24 +87,22 @@ def compare_halves(
     return replace(turns, delay=float(change[column]), delay_std=spread)
 
 
-def hold_out(
-    fit: MovingFit, keep: BoolArray, delay: UncertainValue, start: MovingState
-) -> HeldOut | None:
+def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | None:
     """Predict stretches of the log from all the others; start : the nominal state."""
     seconds = float(keep.sum()) * fit.slow.step
     count = int(np.clip(seconds / max(_FOLD, 2 * SHORTEST), _FEWEST, _MOST))
-    parted = _parted(fit, keep, delay, count)
+    parted = _parted(fit, keep, count)
     if parted is None:
         return None
     at, folds = parted
-    nominal = moved_to(at, start, MovingPriors(fit.rig, fit.slow, delay)).psi
+    nominal = moved_to(at, start).psi
     factors = [_factor(at, fold) for fold in folds]
     before, after = [], []
     for k, fold in enumerate(folds):
         others = [(at.prior_residual, at.prior_jacobian), *factors[:k], *factors[k + 1 :]]
         r, j = (np.concatenate(part) for part in zip(*others, strict=True))
-        after.append(_rms(at, at.psi + at.slope @ spectrum(j).solve(r), fold))
-        before.append(_rms(at, nominal, fold))
+        after.append(rms([at.designs[i] for i in fold], at.psi + at.slope @ spectrum(j).solve(r)))
+        before.append(rms([at.designs[i] for i in fold], nominal))
     b, a = np.array(before), np.array(after)
     return HeldOut(
         len(folds),
@@ -116,9 +113,7 @@ def hold_out(
     )
 
 
-def _parted(
-    fit: MovingFit, keep: BoolArray, delay: UncertainValue, count: int
-) -> tuple[MovingFit, list[range]] | None:
+def _parted(fit: MovingFit, keep: BoolArray, count: int) -> tuple[MovingFit, list[range]] | None:
     """A fit whose blocks fall into `count` equal spans of time, and the blocks of each span.
 
     None where fewer than two spans hold a block. The blocks of a long log serve as they are;
@@ -132,9 +127,8 @@ def _parted(
         cut = tuple(block for span in spans for block in blocks(fit.slow, keep & span))
         if not cut:
             return None
-        priors = MovingPriors(fit.rig, fit.slow, delay)
-        at = at_state(fit.rig, fit.slow, cut, fit.state, priors, fit.noise)
-    middle = [b.begin + b.step * b.taper.shape[1] / 2 for b in at.blocks]
+        at = at_state(fit.priors, cut, fit.state, fit.noise)
+    middle = [b.begin + b.seconds / 2 for b in at.blocks]
     place = np.searchsorted(middle, edges)
     parts = [range(a, b) for a, b in pairwise(place) if b > a]
     return (at, parts) if len(parts) >= _FEWEST else None
@@ -149,15 +143,3 @@ def _factor(fit: MovingFit, which: range) -> tuple[FloatArray, FloatArray]:
         rows.append(own.weighted(both, fit.noise.variance(own.bins)))
     factor = triangular(np.concatenate(rows))
     return factor[:, 0], factor[:, 1:]
-
-
-def _rms(fit: MovingFit, psi: FloatArray, which: range) -> FloatArray:
-    """Quadratic means (2,) over time, N and N·m about the barycentre, of some blocks."""
-    power, total = np.zeros(2), 0.0
-    for k in which:
-        block, e = fit.designs[k].block, fit.designs[k].wrench(psi)
-        both = np.where(np.arange(len(e)) > 0, 2.0, 1.0)[:, None]
-        sums = np.sum(both * np.abs(e) ** 2, axis=0)
-        power += [sums[:3].sum(), sums[3:].sum()]
-        total += block.taper.shape[1] * block.step
-    return np.sqrt(power / total)

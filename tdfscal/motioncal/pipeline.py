@@ -11,16 +11,15 @@ from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
-from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import nominal, parameter_count, with_motions
 from tdfscal.model.postures import Postures
 from tdfscal.model.statics import balance
 from tdfscal.motioncal import checks
-from tdfscal.motioncal.blocks import stretches
-from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.blocks import Stretch, stretches
+from tdfscal.motioncal.checks import Usable, usable_samples
+from tdfscal.motioncal.contact import without_contacts
 from tdfscal.motioncal.covariance import MovingUncertainty, evaluate, quality
-from tdfscal.motioncal.design import drifting
 from tdfscal.motioncal.estimator import (
     MovingFit,
     MovingPriors,
@@ -34,7 +33,6 @@ from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
 from tdfscal.motioncal.score_tests import suspicions, undeclared
 from tdfscal.motioncal.start import first_fit, moments
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.usable import usable_samples, without_contacts
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
 from tdfscal.selfcal import observability
@@ -137,29 +135,17 @@ def calibrate_moving(
         The iteration does not settle.
     """
     usable = usable_samples(rig, slow)
-    keep, cut = usable.keep, usable.blocks
-    seen = moments(rig, slow, keep)
+    seen = moments(rig, slow, usable.keep)
     log_against_rig.check_geometry(rig, seen.position)
     progress("fitting the motion and the spectrum of its residuals")
-    motion = drifting(rig, slow)
+    priors = MovingPriors(rig, slow, delay)
     fit, doubt = first_fit(
-        rig,
-        seen,
-        lambda state: fit_moving(
-            rig,
-            slow,
-            cut,
-            MovingState(
-                with_motions(state, 0 if motion is None else len(motion.std)),
-                dynamics.prior(rig, float(delay.value), float(delay.std))[0],
-            ),
-            delay,
-        ),
+        rig, seen, lambda state: fit_moving(priors, usable.blocks, priors.start(state))
     )
     fit, usable = without_contacts(
-        fit, usable, lambda cut, last: fit_moving(rig, slow, cut, last.state, delay)
+        fit, usable, lambda cut, last: fit_moving(priors, cut, last.state)
     )
-    result = _judged(rig, fit, delay, usable.keep, usable.rejected, dwells, inputs, progress)
+    result = _judged(fit, usable, dwells, inputs, progress)
     trials = None
     if rng is not None and max_trials != 0:
         progress("confirming the uncertainties by Monte Carlo")
@@ -169,16 +155,14 @@ def calibrate_moving(
 
 
 def _judged(
-    rig: Rig,
     fit: MovingFit,
-    delay: UncertainValue,
-    keep: BoolArray,
-    rejected: tuple[Stretch, ...],
+    usable: Usable,
     dwells: int,
     inputs: tuple[InputFile, ...],
     progress: Callable[[str], None],
 ) -> MotionCalibration:
-    slow, still = fit.slow, fit.state.still
+    rig, slow, still = fit.rig, fit.slow, fit.state.still
+    keep, rejected = usable.keep, usable.rejected
     # Forces that nobody measures as the balance demands them.
     used = balance(moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
     stats, uncertainty = quality(fit), evaluate(fit)
@@ -188,11 +172,9 @@ def _judged(
     if (beside := undeclared(doubts)) is not None:
         uncertainty = evaluate(fit, beside)
     progress("checking the halves of the log against each other")
-    halves = compare_halves(fit, keep, delay, verdict.determined)
+    halves = compare_halves(fit, keep, verdict.determined)
     _one_delay(halves)
-    start = MovingState(
-        nominal(rig, still.motions), dynamics.prior(rig, float(delay.value), float(delay.std))[0]
-    )
+    start = fit.priors.start(nominal(rig))
     result = MotionCalibration(
         rig=rig,
         fit=fit,
@@ -202,13 +184,13 @@ def _judged(
         halves=halves,
         suspicions=doubts,
         conformity=None,
-        validation=hold_out(fit, keep, delay, start),
+        validation=hold_out(fit, keep, start),
         rejected=rejected,
         begin=float(slow.time[0]),
-        seconds=sum(last - first for first, last in stretches(slow, keep)) * slow.step,
+        seconds=sum(run.stop - run.start for run in stretches(slow, keep)) * slow.step,
         postures=used,
         dwells=dwells,
-        residual_power=_residual_power(fit, start, delay),
+        residual_power=_residual_power(fit, start),
         residual=residual_wrench(rig, slow, fit.blocks, start.still, still, fit.state.moving),
         reasons=(),
         warnings=(
@@ -282,10 +264,10 @@ def _reasons(
 
 
 def _residual_power(
-    fit: MovingFit, start: MovingState, delay: UncertainValue
+    fit: MovingFit, start: MovingState
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Frequencies, and the residual force's density before and after; start : nominal."""
-    nominal_fit = moved_to(fit, start, MovingPriors(fit.rig, fit.slow, delay))
+    nominal_fit = moved_to(fit, start)
     before, after = (
         np.concatenate([np.sum(np.abs(e[:, :3]) ** 2, axis=1) for e in each.wrenches()])
         for each in (nominal_fit, fit)

@@ -43,7 +43,7 @@ def residual_wrench(
 ) -> ResidualWrench:
     """Residual wrench of two states over the blocks, both with the same motion's parameters."""
     times, lengths = [], []
-    mean = max(_MEAN, sum(b.taper.shape[1] for b in blocks) * slow.step / _MOST)
+    mean = max(_MEAN, sum(block.seconds for block in blocks) / _MOST)
     for block in blocks:
         both = [_wrench(rig, slow, block, state, moving) for state in (before, after)]
         count = max(1, round(len(both[0]) * slow.step / mean))

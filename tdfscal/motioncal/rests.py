@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.model.statics import Balance
-from tdfscal.motioncal.blocks import Block
+from tdfscal.motioncal.blocks import Block, runs
 from tdfscal.motioncal.noise import UNSTATED
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig
@@ -38,15 +38,14 @@ def rests(slow: Slow, blocks: Sequence[Block]) -> tuple[tuple[slice, ...], ...]:
 
 
 def _resting(slow: Slow, block: Block) -> list[slice]:
-    place = slow.position[block.index].reshape(block.taper.shape[1], -1)
+    place = slow.position[block.index].reshape(len(block), -1)
     lag = max(1, round(_SEEN / slow.step))
     if len(place) <= lag:
         return []
     way = np.abs(place[lag:] - place[:-lag]).max(axis=1)
-    rows = np.flatnonzero(way < _SLOW * lag * slow.step)
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    still = [slice(run.start, run.stop + lag) for run in runs(way < _SLOW * lag * slow.step)]
     least = max(2, round(_SHORTEST / slow.step))
-    return [slice(int(run[0]), int(run[-1]) + lag + 1) for run in runs if len(run) + lag >= least]
+    return [run for run in still if run.stop - run.start >= least]
 
 
 def nearness(slow: Slow, block: Block, resting: Sequence[slice]) -> FloatArray:

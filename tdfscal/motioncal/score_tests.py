@@ -14,7 +14,7 @@ import numpy as np
 from tdfscal.model.parameters import prior_std
 from tdfscal.motioncal.covariance import MovingUncertainty
 from tdfscal.motioncal.design import drifting, suspected
-from tdfscal.motioncal.estimator import MovingFit, slope_of
+from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.noise_bias import noise_scores
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
@@ -48,7 +48,7 @@ def suspicions(
     suspects = [*_stated(fit), *_drifts(fit)]
     angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
     std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(2 * len(fit.rows.bins.count)))
-    bias = noise_scores(fit, slope_of(fit.rig, fit.state, fit.origin, len(fit.psi)))
+    bias = noise_scores(fit, fit.slope_at(fit.state))
     found = []
     for group, index, columns, unit in suspects:
         level = suspect_level(group, len(suspects))
@@ -140,7 +140,7 @@ def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:
 def _stated(fit: MovingFit) -> Iterator[Suspect]:
     """What the rig file states: exact values as free columns, others as a shift of the prior."""
     std = prior_std(fit.rig, drifting(fit.rig, fit.slow))
-    slope = slope_of(fit.rig, fit.state, fit.origin, len(fit.psi))[:, : len(std)]
+    slope = fit.slope_at(fit.state)[:, : len(std)]
     columns = _white(fit, slope)
     columns[:, std != 0] = 0.0
     held = np.flatnonzero(np.isfinite(std) & (std > 0))

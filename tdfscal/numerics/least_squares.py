@@ -103,6 +103,15 @@ def triangular(rows: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
+def block_diagonal(*blocks: FloatArray) -> FloatArray:
+    """Matrices (a, p), (b, q), … along the diagonal of one, (a + b + …, p + q + …)."""
+    ends = np.cumsum([block.shape for block in blocks], axis=0)
+    out = np.zeros(ends[-1])
+    for (row, column), block in zip(ends, blocks, strict=True):
+        out[row - block.shape[0] : row, column - block.shape[1] : column] = block
+    return out
+
+
 def gauss_newton(
     model: Callable[[S], tuple[FloatArray, FloatArray]],
     retract: Callable[[S, FloatArray], S],

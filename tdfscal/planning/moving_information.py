@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model import dynamics
-from tdfscal.model.parameters import EVEN_TURN, nominal, sensing, with_motions
+from tdfscal.model.parameters import EVEN_TURN, nominal, sensing
 from tdfscal.motioncal.blocks import blocks
-from tdfscal.motioncal.design import drifting
-from tdfscal.motioncal.estimator import MovingPriors, MovingState, at_state
+from tdfscal.motioncal.estimator import MovingPriors, at_state
 from tdfscal.motioncal.noise import NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
@@ -51,12 +49,7 @@ class MovingSight:
         slow = self._seen(course, time)
         cut = blocks(slow, np.ones(len(time), dtype=np.bool_))
         priors = MovingPriors(rig, slow, self.delay)
-        motion = drifting(rig, slow)
-        state = MovingState(
-            with_motions(nominal(rig), 0 if motion is None else len(motion.std)),
-            dynamics.prior(rig, float(self.delay.value), float(self.delay.std))[0],
-        )
-        fit = at_state(rig, slow, cut, state, priors, self._spectrum(course, time))
+        fit = at_state(priors, cut, priors.start(nominal(rig)), self._spectrum(course, time))
         _, J = fit.whitened()
         information = J.T @ J
         information[: 3 * n, : 3 * n] += np.eye(3 * n) / EVEN_TURN**2

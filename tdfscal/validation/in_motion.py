@@ -17,9 +17,9 @@ from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, prior_std, with_motions
 from tdfscal.model.zero_motion import ZeroMotion
-from tdfscal.motioncal.blocks import Block
-from tdfscal.motioncal.checks import gaps
-from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.blocks import Block, Stretch
+from tdfscal.motioncal.checks import gaps, usable_samples
+from tdfscal.motioncal.contact import without_contacts
 from tdfscal.motioncal.covariance import posterior
 from tdfscal.motioncal.design import drifting
 from tdfscal.motioncal.estimator import (
@@ -28,11 +28,9 @@ from tdfscal.motioncal.estimator import (
     MovingState,
     at_state,
     estimate_noise,
-    slope_of,
 )
 from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
 from tdfscal.motioncal.streams import Slow
-from tdfscal.motioncal.usable import usable_samples, without_contacts
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import spectrum
@@ -73,17 +71,14 @@ def validate_moving(
     rig = rig or given.rig
     usable = usable_samples(rig, slow)
     log_against_rig.check_geometry(rig, slow.position[usable.keep][::_EVERY])
-    start = MovingState(
-        with_motions(given.state, _motions(rig, slow)),
-        dynamics.prior(rig, float(delay.value), float(delay.std))[0],
-    )
     priors = MovingPriors(_loosened(rig, given), slow, delay)
+    start = priors.start(given.state)
 
     def noise_of(cut: tuple[Block, ...]) -> MovingFit:
-        return _best(estimate_noise(at_state(rig, slow, cut, start, priors, None)))
+        return _best(estimate_noise(at_state(priors, cut, start, None)))
 
     fit, usable = without_contacts(noise_of(usable.blocks), usable, lambda cut, last: noise_of(cut))
-    white = _whitened(given, fit, delay)
+    white = _whitened(given, fit, MovingPriors(rig, slow, delay))
     found = causes.causes(white)
     p_value = float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0
     turned = log_against_rig.turned(rig, slow.position[usable.keep][::_EVERY])
@@ -94,7 +89,7 @@ def validate_moving(
     return MovingValidation(
         rig=rig,
         begin=float(slow.time[0]),
-        seconds=sum(block.taper.shape[1] for block in fit.blocks) * slow.step,
+        seconds=sum(block.seconds for block in fit.blocks),
         rejected=usable.rejected,
         residual=residual_wrench(
             rig, slow, fit.blocks, nominal(rig), start.still, fit.state.moving
@@ -116,11 +111,6 @@ _OPEN = 0.1
 _SEEN = 0.1
 #: One of so many instants is enough to see whether the positions fit the hinges.
 _EVERY = 20
-
-
-def _motions(rig: Rig, slow: Slow) -> int:
-    motion = drifting(rig, slow)
-    return 0 if motion is None else len(motion.std)
 
 
 def _loosened(rig: Rig, given: Calibrated) -> Rig:
@@ -153,14 +143,12 @@ def _best(fit: MovingFit) -> MovingFit:
     )
 
 
-def _whitened(given: Calibrated, fit: MovingFit, delay: UncertainValue) -> Whitened:
+def _whitened(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Whitened:
     """The residual at the calibration along all that the model knows, white as a whole."""
-    rig, slow = fit.rig, fit.slow
-    motions = fit.state.still.motions
-    priors = MovingPriors(rig, slow, delay)
-    state = MovingState(with_motions(given.state, motions), fit.state.moving)
-    at = at_state(rig, slow, fit.blocks, state, priors, fit.noise)
-    slope = at.rows.design @ slope_of(rig, state, at.origin, len(at.psi))
+    rig, slow = priors.rig, priors.slow
+    state = MovingState(with_motions(given.state, priors.motions), fit.state.moving)
+    at = at_state(priors, fit.blocks, state, fit.noise)
+    slope = at.rows.design @ at.slope_at(state)
     turns = at.rows.design[:, len(at.psi) - at.rests :]
     columns = np.concatenate([at.residual[:, None], slope, turns], axis=1)
     real = at.rows.weighted(columns, fit.noise.variance(at.rows.bins))

@@ -14,7 +14,7 @@ from tdfscal.motioncal.across import Across, across
 from tdfscal.motioncal.blocks import Block
 from tdfscal.motioncal.covariance import evaluate
 from tdfscal.motioncal.design import instants
-from tdfscal.motioncal.estimator import fit_moving
+from tdfscal.motioncal.estimator import MovingPriors, fit_moving
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import chi2_quantile
@@ -100,9 +100,10 @@ def test_a_dead_channel_costs_what_it_told_and_no_more(
     half_minute: tuple[MovingCampaign, Slow, tuple[Block, ...]],
 ) -> None:
     campaign, slow, cut = half_minute
-    whole = evaluate(fit_moving(campaign.rig, slow, cut, true_state(campaign), DELAY)).turns
+    priors = MovingPriors(campaign.rig, slow, DELAY)
+    whole = evaluate(fit_moving(priors, cut, true_state(campaign))).turns
     rig, dead = lacking(campaign.rig, slow, (2, 1))
-    fit = fit_moving(rig, dead, cut, true_state(campaign), DELAY)
+    fit = fit_moving(MovingPriors(rig, dead, DELAY), cut, true_state(campaign))
     known = evaluate(fit).turns
     error = turn_error(campaign, fit.state.still.rotation)
     distance = error @ np.linalg.solve(known.covariance, error)

@@ -11,7 +11,7 @@ from tdfscal.model.pose import register
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.covariance import FIELD, of_poses
 from tdfscal.motioncal.design import instants
-from tdfscal.motioncal.estimator import MovingFit, fit_moving
+from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
 from tdfscal.motioncal.rows import independent, rows_of
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
@@ -27,7 +27,7 @@ STOPS = replace(MovingOptions.stops(), rate=100.0, stiffness=(2e8, 2e8, 2e8), du
 @pytest.fixture(scope="module")
 def fit() -> MovingFit:
     campaign, slow, cut = played(STOPS, 7)
-    return fit_moving(campaign.rig, slow, cut, true_state(campaign), DELAY)
+    return fit_moving(MovingPriors(campaign.rig, slow, DELAY), cut, true_state(campaign))
 
 
 def moved(fit: MovingFit, wrench: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ def residual(options: MovingOptions, change: Callable[[Moving], Moving] = lambda
     campaign, slow, cut = played(options, rig=perfect_rig())
     state = true_state(campaign)
     state = replace(state, moving=change(state.moving))
-    fit = at_state(campaign.rig, slow, cut, state, MovingPriors(campaign.rig, slow, DELAY), None)
+    fit = at_state(MovingPriors(campaign.rig, slow, DELAY), cut, state, None)
     return float(np.sqrt(np.mean(np.abs(fit.residual) ** 2)))
 
 

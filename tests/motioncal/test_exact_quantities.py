@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.motioncal.estimator import MovingState, fit_moving
+from tdfscal.motioncal.estimator import MovingPriors, MovingState, fit_moving
 from tdfscal.motioncal.exact_quantities import exact_quantities
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, UncertainValue
@@ -27,12 +27,12 @@ def test_a_wrong_exact_value_turns_the_sensors_as_foretold(name: str) -> None:
     rig = replace(rig, mass=exactly(state.still.mass), barycentre=exactly(state.still.barycentre))
 
     def turned(start: MovingState, delay: UncertainValue) -> FloatArray:
-        fit = fit_moving(rig, slow, cut, start, delay, right.noise)
+        fit = fit_moving(MovingPriors(rig, slow, delay), cut, start, right.noise)
         return so3.log(
             fit.state.still.rotation @ np.swapaxes(right.state.still.rotation, 1, 2)
         ).ravel()
 
-    right = fit_moving(rig, slow, cut, state, delay)
+    right = fit_moving(MovingPriors(rig, slow, delay), cut, state)
     found = {quantity.name: quantity for quantity in exact_quantities(right)}
     assert {"base level", "mass", "barycentre", "delay"} <= set(found)
     quantity = found[name]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.motioncal.covariance import evaluate
-from tdfscal.motioncal.estimator import MovingFit, fit_moving
+from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
 from tdfscal.motioncal.monte_carlo import Sampler, simulate
 from tdfscal.numerics import so3
 from tdfscal.simulation.moving_options import MovingOptions
@@ -18,7 +18,7 @@ from tests.motioncal.campaigns import DELAY, played, true_state
 @pytest.fixture(scope="module")
 def fit() -> MovingFit:
     campaign, slow, cut = played(MovingOptions(rate=100.0, duration=40.0, slow_noise=0.3), 3)
-    return fit_moving(campaign.rig, slow, cut, true_state(campaign), DELAY)
+    return fit_moving(MovingPriors(campaign.rig, slow, DELAY), cut, true_state(campaign))
 
 
 def test_trials_confirm_the_interval_of_a_plain_minute(fit: MovingFit) -> None:

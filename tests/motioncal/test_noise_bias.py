@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal.model.parameters import layout
-from tdfscal.motioncal.estimator import MovingPriors, at_state, slope_of
+from tdfscal.motioncal.estimator import MovingPriors, at_state
 from tdfscal.motioncal.noise_bias import noise_scores
 from tdfscal.records import FloatArray
 from tests.motioncal.campaigns import DELAY, perfect_rig, played, quiet, true_state
@@ -21,8 +21,7 @@ NOISE, DRAWS = 20.0, 80
 def test_the_score_of_gains_and_compliance_is_what_noise_makes_of_it() -> None:
     campaign, slow, cut = played(quiet(duration=20.0, rate=100.0), rig=perfect_rig())
     rig, state = campaign.rig, true_state(campaign)
-    priors = MovingPriors(rig, slow, DELAY)
-    flat = at_state(rig, slow, cut, state, priors, None).noise
+    flat = at_state(MovingPriors(rig, slow, DELAY), cut, state, None).noise
     H = len(flat.knot)
     density = np.concatenate([np.full(H, np.log(NOISE**2 * slow.step)), np.full(H, -60.0)])
     model = replace(flat, log_density=density)
@@ -31,8 +30,8 @@ def test_the_score_of_gains_and_compliance_is_what_noise_makes_of_it() -> None:
     expected: list[FloatArray] = []
     for _ in range(DRAWS):
         force = slow.force + NOISE * rng.standard_normal(slow.force.shape)
-        fit = at_state(rig, replace(slow, force=force), cut, state, priors, model)
-        slope = slope_of(rig, state, fit.origin, len(fit.psi))
+        fit = at_state(MovingPriors(rig, replace(slow, force=force), DELAY), cut, state, model)
+        slope = fit.slope_at(state)
         columns = fit.rows.design @ slope
         both = np.concatenate([fit.residual[:, None], columns], axis=1)
         real = fit.rows.weighted(both, model.variance(fit.rows.bins))

@@ -33,15 +33,16 @@ def test_what_a_displaced_rest_does_to_the_balance_is_a_turn_of_its_own() -> Non
     """One NCP stands 20 µm off at one posture; the unknowns of that rest take it up, no other."""
     campaign, slow, cut = played(STOPS, 7)
     rig, state = campaign.rig, true_state(campaign)
-    priors = MovingPriors(rig, slow, DELAY)
-    plain = at_state(rig, slow, cut, state, priors, None)
+    plain = at_state(MovingPriors(rig, slow, DELAY), cut, state, None)
     run = rests(slow, cut)[0][3]
     way = np.linalg.norm(slow.position - slow.position[run].mean(axis=0), axis=2).max(axis=1)
     near = np.exp(-0.5 * (way / 0.01) ** 2)
     near[: run.start - 40] = near[run.stop + 40 :] = 0.0
     position = slow.position.copy()
     position[:, 1] += 2.0e-5 * near[:, None] * np.array([0.6, -0.5, 0.62])
-    moved = at_state(rig, replace(slow, position=position), cut, state, priors, plain.noise)
+    moved = at_state(
+        MovingPriors(rig, replace(slow, position=position), DELAY), cut, state, plain.noise
+    )
     # The moments below 1 Hz: as it comes and goes, 20 µm in half a second shake the mass a little.
     slow_part = cut[0].frequency < 1.0
     change = (moved.wrenches()[0] - plain.wrenches()[0])[slow_part, 3:].ravel()

@@ -7,7 +7,7 @@ import pytest
 
 from tdfscal.motioncal.contact import touched
 from tdfscal.motioncal.covariance import evaluate
-from tdfscal.motioncal.estimator import MovingFit, fit_moving
+from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.moving_options import MovingOptions, Touch
@@ -16,7 +16,7 @@ from tests.motioncal.campaigns import DELAY, played, true_state, turn_error
 
 def fitted(options: MovingOptions, seed: int) -> tuple[MovingCampaign, MovingFit]:
     campaign, slow, cut = played(options, seed)
-    return campaign, fit_moving(campaign.rig, slow, cut, true_state(campaign), DELAY)
+    return campaign, fit_moving(MovingPriors(campaign.rig, slow, DELAY), cut, true_state(campaign))
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ import pytest
 
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.files.writers.campaign import write_campaign
-from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3

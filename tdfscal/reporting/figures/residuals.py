@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import PostureTable
 from tdfscal.files.calibration.motion import LeftOutStretch, MotionSpectrum
-from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import (

@@ -16,7 +16,7 @@ from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
 from tdfscal.files.calibration.log_time import Clock, clock_from, log_clock
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.files.rig.model import RigFile
-from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray
 from tdfscal.reporting.figures import ink
