@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.dwells.moments import Float32Array, Int32Array, Store, moments
+from tdfscal.dwells.moments import Float32Array, Int32Array, Stream, moments, places
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, IntArray, Log, Series
@@ -19,10 +19,8 @@ from tdfscal.records import FloatArray, IntArray, Log, Series
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
 _WIDEST, _LONG = 0.16, 4  # s, and how many times as many bins there may be from then on
 _SLOWEST = 2.0  # s
-_PEEK, _PEEK_OF = (
-    2048,
-    65536,
-)  # samples searched for the smallest step of the readings, and for zeros
+# samples searched for the smallest step of the readings, and for zeros
+_PEEK, _PEEK_OF = 2048, 65536
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +60,7 @@ class _Binner:
         self.supports = supports
         self.origin, self.width, self.limit = origin, width, limit
         streams = 2 * len(supports)
-        self.store = Store(streams, limit)
+        self.streams = [Stream() for _ in range(streams)]
         self.last = np.full(streams, -np.inf)
         self.quantum = np.full((streams, 3), np.inf)
         self.zeros, self.seen = np.zeros(streams), np.zeros(streams)
@@ -88,13 +86,16 @@ class _Binner:
                 self._check_ascends(stream, time)
                 clocks[id(time)] = self._groups(time)  # the streams of a table share one time
             self.last[stream] = time[-1]
-            place, first = clocks[id(time)]
             with np.errstate(invalid="ignore", over="ignore"):
-                found = moments(series.value, first, extremes=stream >= len(self.supports))
+                found = moments(
+                    series.value, *clocks[id(time)], extremes=stream >= len(self.supports)
+                )
             self._check_finite(stream, series, found.mean)
             self._look(stream, series.value)
-            self.store.add(stream, place, found)
-        while self.store.size > self._most() and self.store.coarsen():
+            self.streams[stream].add(found)
+        while max(one.bins for one in self.streams) > self._most():
+            for one in self.streams:
+                one.coarsen()
             self.width *= 2
 
     def _most(self) -> int:
@@ -103,18 +104,34 @@ class _Binner:
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""
-        number, store = self.store.finish()
-        mean = store.mean.transpose(2, 0, 1)
-        mean[store.count.T == 0] = np.nan
+        number = self.streams[0].numbers()
+        for one in self.streams[1:]:
+            if not np.array_equal(own := one.numbers(), number):
+                number = np.union1d(own, number)
+        shape = (len(self.streams), 3, len(number))
+        count = np.zeros((len(self.streams), len(number)), np.int32)
+        mean, scatter = np.empty(shape), np.zeros(shape, np.float32)
+        low, high = np.zeros((2, len(self.supports), *shape[1:]), np.float32)
+        for k, one in enumerate(self.streams):
+            if one.bins < len(number):
+                mean[k] = np.nan
+            for part in one.parts:
+                rows = places(part.number, number)
+                count[k, rows] = part.count
+                mean[k][:, rows] = part.mean
+                scatter[k][:, rows] = part.scatter
+                if (force := k - len(self.supports)) >= 0:
+                    low[force][:, rows], high[force][:, rows] = part.low, part.high
+            one.parts.clear()
         return Bins(
             supports=self.supports,
             width=self.width,
             start=np.asarray(self.origin + self.width * number),
-            count=store.count.T,
-            mean=mean,
-            scatter=store.scatter.transpose(2, 0, 1),
-            low=store.low.transpose(2, 0, 1),
-            high=store.high.transpose(2, 0, 1),
+            count=count.T,
+            mean=mean.transpose(2, 0, 1),
+            scatter=scatter.transpose(2, 0, 1),
+            low=low.transpose(2, 0, 1),
+            high=high.transpose(2, 0, 1),
             period=period,
             quantum=np.where(np.isfinite(self.quantum), self.quantum, 0.0),
             zeros=self.zeros / np.maximum(self.seen, 1.0),
@@ -125,10 +142,10 @@ class _Binner:
         return f"{self.supports[stream % n]}, {'position' if stream < n else 'force'}"
 
     def _groups(self, time: FloatArray) -> tuple[IntArray, IntArray]:
-        """Where the bins that hold samples are stored, and where each begins among the samples."""
+        """Numbers of the bins that hold samples, and where each begins among the samples."""
         index = np.floor((time - self.origin) / self.width).astype(np.int64)
         first = np.flatnonzero(np.diff(index, prepend=index[0] - 1))
-        return self.store.places(index[first]), first
+        return index[first], first
 
     def _check_ascends(self, stream: int, time: FloatArray) -> None:
         step = np.diff(time, prepend=self.last[stream])

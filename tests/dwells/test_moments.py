@@ -29,9 +29,8 @@ def test_against_numpy(sizes: IntArray, order: Literal["C", "F"]) -> None:
     bounds = np.concatenate(([0], np.cumsum(sizes)))
     level = RNG.normal(size=(len(sizes), 3)) * [1.0, 300.0, 0.001] + [0.5, 800.0, 0.0]
     value = np.repeat(level, sizes, axis=0) + RNG.normal(size=(bounds[-1], 3))
-    found = moments(np.asarray(value, order=order), bounds[:-1], extremes=True)
-    assert found.low is not None
-    assert found.high is not None
+    number = np.arange(len(sizes))
+    found = moments(np.asarray(value, order=order), number, bounds[:-1], extremes=True)
     assert np.array_equal(found.count, sizes)
     for k in np.unique([*range(0, len(sizes), 37), len(sizes) - 1]):
         some = value[bounds[k] : bounds[k + 1]]
