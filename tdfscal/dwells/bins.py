@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.dwells.moments import Float32Array, Int32Array, Stream, moments, places
+from tdfscal.dwells.moments import Float32Array, Int32Array, Stream, moments
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, IntArray, Log, Series
@@ -60,7 +60,7 @@ class _Binner:
         self.supports = supports
         self.origin, self.width, self.limit = origin, width, limit
         streams = 2 * len(supports)
-        self.streams = [Stream() for _ in range(streams)]
+        self.streams = [Stream(extremes=k >= len(supports)) for k in range(streams)]
         self.last = np.full(streams, -np.inf)
         self.quantum = np.full((streams, 3), np.inf)
         self.zeros, self.seen = np.zeros(streams), np.zeros(streams)
@@ -93,7 +93,7 @@ class _Binner:
             self._check_finite(stream, series, found.mean)
             self._look(stream, series.value)
             self.streams[stream].add(found)
-        while max(one.bins for one in self.streams) > self._most():
+        while max(map(len, self.streams)) > self._most():
             for one in self.streams:
                 one.coarsen()
             self.width *= 2
@@ -104,25 +104,25 @@ class _Binner:
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""
-        number = self.streams[0].numbers()
+        n = len(self.supports)
+        number = self.streams[0].moments.number.copy()
         for one in self.streams[1:]:
-            if not np.array_equal(own := one.numbers(), number):
+            if not np.array_equal(own := one.moments.number, number):
                 number = np.union1d(own, number)
-        shape = (len(self.streams), 3, len(number))
-        count = np.zeros((len(self.streams), len(number)), np.int32)
+        shape = (2 * n, 3, len(number))
+        count = np.zeros((2 * n, len(number)), np.int32)
         mean, scatter = np.empty(shape), np.zeros(shape, np.float32)
-        low, high = np.zeros((2, len(self.supports), *shape[1:]), np.float32)
-        for k, one in enumerate(self.streams):
-            if one.bins < len(number):
-                mean[k] = np.nan
-            for part in one.parts:
-                rows = places(part.number, number)
-                count[k, rows] = part.count
-                mean[k][:, rows] = part.mean
-                scatter[k][:, rows] = part.scatter
-                if (force := k - len(self.supports)) >= 0:
-                    low[force][:, rows], high[force][:, rows] = part.low, part.high
-            one.parts.clear()
+        low, high = np.zeros((2, n, *shape[1:]), np.float32)
+        for k in range(2 * n):
+            held = self.streams.pop(0).moments
+            rows: slice | IntArray = slice(None)
+            if len(held.number) < len(number):
+                rows, mean[k] = np.searchsorted(number, held.number), np.nan
+            count[k, rows] = held.count
+            mean[k][:, rows] = held.mean
+            scatter[k][:, rows] = held.scatter
+            if k >= n:
+                low[k - n][:, rows], high[k - n][:, rows] = held.low, held.high
         return Bins(
             supports=self.supports,
             width=self.width,

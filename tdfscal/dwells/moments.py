@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+import mmap
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +18,7 @@ Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
 _SLAB = 16384  # samples reduced at once; they stay in the cache
+_ROOM = 2**18  # bins at first: those of an hour and a half
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,12 @@ class Moments:
             self.low[:, bins],
             self.high[:, bins],
         )
+
+    def put(self, bins: slice | IntArray, new: Moments) -> None:
+        """Overwrite some of the bins."""
+        self.number[bins], self.count[bins] = new.number, new.count
+        self.mean[:, bins], self.scatter[:, bins] = new.mean, new.scatter
+        self.low[:, bins], self.high[:, bins] = new.low, new.high
 
 
 def moments(value: FloatArray, number: IntArray, first: IntArray, *, extremes: bool) -> Moments:
@@ -107,58 +117,64 @@ def merge(a: Moments, b: Moments) -> Moments:
     return Moments(a.number, count, mean, *kept)
 
 
-def joined(parts: Sequence[Moments]) -> Moments:
-    """Bins of several parts, one after the other."""
-    return Moments(
-        np.concatenate([part.number for part in parts]),
-        np.concatenate([part.count for part in parts]),
-        np.concatenate([part.mean for part in parts], axis=1),
-        np.concatenate([part.scatter for part in parts], axis=1),
-        np.concatenate([part.low for part in parts], axis=1),
-        np.concatenate([part.high for part in parts], axis=1),
-    )
-
-
-def places(some: IntArray, of: IntArray) -> slice | IntArray:
-    """Where the numbers `some` are among others that hold them, ascending both."""
-    begin = int(np.searchsorted(of, some[0]))
-    end = begin + len(some)
-    if end <= len(of) and of[end - 1] == some[-1]:
-        return slice(begin, end)
-    return np.searchsorted(of, some)
+def _untouched(shape: tuple[int, ...], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """Zeros whose pages take memory once they are written; numpy's own come in huge pages."""
+    size = math.prod(shape)
+    private = {"flags": mmap.MAP_PRIVATE} if hasattr(mmap, "MAP_PRIVATE") else {}
+    pages = mmap.mmap(-1, max(size * np.dtype(dtype).itemsize, 1), **private)
+    return np.frombuffer(pages, dtype, size).reshape(shape)
 
 
 class Stream:
-    """Moments of one stream, in the parts that they came in; bins : how many."""
+    """Moments of one stream, in the order of time, with room for more."""
 
-    def __init__(self) -> None:
-        self.parts: list[Moments] = []
-        self.bins = 0
+    def __init__(self, *, extremes: bool) -> None:
+        self._bins, self._room, self._extremes = 0, 0, extremes
+        self._make_room(_ROOM)
+
+    def __len__(self) -> int:
+        return self._bins
+
+    @property
+    def moments(self) -> Moments:
+        """Of all bins, a view."""
+        return self._all.at(slice(self._bins))
 
     def add(self, new: Moments) -> None:
         """Take in what follows."""
-        parts = [new]
-        if self.parts and self.parts[-1].number[-1] == new.number[0]:
+        if self._bins and self._all.number[self._bins - 1] == new.number[0]:
             # The first bin began in the piece before.
-            last = self.parts.pop()
-            self.bins -= len(last.number)
-            met = merge(last.at(slice(-1, None)), new.at(slice(1)))
-            parts = [last.at(slice(-1)), met, new.at(slice(1, None))]
-        self.parts += [part for part in parts if len(part.number)]
-        self.bins += sum(len(part.number) for part in parts)
-
-    def numbers(self) -> IntArray:
-        """All bins, ascending."""
-        return np.concatenate([part.number for part in self.parts])
+            self._bins -= 1
+            known = self._all.at(slice(self._bins, self._bins + 1))
+            self.add(merge(known, new.at(slice(1))))
+            new = new.at(slice(1, None))
+        end = self._bins + len(new.number)
+        if end > self._room:
+            self._make_room(2 * end)
+        self._all.put(slice(self._bins, end), new)
+        self._bins = end
 
     def coarsen(self) -> None:
         """Join bins two by two."""
-        if not self.parts:
-            return
-        fine = joined(self.parts)
-        half = fine.number // 2
-        even = np.flatnonzero(np.diff(half) == 0)
-        alone = np.setdiff1d(np.arange(len(half)), [even, even + 1])
-        coarse = joined([fine.at(alone), merge(fine.at(even), fine.at(even + 1))])
-        coarse = coarse.at(np.argsort(coarse.number))
-        self.parts, self.bins = [replace(coarse, number=coarse.number // 2)], len(coarse.number)
+        known = self.moments
+        fine = replace(known, number=known.number // 2)
+        first = np.flatnonzero(np.diff(fine.number, prepend=-1))
+        two = np.flatnonzero(np.diff(fine.number) == 0)
+        joined = merge(fine.at(two), fine.at(two + 1))
+        self._all.put(slice(len(first)), fine.at(first))
+        self._all.put(np.searchsorted(first, two), joined)
+        self._bins = len(first)
+
+    def _make_room(self, bins: int) -> None:
+        extremes = (3 if self._extremes else 0, bins)
+        room = Moments(
+            _untouched((bins,), np.int64),
+            _untouched((bins,), np.int32),
+            _untouched((3, bins), np.float64),
+            _untouched((3, bins), np.float32),
+            _untouched(extremes, np.float32),
+            _untouched(extremes, np.float32),
+        )
+        if self._bins:
+            room.put(slice(self._bins), self.moments)
+        self._all, self._room = room, bins
