@@ -9,18 +9,26 @@ from typing import Literal
 
 import numpy as np
 
-from tdfscal.dwells import dwells_of_bins, find_dwells, motion_offset, no_dwell, reduce_to_bins
+from tdfscal.dwells import (
+    Offset,
+    dwells_of_bins,
+    find_dwells,
+    motion_offset,
+    no_dwell,
+    reduce_to_bins,
+)
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.logs.common.clock import GAP
+from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.description.info import LogInfo, Signal, Source
-from tdfscal.logs.description.mapping_guess import guess_mapping
+from tdfscal.logs.description.mapping_guess import Guess, guess_mapping
 from tdfscal.logs.description.plausible_units import declared_time
 from tdfscal.logs.formats import contents_of, expand
 from tdfscal.logs.reader import iter_log
-from tdfscal.records import InputFile, Log, LogMapping, Series
+from tdfscal.records import Dwells, InputFile, Log, LogMapping, Series
 
 
 def describe_logs(
@@ -45,44 +53,88 @@ def describe_logs(
     DataError : a file cannot be read at all. What can be looked at but not used is no error here:
         `problems` says what is wrong.
     """
-    contents = tuple(contents_of(path) for path in expand(paths))
-    if not contents:
+    files = expand(paths)
+    if not files:
         raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
-    guess = guess_mapping(contents[0], rig.rig if rig else None)
-    problems = [printable(f"{c.path}: {what}") for c in contents for what in c.problems]
-    problems += [printable(f"{contents[0].path}: {what}") for what in guess.problems]
-    source: Source = "guessed"
-    mapping = guess.mapping
-    supports = guess.mapping.supports if guess.mapping else ()
+    opening = contents_of(files[0], opening=True)
+    seen = {files[0]: opening} if opening.format == "parquet" else {}
+
+    def read(guess: Guess) -> _Reading:
+        return _read(paths, _mapping(guess, rig), window, progress, seen)
+
+    guess = guess_mapping(opening, rig.rig if rig else None)
+    reading = read(guess)
+    # What the reading has not seen to its end is looked through now.
+    contents = tuple(seen[path] if path in seen else contents_of(path) for path in files)
+    whole = guess_mapping(contents[0], rig.rig if rig else None)
+    if _mapping(whole, rig) != _mapping(guess, rig):
+        reading = read(whole)
+    mapping, _ = _mapping(whole, rig)
+    source: Source = "guessed" if mapping is whole.mapping else "rig"
+    problems = [f"{c.path}: {what}" for c in contents for what in c.problems]
+    problems += [f"{contents[0].path}: {what}" for what in whole.problems]
+    if mapping is not None and source == "rig":
+        problems += [f"{c.path}: {what}" for c in contents for what in declared_time(c, mapping)]
+    problems += reading.problems if mapping is not None else whole.notes
+    return LogInfo(
+        contents,
+        whole,
+        mapping,
+        source,
+        reading.signals,
+        reading.inputs,
+        reading.dwells,
+        reading.offset,
+        tuple(dict.fromkeys(map(printable, problems))),
+    )
+
+
+def _mapping(guess: Guess, rig: LoadedRig | None) -> tuple[LogMapping | None, tuple[str, ...]]:
+    """What the logs are read with: the rig's own, or the guess; and the supports."""
     if rig is not None and (rig.log is not None or guess.mapping is None):
-        mapping, source = rig.log or LogMapping.default(rig.rig.supports), "rig"
-        supports = rig.rig.supports
+        return rig.log or LogMapping.default(rig.rig.supports), rig.rig.supports
+    return guess.mapping, guess.mapping.supports if guess.mapping else ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """What one reading of all logs has shown; without inputs and dwells where it failed."""
+
+    problems: tuple[str, ...] = ()
+    signals: tuple[Signal, ...] = ()
+    inputs: tuple[InputFile, ...] = ()
+    dwells: Dwells | None = None
+    offset: Offset | None = None
+
+
+def _read(
+    paths: Sequence[Path],
+    read_with: tuple[LogMapping | None, tuple[str, ...]],
+    window: TimeWindow | None,
+    progress: Callable[[float], None] | None,
+    seen: dict[Path, Contents],
+) -> _Reading:
+    """Read the logs once, to their dwells; seen : takes what else is in them."""
+    mapping, supports = read_with
     if mapping is None:
-        return LogInfo(contents, guess, None, "guessed", problems=(*problems, *guess.notes))
-    problems += [
-        printable(f"{c.path}: {what}") for c in contents for what in declared_time(c, mapping)
-        if source == "rig"
-    ]  # fmt: skip
-    watch = _Watch(mapping, tuple(supports))
+        return _Reading()
+    watch = _Watch(mapping, supports)
+    offset = None
     try:
-        pieces = watch.passing(iter_log(paths, mapping, supports, window=window, progress=progress))
+        log = iter_log(paths, mapping, supports, window=window, progress=progress, seen=seen)
         if mapping.rows == "postures":
-            dwells, offset = find_dwells(pieces), None
+            dwells = find_dwells(watch.passing(log))
         else:
-            bins = reduce_to_bins(pieces)
+            bins = reduce_to_bins(watch.passing(log))
             dwells = dwells_of_bins(bins)
             offset = motion_offset(bins, dwells)
     except TdfscalError as error:
-        return LogInfo(contents, guess, mapping, source, watch.signals(),
-                       problems=(*problems, *watch.warnings, printable(str(error))))  # fmt: skip
-    problems += [*watch.warnings, *dwells.warnings]
+        return _Reading((*watch.warnings, str(error)), watch.signals())
+    problems = [*watch.warnings, *dwells.warnings]
     if not len(dwells):
         absence = no_dwell(dwells)
         problems.append(f"{absence.what}; {absence.hint}")
-    return LogInfo(
-        contents, guess, mapping, source, watch.signals(), tuple(watch.inputs), dwells, offset,
-        tuple(dict.fromkeys(problems)),
-    )  # fmt: skip
+    return _Reading(tuple(problems), watch.signals(), tuple(watch.inputs), dwells, offset)
 
 
 @dataclass(slots=True)

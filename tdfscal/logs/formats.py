@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, Literal
 from tdfscal.errors import DataError, UsageError
 from tdfscal.logs.bag.rosbag2 import Bag, has_metadata, read_bag
 from tdfscal.logs.common.contents import Contents
+from tdfscal.logs.common.damage import placed
 from tdfscal.logs.common.request import Outcome, Piece, Reached, Reader, Request
 from tdfscal.records import LogMapping
 
@@ -93,7 +94,7 @@ def reader_of(path: Path, mapping: LogMapping | None, bag: Bag | None = None) ->
     DataError : a recording of messages without a mapping: its topics cannot be guessed.
     """
     kind = kind_of(path)
-    check_content(path)
+    _check_content(path)
     if kind == "parquet":
         from tdfscal.logs.parquet.reader import read_parquet
 
@@ -134,35 +135,31 @@ def _recording(path: Path, salvage: bool) -> Recording:
     return SqliteRecording(path, salvage)
 
 
-def contents_of(path: Path) -> Contents:
-    """Look through a file, whatever is wanted of it.
+def contents_of(path: Path, *, opening: bool = False) -> Contents:
+    """Look through a file, or its opening, whatever is wanted of it.
 
     Raises
     ------
     UsageError, DataError : it is of no kind that is read here, or cannot be read.
     """
     kind = kind_of(path)
-    check_content(path)
-    if kind == "parquet":
-        from tdfscal.logs.parquet.contents import parquet_contents
+    _check_content(path)
+    with placed(path):
+        if kind == "parquet":
+            from tdfscal.logs.parquet.contents import parquet_contents
 
-        return parquet_contents(path)
-    if kind == "text":
-        from tdfscal.logs.text.contents import text_contents
+            return parquet_contents(path)
+        if kind == "text":
+            from tdfscal.logs.text.contents import text_contents
 
-        return text_contents(path)
-    from tdfscal.logs.messages.contents import recording_contents
+            return text_contents(path, opening=opening)
+        from tdfscal.logs.messages.reader import recording_contents
 
-    return recording_contents(_recording(path, salvage=False), kind)
+        return recording_contents(_recording(path, salvage=False), opening=opening)
 
 
-def check_content(path: Path) -> None:
-    """Refuse what stands in a log's place where git keeps large files elsewhere.
-
-    Raises
-    ------
-    DataError : it is a pointer of git-LFS.
-    """
+def _check_content(path: Path) -> None:
+    """Refuse git-LFS's pointer, which stands in a log's place where git keeps it elsewhere."""
     try:
         with path.open("rb") as file:
             pointer = file.read(len(_POINTER)) == _POINTER

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +14,8 @@ from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.hashing import Fingerprint, note_outside, printable
 from tdfscal.logs.bag.rosbag2 import METADATA, Bag
 from tdfscal.logs.common.clock import Clock, apart, shown
+from tdfscal.logs.common.contents import Contents
+from tdfscal.logs.common.damage import placed
 from tdfscal.logs.common.read_ahead import ahead
 from tdfscal.logs.common.request import (
     Block,
@@ -25,7 +27,7 @@ from tdfscal.logs.common.request import (
 )
 from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.formats import files_of, reader_of
-from tdfscal.records import BoolArray, FloatArray, InputFile, Log, LogMapping, Series
+from tdfscal.records import BoolArray, FloatArray, Log, LogMapping, Series
 
 Progress = Callable[[float], None]
 #: Largest magnitudes that are read, by quantity.
@@ -76,6 +78,7 @@ def iter_log(
     salvage: bool = False,
     window: TimeWindow | None = None,
     progress: Progress | None = None,
+    seen: dict[Path, Contents] | None = None,
 ) -> Iterator[Log]:
     """Read recorded logs as a stream of pieces, in bounded memory.
 
@@ -84,13 +87,16 @@ def iter_log(
 
     window : the part of the log that is wanted; files are read, and checked, to their end.
     progress : told the share of all bytes that is read, from 0 to 1, not descending.
+    seen : takes what else is in each file, noted while it is read.
     """
-    request = make_request(mapping, supports, axes)
+    request = replace(make_request(mapping, supports, axes), describe=seen is not None)
     files = files_of(paths)
-    if axes is not None and not axes.all() and files:
-        _check_silent(files[0], make_request(mapping, supports), mapping, axes)
+    if not files:
+        raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
+    if axes is not None and not axes.all():
+        _check_silent(files[0][0], make_request(mapping, supports), mapping, axes)
     meter = _Meter(sum(path.stat().st_size for path, _ in files), progress)
-    pieces = _campaign(files, request, mapping, meter, salvage=salvage)
+    pieces = _campaign(files, request, mapping, meter, seen, salvage=salvage)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 
@@ -132,11 +138,6 @@ class _Meter:
         """Note how far the file at hand is read; from any thread."""
         self.position = position
 
-    def finished(self, size: int) -> None:
-        """The file at hand is read."""
-        self.before += size
-        self.position = 0
-
     def tell(self) -> None:
         """Tell what is noted."""
         if self.progress is not None:
@@ -148,22 +149,24 @@ def _campaign(
     request: Request,
     mapping: LogMapping | None,
     meter: _Meter,
+    seen: dict[Path, Contents] | None,
     *,
     salvage: bool,
 ) -> Iterator[Log]:
-    if not files:
-        raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
-    last = np.full(len(request.signals), -np.inf)
-    row = 0.0
+    reached = np.full(len(request.signals), -np.inf)
+    row = 0
     bags = dict(files)
     for path in _in_sequence([path for path, _ in files], request, mapping, salvage=salvage):
-        reached = last.copy()
-        pending: Log | None = None
-        count = np.zeros(len(request.signals), dtype=np.int64)
-        clocks: dict[str, Clock] = {}
-        reader = reader_of(path, mapping, bags[path])
+        bag = bags[path]
+        streams = _Streams(request, reached, row)
+        reader = reader_of(path, mapping, bag)
         pieces = reader(path, request, salvage=salvage, reached=meter.reached)
-        with Fingerprint(path) as fingerprint, closing(ahead(pieces)) as stream:
+        pending: Log | None = None
+        with (
+            placed(path),
+            Fingerprint(path) as fingerprint,
+            closing(ahead(pieces)) as stream,
+        ):
             outcome: Outcome
             while True:
                 try:
@@ -174,44 +177,39 @@ def _campaign(
                 except DataError as error:
                     raise without_axis(error, request) from error
                 meter.tell()
-                ascending = [
-                    _ascending(_numbered(block, row), clocks, request, reached, path)
-                    for block in piece
-                ]
-                for block in ascending:
-                    _check_size(block, request, path)
-                    for number in block.value:
-                        count[number] += block.time.size
-                        if block.time.size:
-                            last[number] = block.time[-1]
+                ascending = streams.passed(piece)
                 if pending is not None:
                     yield pending
                 pending = _log(ascending, request)
-            warnings = [w for clock in clocks.values() for w in clock.finish()]
-            warnings += apart(tuple(clocks.values()), str(path))
-            _check_counts(count, request, path, outcome)
-            bag = bags[path]
+            warnings = streams.warnings(outcome)
             note = None if bag is None else note_outside(path, bag.folder, METADATA)
             entry = fingerprint.result(outcome.integrity, note)
-        row += float(count[0])
-        meter.finished(entry.bytes)
+        if seen is not None and outcome.contents is not None:
+            seen[path] = outcome.contents
+        reached = streams.last
+        row += int(streams.count[0])
+        meter.before, meter.position = meter.before + entry.bytes, 0
         meter.tell()
-        yield _closed(pending, request, entry, (*outcome.warnings, *warnings))
+        said = tuple(printable(f"{path}: {what}") for what in warnings)
+        yield replace(pending or _log((), request), inputs=(entry,), warnings=said)
 
 
-def _check_silent(
-    file: tuple[Path, Bag | None], whole: Request, mapping: LogMapping | None, axes: BoolArray
-) -> None:
+def _opening(
+    path: Path, request: Request, mapping: LogMapping | None, *, salvage: bool = False
+) -> Generator[Piece, None, None]:
+    """The pieces of a file, of which the first few are taken."""
+    stream = reader_of(path, mapping)(path, request, salvage=salvage, reached=lambda _: None)
+    with placed(path), closing(stream):
+        yield from stream
+
+
+def _check_silent(path: Path, whole: Request, mapping: LogMapping | None, axes: BoolArray) -> None:
     """Refuse a log whose beginning shows that an axis follows the load, measured or not."""
-    path, bag = file
-    stream = reader_of(path, mapping, bag)(path, whole, salvage=False, reached=lambda _: None)
     try:
-        piece: Piece = next(stream, ())
+        with closing(_opening(path, whole, mapping)) as stream:
+            log = _log(next(stream, ()), whole)
     except (DataError, RigError):  # such fields are not there, or hold no numbers
         return
-    finally:
-        stream.close()
-    log = _log(piece, whole)
     if min(len(force.time) for force in log.force) > 1:
         readings = [force.value for force in log.force]
         check_unmeasured(
@@ -230,20 +228,17 @@ def _in_sequence(
     """Order the files by their first time."""
     if len(paths) == 1:
         return list(paths)
-    starts: list[tuple[float, int]] = []
+    starts: dict[Path, float] = {}
     untimed = 0
-    for k, path in enumerate(paths):
-        reader = reader_of(path, mapping)
-        stream = reader(path, request, salvage=salvage, reached=lambda position: None)
-        start = np.inf
-        for piece in stream:
-            times = [float(block.time[0]) for block in piece if block.time.size]
-            untimed += any(block.clock == "row" for block in piece)
-            if times:
-                start = min(times)
-                break
-        stream.close()
-        starts.append((start, k))
+    for path in paths:
+        starts[path] = np.inf
+        with closing(_opening(path, request, mapping, salvage=salvage)) as stream:
+            for piece in stream:
+                untimed += any(block.clock == "row" for block in piece)
+                times = [float(block.time[0]) for block in piece if block.time.size]
+                if times:
+                    starts[path] = min(times)
+                    break
     if untimed == len(paths):
         return list(paths)
     if untimed:
@@ -252,70 +247,80 @@ def _in_sequence(
             where=", ".join(map(str, paths)),
             hint="calibrate from logs of one kind",
         )
-    return [paths[k] for _, k in sorted(starts)]
+    return sorted(paths, key=lambda path: starts[path])
 
 
-def _numbered(block: Block, row: float) -> Block:
-    """Count rows on over the files where there is no time."""
-    return replace(block, time=block.time + row) if block.clock == "row" and row else block
+class _Streams:
+    """The streams of one file as their pieces pass.
 
+    reached : s, per signal, where the file before ended. row : rows of the files before.
+    last : s, per signal, the latest time. count : samples of each signal.
+    """
 
-def _ascending(
-    block: Block, clocks: dict[str, Clock], request: Request, reached: FloatArray, path: Path
-) -> Block:
-    """Leave out the samples that do not ascend."""
-    if block.clock not in clocks:
-        before = max(float(reached[number]) for number in block.value)
-        clocks[block.clock] = Clock(block.clock, str(path), request.rows, before)
-        if block.time.size and block.time[0] < before:
-            raise DataError(
-                f"{block.clock} starts at {shown(block.time[0])} s, before the end of another log "
-                f"at {shown(before)} s",
-                where=str(path),
-                hint="logs of one campaign follow each other; leave out the one that overlaps",
-            )
-    keep = clocks[block.clock].ascending(block.time)
-    if keep is None:
-        return block
-    return Block(block.clock, block.time[keep], {s: v[keep] for s, v in block.value.items()})
+    def __init__(self, request: Request, reached: FloatArray, row: int) -> None:
+        self._request, self._reached, self._row = request, reached, row
+        self._clocks: dict[str, Clock] = {}
+        self.last = reached.copy()
+        self.count = np.zeros(len(reached), dtype=np.int64)
 
+    def passed(self, piece: Piece) -> list[Block]:
+        """Leave out the samples that do not ascend; refuse what cannot be."""
+        blocks = [self._ascending(block) for block in piece]
+        for block in blocks:
+            self._check_size(block)
+            for number in block.value:
+                self.count[number] += block.time.size
+                if block.time.size:
+                    self.last[number] = block.time[-1]
+        return blocks
 
-def _check_size(block: Block, request: Request, path: Path) -> None:
-    """Refuse what no NCP reaches and no sensor bears; sums of it would overflow."""
-    for number, value in block.value.items():
-        signal = request.signals[number]
-        limit, unit = _LARGEST[signal.quantity]
-        if not value.size or (value.max() <= limit and value.min() >= -limit):
-            continue
-        over = np.flatnonzero(np.abs(value).max(axis=1) > limit)
-        if over.size:
-            raise DataError(
-                f"the {signal.quantity} of {signal.support} is "
-                f"{np.abs(value[over[0]]).max():.3g} {unit} at {shown(block.time[over[0]])} s",
-                where=str(path),
-                hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
-                "the largest value read",
-            )
+    def _ascending(self, block: Block) -> Block:
+        if block.clock == "row" and self._row:  # without a time, rows count on over the files
+            block = replace(block, time=block.time + self._row)
+        if block.clock not in self._clocks:
+            before = max(float(self._reached[number]) for number in block.value)
+            self._clocks[block.clock] = Clock(block.clock, self._request.rows, before)
+            if block.time.size and block.time[0] < before:
+                raise DataError(
+                    f"{block.clock} starts at {shown(block.time[0])} s, before the end of another "
+                    f"log at {shown(before)} s",
+                    hint="logs of one campaign follow each other; leave out the one that overlaps",
+                )
+        keep = self._clocks[block.clock].ascending(block.time)
+        if keep is None:
+            return block
+        return Block(block.clock, block.time[keep], {s: v[keep] for s, v in block.value.items()})
 
+    def _check_size(self, block: Block) -> None:
+        """Refuse what no NCP reaches and no sensor bears; sums of it would overflow."""
+        for number, value in block.value.items():
+            signal = self._request.signals[number]
+            limit, unit = _LARGEST[signal.quantity]
+            if not value.size or (value.max() <= limit and value.min() >= -limit):
+                continue
+            over = np.flatnonzero(np.abs(value).max(axis=1) > limit)
+            if over.size:
+                raise DataError(
+                    f"the {signal.quantity} of {signal.support} is "
+                    f"{np.abs(value[over[0]]).max():.3g} {unit} at {shown(block.time[over[0]])} s",
+                    hint=f"check the recorder, and the units of the log block; {limit:g} {unit} is "
+                    "the largest value read",
+                )
 
-def _check_counts(
-    count: np.typing.NDArray[np.int64], request: Request, path: Path, outcome: Outcome
-) -> None:
-    for number, signal in enumerate(request.signals):
-        if count[number]:
-            continue
-        what = (
-            f"there is no sample of the {signal.quantity} of {signal.support} "
-            f"({', '.join(dict.fromkeys(signal.fields))})"
-        )
-        if outcome.integrity == "salvaged" and outcome.warnings:
-            lost = outcome.warnings[0].removeprefix(f"{path}: ")
-            raise DataError(
-                f"{what} in what is sound of the file; {lost}",
-                where=str(path),
-                hint="copy the recording again",
-            )
-        raise DataError(what, where=str(path))
+    def warnings(self, outcome: Outcome) -> list[str]:
+        """What is to be said at the file's end; refuses a file that lacks a signal."""
+        clocks = tuple(self._clocks.values())
+        said = [*outcome.warnings, *(w for clock in clocks for w in clock.finish()), *apart(clocks)]
+        for signal, count in zip(self._request.signals, self.count, strict=True):
+            if count:
+                continue
+            fields = ", ".join(dict.fromkeys(signal.fields))
+            what = f"there is no sample of the {signal.quantity} of {signal.support} ({fields})"
+            if outcome.integrity == "salvaged" and outcome.warnings:
+                what += f" in what is sound of the file; {outcome.warnings[0]}"
+                raise DataError(what, hint="copy the recording again")
+            raise DataError(what)
+        return said
 
 
 def _log(piece: Piece | list[Block], request: Request) -> Log:
@@ -334,9 +339,3 @@ def _log(piece: Piece | list[Block], request: Request) -> Log:
         temperature=tuple(series[2 * n :]),
         rows=request.rows,
     )
-
-
-def _closed(log: Log | None, request: Request, entry: InputFile, warnings: Iterable[str]) -> Log:
-    """Add to a file's last piece what is known at its end."""
-    piece = log if log is not None else _log((), request)
-    return replace(piece, inputs=(entry,), warnings=tuple(map(printable, warnings)))

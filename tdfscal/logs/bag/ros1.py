@@ -7,55 +7,45 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from typing import Any, Final
+from typing import Any
 
 import lz4.frame
 from rosbags.rosbag1 import Reader, ReaderError
 
 from tdfscal.errors import DataError
-from tdfscal.logs.bag.packing import Stored
+from tdfscal.logs.bag.stored import Stored
 from tdfscal.logs.mcap.chunk import MAX_CHUNK
-from tdfscal.logs.messages.buffer import Messages
-
-_OPENING: Final = b"#ROSBAG V2.0\n"
-_DAMAGE: Final = (
-    ReaderError, AssertionError, KeyError, IndexError, TypeError, RuntimeError, UnicodeDecodeError,
-    struct.error, zlib.error, EOFError, OSError,
-)  # fmt: skip
 
 
 class Ros1Recording(Stored):
     """A `.bag` file while it is read."""
 
-    def messages(self) -> Iterator[Messages]:
+    opening = (b"#ROSBAG V2.0\n", "ROS 1 bag")
+    damage = (
+        ReaderError, AssertionError, KeyError, IndexError, TypeError, RuntimeError,
+        UnicodeDecodeError, struct.error, zlib.error, EOFError, OSError,
+    )  # fmt: skip
+
+    def rows(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield the messages in the order of their times."""
-        with self.path.open("rb") as file:
-            if file.read(len(_OPENING)) != _OPENING:
-                raise DataError("the file is no ROS 1 bag", where=str(self.path),
-                                hint="copy the recording again")  # fmt: skip
         try:
             reader = Reader(self.path)
             reader.open()
-            with closing(reader):
-                # rosbags expands a chunk whole, to whatever it expands to.
-                for at, chunk in reader.chunks.items():
-                    bounded = chunk._replace(decompressor=_bounded(chunk.decompressor))
-                    reader.chunks[at] = bounded
-                for one in reader.connections:
-                    text = one.msgdef.data.encode()
-                    self.define(one.id, one.topic, "ros1", one.msgtype, ("ros1msg", text))
-                rows = reader.messages()
-                yield from self.packed((one.id, time, bytes(data)) for one, time, data in rows)
-        except _DAMAGE as error:
-            if "index" in str(error).lower() and not self.counts:
-                raise DataError(
-                    f"the bag was not closed ({error})",
-                    where=str(self.path),
-                    hint="write its index with `rosbag reindex`",
-                ) from error
-            if not self.salvage or not self.counts:
-                raise ValueError(str(error) or type(error).__name__) from error
-            self.lost.append(f"the file is damaged ({error}); what follows is lost")
+        except self.damage as error:
+            if "index" not in str(error).lower():
+                raise
+            raise DataError(
+                f"the bag was not closed ({error})", hint="write its index with `rosbag reindex`"
+            ) from error
+        with closing(reader):
+            # rosbags expands a chunk whole, to whatever it expands to.
+            for at, chunk in reader.chunks.items():
+                reader.chunks[at] = chunk._replace(decompressor=_bounded(chunk.decompressor))
+            for one in reader.connections:
+                text = one.msgdef.data.encode()
+                self.define(one.id, one.topic, "ros1", one.msgtype, ("ros1msg", text))
+            for connection, time, data in reader.messages():
+                yield connection.id, time, bytes(data)
 
 
 def _bounded(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:

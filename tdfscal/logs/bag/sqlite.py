@@ -5,15 +5,12 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
-from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
 from tdfscal.errors import DataError
-from tdfscal.logs.bag.packing import Stored
-from tdfscal.logs.messages.buffer import Messages
+from tdfscal.logs.bag.stored import Stored
 
-_OPENING: Final = b"SQLite format 3\0"
 _ROWS: Final = 1024
 _MOST_TOPICS: Final = 1 << 16
 
@@ -21,23 +18,24 @@ _MOST_TOPICS: Final = 1 << 16
 class SqliteRecording(Stored):
     """A `.db3` file while it is read."""
 
-    def messages(self) -> Iterator[Messages]:
+    opening = (b"SQLite format 3\0", "SQLite database")
+    damage = (sqlite3.Error, TypeError)
+
+    def rows(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield the messages in the order of recording."""
-        _check_whole(self.path)
+        journal = self.path.with_name(f"{self.path.name}-wal")
+        if journal.is_file() and journal.stat().st_size:
+            raise DataError(
+                f"the recording was not closed: {journal.name} still holds a part of it",
+                hint="open and close it once with `ros2 bag info`, or record it again",
+            )
         uri = f"file:{quote(str(self.path.resolve()))}?mode=ro"
-        try:
-            # The reader may be closed by another thread than the one that reads.
-            with closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as database:
-                self._topics(database)
-                rows = database.execute(
-                    "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
-                )
-                rows.arraysize = _ROWS
-                yield from self.packed(rows)
-        except (sqlite3.Error, TypeError) as error:
-            if not self.salvage or not self.counts:
-                raise ValueError(str(error)) from error
-            self.lost.append(f"the file is damaged ({error}); what follows is lost")
+        # The reader may be closed by another thread than the one that reads.
+        with closing(sqlite3.connect(uri, uri=True, check_same_thread=False)) as database:
+            self._topics(database)
+            rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
+            rows.arraysize = _ROWS
+            yield from rows
 
     def _topics(self, database: sqlite3.Connection) -> None:
         texts: dict[str, tuple[str, bytes]] = {}
@@ -57,17 +55,3 @@ class SqliteRecording(Stored):
             self.define(
                 identity, str(name), str(encoding), str(kind), texts.get(str(kind), ("ros2", b""))
             )
-
-
-def _check_whole(path: Path) -> None:
-    with path.open("rb") as file:
-        if file.read(len(_OPENING)) != _OPENING:
-            raise DataError("the file is no SQLite database", where=str(path),
-                            hint="copy the recording again")  # fmt: skip
-    journal = path.with_name(f"{path.name}-wal")
-    if journal.is_file() and journal.stat().st_size:
-        raise DataError(
-            f"the recording was not closed: {journal.name} still holds a part of it",
-            where=str(path),
-            hint="open and close it once with `ros2 bag info`, or record it again",
-        )

@@ -51,13 +51,12 @@ class Clock:
     Parameters
     ----------
     name : column or topic.
-    where : file.
     rows : with "postures" nothing is left out: a time that does not ascend is refused.
     after : s, the end of the file before; -∞ without one. The pause between is no gap.
     """
 
-    def __init__(self, name: str, where: str, rows: Rows, after: float = -np.inf) -> None:
-        self.name, self.where, self._rows = name, where, rows
+    def __init__(self, name: str, rows: Rows, after: float = -np.inf) -> None:
+        self.name, self._rows = name, rows
         self._last = after
         self._first = np.nan
         self._at_start = True
@@ -69,15 +68,9 @@ class Clock:
         self._longest = (0.0, 0.0)
 
     def ascending(self, time: FloatArray) -> BoolArray | None:
-        """Return which samples are ahead of all before them; None where all are.
+        """Return which of the next samples (N,) are ahead of all before them; None where all are.
 
-        Parameters
-        ----------
-        time : (N,), s, the next samples of the stream.
-
-        Raises
-        ------
-        DataError : a step back of more than MAX_STEP_BACK, or hardly a sample that ascends.
+        Raises DataError for a step back of more than MAX_STEP_BACK, or where hardly one ascends.
         """
         if time.size == 0:
             return None
@@ -105,14 +98,12 @@ class Clock:
     def finish(self) -> list[str]:
         """Return the warnings at the file's end.
 
-        Raises
-        ------
-        DataError : more samples than MAX_DROPPED do not ascend.
+        Raises DataError where more samples than MAX_DROPPED do not ascend.
         """
         dropped = self._duplicates + self._back
         if dropped > max(1.0, MAX_DROPPED * self._count):
             raise self._too_many()
-        found = [f"{self.where}: {self._found()}; they are left out"] if dropped else []
+        found = [f"{self._found()}; they are left out"] if dropped else []
         return found + self._gaps()
 
     def _found(self) -> str:
@@ -126,7 +117,6 @@ class Clock:
     def _too_many(self) -> DataError:
         return DataError(
             self._found(),
-            where=self.where,
             hint="check the time field and its unit; a recording's clock must ascend",
         )
 
@@ -137,7 +127,6 @@ class Clock:
             k = int(np.argmax(bad))
             raise DataError(
                 f"the time of {self.name} goes from {shown(latest[k])} s to {shown(time[k])} s",
-                where=self.where,
                 hint="time must ascend; split the recording where its clock was set anew",
             )
 
@@ -190,12 +179,12 @@ class Clock:
             return []
         longest, at = self._longest
         return [
-            f"{self.where}: {count} gap{'s' if count > 1 else ''} of more than {GAP:g} periods of "
+            f"{count} gap{'s' if count > 1 else ''} of more than {GAP:g} periods of "
             f"{self.period:.2g} s in {self.name}, the longest of {longest:.3g} s at {shown(at)} s"
         ]
 
 
-def apart(clocks: Sequence[Clock], where: str) -> list[str]:
+def apart(clocks: Sequence[Clock]) -> list[str]:
     """Say which streams of one file begin long after, or end long before, the others.
 
     Long is more than MAX_APART and more than GAP of the stream's own periods: what a sensor's
@@ -208,10 +197,10 @@ def apart(clocks: Sequence[Clock], where: str) -> list[str]:
     latest = max(last for _, _, last in spans)
     late = [(clock, first - earliest) for clock, first, _ in spans]
     early = [(clock, latest - last) for clock, _, last in spans]
-    return _apart(late, "begin", "after", where) + _apart(early, "end", "before", where)
+    return _apart(late, "begin", "after") + _apart(early, "end", "before")
 
 
-def _apart(distances: Sequence[tuple[Clock, float]], verb: str, way: str, where: str) -> list[str]:
+def _apart(distances: Sequence[tuple[Clock, float]], verb: str, way: str) -> list[str]:
     found = [(c.name, by) for c, by in distances if by > max(MAX_APART, GAP * c.period)]
     if not found:
         return []
@@ -219,34 +208,34 @@ def _apart(distances: Sequence[tuple[Clock, float]], verb: str, way: str, where:
     does, most = (f"{verb}s", "") if len(found) == 1 else (verb, "up to ")
     distance = max(by for _, by in found)
     return [
-        f"{where}: {names} {does} {most}{distance:.3g} s {way} the others; "
+        f"{names} {does} {most}{distance:.3g} s {way} the others; "
         "postures without all signals are not used"
     ]
 
 
 class Skew:
-    """Header times against the recorder's, counted over one topic.
+    """Header times against the recorder's, over one topic: how many; the worst departure, s.
 
     A header that is never filled in (all zero) is no time and is not compared.
     """
 
     def __init__(self) -> None:
-        self._count = 0
+        self.count = 0
+        self.worst = 0.0
         self._usual = np.nan
         self._far = 0
-        self._worst = 0.0
 
     def note(self, header: FloatArray, log: FloatArray) -> None:
         """Take in times of the same messages, (N,), s."""
         if not header.size or not header.any():
             return
         skew = header - log
-        if not self._count:
+        if not self.count:
             self._usual = float(np.median(skew))
-        self._count += skew.size
+        self.count += skew.size
         away = np.abs(skew - self._usual)
         self._far += int(np.count_nonzero(away > MAX_SKEW))
-        self._worst = max(self._worst, float(away.max()))
+        self.worst = max(self.worst, float(away.max()))
 
     def warnings(self, topic: str) -> list[str]:
         """Say where the two clocks part."""
@@ -255,8 +244,8 @@ class Skew:
             found.append(f"the header times of {topic} are {self._usual:+.3g} s off the recorder's")
         if self._far:
             found.append(
-                f"of {self._count} messages of {topic}, {self._far} have a header time that "
+                f"of {self.count} messages of {topic}, {self._far} have a header time that "
                 f"departs by more than {MAX_SKEW:g} s from its usual offset to the recorder's, "
-                f"by {self._worst:.3g} s at most"
+                f"by {self.worst:.3g} s at most"
             )
         return found

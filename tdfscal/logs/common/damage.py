@@ -1,4 +1,4 @@
-"""Damage that libraries report in their own ways becomes a DataError here."""
+"""Damage that libraries report in their own ways becomes a DataError; errors get their file."""
 
 from __future__ import annotations
 
@@ -16,6 +16,18 @@ _CAUGHT: _Kinds = (OSError, EOFError, ValueError, OverflowError, struct.error)
 
 
 @contextmanager
+def placed(whole: Path | str) -> Iterator[None]:
+    """Put a file, or a part of it, before the place that a DataError states within it."""
+    try:
+        yield
+    except DataError as error:
+        if (error.where or "").startswith(str(whole)):
+            raise
+        where = f"{whole}, {error.where}" if error.where else str(whole)
+        raise error.restated(where=where) from error
+
+
+@contextmanager
 def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
     """Turn what libraries and the operating system raise on a damaged file into a DataError.
 
@@ -28,7 +40,7 @@ def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
     ------
     MemoryShortError : the memory does not suffice for a file of this size.
     UsageError : the file is not there, or is not to be read by this user.
-    DataError : everything else that a file's content can cause.
+    DataError : everything else that a file's content can cause, to be `placed`.
     """
     caught: _Kinds = (*kinds, *_CAUGHT)
     doubtful: _Kinds = (*caught, MemoryError, RuntimeError)
@@ -42,17 +54,12 @@ def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
         if short:
             raise shortage() from error
         if short is False:
-            raise DataError(
-                "the file declares lengths that do not fit in memory; it is damaged",
-                where=str(path),
-            ) from None
+            what = "the file declares lengths that do not fit in memory; it is damaged"
+            raise DataError(what) from None
         if not isinstance(error, caught):
             raise
-        raise DataError(
-            f"the file is damaged ({one_line(error).rstrip('.')})",
-            where=str(path),
-            hint="copy it from the recorder again",
-        ) from error
+        what = f"the file is damaged ({one_line(error).rstrip('.')})"
+        raise DataError(what, hint="copy it from the recorder again") from error
 
 
 def one_line(error: BaseException) -> str:

@@ -12,7 +12,9 @@ from typing import Literal, Protocol
 import numpy as np
 
 from tdfscal.errors import DataError, RigError
+from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common import units
+from tdfscal.logs.common.contents import Contents
 from tdfscal.records import BoolArray, FloatArray, IntArray, Integrity, LogMapping, Rows
 
 _FEW_ROWS = 16
@@ -54,10 +56,10 @@ class Signal:
         return x, y, z
 
     @property
-    def distinct(self) -> int:
-        """Number of different fields that are its own."""
+    def own(self) -> set[str]:
+        """Fields that are measured."""
         pairs = zip(self.components, self.measured, strict=True)
-        return len({name for name, there in pairs if there})
+        return {name for name, there in pairs if there}
 
     def lacking(self, axes: Sequence[bool], instead: Signal) -> Signal:
         """The signal without axes: what is not measured is read from what is there instead."""
@@ -84,6 +86,8 @@ class Request:
     decimal: Literal[".", ","]
     declared: bool
     """Whether the rig has a `log` block; without one, a unit that the file names is honoured."""
+    describe: bool = False
+    """Whether the reader notes what else is in the file, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,16 +111,18 @@ Reached = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a reader has to say when a file is at its end."""
+    """What a reader has to say when a file is at its end; contents : where it is to describe it."""
 
     integrity: Integrity
     warnings: tuple[str, ...] = ()
+    contents: Contents | None = None
 
 
 class Reader(Protocol):
     """A format's reader: yields pieces of bounded size and returns the outcome.
 
-    Raises DataError on whatever is wrong with the file, unless `salvage` allows to go on.
+    Raises DataError on whatever is wrong with the file, unless `salvage` allows to go on; it names
+    the place within the file, and leaves the file's name to its caller (`damage.placed`).
     """
 
     def __call__(
@@ -133,9 +139,7 @@ def make_request(
 
     axes : (n, 3), what their sensors measure; no field of another axis is looked at.
 
-    Raises
-    ------
-    RigError : a support without fields, or a unit that is not known.
+    Raises RigError for a support without fields, or a unit that is not known.
     """
     declared = mapping is not None
     if mapping is None:
@@ -177,11 +181,9 @@ def make_request(
     )
 
 
-def missing_fields(
-    missing: Sequence[str], present: Iterable[str], *, where: str, kind: str
-) -> DataError:
+def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str) -> DataError:
     """Build the error for fields that a file does not have, with the nearest names it has."""
-    names = list(dict.fromkeys(present))
+    names = list(dict.fromkeys(map(shorten, filter(None, present))))
     shown = ", ".join(missing[:4]) + (f" and {len(missing) - 4} more" if len(missing) > 4 else "")
     near = list(dict.fromkeys(n for m in missing[:4] for n in difflib.get_close_matches(m, names)))
     if near:
@@ -192,25 +194,36 @@ def missing_fields(
         nearest = "it has none"
     return DataError(
         f"no {kind} {shown}; {nearest}",
-        where=where,
         hint="name the fields in the log block of rig.yaml as the recorder names them",
     )
 
 
-def check_fields_differ(request: Request, *, where: str) -> None:
-    """Refuse a mapping that uses one field twice: two sensors would read the same numbers."""
+def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
+    """Where each wanted column of a table is; without the time where postures have none.
+
+    Raises DataError where one is missing or there twice, RigError where the mapping names a field
+    twice: two sensors would read the same numbers.
+    """
     seen: dict[str, Signal] = {}
     for signal in request.signals:
-        read = [n for n, there in zip(signal.components, signal.measured, strict=True) if there]
-        for name in dict.fromkeys(read):
-            if name in seen and {seen[name].quantity, signal.quantity} != {"temperature"}:
-                other = seen[name]
+        for name in signal.own:
+            other = seen.setdefault(name, signal)
+            if other is not signal and {other.quantity, signal.quantity} != {"temperature"}:
                 raise RigError(
                     f"field {name} is named twice, for the {other.quantity} of {other.support} "
                     f"and for the {signal.quantity} of {signal.support}",
-                    where=where,
+                    where="log.supports",
                 )
-            seen[name] = signal
+    wanted = dict.fromkeys(name for signal in request.signals for name in signal.components)
+    if request.rows == "timeseries" or request.time_field in present:
+        wanted = {request.time_field: None} | wanted
+    if missing := [name for name in wanted if name not in present]:
+        raise missing_fields(missing, present, kind="column")
+    for name in wanted:
+        if (times := present.count(name)) > 1:
+            what = f"column {name} is there {times} times"
+            raise DataError(what, hint="give each column its own name")
+    return {name: present.index(name) for name in wanted}
 
 
 def without_axis(error: DataError, request: Request) -> DataError:
@@ -222,23 +235,15 @@ def without_axis(error: DataError, request: Request) -> DataError:
 
     for signal in request.signals:
         whole = len(signal.fields) == 1 and is_named(signal.fields[0])
-        named = [
-            there and (whole or is_named(name))
-            for name, there in zip(signal.components, signal.measured, strict=True)
-        ]
-        if signal.quantity != "force" or not any(named):
-            continue
-        left = [
-            axis for axis, there, gone in zip("xyz", signal.measured, named, strict=True)
-            if there and not gone
-        ]  # fmt: skip
-        line = (
-            f"where the sensor does not measure it, write `axes: [{', '.join(left)}]` for "
-            f"{signal.support} in rig.yaml"
-        )
-        return DataError(
-            error.what, where=error.where, hint=f"{error.hint}; {line}" if error.hint else line
-        )
+        gone = {name for name in signal.own if whole or is_named(name)}
+        if signal.quantity == "force" and gone:
+            each = zip("xyz", signal.components, signal.measured, strict=True)
+            left = [axis for axis, name, there in each if there and name not in gone]
+            line = (
+                f"where the sensor does not measure it, write `axes: [{', '.join(left)}]` for "
+                f"{signal.support} in rig.yaml"
+            )
+            return error.restated(hint=f"{error.hint}; {line}" if error.hint else line)
     return error
 
 

@@ -11,13 +11,14 @@ import zlib
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Final
+from typing import ClassVar, Final
 
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Schema, Statistics
 
 from tdfscal.errors import DataError
+from tdfscal.logs.common.contents import Format
 from tdfscal.logs.common.damage import one_line
 from tdfscal.logs.mcap.chunk import (
     decompressed,
@@ -48,6 +49,7 @@ _DAMAGE: Final = (ValueError, McapError, struct.error)
 class Container(Recording):
     """One MCAP file while it is read."""
 
+    form: ClassVar[Format] = "mcap"
     checked: bool = True
     _chunks: list[tuple[int, int]] = field(default_factory=list)
     _expanded: int = 0
@@ -60,7 +62,7 @@ class Container(Recording):
         topics = frozenset(channel.topic for channel in summary.channels.values())
         return topics if summary.complete else None
 
-    def messages(self) -> Iterator[Messages]:
+    def messages(self) -> Generator[Messages, None, None]:
         """Yield the messages chunk by chunk, in file order."""
         with self.path.open("rb") as file:
             stream = RecordStream(file, self.path)
@@ -260,6 +262,6 @@ class Container(Recording):
     def _fault(self, what: str, position: int | None) -> None:
         place = f" at byte {position}" if position is not None else ""
         if not self.salvage:
-            raise DataError(f"{what}{place}", where=str(self.path), hint=HINT)
+            raise DataError(f"{what}{place}", hint=HINT)
         if f"{what}{place}" not in self.lost:
             self.lost.append(f"{what}{place}")

@@ -29,7 +29,7 @@ class RecordStream:
     """Records of a file one after the other, none longer than the file; keeps a running CRC."""
 
     def __init__(self, file: BinaryIO, path: Path) -> None:
-        self._file, self._where = file, str(path)
+        self._file = file
         self._size = path.stat().st_size
         self.position = 0
         self.crc = 0
@@ -62,7 +62,6 @@ class RecordStream:
             if head.startswith(magic):
                 raise DataError(
                     f"the file is compressed with {kind}: MCAP is read as it was recorded",
-                    where=self._where,
                     hint="decompress it first, with `gunzip` or `zstd -d`",
                 )
         self._check_mark(head, "at its start: this is no MCAP file")
@@ -92,4 +91,4 @@ class RecordStream:
         return data
 
     def _cut(self, what: str) -> TruncatedError:
-        return TruncatedError(what, where=self._where, hint=HINT)
+        return TruncatedError(what, hint=HINT)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import struct
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from mcap.records import Channel, Schema
 
-from tdfscal.records import IntArray
+from tdfscal.logs.common.contents import Format
+from tdfscal.records import BoolArray, IntArray
 
 RECORD: Final = struct.Struct("<BQ")
 """Kind of a record, and bytes that follow."""
@@ -37,13 +38,12 @@ class Messages:
 
     def of(self, channel: int) -> Messages:
         """Return the messages of one channel."""
-        mask = self.channel == channel
-        return Messages(self.data, self.offset[mask], self.length[mask], self.channel[mask])
+        return self.at(self.channel == channel)
 
-    def at(self, k: int) -> Messages:
-        """Return message k alone."""
-        one = slice(k, k + 1)
-        return Messages(self.data, self.offset[one], self.length[one], self.channel[one])
+    def at(self, k: int | slice | BoolArray) -> Messages:
+        """Return message k alone, or those of a slice or mask."""
+        some = slice(k, k + 1) if isinstance(k, int) else k
+        return Messages(self.data, self.offset[some], self.length[some], self.channel[some])
 
     def log_time(self) -> IntArray:
         """(N,), ns."""
@@ -73,6 +73,7 @@ class Recording(ABC):
     reached : bytes of the file that are read.
     """
 
+    form: ClassVar[Format]
     path: Path
     salvage: bool
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -83,12 +84,10 @@ class Recording(ABC):
     reached: int = 0
 
     @abstractmethod
-    def messages(self) -> Iterator[Messages]:
+    def messages(self) -> Generator[Messages, None, None]:
         """Yield the messages in file order, some at a time.
 
-        Raises
-        ------
-        DataError, ValueError : whatever is damaged, unless `salvage`.
+        Raises DataError or ValueError on whatever is damaged, unless `salvage`.
         """
 
     def announced(self) -> frozenset[str] | None:
@@ -99,9 +98,7 @@ class Recording(ABC):
 def gather(data: bytes, offset: IntArray, dtype: str) -> np.ndarray[Any, Any]:
     """Read one value of `dtype` at each byte offset, aligned or not.
 
-    Raises
-    ------
-    ValueError : an offset outside the buffer.
+    Raises ValueError for an offset outside the buffer.
     """
     kind = np.dtype(dtype)
     places = len(data) - kind.itemsize + 1

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Final
 
 from mcap.exceptions import McapError
 
 from tdfscal.errors import DataError
+from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.request import Outcome, Piece, Reached, Request, join, split
 from tdfscal.logs.messages.buffer import Recording
+from tdfscal.logs.messages.contents import RecordingLook
 from tdfscal.logs.messages.topics import Topics
 
 _MAX_SAMPLES: Final = 1 << 16
 _ENOUGH: Final = 1 << 14
+_OPENING: Final = 32 << 20  # bytes
 Check = Callable[[Path, Mapping[str, int]], tuple[Sequence[str], Sequence[str]]]
 """(file, messages by topic) → contradictions and doubts of what else states their counts."""
 
@@ -30,19 +34,17 @@ def read_recording(
     """Read a recording in pieces; see `request.Reader`.
 
     check : of its counts against those of the recording that it is part of.
-
-    Raises
-    ------
-    DataError : with the topic, or the place in the file, of what is wrong.
     """
-    path = recording.path
     topics = Topics(recording, request)
     if not recording.salvage and (announced := recording.announced()) is not None:
         topics.check_present(announced)
+    look = RecordingLook(recording) if request.describe else None
     waiting: list[Piece] = []
     size = 0
-    with damage(path, McapError):
+    with damage(recording.path, McapError):
         for messages in recording.messages():
+            if look is not None:
+                look.note(messages)
             piece = topics.piece(messages)
             if not piece:
                 continue
@@ -55,16 +57,27 @@ def read_recording(
         if waiting:
             yield from split(join(waiting), _MAX_SAMPLES)
     topics.check_complete()
-    contradictions, doubts = check(path, topics.counts()) if check else ((), ())
+    contradictions, doubts = check(recording.path, topics.counts()) if check else ((), ())
     if contradictions and not recording.salvage:
         raise DataError(
             contradictions[0],
-            where=str(path),
             hint="copy the recording again; `calibrate --salvage` reads what is there",
         )
     lost = (*recording.lost, *topics.lost, *contradictions)
     skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
-    warnings = tuple(f"{path}: {what}" for what in (*lost, *doubts, *skewed))
+    seen = look.contents() if look is not None else None
+    warnings = (*lost, *doubts, *skewed)
     if lost:
-        return Outcome("salvaged", warnings)
-    return Outcome("verified" if recording.checked else "unverified", warnings)
+        return Outcome("salvaged", warnings, seen)
+    return Outcome("verified" if recording.checked else "unverified", warnings, seen)
+
+
+def recording_contents(recording: Recording, *, opening: bool) -> Contents:
+    """Look through a recording, or its opening: every topic."""
+    look = RecordingLook(recording)
+    with damage(recording.path, McapError), closing(recording.messages()) as stream:
+        for messages in stream:
+            look.note(messages)
+            if opening and recording.reached > _OPENING:
+                break
+    return look.contents()

@@ -77,7 +77,6 @@ def check_pages(path: Path, file: pq.ParquetFile, names: Sequence[str]) -> bool:
         raise DataError(
             f"a page states {largest} bytes; one of each of the {len(names)} columns needs more "
             f"than {MAX_PAGES >> 20} MiB",
-            where=str(path),
             hint="write the file again with row groups of a million rows at most",
         )
     return complete and pages.checked

@@ -22,10 +22,10 @@ from tdfscal.logs.common.request import (
     Reached,
     Request,
     by_signal,
-    check_fields_differ,
-    missing_fields,
+    columns_of,
     takes_turns,
 )
+from tdfscal.logs.common.table import TICKS
 from tdfscal.logs.parquet.footer import (
     Places,
     check_pages,
@@ -39,7 +39,6 @@ from tdfscal.records import BoolArray, FloatArray
 
 _MAX_SAMPLES: Final = 1 << 16
 _SEARCHED_ROWS: Final = 256
-TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,19 +61,14 @@ def read_parquet(
     """Read a Parquet log in pieces; see `request.Reader`.
 
     Page checksums are verified where the file has them, else its integrity is unverified.
-
-    Raises
-    ------
-    DataError : with the column and row of what is wrong.
     """
-    where = str(path)
     warnings: list[str] = []
     with damage(path, pa.ArrowException), open_parquet(path) as file:
         rows = file.metadata.num_rows
-        columns = _resolve(file, request, where)
+        columns = _resolve(file, request)
         verified = check_pages(path, file, columns.names)
         if verified and (what := stated_twice(file, columns.names)):
-            raise DataError(what, where=where)
+            raise DataError(what)
         verified &= not is_duration(file, columns.time)
         paths = [leaf.path for leaf in leaves_of(file)]
         read_from = Places(file.metadata, [paths.index(name) for name in columns.names])
@@ -90,53 +84,38 @@ def read_parquet(
                     if not first_row + in_group:
                         sparse = _takes_turns(batch, columns)
                     row = first_row + in_group
-                    piece = _piece(batch, columns, request, row, where, sparse=sparse)
+                    piece = _piece(batch, columns, request, row, sparse=sparse)
                     in_group += batch.num_rows
                     reached(int((first_row + in_group) * share))
                     yield piece
                 if in_group != stated:
                     raise DataError(
-                        f"row group {number} has {in_group} rows where {stated} are stated",
-                        where=where,
+                        f"row group {number} has {in_group} rows where {stated} are stated"
                     )
             except (pa.ArrowException, OSError, ValueError, DataError) as error:
                 if not salvage:
                     raise
                 warnings.append(
-                    f"{where}: row group {number} is damaged ({one_line(error)}); of its "
+                    f"row group {number} is damaged ({one_line(error)}); of its "
                     f"{stated} rows {stated - in_group} are lost"
                 )
             first_row += stated
             read += in_group
     if read == 0:
-        raise DataError("the file has no rows", where=where, hint="record the log again")
+        raise DataError("the file has no rows", hint="record the log again")
     if warnings:
         return Outcome("salvaged", tuple(warnings))
     return Outcome("verified" if verified else "unverified")
 
 
-def _resolve(file: pq.ParquetFile, request: Request, where: str) -> _Columns:
-    check_fields_differ(request, where=where)
+def _resolve(file: pq.ParquetFile, request: Request) -> _Columns:
     leaves = leaves_of(file)
-    paths = [leaf.path for leaf in leaves]
-    names = [name for signal in request.signals for name in signal.components]
-    timed = request.rows == "timeseries" or request.time_field in paths
-    wanted = ([request.time_field] if timed else []) + names
-    missing = [name for name in wanted if name not in paths]
-    if missing:
-        raise missing_fields(missing, paths, where=where, kind="column")
-    for name in wanted:
-        if paths.count(name) > 1:
-            raise DataError(
-                f"column {name} is there {paths.count(name)} times",
-                where=where,
-                hint="give each column its own name",
-            )
-        if (holds := is_no_number(leaves[paths.index(name)])) is not None:
-            raise _no_numbers(name, holds, where)
-    return _Columns(
-        request.time_field if timed else None, tuple(s.components for s in request.signals)
-    )
+    column_of = columns_of(request, [leaf.path for leaf in leaves])
+    for name, k in column_of.items():
+        if (holds := is_no_number(leaves[k])) is not None:
+            raise _no_numbers(name, holds)
+    time = request.time_field if request.time_field in column_of else None
+    return _Columns(time, tuple(signal.components for signal in request.signals))
 
 
 def batches(
@@ -165,13 +144,7 @@ def _takes_turns(table: pa.Table, columns: _Columns) -> bool:
 
 
 def _piece(
-    table: pa.Table,
-    columns: _Columns,
-    request: Request,
-    first_row: int,
-    where: str,
-    *,
-    sparse: bool,
+    table: pa.Table, columns: _Columns, request: Request, first_row: int, *, sparse: bool
 ) -> Piece:
     value: dict[int, FloatArray] = {}
     vectors = np.empty((len(request.signals), 3, table.num_rows))
@@ -182,8 +155,8 @@ def _piece(
         for axis, name in enumerate(columns.components[number]):
             whole = three[axis]
             if sparse:
-                whole = _filled(whole, empty, name, first_row, where)
-            column = _numbers(whole, name, first_row, where)
+                whole = _filled(whole, empty, name, first_row)
+            column = _numbers(whole, name, first_row)
             np.multiply(column, signal.factors[axis], out=vectors[number, axis])
         if sparse:
             vectors[number][:, empty] = np.nan
@@ -191,57 +164,56 @@ def _piece(
     if columns.time is None:
         time = np.arange(first_row, first_row + table.num_rows, dtype=np.float64)
         return (Block("row", time, value),)
-    time = _time(table.column(columns.time), columns.time, request, first_row, where)
+    time = _time(table.column(columns.time), columns.time, request, first_row)
     clock = f"column {columns.time}"
     return by_signal(clock, time, value, request) if sparse else (Block(clock, time, value),)
 
 
-def _filled(column: Any, empty: BoolArray, name: str, first_row: int, where: str) -> Any:
+def _filled(column: Any, empty: BoolArray, name: str, first_row: int) -> Any:
     """The column with zeros in the rows that leave its signal out; others may not be empty."""
     if (hole := column.is_null().to_numpy() & ~empty).any():
-        raise _empty(name, first_row + int(np.argmax(hole)), where)
+        raise _empty(name, first_row + int(np.argmax(hole)))
     return column.fill_null(0)
 
 
-def _time(column: Any, name: str, request: Request, first_row: int, where: str) -> FloatArray:
+def _time(column: Any, name: str, request: Request, first_row: int) -> FloatArray:
     if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
         # Such a column knows its own unit.
         ticks = column.cast(pa.int64())
-        return _numbers(ticks, name, first_row, where) / TICKS[column.type.unit]
-    return _numbers(column, name, first_row, where) * units.factor("time", request.time_unit)
+        return _numbers(ticks, name, first_row) / TICKS[column.type.unit]
+    return _numbers(column, name, first_row) * units.factor("time", request.time_unit)
 
 
-def _numbers(column: Any, name: str, first_row: int, where: str) -> FloatArray:
+def _numbers(column: Any, name: str, first_row: int) -> FloatArray:
     """Return a column as (N,) float64, each value present and finite."""
     kind = column.type
     is_number = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
     if not is_number:
-        raise _no_numbers(name, str(kind), where)
+        raise _no_numbers(name, str(kind))
     if column.null_count:
-        raise _empty(name, first_row + int(np.argmax(column.is_null().to_numpy())), where)
+        raise _empty(name, first_row + int(np.argmax(column.is_null().to_numpy())))
     numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
     values = as_numpy(numbers)
     if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
         k = int(np.argmin(np.isfinite(values)))
         raise DataError(
             f"{values[k]} is not a finite number",
-            where=f"{where}, column {name}, row {first_row + k}",
+            where=f"column {name}, row {first_row + k}",
             hint="each cell must be a finite number; rows count from 0",
         )
     return values
 
 
-def _empty(name: str, row: int, where: str) -> DataError:
+def _empty(name: str, row: int) -> DataError:
     return DataError(
         "the cell is empty",
-        where=f"{where}, column {name}, row {row}",
+        where=f"column {name}, row {row}",
         hint="a log has no holes; rows count from 0",
     )
 
 
-def _no_numbers(name: str, holds: str, where: str) -> DataError:
+def _no_numbers(name: str, holds: str) -> DataError:
     return DataError(
         f"column {name} holds {holds}, not numbers",
-        where=where,
         hint="name a column of numbers in the log block of rig.yaml",
     )

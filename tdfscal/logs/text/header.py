@@ -8,15 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common import units
-from tdfscal.logs.common.request import (
-    Request,
-    Signal,
-    check_fields_differ,
-    missing_fields,
-    takes_turns,
-)
+from tdfscal.logs.common.damage import placed
+from tdfscal.logs.common.request import Request, Signal, columns_of, takes_turns
 from tdfscal.logs.text.cells import (
     fits_header,
     header_cells,
@@ -79,42 +73,42 @@ class _Candidate:
     named: int
 
 
-def find_header(text: str, request: Request, *, where: str) -> Header:
-    """Find the header line and resolve the wanted fields to columns.
+def find_header(text: str, request: Request) -> Header:
+    """Find the header line among the file's first, and resolve the wanted fields to columns.
 
     The line that holds most of the wanted names is the header, whatever comes before it. Columns
     of a table without one are named by their numbers, from 1.
 
-    Parameters
-    ----------
-    text : the file's first lines.
-
-    Raises
-    ------
-    DataError : no header, missing or duplicate columns, a unit that contradicts the mapping.
+    Raises DataError where columns are missing or repeated, or a unit contradicts the mapping.
     """
-    check_fields_differ(request, where=where)
     lines = text.splitlines()
     names = [name for signal in request.signals for name in signal.components]
     wanted = {request.time_field, *names}
-    scope, best = _head(lines, names, wanted, request.decimal, where)
-    here = f"{where}, line {max(best.line, 0) + 1}"
-    labels = [split_label(cell, wanted) for cell in best.cells]
-    column_of = _columns(labels, names, request, here)
-    if scope is not None:
-        row_units, above = scope.units, scope.lines
-    else:
-        row_units = _units_row(lines, best, [column_of[n] for n in wanted & column_of.keys()])
-        above = best.line + 1 + (1 if row_units else 0)
-    stated = [unit if unit is not None else row_units.get(c) for c, (_, unit) in enumerate(labels)]
-    time = column_of.get(request.time_field)
-    first = next((line for line in lines[above:] if line.strip()), "")
-    opening = split_cells(first, best.separator)
-    dated = time is not None and time < len(opening) and is_date_time(opening[time])
-    components = [
-        (column_of[x], column_of[y], column_of[z])
-        for x, y, z in (signal.components for signal in request.signals)
-    ]
+    scope, best = _head(lines, names, wanted, request.decimal)
+    with placed(f"line {max(best.line, 0) + 1}"):
+        labels = [split_label(cell, wanted) for cell in best.cells]
+        column_of = columns_of(request, [name for name, _ in labels])
+        if scope is not None:
+            row_units, above = scope.units, scope.lines
+        else:
+            row_units = _units_row(lines, best, list(column_of.values()))
+            above = best.line + 1 + (1 if row_units else 0)
+        stated = [unit or row_units.get(c) for c, (_, unit) in enumerate(labels)]
+        time = column_of.get(request.time_field)
+        first = next((line for line in lines[above:] if line.strip()), "")
+        opening = split_cells(first, best.separator)
+        dated = time is not None and time < len(opening) and is_date_time(opening[time])
+        components = []
+        factors = []
+        for signal in request.signals:
+            x, y, z = (column_of[name] for name in signal.components)
+            components.append((x, y, z))
+            factors.append(
+                _factor(signal, [(stated[c], best.cells[c]) for c in (x, y, z)], request)
+            )
+        time_factor = 1.0
+        if time is not None and not dated:
+            time_factor = _unit("time", request.time_unit, stated[time], request, best.cells[time])
     return Header(
         separator=best.separator,
         lines=above,
@@ -123,40 +117,33 @@ def find_header(text: str, request: Request, *, where: str) -> Header:
         time=time,
         dated=dated,
         components=tuple(components),
-        factors=tuple(
-            _factor(signal, [stated[c] for c in three], [best.cells[c] for c in three],
-                    request, here)
-            for signal, three in zip(request.signals, components, strict=True)
-        ),
-        time_factor=1.0
-        if time is None or dated
-        else _unit("time", request.time_unit, stated[time], request, best.cells[time], here),
+        factors=tuple(factors),
+        time_factor=time_factor,
         ends=scope is not None,
         sparse=time is not None and _takes_turns(lines[above:], best.separator, components),
-    )  # fmt: skip
+    )
 
 
 def _head(
-    lines: Sequence[str], names: Sequence[str], wanted: set[str], decimal: str, where: str
+    lines: Sequence[str], names: Sequence[str], wanted: set[str], decimal: str
 ) -> tuple[ScopeTable | None, _Candidate]:
     """The line of the columns' names; and the shape of a TwinCAT Scope export, if it is one."""
-    scope = scope_table(lines[:_SEARCHED_LINES], where)
-    best = _best_line(lines[:_SEARCHED_LINES], wanted, decimal)
+    scope = scope_table(lines[:_SEARCHED_LINES])
     if scope is not None:
-        named = len(wanted & set(scope.names))
-        best = _Candidate(scope.line, scope.separator, scope.names, named)
+        return scope, _Candidate(scope.line, scope.separator, scope.names, 0)
+    best = _best_line(lines[:_SEARCHED_LINES], wanted, decimal)
     if best is None:
-        raise DataError("the file is empty", where=where, hint="record the log again")
-    if scope is None and all(name.isdecimal() for name in names):
+        raise DataError("the file is empty", hint="record the log again")
+    if all(name.isdecimal() for name in names):
         best = numbered_columns(lines, decimal) or best
     elif best.named == 0 and all(is_number_of_either(c) for c in best.cells):
         raise DataError(
             "there is no header line; the first line holds numbers",
-            where=f"{where}, line {best.line + 1}",
+            where=f"line {best.line + 1}",
             hint="put the columns' names in the first line, or name the fields of the log block "
             "by their numbers: 1, 2, …",
         )
-    return scope, best
+    return None, best
 
 
 def _takes_turns(
@@ -172,44 +159,14 @@ def _takes_turns(
     return bool(cells) and takes_turns(np.array(filled))
 
 
-def _columns(
-    labels: Sequence[tuple[str, str | None]], names: Sequence[str], request: Request, where: str
-) -> dict[str, int]:
-    """Column of each wanted name; raises DataError where one is missing, or is there twice."""
-    by_name: dict[str, list[int]] = {}
-    for column, (name, _) in enumerate(labels):
-        by_name.setdefault(name, []).append(column)
-    optional = {request.time_field} if request.rows == "postures" else set()
-    wanted = dict.fromkeys([request.time_field, *names])
-    missing = [n for n in wanted if n not in by_name and n not in optional]
-    if missing:
-        raise missing_fields(
-            missing, (shorten(n) for n, _ in labels if n), where=where, kind="column"
-        )
-    for name in wanted:
-        if len(by_name.get(name, ())) > 1:
-            raise DataError(
-                f"column {name} is there {len(by_name[name])} times",
-                where=where,
-                hint="give each column its own name",
-            )
-    return {name: columns[0] for name, columns in by_name.items()}
-
-
-def _factor(
-    signal: Signal, stated: Sequence[str | None], cells: Sequence[str], request: Request, where: str
-) -> float:
-    """Return the factor of x, y, z of a signal to SI and tdfscal's sign."""
+def _factor(signal: Signal, columns: Sequence[tuple[str | None, str]], request: Request) -> float:
+    """Factor of x, y, z of a signal to SI and tdfscal's sign; columns : stated unit, and header."""
     if signal.quantity == "temperature" or signal.scale is not None:
         return 1.0
-    one = {
-        _unit(signal.quantity, signal.unit, unit, request, cell, where)
-        for unit, cell in zip(stated, cells, strict=True)
-    }
+    one = {_unit(signal.quantity, signal.unit, unit, request, cell) for unit, cell in columns}
     if len(one) > 1:
         raise DataError(
             f"the {signal.quantity} of {signal.support} is in different units",
-            where=where,
             hint="record x, y and z in one unit",
         )
     return one.pop() * (-1.0 if signal.factor < 0.0 else 1.0)
@@ -269,12 +226,7 @@ def _units_row(lines: Sequence[str], header: _Candidate, columns: Sequence[int])
 
 
 def _unit(
-    quantity: units.Quantity,
-    declared: str,
-    stated: str | None,
-    request: Request,
-    cell: str,
-    where: str,
+    quantity: units.Quantity, declared: str, stated: str | None, request: Request, cell: str
 ) -> float:
     """Return the factor to SI of a column whose header states a unit, or states none."""
     if stated is None or units.canonical(stated) == units.canonical(declared):
@@ -283,7 +235,6 @@ def _unit(
     if request.declared or not known:
         raise DataError(
             f"column {cell!r} is in {stated}, the mapping says {declared}",
-            where=where,
             hint=f"state the unit of the {quantity} in the log block of rig.yaml"
             if known
             else f"record the {quantity} in one of {', '.join(units.known_units(quantity))}",

@@ -52,12 +52,10 @@ class RowParser:
     header : the table's shape and wanted columns.
     newline : b"\n" or b"\r".
     decimal : "." or ",".
-    where : file.
     """
 
-    def __init__(self, header: Header, newline: bytes, decimal: str, where: str) -> None:
+    def __init__(self, header: Header, newline: bytes, decimal: str) -> None:
         self._header, self._newline, self._decimal = header, newline, decimal
-        self._where = where
         names = [str(c) for c in range(header.columns)]
         wanted = [str(c) for c in header.wanted]
         self._read = pa_csv.ReadOptions(
@@ -78,7 +76,7 @@ class RowParser:
 
     def fast(self, block: memoryview) -> Rows | None:
         """Parse a block of whole lines with pyarrow; None where one might be wrong."""
-        lines = _count(block, self._newline)
+        lines = count_lines(block, self._newline)
         if bytes(block[:1]).isspace() and bytes(block).isspace():
             return Rows(np.empty((len(self._header.wanted), 0)), lines)
         source = single_spaces(block) if self._header.separator == " " else block
@@ -115,14 +113,8 @@ class RowParser:
     def slow(self, block: memoryview, first_line: int, *, salvage: bool) -> Rows:
         """Parse a block of whole lines one by one.
 
-        Parameters
-        ----------
-        first_line : the number of its first line, from 1.
-        salvage : leave out lines that are wrong instead of refusing the file.
-
-        Raises
-        ------
-        DataError : the first line that is wrong, and why.
+        first_line : the number of its first line, from 1. Raises DataError for the first line that
+        is wrong; with `salvage` such lines are left out.
         """
         kept: list[list[float]] = []
         faults = 0
@@ -134,7 +126,7 @@ class RowParser:
                     raise
                 faults += 1
         table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._header.wanted))
-        return Rows(table.T.copy(), _count(block, self._newline), faults)
+        return Rows(table.T.copy(), count_lines(block, self._newline), faults)
 
     def _lines(self, block: memoryview, first_line: int) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""
@@ -146,7 +138,7 @@ class RowParser:
     def _row(self, line: bytes, number: int) -> list[float]:
         text = line.decode("utf-8", errors="replace")
         cells = split_cells(text, self._header.separator)
-        here = f"{self._where}, line {number}"
+        here = f"line {number}"
         if len(cells) != self._header.columns:
             same = self._header.columns == len(self._header.names)
             above = "the header" if same else "the first row"
@@ -213,6 +205,6 @@ def ragged(cells: int, expected: int, where: str, above: str = "the header") -> 
     )
 
 
-def _count(block: memoryview, newline: bytes) -> int:
-    """As bytes.count, three times as fast where there are many."""
+def count_lines(block: memoryview, newline: bytes) -> int:
+    """As bytes.count of newlines, three times as fast where there are many."""
     return int(np.count_nonzero(np.frombuffer(block, np.uint8) == newline[0]))

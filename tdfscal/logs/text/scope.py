@@ -39,25 +39,21 @@ class ScopeTable:
     units: dict[int, str]
 
 
-def scope_table(lines: Sequence[str], where: str) -> ScopeTable | None:
+def scope_table(lines: Sequence[str]) -> ScopeTable | None:
     """Recognise an export by the metadata below its channels' names; None for any other table.
 
-    Raises
-    ------
-    DataError : its channels are sampled at different times.
+    Raises DataError where its channels are sampled at different times.
     """
     for number, line in enumerate(lines[:-1]):
         for separator in (";", "\t", ",", ":"):
             cells = _cells(line, separator)
             below = _cells(lines[number + 1], separator)
             if cells[0] == "Name" and len(cells) > 2 and below[0] in _METADATA:
-                return _table(lines, number, separator, cells, where)
+                return _table(lines, number, separator, cells)
     return None
 
 
-def _table(
-    lines: Sequence[str], number: int, separator: str, cells: list[str], where: str
-) -> ScopeTable:
+def _table(lines: Sequence[str], number: int, separator: str, cells: list[str]) -> ScopeTable:
     clocks = [k for k, cell in enumerate(cells) if cell == "Name"]
     names = list(cells)
     for count, k in enumerate(clocks, 1):
@@ -73,7 +69,7 @@ def _table(
             stated = {k: unit.partition(" (")[0] for k, unit in enumerate(row) if k not in clocks}
             units |= {k: unit for k, unit in stated.items() if unit not in ("", "(None)")}
     for k, line in enumerate(lines[first:], first + 1):
-        _refuse_different_clocks(cells, _cells(line, separator), clocks, f"{where}, line {k}")
+        _refuse_different_clocks(cells, _cells(line, separator), clocks, f"line {k}")
     return ScopeTable(separator, number, first, tuple(names), units)
 
 

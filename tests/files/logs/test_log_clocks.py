@@ -88,8 +88,8 @@ def test_progress_ascends_to_one(
         monkeypatch.setattr("tdfscal.logs.messages.reader._ENOUGH", 64)
         path.write_bytes(mcap_bytes(truth))
     elif suffix == "csv":
-        monkeypatch.setattr("tdfscal.logs.text.reader.HEAD", 1 << 13)
-        monkeypatch.setattr("tdfscal.logs.text.reader._BLOCK", 1 << 13)
+        monkeypatch.setattr("tdfscal.logs.text.file._HEAD", 1 << 13)
+        monkeypatch.setattr("tdfscal.logs.text.file._BLOCK", 1 << 13)
         table(truth).to_csv(path, index=False)
     else:
         table(truth).to_parquet(path, row_group_size=50)
@@ -196,7 +196,7 @@ def test_gaps_are_counted_alike_in_even_and_uneven_pieces() -> None:
     pieces = np.split(time, [700, 1400, 2100, 3900, 4100])  # of one interval, or with a gap
     found = []
     for parts in (pieces, [time]):
-        clock = Clock("t", "log", "timeseries")
+        clock = Clock("t", "timeseries")
         assert all(clock.ascending(part) is None for part in parts)
         found.append(clock.finish())
     assert found[0] == found[1]
@@ -247,7 +247,7 @@ def test_each_file_of_a_campaign_is_looked_at(tmp_path: Path) -> None:
 
 
 def clock(name: str, time: np.ndarray, rows: str = "timeseries") -> Clock:
-    made = Clock(name, "log", "postures" if rows == "postures" else "timeseries", after=-5.0)
+    made = Clock(name, "postures" if rows == "postures" else "timeseries", after=-5.0)
     made.ascending(time)
     return made
 
@@ -256,13 +256,13 @@ def test_what_is_long_depends_on_the_stream_s_period() -> None:
     steady = clock("/p", np.arange(0.0, 100.0, 0.01))
     for last, said in ((93.0, False), (88.0, True)):  # at 2 s periods, 10 s are allowed
         slow = clock("/f", np.arange(0.0, last, 2.0))
-        assert bool(apart([steady, slow], "log")) == said
+        assert bool(apart([steady, slow])) == said
     early = [clock(name, np.arange(0.0, 45.0, 0.01)) for name in ("/f", "/g")]
-    (warning,) = apart([early[0], steady, early[1]], "log")
-    assert warning.startswith("log: /f, /g end up to 55 s before the others")
+    (warning,) = apart([early[0], steady, early[1]])
+    assert warning.startswith("/f, /g end up to 55 s before the others")
     postures = [clock(n, np.arange(k), "postures") for n, k in (("/f", 5.0), ("/g", 50.0))]
-    assert apart(postures, "log") == []
-    assert apart([clock("column time", np.arange(5.0))], "log") == []
+    assert apart(postures) == []
+    assert apart([clock("column time", np.arange(5.0))]) == []
 
 
 def test_times_since_1970_are_written_to_find_the_place(tmp_path: Path) -> None:
@@ -272,12 +272,12 @@ def test_times_since_1970_are_written_to_find_the_place(tmp_path: Path) -> None:
     assert shown(np.inf) == "inf"
     time = 1_750_000_000.0 + np.arange(3000, dtype=np.float64) * 0.01
     time[1000:] += 7.0
-    clock = Clock("t", "log", "timeseries")
+    clock = Clock("t", "timeseries")
     clock.ascending(time)
     assert clock.finish()[0].endswith("of 7.01 s at 1750000009.99 s")
     time[2000:] -= 3.0
     with pytest.raises(DataError, match=r"goes from 1750000026.99 s to 1750000024 s"):
-        Clock("t", "log", "timeseries").ascending(time)
+        Clock("t", "timeseries").ascending(time)
 
 
 def test_a_message_that_is_not_finite_is_placed(tmp_path: Path) -> None:

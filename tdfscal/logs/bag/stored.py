@@ -1,15 +1,18 @@
-"""Messages of a bag, put side by side as a recording's buffer holds them."""
+"""A recording in any bag; its messages are put side by side as a recording's buffer holds them."""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
+from abc import abstractmethod
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from mcap.records import Channel, Schema
 
+from tdfscal.errors import DataError
+from tdfscal.logs.common.contents import Format
 from tdfscal.logs.messages.buffer import DATA, Messages, Recording
 
 _HEAD: Final = struct.Struct("<BQHIQQ")
@@ -19,25 +22,48 @@ _AT_ONCE: Final = 4 << 20
 
 @dataclass(slots=True)
 class Stored(Recording):
-    """A recording in any bag; none has checksums."""
+    """A bag while it is read; none has checksums.
+
+    opening : with which its file begins, and what it is. damage : what its library raises.
+    """
+
+    form: ClassVar[Format] = "bag"
+    opening: ClassVar[tuple[bytes, str]]
+    damage: ClassVar[tuple[type[Exception], ...]]
+
+    @abstractmethod
+    def rows(self) -> Iterator[tuple[int, int, bytes]]:
+        """Define the channels; yield (channel, ns, data) of each message."""
+
+    def messages(self) -> Generator[Messages, None, None]:
+        """Yield the messages in the order that the bag has them."""
+        mark, kind = self.opening
+        with self.path.open("rb") as file:
+            if file.read(len(mark)) != mark:
+                raise DataError(f"the file is no {kind}", hint="copy the recording again")
+        try:
+            yield from self._packed()
+        except self.damage as error:
+            if not self.salvage or not self.counts:
+                raise ValueError(str(error) or type(error).__name__) from error
+            self.lost.append(f"the file is damaged ({error}); what follows is lost")
 
     def define(
         self, number: int, topic: str, encoding: str, kind: str, schema: tuple[str, bytes]
     ) -> None:
         """Note a channel; schema : the encoding and text of its message definition."""
-        self.schemas[number + 1] = Schema(
-            id=number + 1, name=kind, encoding=schema[0], data=schema[1]
-        )
+        encoded, text = schema
+        self.schemas[number + 1] = Schema(id=number + 1, name=kind, encoding=encoded, data=text)
         self.channels[number] = Channel(
             id=number, topic=topic, message_encoding=encoding, metadata={}, schema_id=number + 1
         )
 
-    def packed(self, rows: Iterable[tuple[int, int, bytes]]) -> Iterator[Messages]:
-        """Yield (channel, ns, data) as messages, some MB at a time, and count them."""
+    def _packed(self) -> Iterator[Messages]:
+        """Some MB of messages at a time, and count them."""
         size = max(self.path.stat().st_size, 1)
         buffer = bytearray()
         starts: list[int] = []
-        for number, time, data in rows:
+        for number, time, data in self.rows():
             if number not in self.channels:
                 raise ValueError("a message belongs to no topic")
             if not 0 <= time < 1 << 63:

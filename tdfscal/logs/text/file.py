@@ -1,0 +1,140 @@
+"""A text log that is open, plain or compressed: its first lines, and its rows block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BufferedIOBase
+from pathlib import Path
+from typing import Final
+
+import pyarrow as pa
+import zstandard
+
+from tdfscal.errors import DataError
+from tdfscal.logs.common.damage import one_line
+from tdfscal.records import Integrity
+
+_BLOCK: Final = 8 << 20
+_LINE: Final = 1 << 16
+_HEAD: Final = 1 << 18
+_OPENING: Final = 1 << 12
+_CONTROL: Final = bytes({*range(1, 32)} - set(b"\t\n\v\f\r"))
+_GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+
+
+@contextmanager
+def open_text(path: Path, *, salvage: bool = False) -> Iterator[TextFile]:
+    """Open a file for one reading; compressed or not by its first bytes, not by its name."""
+    with path.open("rb") as raw:
+        magic = raw.read(64)
+        raw.seek(0)
+        stream: BufferedIOBase = raw
+        integrity: Integrity = "unverified"
+        if magic.startswith(_GZIP):
+            stream, integrity = pa.input_stream(raw, compression="gzip"), "verified"
+        elif magic.startswith(_ZSTD):
+            try:
+                checked = zstandard.get_frame_parameters(magic).has_checksum
+            except zstandard.ZstdError as error:
+                raise ValueError(str(error)) from error
+            stream = pa.input_stream(raw, compression="zstd")
+            integrity = "verified" if checked else "unverified"
+        with stream:
+            yield TextFile(raw, stream, integrity, salvage=salvage)
+
+
+class TextFile:
+    """A text log that is open.
+
+    lost : why it breaks off; with `salvage` that ends it, else it is raised. integrity : how far
+    its compression checks the content. text : the first lines. newline : what ends each.
+    """
+
+    def __init__(
+        self, raw: BufferedIOBase, stream: BufferedIOBase, integrity: Integrity, *, salvage: bool
+    ) -> None:
+        self._raw, self._stream, self._salvage = raw, stream, salvage
+        self.integrity = integrity
+        self.lost: list[str] = []
+        head = bytearray(_HEAD)
+        self._head = bytes(head[: self._readinto(memoryview(head))])
+        self.newline = b"\r" if b"\r" in self._head and b"\n" not in self._head else b"\n"
+        self.text = _decoded(self._head)
+
+    @property
+    def position(self) -> int:
+        """Bytes of the file that are read."""
+        return self._raw.tell()
+
+    def blocks(self, skipped: int, spare: list[bytearray]) -> Iterator[tuple[memoryview, bool]]:
+        """Yield blocks of whole lines after the first ones; False with a last line without an end.
+
+        spare : takes what a block was read into, from who is done with it, to be used again.
+        """
+        start = 0
+        for _ in range(skipped):
+            found = self._head.find(self.newline, start)
+            if found < 0:
+                return
+            start = found + 1
+        rest = self._head[start:]
+        while True:
+            room = spare.pop() if spare else bytearray()
+            if len(room) < len(rest) + _BLOCK:
+                room = bytearray(len(rest) + _BLOCK + _LINE)
+            room[: len(rest)] = rest
+            block = memoryview(room)
+            count = self._readinto(block[len(rest) : len(rest) + _BLOCK])
+            if not count:
+                break
+            filled = len(rest) + count
+            end = room.rfind(self.newline, 0, filled) + 1
+            rest = bytes(block[end:filled])
+            if end:
+                yield block[:end], True
+            elif len(rest) > 2 * _BLOCK:
+                raise _no_table(f"a line is longer than {2 * _BLOCK >> 20} MiB")
+        end = rest.rfind(self.newline) + 1
+        if end:
+            yield memoryview(bytearray(rest[:end])), True
+        if rest[end:].strip():
+            yield memoryview(bytearray(rest[end:])), False
+
+    def _readinto(self, buffer: memoryview) -> int:
+        """Read up to as many bytes as the buffer has; how many, none at the end."""
+        try:
+            return 0 if self.lost else self._stream.readinto(buffer)
+        except (OSError, pa.ArrowException) as error:
+            if not self._salvage:
+                raise
+            self.lost.append(f"the file is damaged ({one_line(error)}); what follows is lost")
+            return 0
+
+
+def _decoded(head: bytes) -> str:
+    """The first lines; in the rows only ASCII matters.
+
+    Raises DataError where the text is UTF-16 or none at all, or its first line has no end.
+    """
+    opening = head[:_OPENING]
+    # ASCII as UTF-16 without a mark at its start: one of two bytes is NUL, the other is not.
+    nul = [opening[k::2].count(0) / max(len(opening[k::2]), 1) for k in (0, 1)]
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or (min(nul) < 0.1 and max(nul) > 0.9):
+        raise DataError("the text is UTF-16", hint="export it as UTF-8")
+    if len(opening) - len(opening.translate(None, _CONTROL)) > len(opening) // 20:
+        hint = "export the recording as CSV, or name the file by what it is"
+        raise DataError("the file is not text", hint=hint)
+    if len(head) >= _HEAD and not (b"\n" in head or b"\r" in head):
+        raise _no_table(f"the first line is longer than {_HEAD >> 10} KiB")
+    # The last character may be cut in two by the block's end; it is far below the header.
+    whole = head[: max(head.rfind(b"\n"), head.rfind(b"\r")) + 1] or head
+    try:
+        text = whole.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = whole.decode("cp1252", errors="replace")
+    return text.replace("\0", "\ufffd")
+
+
+def _no_table(what: str) -> DataError:
+    return DataError(what, hint="this is not a table of numbers")
