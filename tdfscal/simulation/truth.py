@@ -22,7 +22,7 @@ UNKNOWN_SENSITIVITY = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The rig as it is. Arrays may carry leading axes (...) of trials.
+    """The rig as it is, or as a controller takes it to be; arrays may have leading axes (...).
 
     rotation : (..., n, 3, 3), X_i, sensor frame → BCS. rpy : (..., n, 3), rad.
     zero : (..., n, 3), N. sensitivity : (..., n, 3, 3), S of f = (I + S) XᵀF + z, symmetric.
@@ -98,4 +98,25 @@ def draw_truths(rig: Rig, options: Options, rng: np.random.Generator, trials: in
         stiffness=np.array(
             np.broadcast_to(carriage_stiffness(rig, options), (trials, n, 3, 3)), dtype=np.float64
         ),
+    )
+
+
+def stated(rig: Rig, trials: int) -> Truth:
+    """The rig just as its file states it, leading axis (trials,): what is assumed uncalibrated."""
+    n = rig.n
+
+    def each(value: FloatArray, *shape: int) -> FloatArray:
+        return np.array(np.broadcast_to(value, (trials, *shape)), dtype=np.float64)
+
+    return Truth(
+        rotation=each(rotations.from_rpy(rig.nominal_rpy), n, 3, 3),
+        rpy=each(rig.nominal_rpy, n, 3),
+        zero=each(rig.zero.value, n, 3),
+        sensitivity=np.zeros((trials, n, 3, 3)),
+        mass=each(rig.mass.value),
+        barycentre=each(rig.barycentre.value, 3),
+        hinge=each(rig.hinge, n, 3),
+        datum=np.zeros((trials, n, 3)),
+        gravity=each(np.array([0.0, 0.0, -rig.gravity]), 3),
+        stiffness=each(carriage_stiffness(rig, Options()), n, 3, 3),
     )

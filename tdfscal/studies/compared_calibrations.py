@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.checks.same_rig import require_agreement
-from tdfscal.errors import TdfscalError, UsageError
+from tdfscal.errors import UsageError
 from tdfscal.model import parameters
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
-from tdfscal.records import BoolArray, FloatArray, Rig, TrackerSession
+from tdfscal.records import Rig
 from tdfscal.selfcal.linear_method import fit_linear
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, Truth, draw_truths, simulate_dwells
-from tdfscal.simulation.control.sensors import Assumed, perfect, uncalibrated
-from tdfscal.simulation.control.servo import PositionErrors
-from tdfscal.simulation.survey import simulate_survey
-from tdfscal.trackercal import calibrate_tracker
+from tdfscal.simulation.truth import stated
+from tdfscal.studies.simulated_campaigns import attempted, by_tracker
 
 #: Internal forces of the campaigns that the self-calibration gets, N, as `tdfscal simulate`.
 SQUEEZE = 200.0
@@ -43,18 +40,18 @@ LIKE = {"none": "none", "tracker": "tracker", "linear": "self"}
 #: Those that know some of the truth.
 BEST = ("perfect-angles", "perfect")
 
-_T = TypeVar("_T", Truth, Assumed, PositionErrors)
-
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """One calibration at work: its name, what the controller takes for true in each run, whether
-    it tares before each run, the rms error of the angles over the runs, rad, and the number of runs
-    in which the calibration gave no result and the nominal angles were used.
+    """One calibration at work.
+
+    assumed : (runs,), what the controller takes for true. angle_error : rms of the angles over the
+    runs, rad. tared : before each run. failed : runs in which the calibration gave no result and
+    the nominal angles were used.
     """
 
     name: str
-    assumed: Assumed
+    assumed: Truth
     angle_error: float
     tared: bool = False
     failed: int = 0
@@ -78,13 +75,6 @@ class Arms:
         """Names of the calibrations."""
         return tuple(arm.name for arm in self.arms)
 
-    def lanes(self, copies: int = 1) -> tuple[Truth, Assumed, BoolArray]:
-        """Truth, assumptions and who tares, of all lanes: (arm, copy, run) with the run fastest."""
-        truth = tiled(self.truth, len(self.arms) * copies)
-        parts = [tiled(arm.assumed, copies) for arm in self.arms]
-        tared = np.repeat([arm.tared for arm in self.arms], copies * self.runs)
-        return truth, _joined(parts), tared
-
 
 def simulated(
     rig: Rig,
@@ -101,63 +91,40 @@ def simulated(
     nominal angles, and is counted.
     """
     survey = survey or SurveyOptions()
-    options = options or Options(squeeze=SQUEEZE)
-    batch = simulate_dwells(rig, options, rng, runs)
-    truth = batch.truth
-    states: dict[str, list[State]] = {"tracker": [], "linear": [], "self": []}
-    failed = dict.fromkeys(states, 0)
-    for run in range(runs):
-        session = simulate_survey(rig, truth.trial(run), survey, rng).session
-        dwells = batch.dwells(run)
-        for name in states:
-            try:
-                if name == "tracker":
-                    state = _by_tracker(rig, session, survey)
-                elif name == "linear":
-                    state = fit_linear(rig, postures(rig, dwells)).state
-                else:
-                    state = self_calibrate(rig, dwells, rng=rng, max_trials=0).fit.state
-            except TdfscalError:
-                state = parameters.nominal(rig)
-                failed[name] += 1
-            states[name].append(state)
-    nominal = uncalibrated(rig, so3.from_rpy(rig.nominal_rpy), runs)
-
-    def angles(name: str) -> Assumed:
-        return replace(nominal, rotation=np.stack([s.rotation for s in states[name]]))
-
-    known = {
-        "none": nominal,
-        "tracker": angles("tracker"),
-        "linear": angles("linear"),
-        "self": angles("self"),
-        "self-all": _joined([_assumed(rig, [s]) for s in states["self"]]),
-        "tracker-tared": angles("tracker"),
+    batch = simulate_dwells(rig, options or Options(squeeze=SQUEEZE), rng, runs)
+    truth, campaigns = batch.truth, [batch.dwells(run) for run in range(runs)]
+    nominal = parameters.nominal(rig)
+    surveys = attempted(lambda run: by_tracker(rig, truth.trial(run), survey, rng), runs)
+    states: dict[str, list[State | None]] = {
+        "none": [nominal for _ in range(runs)],
+        "tracker": [
+            None if one is None else replace(nominal, rotation=one.rotations.rotation)
+            for one in surveys
+        ],
+        "linear": attempted(lambda run: fit_linear(rig, postures(rig, campaigns[run])).state, runs),
+        "self": attempted(
+            lambda run: self_calibrate(rig, campaigns[run], rng=rng, max_trials=0).fit.state, runs
+        ),
     }
-    arms = [
-        replace(
-            _arm(n, truth, a), tared=n == "tracker-tared", failed=failed.get(n.split("-")[0], 0)
-        )
-        for n, a in known.items()
-    ]
-    if best:
-        arms += _best(rig, truth)
-    return Arms(
-        truth,
-        tuple(arms),
-        "campaigns and surveys simulated and calibrated, a rig of its own in every run",
-    )
-
-
-def _by_tracker(rig: Rig, session: TrackerSession, survey: SurveyOptions) -> State:
-    found = calibrate_tracker(rig, session, misalignment=survey.body_misalignment, trials=0)
-    return replace(parameters.nominal(rig), rotation=found.rotations.rotation)
+    arms = []
+    for name in KNOWS:
+        if name in BEST:
+            continue
+        found = states[name.split("-")[0]]
+        kept = [nominal if state is None else state for state in found]
+        assumed = _assumed(rig, kept)
+        if name != "self-all":
+            assumed = replace(stated(rig, runs), rotation=assumed.rotation)
+        arm = _arm(name, truth, assumed)
+        arms.append(replace(arm, tared=name == "tracker-tared", failed=found.count(None)))
+    origin = "campaigns and surveys simulated and calibrated, a rig of its own in every run"
+    return Arms(truth, (*arms, *(_best(rig, truth) if best else ())), origin)
 
 
 def _best(rig: Rig, truth: Truth) -> list[Arm]:
     """Controllers that know the true angles, and everything."""
-    nominal = uncalibrated(rig, truth.rotation, len(truth.mass))
-    return [_arm("perfect-angles", truth, nominal), _arm("perfect", truth, perfect(truth))]
+    angles = replace(stated(rig, len(truth.mass)), rotation=truth.rotation)
+    return [_arm("perfect-angles", truth, angles), _arm("perfect", truth, truth)]
 
 
 def misaligned(rig: Rig, runs: int, deviations: Sequence[float], rng: np.random.Generator) -> Arms:
@@ -166,9 +133,10 @@ def misaligned(rig: Rig, runs: int, deviations: Sequence[float], rng: np.random.
     """
     truth = draw_truths(rig, Options(), rng, runs)
     unit = rng.standard_normal((runs, rig.n, 3))
-    best = perfect(truth)
     arms = [
-        _arm(f"{1e3 * d:g} mrad", truth, replace(best, rotation=so3.exp(d * unit) @ truth.rotation))
+        _arm(
+            f"{1e3 * d:g} mrad", truth, replace(truth, rotation=so3.exp(d * unit) @ truth.rotation)
+        )
         for d in deviations
     ]
     return Arms(truth, tuple(arms), "controllers that know all but the angles")
@@ -211,8 +179,7 @@ def given(
                 f"truth drawn about {calibrations[0][0]} itself: this shows what its stated "
                 "uncertainty costs, and does not judge it"
             )
-    nominal = so3.from_rpy(rig.nominal_rpy)
-    arms = [_arm("none", drawn, uncalibrated(rig, nominal, runs))]
+    arms = [_arm("none", drawn, stated(rig, runs))]
     arms += [_arm(n, drawn, _assumed(rig, [c.state] * runs)) for n, c in calibrations]
     if best:
         arms += _best(rig, drawn)
@@ -282,11 +249,12 @@ def drifted(arms: Arms, drift: float, rng: np.random.Generator) -> Arms:
     return replace(arms, truth=replace(arms.truth, zero=moved), origin=origin)
 
 
-def _assumed(rig: Rig, states: Sequence[State]) -> Assumed:
-    return Assumed(
+def _assumed(rig: Rig, states: Sequence[State]) -> Truth:
+    return replace(
+        stated(rig, len(states)),
         rotation=np.stack([s.rotation for s in states]),
         zero=np.stack([s.zero for s in states]),
-        sensitivity=np.stack([np.eye(3) + parameters.symmetric(s.sensitivity) for s in states]),
+        sensitivity=np.stack([parameters.symmetric(s.sensitivity) for s in states]),
         mass=np.array([float(s.mass) for s in states]),
         barycentre=np.stack([s.barycentre for s in states]),
         hinge=np.stack([s.hinge for s in states]),
@@ -294,22 +262,6 @@ def _assumed(rig: Rig, states: Sequence[State]) -> Assumed:
     )
 
 
-def _arm(name: str, truth: Truth, assumed: Assumed) -> Arm:
+def _arm(name: str, truth: Truth, assumed: Truth) -> Arm:
     error = so3.log(truth.rotation @ np.swapaxes(assumed.rotation, -1, -2))
     return Arm(name, assumed, float(np.sqrt(np.mean(error**2))))
-
-
-def tiled(record: _T, copies: int) -> _T:
-    """Repeat the lanes of a record."""
-
-    def many(value: FloatArray) -> FloatArray:
-        return np.tile(value, (copies, *(1,) * (value.ndim - 1)))
-
-    values = (many(np.asarray(getattr(record, f.name))) for f in fields(record))
-    return type(record)(*values)
-
-
-def _joined(parts: Sequence[Assumed]) -> Assumed:
-    return Assumed(
-        *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Assumed))
-    )

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tdfscal.comparison.joint import combine
-from tdfscal.errors import TdfscalError, UsageError
+from tdfscal.errors import UsageError
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig, Rotations, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.simulation import Options, SurveyOptions, simulate_dwells
+from tdfscal.simulation import Options, SurveyOptions, Truth, simulate_dwells
 from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.moving_options import MovingOptions
-from tdfscal.simulation.survey import simulate_survey
-from tdfscal.trackercal import calibrate_tracker
+from tdfscal.studies.simulated_campaigns import attempted, by_tracker
 
 #: Postures of a static campaign, and seconds of a moving one, that are asked.
 POSTURES, SECONDS = (12, 24, 48), (30.0, 60.0, 120.0)
@@ -151,21 +149,22 @@ def cost(
         choices += _static(rig, assumptions, runs, next(rngs), options, survey, postures)
     for seconds in SECONDS:
         progress(f"{seconds:g} s in motion")
-        found = list(_moving(rig, runs, next(rngs), options.squeeze, seconds))
         effort = self_effort(assumptions, seconds)
+        driven = MovingOptions(duration=seconds, squeeze=options.squeeze)
+        found = _moving(rig, runs, next(rngs), driven)
         choices.append(_choice("self, moving", f"{seconds:g} s", effort, found))
-    order = {"self, static": 0, "self, moving": 1, "tracker": 2, "joint": 3}
-    ways = tuple(sorted(choices, key=lambda c: order[c.method]))
+    order = ("self, static", "self, moving", "tracker", "joint")
+    ways = tuple(sorted(choices, key=lambda c: order.index(c.method)))
     return CostStudy(rig, assumptions, runs, seed, ways)
 
 
-def _choice(method: str, what: str, effort: Effort, found: list[float | None]) -> Choice:
-    kept = np.array([e for e in found if e is not None])
-    return Choice(method, what, effort, kept, len(found) - kept.size)
+def _choice(method: str, what: str, effort: Effort, errors: Sequence[float | None]) -> Choice:
+    kept = np.array([e for e in errors if e is not None])
+    return Choice(method, what, effort, kept, len(errors) - kept.size)
 
 
-def _error(truth: FloatArray, found: FloatArray) -> float:
-    return float(np.sqrt(np.mean(so3.log(truth @ np.swapaxes(found, 1, 2)) ** 2)))
+def _error(truth: Truth, found: FloatArray) -> float:
+    return float(np.sqrt(np.mean(so3.log(truth.rotation @ np.swapaxes(found, 1, 2)) ** 2)))
 
 
 def _static(
@@ -179,44 +178,40 @@ def _static(
 ) -> list[Choice]:
     """Self-calibration from dwells; at the middle number also the tracker, and both together."""
     batch = simulate_dwells(rig, replace(options, postures=postures), rng, runs)
-    both = postures == POSTURES[1]
-    found: dict[str, list[float | None]] = {"self": [], "tracker": [], "joint": []}
-    for run in range(runs):
-        truth = batch.truth.trial(run)
-        own = theirs = None
-        with suppress(TdfscalError):
-            result = self_calibrate(rig, batch.dwells(run), rng=rng, max_trials=0)
-            own = Rotations(rig.supports, result.fit.state.rotation, result.uncertainty.covariance)
-        found["self"].append(None if own is None else _error(truth.rotation, own.rotation))
-        if not both:
-            continue
-        session = simulate_survey(rig, truth, survey, rng).session
-        with suppress(TdfscalError):
-            theirs = calibrate_tracker(
-                rig, session, misalignment=survey.body_misalignment, trials=0
-            ).rotations
-        joint = None if own is None or theirs is None else combine(own, theirs).rotations
-        for name, one in (("tracker", theirs), ("joint", joint)):
-            found[name].append(None if one is None else _error(truth.rotation, one.rotation))
-    effort = self_effort(a, postures * (a.dwell + a.move))
-    choices = [_choice("self, static", f"{postures} postures", effort, found["self"])]
-    if both:
-        other = tracker_effort(a, rig, survey)
-        points = rig.n * (len(survey.targets) + survey.moves)
-        choices.append(_choice("tracker", f"{points} points", other, found["tracker"]))
-        choices.append(_choice("joint", f"{postures} postures, {points} points", effort + other,
-                               found["joint"]))  # fmt: skip
+    truth = [batch.truth.trial(run) for run in range(runs)]
+
+    def itself(run: int) -> Rotations:
+        result = self_calibrate(rig, batch.dwells(run), rng=rng, max_trials=0)
+        return Rotations(rig.supports, result.fit.state.rotation, result.uncertainty.covariance)
+
+    def choice(method: str, what: str, effort: Effort, found: list[Rotations | None]) -> Choice:
+        pairs = zip(truth, found, strict=True)
+        errors = [None if one is None else _error(true, one.rotation) for true, one in pairs]
+        return _choice(method, what, effort, errors)
+
+    own = attempted(itself, runs)
+    what, effort = f"{postures} postures", self_effort(a, postures * (a.dwell + a.move))
+    choices = [choice("self, static", what, effort, own)]
+    if postures == POSTURES[1]:
+        theirs = attempted(lambda run: by_tracker(rig, truth[run], survey, rng).rotations, runs)
+        pairs = zip(own, theirs, strict=True)
+        joint = [combine(one, other).rotations if one and other else None for one, other in pairs]
+        points = f"{rig.n * (len(survey.targets) + survey.moves)} points"
+        extra = tracker_effort(a, rig, survey)
+        choices.append(choice("tracker", points, extra, theirs))
+        choices.append(choice("joint", f"{what}, {points}", effort + extra, joint))
     return choices
 
 
 def _moving(
-    rig: Rig, runs: int, rng: np.random.Generator, squeeze: float, seconds: float
-) -> Iterator[float | None]:
-    for one in rng.spawn(runs):
-        campaign = simulate_moving(rig, MovingOptions(duration=seconds, squeeze=squeeze), one)
-        try:
-            result = calibrate_moving(rig, slow_streams([campaign.log], rig.capacity), _DELAY)
-        except TdfscalError:
-            yield None
-            continue
-        yield _error(campaign.truth.rotation, result.fit.state.still.rotation)
+    rig: Rig, runs: int, rng: np.random.Generator, options: MovingOptions
+) -> list[float | None]:
+    """Errors of self-calibrations in motion."""
+    seeds = rng.spawn(runs)
+
+    def error(run: int) -> float:
+        campaign = simulate_moving(rig, options, seeds[run])
+        result = calibrate_moving(rig, slow_streams([campaign.log], rig.capacity), _DELAY)
+        return _error(campaign.truth, result.fit.state.still.rotation)
+
+    return attempted(error, runs)

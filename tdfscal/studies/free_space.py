@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
 from tdfscal.simulation.control.reference import move, require_within
-from tdfscal.simulation.control.runs import Controller, Result
+from tdfscal.simulation.control.runs import Controller
 from tdfscal.simulation.equilibrium import Pose
 from tdfscal.studies.compared_calibrations import LIKE, Arms
-from tdfscal.studies.lanes import machines_of, simulate_lanes
-from tdfscal.studies.ratios import Ratio, ratio
+from tdfscal.studies.lanes import ControlStudy, simulate_lanes
 
 #: The paper's averages, mm and mrad, over its calibrations; beside the arms that are like them.
 _PUBLISHED = {"tracker": (1.002, 7.088), "self": (0.592, 5.071)}
@@ -53,7 +51,7 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True)
-class FreeSpaceStudy:
+class FreeSpaceStudy(ControlStudy):
     """C calibrations, M moves, N runs.
 
     deviation : (C, M, N, 6), of the final pose by the servos' encoders from the planned one: LCS
@@ -61,15 +59,7 @@ class FreeSpaceStudy:
     """
 
     setup: Setup
-    arms: Arms
-    seed: int
     deviation: FloatArray
-    result: Result
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the calibrations."""
-        return self.arms.names
 
     @property
     def length(self) -> FloatArray:
@@ -77,10 +67,11 @@ class FreeSpaceStudy:
         parts = self.deviation.reshape(*self.deviation.shape[:-1], 2, 3)
         return np.asarray(np.linalg.norm(parts, axis=-1))
 
-    def ratio(self, quantity: int, of: str, to: str) -> Ratio:
-        """Ratio of mean lengths; moves of one run share a rig, so that the runs are the sample."""
-        a, b = (self.length[self.names.index(n), ..., quantity].mean(axis=0) for n in (of, to))
-        return ratio(a, b)
+    def sample(self, quantity: int) -> FloatArray:
+        """(C, N): mean length over the moves, position (m) or posture (rad); moves of one run share
+        a rig, so that the runs are the sample.
+        """
+        return np.asarray(self.length[..., quantity].mean(axis=1))
 
 
 def free_space(
@@ -97,41 +88,26 @@ def free_space(
 
     Raises
     ------
-    UsageError : moves that are none, or leave the NCPs' travel.
+    UsageError : moves leave the NCPs' travel, or the loop is unstable.
     """
-    rig, moves = setup.rig, np.asarray(setup.moves, dtype=np.float64)
-    if moves.ndim != 3 or moves.shape[1:] != (2, 6) or not np.all(np.isfinite(moves)):
-        raise UsageError(f"expected moves of shape (M, 2, 6), got {moves.shape}")
+    rig, moves = setup.rig, setup.moves
     pose = Pose(rotations.from_rpy(moves[..., :3]), np.asarray(setup.home) + moves[..., 3:])
     for end, what in enumerate(("initial posture of move", "target posture of move")):
         at = Pose(pose.rotation[:, end], pose.translation[:, end])
         require_within(rig, at, setup.home, setup.travel, what)
-    count, runs, copies = len(moves), arms.runs, len(arms.arms)
-
-    def lanes(end: int) -> Pose:
-        R, T = (
-            np.tile(np.repeat(v[:, end], runs, axis=0), (copies, *(1,) * (v.ndim - 2)))
-            for v in (pose.rotation, pose.translation)
-        )
-        return Pose(R, T)
-
-    goal = lanes(1)
-    reference = move(lanes(0), goal, setup.duration, setup.rest, setup.controller.step)
-    machines = machines_of(rig, setup.controller.servo, arms, seed.spawn(2), count)
+    start, goal = (
+        Pose(*(np.repeat(v[:, end], arms.runs, axis=0) for v in (pose.rotation, pose.translation)))
+        for end in (0, 1)
+    )
+    controller = setup.controller
+    reference = move(start, goal, setup.duration, setup.rest, controller.step)
     result = simulate_lanes(
-        machines, setup.controller, reference, workers=workers, progress=progress
+        rig, controller, arms, reference, seed.spawn(2), workers=workers, progress=progress
     )
-    return FreeSpaceStudy(
-        setup=setup,
-        arms=arms,
-        seed=number,
-        deviation=_deviation(rig, result.servo, goal).reshape(copies, count, runs, 6),
-        result=result,
-    )
-
-
-def _deviation(rig: Rig, servo: FloatArray, plan: Pose) -> FloatArray:
-    """Deviation (L, 6) of the pose by encoder values (L, n, 3) from the planned one."""
+    # Where the encoders have the terminal in the end.
+    servo = result.servo.reshape(len(arms.arms), len(goal.rotation), rig.n, 3)
     R, T = rotations.fit(rig.hinge, servo)
-    turn = rotations.log(np.swapaxes(plan.rotation, -1, -2) @ R)
-    return np.concatenate([T - plan.translation, turn], axis=1)
+    turn = rotations.log(np.swapaxes(goal.rotation, -1, -2) @ R)
+    deviation = np.concatenate([T - goal.translation, turn], axis=-1)
+    each = deviation.reshape(len(arms.arms), len(moves), arms.runs, 6)
+    return FreeSpaceStudy(arms, number, result, setup, each)

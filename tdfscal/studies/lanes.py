@@ -2,121 +2,147 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import fields, is_dataclass, replace
-from multiprocessing import get_context
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
-from tdfscal.records import IntArray, Rig
+from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
+from tdfscal.simulation import Pose, Truth
 from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.reference import Reference
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result, Traces
-from tdfscal.simulation.control.servo import Servo, draw_errors
-from tdfscal.studies.compared_calibrations import Arms, tiled
-from tdfscal.studies.simulated_campaigns import one_thread_each
+from tdfscal.simulation.control.servo import PositionErrors, draw_errors
+from tdfscal.studies.compared_calibrations import Arms
+from tdfscal.studies.ratios import Ratio, ratio
+from tdfscal.studies.simulated_campaigns import pool
 
 #: Lane steps below which a second process costs more than it saves, and lanes per block at least.
 #: The blocks go by the work alone, so that the number of processes changes no number.
 _WORTH, _BLOCK = 1_000_000, 200
-#: Axis of the lanes in what is recorded.
+#: Results whose second axis are the lanes; the first of the others.
 _SECOND = {"peak", "peak_length", "peak_measured", "phase_start"}
+_A = TypeVar("_A", FloatArray, BoolArray)
+_R = TypeVar("_R", Truth, PositionErrors, Pose)
+
+
+@dataclass(frozen=True, slots=True)
+class ControlStudy(ABC):
+    """C calibrations on the same N machines. seed : as the user gave it."""
+
+    arms: Arms
+    seed: int
+    result: Result
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the calibrations."""
+        return self.arms.names
+
+    def grid(self, values: _A, axis: int = 0) -> _A:
+        """Values of the lanes, at this axis, as (C, N, …) of calibrations and runs."""
+        lanes = np.moveaxis(values, axis, 0)
+        return lanes.reshape(len(self.names), -1, *lanes.shape[1:])
+
+    @abstractmethod
+    def sample(self, quantity: int) -> FloatArray:
+        """(C, N): what is compared with the paper, by its place among the study's quantities; NaN
+        of runs that did not come so far.
+        """
+
+    def values(self, name: str, quantity: int) -> FloatArray:
+        """The same of one calibration (n,), of the runs that have it."""
+        own = self.sample(quantity)[self.names.index(name)]
+        return np.asarray(own[np.isfinite(own)])
+
+    def ratio(self, quantity: int, of: str, to: str) -> Ratio:
+        """Ratio of means with its standard error, over the runs that both have."""
+        a, b = self.sample(quantity)[[self.names.index(of), self.names.index(to)]]
+        both = np.isfinite(a) & np.isfinite(b)
+        return ratio(a[both], b[both])
 
 
 def simulate_lanes(
-    machines: Machines,
+    rig: Rig,
     controller: Controller,
+    arms: Arms,
     reference: Reference,
+    seeds: Sequence[np.random.SeedSequence],
     docking: Docking | None = None,
     *,
     workers: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Result:
-    """As `loop.simulate`, on several cores. Raises what it raises."""
-    lanes, runs = len(machines.tared), len(machines.noise)
-    worth = lanes * len(reference.share) >= _WORTH
-    blocks = min(runs, max(2, lanes // _BLOCK)) if worth else 1
-    if blocks == 1:
-        return simulate(machines, controller, reference, docking, progress)
-    grid = np.arange(lanes).reshape(-1, runs)
-    parts = np.array_split(np.arange(runs), blocks)
-    tasks = [
-        (
-            replace(
-                _some(machines, grid[:, part].ravel(), lanes),
-                noise=tuple(machines.noise[i] for i in part),
-            ),
-            controller,
-            _some(reference, grid[:, part].ravel(), lanes),
-            _some(docking, grid[:, part].ravel(), lanes),
-        )
-        for part in parts
-    ]
-    if workers == 1:
-        results = [simulate(*tasks[0], progress), *(simulate(*task) for task in tasks[1:])]
-    else:
-        processes = min(workers, blocks) - 1
-        with one_thread_each(), ProcessPoolExecutor(processes, get_context("spawn")) as pool:
-            others = [pool.submit(simulate, *task) for task in tasks[1:]]
-            results = [simulate(*tasks[0], progress), *(other.result() for other in others)]
-    order = np.argsort(np.concatenate([grid[:, part].ravel() for part in parts]))
-    return _joined(results, order)
+    """Go the way of every run with every calibration; lane = calibration · runs + run.
 
+    reference : ways of all runs; of more than there are machines, which then go several. seeds : of
+    the positions' errors and of the noise, which are the same for all calibrations.
 
-def machines_of(
-    rig: Rig,
-    servo: Servo,
-    arms: Arms,
-    seeds: Sequence[np.random.SeedSequence],
-    copies: int = 1,
-) -> Machines:
-    """Machines of all lanes, (arm, copy, run); seeds : of their positions' errors and of noise.
-
-    Errors and noise of a copy's run are the same for all arms.
+    Raises as `loop.simulate`.
     """
-    error_seed, noise_seed = seeds
-    count, rng = copies * arms.runs, np.random.default_rng(error_seed)
-    errors = draw_errors(servo, rig.declared.positioner, count, rig.n, rng)
-    truth, assumed, tared = arms.lanes(copies)
-    noise = tuple(noise_seed.spawn(count))
-    return Machines(rig, truth, tiled(errors, len(arms.arms)), assumed, tared, noise)
+    runs, copies = len(reference.start.translation), len(arms.arms)
+    rng = np.random.default_rng(seeds[0])
+    errors = draw_errors(controller.servo, rig.declared.positioner, runs, rig.n, rng)
+    noise = seeds[1].spawn(runs)
+
+    def task(part: IntArray) -> tuple[Machines, Controller, Reference, Docking | None]:
+        run, machine = np.tile(part, copies), part % arms.runs
+        assumed = [_taken(arm.assumed, machine) for arm in arms.arms]
+        machines = Machines(
+            rig,
+            _taken(arms.truth, run % arms.runs),
+            _taken(errors, run),
+            Truth(*(np.concatenate(each) for each in zip(*map(_values, assumed), strict=True))),
+            np.repeat([arm.tared for arm in arms.arms], len(part)),
+            tuple(noise[i] for i in part),
+        )
+        start, goal = _taken(reference.start, run), _taken(reference.goal, run)
+        return machines, controller, replace(reference, start=start, goal=goal), docking
+
+    worth = copies * runs * len(reference.share) >= _WORTH
+    blocks = min(runs, max(2, copies * runs // _BLOCK)) if worth else 1
+    parts = np.array_split(np.arange(runs), blocks)
+    first, *others = map(task, parts)
+    if workers == 1 or blocks == 1:
+        results = [simulate(*first, progress), *(simulate(*other) for other in others)]
+    else:
+        with pool(min(workers, blocks) - 1) as processes:
+            waiting = [processes.submit(simulate, *other) for other in others]
+            results = [simulate(*first, progress), *(one.result() for one in waiting)]
+    lanes = np.arange(copies * runs).reshape(copies, runs)
+    return _joined(results, np.argsort(np.concatenate([lanes[:, part].ravel() for part in parts])))
 
 
-def _some(record: Any, index: IntArray, lanes: int) -> Any:
-    """Some lanes of a record: of every array in it whose first axis are the lanes."""
-    if isinstance(record, np.ndarray):
-        return record[index] if record.shape[:1] == (lanes,) else record
-    if is_dataclass(record) and not isinstance(record, type):
-        values = {f.name: getattr(record, f.name) for f in fields(record)}
-        kept = {n: v for n, v in values.items() if is_dataclass(v) or isinstance(v, np.ndarray)}
-        return replace(record, **{n: _some(v, index, lanes) for n, v in kept.items()})
-    return record
+def _values(record: Any) -> tuple[Any, ...]:
+    return tuple(getattr(record, f.name) for f in fields(record))
+
+
+def _taken(record: _R, lanes: IntArray) -> _R:
+    """These lanes of a record of arrays, which lie in memory alike whatever is taken."""
+    return type(record)(*(np.take(value, lanes, axis=0) for value in _values(record)))
 
 
 def _joined(results: list[Result], order: IntArray) -> Result:
     """Results of blocks as one, lanes in their order; the last record stands for what follows."""
-    longest = max(results, key=lambda r: len(r.traces.time)).traces
+    longest = max((r.traces.time for r in results), key=len)
 
     def together(parts: list[Any], axis: int) -> Any:
         whole = np.concatenate(parts, axis=axis)
         return whole if whole.shape[axis] == 0 else np.take(whole, order, axis=axis)
 
     def full(trace: Any) -> Any:
-        missing = len(longest.time) - len(trace)
+        missing = len(longest) - len(trace)
         return np.concatenate([trace, np.repeat(trace[-1:], missing, axis=0)])
 
-    traces = {
-        f.name: together([full(getattr(r.traces, f.name)) for r in results], 1)
-        for f in fields(Traces)
-        if f.name != "time"
-    }
+    traces = [
+        together(list(map(full, part)), 1)
+        for part in zip(*(_values(r.traces)[1:] for r in results), strict=True)
+    ]
     values = {
         f.name: together([getattr(r, f.name) for r in results], int(f.name in _SECOND))
         for f in fields(Result)
-        if f.name not in ("traces", "steps")
+        if f.name != "traces"
     }
-    return Result(
-        traces=Traces(time=longest.time, **traces), steps=max(r.steps for r in results), **values
-    )
+    return Result(traces=Traces(longest, *traces), **values)

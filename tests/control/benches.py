@@ -8,11 +8,11 @@ import numpy as np
 
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import Options, Pose, Truth, draw_truths
-from tdfscal.simulation.control.contact import Bore, GearPair
+from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.loop import simulate
 from tdfscal.simulation.control.reference import advance
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
-from tdfscal.simulation.control.sensors import Assumed, Sensing, perfect
+from tdfscal.simulation.control.sensors import Sensing
 from tdfscal.simulation.control.servo import PositionErrors, Servo, draw_errors
 from tests.simulation.rigs import exact_rig, loose_rig
 
@@ -48,7 +48,7 @@ def poses(lanes: int, shift: FloatArray | None = None, turn: FloatArray | None =
 
 def fleet(
     truth: Truth,
-    assumed: Assumed | None = None,
+    assumed: Truth | None = None,
     *,
     rig: Rig | None = None,
     errors: PositionErrors | None = None,
@@ -59,7 +59,7 @@ def fleet(
     lanes, n = truth.zero.shape[:2]
     exact = draw_errors(Servo(), 0.0, lanes, n, np.random.default_rng(0))
     return Machines(
-        rig or loose_rig(), truth, errors or exact, assumed or perfect(truth),
+        rig or loose_rig(), truth, errors or exact, assumed or truth,
         np.full(lanes, tared), tuple(np.random.SeedSequence(noise).spawn(lanes)),
     )  # fmt: skip
 
@@ -70,7 +70,7 @@ def dock(
     *,
     gears: GearPair = SHORT,
     shift: tuple[float, float] = (0.0, 0.0),
-    assumed: Assumed | None = None,
+    assumed: Truth | None = None,
     repeat: float = 0.0,
     noise: int = 0,
     beyond: float = 0.01,
@@ -90,9 +90,8 @@ def dock(
         step=controller.step,
     )
     mouth = HOME + np.array([0.0, 0.0, gears.tip[2] + GAP])
-    bore = Bore(np.repeat(np.eye(3)[None], lanes, axis=0), np.repeat(mouth[None], lanes, axis=0))
     rig = loose_rig()
     errors = draw_errors(controller.servo, repeat, lanes, rig.n, np.random.default_rng(7))
     machines = fleet(truth, assumed, errors=errors, noise=noise)
-    docking = Docking(gears, bore, GAP + gears.length - 5.0e-4)
+    docking = Docking(gears, mouth, GAP + gears.length - 5.0e-4)
     return simulate(machines, controller, reference, docking)

@@ -10,7 +10,7 @@ import pytest
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray
 from tdfscal.simulation import rotations
-from tdfscal.simulation.control.contact import Bore, GearPair
+from tdfscal.simulation.control.contact import GearPair, coordinates
 from tests.control.benches import caught
 
 SMOOTH = GearPair(friction=0.0)
@@ -107,13 +107,11 @@ def test_lead_in_pushes_towards_the_bore_and_face_beyond_it() -> None:
     assert missed[2] < 0.0
 
 
-def test_coordinates_follow_the_bore() -> None:
+def test_coordinates_are_of_the_shaft_in_the_bore() -> None:
     rng = np.random.default_rng(3)
-    R = rotations.exp(rng.normal(size=(5, 3)))
-    place = rng.normal(size=(5, 3))
+    mouth = rng.normal(size=3)
     small = 1e-5 * rng.normal(size=(5, 6))
-    tip = place + (R @ small[:, :3, None])[..., 0]
-    q = Bore(R, place).coordinates(tip, R @ rotations.exp(small[:, 3:]))
+    q = coordinates(mouth, mouth + small[:, :3], rotations.exp(small[:, 3:]))
     np.testing.assert_allclose(q, small, atol=1e-12)
 
 

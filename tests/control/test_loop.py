@@ -15,7 +15,7 @@ from tdfscal.simulation.control.impedance import Impedance, transition
 from tdfscal.simulation.control.loop import Loop, simulate
 from tdfscal.simulation.control.reference import Reference, require_within
 from tdfscal.simulation.control.runs import Controller
-from tdfscal.simulation.control.sensors import Sensing, WrenchObserver, perfect, uncalibrated
+from tdfscal.simulation.control.sensors import Sensing, WrenchObserver
 from tdfscal.simulation.control.servo import Servo
 from tdfscal.simulation.control.stability import (
     GAIN_MARGIN,
@@ -26,6 +26,7 @@ from tdfscal.simulation.control.stability import (
     sample_map,
 )
 from tdfscal.simulation.control.terminal import Structure, Terminal, body, inertia_of
+from tdfscal.simulation.truth import stated
 from tdfscal.wrench.filtering import Causal, Walk
 from tests.control.benches import HOME, IDEAL, SHORT, caught, dock, fleet, poses, truths
 from tests.simulation.rigs import exact_rig, loose_rig
@@ -121,7 +122,8 @@ def test_docked_position_is_the_geometric_one() -> None:
 @pytest.mark.slow
 def test_halving_the_step_changes_maxima_little() -> None:
     truth = truths(3, seed=4)
-    wrong = uncalibrated(loose_rig(), truth.rotation @ rotations.exp(np.full(3, 2e-3)), 3)
+    turned = truth.rotation @ rotations.exp(np.full(3, 2e-3))
+    wrong = replace(stated(loose_rig(), 3), rotation=turned)
     runs = [
         dock(
             truth,
@@ -206,7 +208,7 @@ def test_a_light_virtual_mass_shakes_the_loop_up_as_its_eigenvalue_says() -> Non
     expected = growth(at, light)
     assert 1.1 < expected < 1.7
     truth = truths(1, loose=False)
-    pushed = replace(perfect(truth), zero=truth.zero + 1e-6)
+    pushed = replace(truth, zero=truth.zero + 1e-6)
     machines = fleet(truth, pushed, rig=exact_rig(), tared=False)
     quick = replace(light, trace_rate=250.0)
     traces = Loop(machines, quick, still(0.6, 1, 4e-3)).run().traces
@@ -269,7 +271,7 @@ def test_perfect_calibration_leaves_only_noise() -> None:
 def test_false_force_displaces_by_its_stiffness() -> None:
     """Free space, untared: K (x − x_d) = false wrench."""
     truth, controller = truths(2), IDEAL
-    wrong = replace(perfect(truth), zero=truth.zero + np.array([1.0, -2.0, 0.5]))
+    wrong = replace(truth, zero=truth.zero + np.array([1.0, -2.0, 0.5]))
     machines = fleet(truth, wrong, tared=False)
     result = simulate(machines, controller, still(30.0, 2, controller.step))
     K = np.array(controller.impedance.stiffness)
@@ -326,9 +328,9 @@ def test_the_loop_filters_as_the_causal_filter_does() -> None:
     centre = np.array(controller.impedance.centre)
     for k in (0, 30, 99):
         # One sample is taken with the posture of the step before, microradians away.
-        seen = WrenchObserver(perfect(truth), centre).wrench(reading[None, k], np.eye(3)[None])
+        seen = WrenchObserver(truth, centre).wrench(reading[None, k], np.eye(3)[None])
         np.testing.assert_allclose(traces.measured[k, 0, :3], seen[0, :3], atol=0.05)
-    raw = WrenchObserver(perfect(truth), centre).wrench(traces.reading[99], np.eye(3)[None])
+    raw = WrenchObserver(truth, centre).wrench(traces.reading[99], np.eye(3)[None])
     assert np.abs(raw[0, :3] - traces.measured[99, 0, :3]).max() > 0.5
 
 

@@ -98,7 +98,7 @@ def test_docking_maxima_fall_with_what_is_known(arms: Arms) -> None:
     )
     study = docking.docking(setup, arms, np.random.SeedSequence(1), 1)
     assert study.seated[at(study, "perfect")].all()
-    force = study.average[..., 0]
+    force = study.sample(0)
     tracker = force[at(study, "tracker")].mean()
     assert tracker > 2.0
     assert np.all(force[at(study, "self-all")] < 0.1 * tracker)

@@ -78,7 +78,7 @@ def test_nonsense_is_refused() -> None:
 def test_the_document_is_strict_json() -> None:
     rig = reference_rig()
     sweeps = [sensitivity(rig, np.zeros(3), internal=internal) for internal in (0.0, 100.0)]
-    document = sensitivity_document(rig, sweeps, {}, ["sensitivity.csv"])
+    document = sensitivity_document(rig, sweeps, {})
     back = json.loads(json.dumps(document, allow_nan=False))
     assert back["span"] == 0.05
     assert back["sweeps"][0]["supports"][1]["force_error"] == sweeps[0].force[1, :, -1].tolist()

@@ -46,7 +46,7 @@ def report(study: Accuracy, stated: Stated) -> Report:
     )
     return Report(
         title=f"Accuracy of {rig.name}",
-        subtitle=f"{study.setup.runs} simulated campaigns of {len(study.command)} postures, tilt "
+        subtitle=f"{study.setup.runs} simulated campaigns of {options.count} postures, tilt "
         f"{np.rad2deg(options.tilt):g}°, internal forces {options.squeeze:g} N; tracker "
         f"{survey.distance:g} m away, {len(survey.targets)} targets per sensor",
         sections=(Section("Accuracy", blocks),),
@@ -76,16 +76,15 @@ def _against(study: Accuracy, name: str, std: FloatArray) -> str:
     return f"{text}as good as {best.name} gets here ({1e3 * reached:.3g} mrad)"
 
 
-def document(study: Accuracy, stated: Stated, files: list[str]) -> dict[str, Any]:
+def document(study: Accuracy, stated: Stated) -> dict[str, Any]:
     """The study as plain JSON values, SI units."""
     rig, best = study.setup.rig, study.ranking[0]
     reached = float(best.rms.mean())
     return {
-        "format": "tdfscal-study-accuracy/1",
         "rig": rig.name,
         "runs": study.setup.runs,
         "seed": study.setup.seed,
-        "postures": len(study.command),
+        "postures": study.setup.options.count,
         "methods": [
             {
                 "method": result.method,
@@ -109,7 +108,6 @@ def document(study: Accuracy, stated: Stated, files: list[str]) -> dict[str, Any
         "left_out": study.left_out,
         "best": best.method,
         "verdict": study.verdict,
-        "files": files,
         "calibrations": [
             {"name": name, "rpy_std": std.tolist(), "factor": float(std.mean() / reached)}
             for name, std in stated.items()

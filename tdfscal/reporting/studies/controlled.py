@@ -7,23 +7,20 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.layout import Block, Facts, Items, Table
-from tdfscal.reporting.studies.cells import Row, number, with_error
-from tdfscal.reporting.studies.paper import Item, sentence
+from tdfscal.reporting.studies.cells import Row, mean_of, mean_se, number, with_error
+from tdfscal.reporting.studies.paper import Item, Pair, sentence
 from tdfscal.simulation.control.runs import Controller
-from tdfscal.studies.compared_calibrations import KNOWS, LIKE, Arm, Arms
+from tdfscal.studies.compared_calibrations import KNOWS, LIKE, Arms
 from tdfscal.studies.docking import DockingStudy
 from tdfscal.studies.free_space import FreeSpaceStudy
+from tdfscal.studies.ratios import Ratio
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 Study = DockingStudy | FreeSpaceStudy
-#: The paper's numbers of two quantities, by the arm that is like its calibration.
-Paper = dict[str, tuple[float, float]]
-
 DEVIATION = ("x", "y", "z", "rx", "ry", "rz")
 #: Colour, line and marker of each calibration: each tells them apart on its own.
 MARKS = (
@@ -78,53 +75,65 @@ def _pairs(names: tuple[str, ...]) -> list[tuple[str, str]]:
     return found + [(name, "tracker") for name in names if name not in ("none", "tracker")]
 
 
-def _published(paper: Paper, of: str, to: str, quantity: int) -> float | None:
-    return paper[of][quantity] / paper[to][quantity] if of in paper and to in paper else None
-
-
-def ratio_table(
-    caption: str, names: tuple[str, str], study: Study, paper: Paper, **which: bool
-) -> Table:
-    """Ratios of two quantities between calibrations, beside the paper's."""
+def means_table(caption: str, study: Study, pair: Pair) -> Table:
+    """Mean ± standard error over runs of each calibration, beside the paper's where it has any."""
     rows = []
-    for of, to in _pairs(study.names):
-        row = [f"{of} / {to}"]
-        for quantity in (0, 1):
-            found = study.ratio(quantity, of, to, **which)
-            known = _published(paper, of, to, quantity)
-            row += [with_error(found.value, found.std), "" if known is None else f"{known:.3g}"]
-        rows.append(tuple(row))
-    return Table(caption, ("", names[0], "paper", names[1], "paper"), tuple(rows))
-
-
-def ratios(study: Study, paper: Paper, of: tuple[str, str], **which: bool) -> list[Any]:
-    """The same as plain JSON values."""
-    out = []
-    for a, b in _pairs(study.names):
-        for quantity, name in enumerate(of):
-            found = study.ratio(quantity, a, b, **which)
-            out.append(
-                {
-                    "quantity": name,
-                    "of": a,
-                    "to": b,
-                    "ratio": number(found.value),
-                    "std": number(found.std),
-                    "paper": _published(paper, a, b, quantity),
-                }
+    for arm in study.arms.arms:
+        row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
+        for k in (0, 1):
+            row.append(
+                mean_se(pair.scale * study.values(arm.name, pair.first + k), study.arms.runs)
             )
-    return out
+            if pair.paper:
+                row.append(
+                    f"{pair.paper[arm.name][k]:{pair.form}}" if arm.name in pair.paper else ""
+                )
+        rows.append(tuple(row))
+    header = ["", "rms angle error, mrad"]
+    for name, unit in zip(pair.names, pair.units, strict=True):
+        header += [f"{name}, {unit}", "paper"] if pair.paper else [f"{name}, {unit}"]
+    return Table(caption, tuple(header), tuple(rows))
+
+
+def _ratios(study: Study, pair: Pair) -> Iterator[tuple[str, str, int, Ratio, float | None]]:
+    """Calibration, the one that it is compared with, quantity, ratio and the paper's."""
+    paper = pair.paper
+    for of, to in _pairs(study.names):
+        for k in (0, 1):
+            known = paper[of][k] / paper[to][k] if of in paper and to in paper else None
+            yield of, to, k, study.ratio(pair.first + k, of, to), known
+
+
+def ratio_table(caption: str, study: Study, pair: Pair) -> Table:
+    """Ratios between calibrations, beside the paper's."""
+    rows: dict[str, list[str]] = {}
+    for of, to, _, found, known in _ratios(study, pair):
+        row = rows.setdefault(f"{of} / {to}", [])
+        row += [with_error(found.value, found.std), "" if known is None else f"{known:.3g}"]
+    header = ("", pair.names[0], "paper", pair.names[1], "paper")
+    return Table(caption, header, tuple((name, *row) for name, row in rows.items()))
+
+
+def ratios(study: Study, pair: Pair) -> list[Any]:
+    """The same as plain JSON values."""
+    return [
+        {
+            "quantity": pair.names[k],
+            "of": of,
+            "to": to,
+            "ratio": number(found.value),
+            "std": number(found.std),
+            "paper": known,
+        }
+        for of, to, k, found, known in _ratios(study, pair)
+    ]
 
 
 def moments(values: FloatArray) -> dict[str, float | None]:
     """Mean, standard deviation and standard error over runs."""
-    std = float(np.std(values, ddof=1)) if values.size > 1 else None
-    return {
-        "mean": float(values.mean()) if values.size else None,
-        "std": std,
-        "standard_error": None if std is None else std / values.size**0.5,
-        "runs": int(values.size),
-    }
+    mean, error = map(number, mean_of(values))
+    std = None if error is None else float(np.std(values, ddof=1))
+    return {"mean": mean, "std": std, "standard_error": error, "runs": int(values.size)}
 
 
 def cell_document(controller: Controller) -> dict[str, Any]:
@@ -157,25 +166,27 @@ def head_document(study: Study) -> dict[str, Any]:
     }
 
 
-def arm_document(arm: Arm, paper: Paper, unit: float) -> dict[str, Any]:
-    """One calibration as plain JSON values, SI units; unit : of the paper's numbers."""
-    known = paper.get(arm.name)
-    return {
-        "name": arm.name,
-        "knows": KNOWS.get(arm.name),
-        "tared": arm.tared,
-        "angle_error": arm.angle_error,
-        "failed": arm.failed,
-        "paper": None if known is None else [v * unit for v in known],
-    }
+def arm_documents(study: Study, pair: Pair, quantities: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Each calibration and its quantities as plain JSON values, SI units."""
+    return [
+        {
+            "name": arm.name,
+            "knows": KNOWS.get(arm.name),
+            "tared": arm.tared,
+            "angle_error": arm.angle_error,
+            "failed": arm.failed,
+            "paper": pair.paper.get(arm.name) and [v / pair.scale for v in pair.paper[arm.name]],
+            **{name: moments(study.values(arm.name, k)) for k, name in enumerate(quantities)},
+        }
+        for arm in study.arms.arms
+    ]
 
 
 def trace_rows(study: Study) -> Iterator[Row]:
     """Rows of traces.csv: every so many-th record of every lane."""
     traces = study.result.traces
     each = -(-len(traces.time) // _TRACE_ROWS)
-    lanes = traces.contact.shape[1]
-    per = lanes // len(study.names)
+    per = traces.contact.shape[1] // len(study.names)
     columns = (
         *(f"true_{name}" for name in COMPONENTS),
         *(f"seen_{name}" for name in COMPONENTS),
@@ -185,14 +196,7 @@ def trace_rows(study: Study) -> Iterator[Row]:
     table = np.concatenate(
         [traces.contact, traces.measured, traces.deviation, traces.depth[..., None]], axis=2
     )[::each]
-    for lane in range(lanes):
+    for lane in range(table.shape[1]):
         head = {"calibration": study.names[lane // per], "run": lane % per + 1}
         for t, row in zip(traces.time[::each].tolist(), table[:, lane].tolist(), strict=True):
             yield {**head, "time_s": t, **dict(zip(columns, map(number, row), strict=True))}
-
-
-def marked(ax: Axes, x: FloatArray, values: FloatArray, names: tuple[str, ...]) -> None:
-    """One line with markers per calibration, values (C, X)."""
-    for c, name in enumerate(names):
-        colour, line, marker = MARKS[c % len(MARKS)]
-        ax.plot(x, values[c], color=colour, linestyle=line, marker=marker, markersize=4, label=name)

@@ -59,17 +59,15 @@ def report(study: CostStudy) -> Report:
     )
 
 
-def document(study: CostStudy, files: list[str]) -> dict[str, Any]:
+def document(study: CostStudy) -> dict[str, Any]:
     """The study as plain JSON values."""
     return {
-        "format": "tdfscal-study-cost/1",
         "rig": study.rig.name,
         "seed": study.seed,
         "runs": study.runs,
         "assumptions": {f.name: getattr(study.assumptions, f.name) for f in fields(Assumptions)},
         "choices": list(_choices(study)),
         "note": _NOTE,
-        "files": files,
     }
 
 

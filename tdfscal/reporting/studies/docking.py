@@ -10,16 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, figure, legend_outside
 from tdfscal.reporting.layout import Block, Report, Section, Table
 from tdfscal.reporting.studies import controlled as shared
-from tdfscal.reporting.studies.cells import Row, mean_se, number, share_said
-from tdfscal.reporting.studies.paper import docking_items
+from tdfscal.reporting.studies.cells import Row, mean_of, number, share_said
+from tdfscal.reporting.studies.paper import SEEN, TRUE, docking_items
 from tdfscal.simulation.control.runs import PHASES
 from tdfscal.studies.compared_calibrations import BEST
-from tdfscal.studies.docking import PAPER, DockingStudy
+from tdfscal.studies.docking import QUANTITIES, DockingStudy
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 _NOTE = (
@@ -31,7 +30,6 @@ _NOTE = (
     "and speed: `study success` sweeps the former. docs/control.md has the model and its "
     "parameters."
 )
-_QUANTITIES = ("force", "torque")
 _FORCES = ("Fx, N", "Fy, N", "Fz, N", "Mx, N·m", "My, N·m", "Mz, N·m")
 #: The scale is linear up to here, N and N·m, and logarithmic beyond: the paper's range is 12 N.
 _LINEAR = (12.0, 6.0)
@@ -44,10 +42,11 @@ def report(study: DockingStudy) -> Report:
     """Lay out the maxima, outcomes, ratios, what of the paper they reproduce, and why."""
     setup = study.setup
     limits = ", ".join(f"{v:g}" for v in setup.controller.thresholds)
-    caption = "Ratios of the means ± standard error, {}, runs in which both made contact"
+    maxima = "Maxima, {}, mean of x, y and z: mean over runs ± standard error"
+    ratios = "Ratios of the means ± standard error, {}, runs in which both made contact"
     blocks: tuple[Block, ...] = (
-        _maxima("true", study, study.average, {}),
-        _maxima("seen", study, study.average_seen, PAPER),
+        shared.means_table(maxima.format("true"), study, TRUE),
+        shared.means_table(maxima.format("seen"), study, SEEN),
         Table(
             f"Outcome: runs, and success without a force above its limit ({limits} N) in % with "
             "its 95 % interval",
@@ -57,8 +56,8 @@ def report(study: DockingStudy) -> Report:
                 for c, arm in enumerate(study.arms.arms)
             ),
         ),
-        shared.ratio_table(caption.format("true"), _QUANTITIES, study, {}),
-        shared.ratio_table(caption.format("seen"), _QUANTITIES, study, PAPER, seen=True),
+        shared.ratio_table(ratios.format("true"), study, TRUE),
+        shared.ratio_table(ratios.format("seen"), study, SEEN),
         shared.knows(study.arms),
         *shared.against_paper(study.arms, docking_items(study)),
         _NOTE,
@@ -73,24 +72,6 @@ def report(study: DockingStudy) -> Report:
     )
 
 
-def _maxima(name: str, study: DockingStudy, average: FloatArray, published: shared.Paper) -> Table:
-    """Mean and standard error of the maxima (C, R, 2) of the runs that made contact."""
-    rows = []
-    for c, arm in enumerate(study.arms.arms):
-        paper = published.get(arm.name)
-        row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
-        for quantity in (0, 1):
-            row.append(mean_se(average[c, study.touched[c], quantity], study.arms.runs))
-            if published:
-                row.append(f"{paper[quantity]:.2f}" if paper else "")
-        rows.append(tuple(row))
-    caption = f"Maxima, {name}, mean of x, y and z: mean over runs ± standard error"
-    header = ["", "rms angle error, mrad", "force, N", "torque, N·m"]
-    if published:
-        header = [*header[:3], "paper", header[3], "paper"]
-    return Table(caption, tuple(header), tuple(rows))
-
-
 def _outcomes(study: DockingStudy, c: int) -> tuple[int, int, int, int]:
     """Runs of a calibration that were seated, jammed, stopped at a false contact, or none."""
     seated, jammed, touched = study.seated[c], study.jammed[c], study.touched[c]
@@ -102,28 +83,19 @@ def _outcomes(study: DockingStudy, c: int) -> tuple[int, int, int, int]:
     )
 
 
-def document(study: DockingStudy, files: list[str]) -> dict[str, Any]:
+def document(study: DockingStudy) -> dict[str, Any]:
     """The study as plain JSON values, SI units."""
-    calibrations = []
-    for c, arm in enumerate(study.arms.arms):
-        entry = shared.arm_document(arm, PAPER, 1.0)
-        counts = zip(("seated", "jammed", "false_contact"), _outcomes(study, c), strict=False)
-        entry.update(counts)
-        for quantity, name in enumerate(_QUANTITIES):
-            met = study.touched[c]
-            entry[name] = shared.moments(study.average[c, met, quantity])
-            entry[f"seen_{name}"] = shared.moments(study.average_seen[c, met, quantity])
+    calibrations = shared.arm_documents(study, SEEN, QUANTITIES)
+    for c, entry in enumerate(calibrations):
+        entry |= zip(("seated", "jammed", "false_contact"), _outcomes(study, c), strict=False)
         success = study.success(c)
         entry["success"] = {"runs": success.count, "low": success.low, "high": success.high}
-        calibrations.append(entry)
     return {
-        "format": "tdfscal-study-docking/1",
         **shared.head_document(study),
         "calibrations": calibrations,
-        "ratios": shared.ratios(study, {}, _QUANTITIES),
-        "ratios_seen": shared.ratios(study, PAPER, _QUANTITIES, seen=True),
+        "ratios": shared.ratios(study, TRUE),
+        "ratios_seen": shared.ratios(study, SEEN),
         "note": _NOTE,
-        "files": files,
     }
 
 
@@ -135,21 +107,20 @@ def tables(study: DockingStudy) -> dict[str, Iterable[Row]]:
 def _largest(study: DockingStudy) -> Iterator[Row]:
     names = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in COMPONENTS]
     times = ("first_contact_s", "insertion_s", "seat_s", "stopped_s")
-    starts = study.grid(np.moveaxis(study.result.phase_start, 0, -1))
-    stopped = study.grid(study.result.stopped)
+    when = np.dstack([study.starts[..., 1:], study.grid(study.result.stopped)])
+    largest, length, measured = study.peak, study.length, study.seen
     for c, name in enumerate(study.names):
         for run in range(study.arms.runs):
-            peak, seen = study.peak[c, run].tolist(), study.seen[c, run].tolist()
-            when = (*starts[c, run, 1:], stopped[c, run])
+            peak, seen = largest[c, run].tolist(), measured[c, run].tolist()
             yield {
                 "calibration": name,
                 "run": run + 1,
                 "outcome": study.outcome(c, run),
                 **dict(zip(names, peak, strict=True)),
-                "force_N": float(study.length[c, run, 0]),
-                "torque_Nm": float(study.length[c, run, 1]),
+                "force_N": float(length[c, run, 0]),
+                "torque_Nm": float(length[c, run, 1]),
                 **{f"seen_{n}": v for n, v in zip(names, seen, strict=True)},
-                **{n: number(t) for n, t in zip(times, when, strict=True)},
+                **{n: number(t) for n, t in zip(times, when[c, run], strict=True)},
             }
 
 
@@ -157,11 +128,11 @@ def drawings(study: DockingStudy) -> tuple[Drawing, ...]:
     """Fig. 17, of the median run of the paper's self-calibration and of ours, and Fig. 18."""
     shown: list[str] = [name for name in ("linear", "self-all") if name in study.names]
     shown = shown or [[name for name in study.names if name not in BEST][-1]]
-    force = study.average[..., 0]
+    forces = {name: study.values(name, 0) for name in study.names}
     said = ", ".join(
-        f"{name} {force[c, study.touched[c]].mean():.3g} N ({study.touched[c].sum()})"
-        for c, name in enumerate(study.names)
-        if study.touched[c].any()
+        f"{name} {force.mean():.3g} N ({force.size})"
+        for name, force in forces.items()
+        if force.size
     )
     each = []
     for k, name in enumerate(shown):
@@ -187,15 +158,13 @@ def drawings(study: DockingStudy) -> tuple[Drawing, ...]:
 
 def _median(study: DockingStudy, c: int) -> int:
     """The run of middle force among those that made contact."""
-    runs = np.flatnonzero(study.touched[c])
-    if not runs.size:
-        return 0
-    return int(runs[np.argsort(study.average[c, runs, 0], kind="stable")[runs.size // 2]])
+    force = study.sample(0)[c]
+    return int(np.argsort(force, kind="stable")[np.isfinite(force).sum() // 2])
 
 
 def _told(study: DockingStudy, c: int, run: int) -> str:
     """What happens in a run."""
-    starts = study.grid(np.moveaxis(study.result.phase_start, 0, -1))[c, run]
+    starts = study.starts[c, run]
     text = f"The run of middle force among {study.arms.runs} ended {study.outcome(c, run)}"
     if np.isfinite(starts[1]):
         peak = study.peak[c, run]
@@ -253,10 +222,8 @@ def _paint_maxima(study: DockingStudy) -> Figure:
                 continue
             top = max(top, float(values.max()))
             ax.plot(c + spread[met], values, marker, color=colour, markersize=2.5, alpha=0.6)
-            error = np.std(values, ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
-            ax.errorbar(
-                c, values.mean(), error, color=ink.BLACK, marker="_", markersize=14, capsize=3
-            )
+            mean, error = np.nan_to_num(mean_of(values))
+            ax.errorbar(c, mean, error, color=ink.BLACK, marker="_", markersize=14, capsize=3)
         if axis < 3:
             ax.axhline(study.setup.controller.thresholds[axis], color=ink.RED, linewidth=0.8)
         _scale(ax, axis, top)

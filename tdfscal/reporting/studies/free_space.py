@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdfscal.reporting.figures.style import Drawing, figure, legend_outside, logarithmic
-from tdfscal.reporting.layout import Report, Section, Table
+from tdfscal.reporting.layout import Report, Section
 from tdfscal.reporting.studies import controlled as shared
-from tdfscal.reporting.studies.cells import Row, mean_se
-from tdfscal.reporting.studies.paper import free_space_items
-from tdfscal.studies.free_space import PAPER, FreeSpaceStudy
+from tdfscal.reporting.studies.cells import Row
+from tdfscal.reporting.studies.paper import POSE, free_space_items
+from tdfscal.studies.free_space import FreeSpaceStudy
 
 _NOTE = (
     "The paper's arms differ in their angles alone, and so do the first four here: their zeros, "
@@ -26,20 +26,10 @@ _NOTE = (
 
 def report(study: FreeSpaceStudy) -> Report:
     """Lay out the deviations, their ratios, what of the paper they reproduce, and why."""
-    rows = []
-    for c, arm in enumerate(study.arms.arms):
-        paper = PAPER.get(arm.name)
-        row = [arm.name, f"{1e3 * arm.angle_error:.3g}"]
-        for quantity in (0, 1):
-            values = 1e3 * study.length[c, ..., quantity].mean(axis=0)
-            row += [mean_se(values, study.arms.runs), f"{paper[quantity]:.3f}" if paper else ""]
-        rows.append(tuple(row))
-    header = ("", "rms angle error, mrad", "position, mm", "paper", "posture, mrad", "paper")
     caption = "Deviation of the final pose, mean over moves and runs ± standard error"
-    quantities = ("position", "posture")
     blocks = (
-        Table(caption, header, tuple(rows)),
-        shared.ratio_table("Ratios of the means ± standard error", quantities, study, PAPER),
+        shared.means_table(caption, study, POSE),
+        shared.ratio_table("Ratios of the means ± standard error", study, POSE),
         shared.knows(study.arms),
         *shared.against_paper(study.arms, free_space_items(study)),
         _NOTE,
@@ -52,24 +42,14 @@ def report(study: FreeSpaceStudy) -> Report:
     )
 
 
-def document(study: FreeSpaceStudy, files: list[str]) -> dict[str, Any]:
+def document(study: FreeSpaceStudy) -> dict[str, Any]:
     """The study as plain JSON values, SI units."""
-    length = study.length.mean(axis=1)  # (C, N, 2)
     return {
-        "format": "tdfscal-study-free-space/1",
         **shared.head_document(study),
         "moves": len(study.setup.moves),
-        "calibrations": [
-            {
-                **shared.arm_document(arm, PAPER, 1e-3),
-                "position": shared.moments(length[c, ..., 0]),
-                "posture": shared.moments(length[c, ..., 1]),
-            }
-            for c, arm in enumerate(study.arms.arms)
-        ],
-        "ratios": shared.ratios(study, PAPER, ("position", "posture")),
+        "calibrations": shared.arm_documents(study, POSE, POSE.names),
+        "ratios": shared.ratios(study, POSE),
         "note": _NOTE,
-        "files": files,
     }
 
 
@@ -111,7 +91,12 @@ def _paint(study: FreeSpaceStudy) -> Figure:
     rms = 1e3 * np.sqrt(np.mean(study.deviation**2, axis=2))  # (C, M, 6)
     move = np.arange(1.0, rms.shape[1] + 1.0)
     for axis, ax in enumerate(grid.flat):
-        shared.marked(ax, move, rms[:, :, axis], study.names)
+        for c, name in enumerate(study.names):
+            colour, line, marker = shared.MARKS[c % len(shared.MARKS)]
+            ax.plot(
+                move, rms[c, :, axis], color=colour, linestyle=line, marker=marker, markersize=4,
+                label=name,
+            )  # fmt: skip
         logarithmic(ax)
         ax.set_title(names[axis])
         ax.set_xticks(move)

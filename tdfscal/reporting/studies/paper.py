@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,27 @@ class Item:
         return True if beyond <= 0.0 else False if beyond > vague else None
 
 
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two quantities of the controlled rig that stand side by side, beside the paper's numbers.
+
+    first : place of the first among the study's quantities. paper : arm → numbers in these units.
+    scale : of the units against SI. form : of the paper's numbers.
+    """
+
+    names: tuple[str, str]
+    units: tuple[str, str]
+    first: int = 0
+    paper: dict[str, tuple[float, float]] = field(default_factory=dict)
+    scale: float = 1.0
+    form: str = ".2f"
+
+
+POSE = Pair(("position", "posture"), ("mm", "mrad"), 0, free_space.PAPER, 1e3, ".3f")
+TRUE = Pair(("force", "torque"), ("N", "N·m"))
+SEEN = Pair(("force", "torque"), ("N", "N·m"), 2, docking.PAPER)
+
+
 def verdict(item: Item) -> str:
     """In a word or two."""
     if item.reproduced is None:
@@ -69,17 +90,12 @@ def paper_said(item: Item) -> str:
     return "–" if np.isnan(item.paper) else f"{item.bound}{' ' * bool(item.bound)}{item.paper:.4g}"
 
 
-def _here(item: Item) -> str:
-    """Our number with its standard error."""
-    return with_error(item.here, item.std)
-
-
 def sentence(item: Item) -> str:
     """One sentence of an item."""
     unit = f" {item.unit}" if item.unit else ""
     return (
         f"{item.figure}, {item.quantity}: {paper_said(item)}{unit} in the paper, "
-        f"{_here(item)}{unit} here; {verdict(item)}: {item.why}"
+        f"{with_error(item.here, item.std)}{unit} here; {verdict(item)}: {item.why}"
     )
 
 
@@ -88,139 +104,113 @@ _LINEAR = (
     "Eq. 24 takes the forces as free of noise and solves for 27 numbers instead of 9 angles; "
     "maximum likelihood of the same data stands below"
 )
+_ML = "maximum likelihood instead of Eq. 24"
 _ANGLES = "what zeros, mass and barycentre leave is common to all arms"
 
 
 def free_space_items(study: FreeSpaceStudy) -> list[Item]:
     """Fig. 16."""
-    items = []
-    for quantity, (name, unit) in enumerate((("position", "mm"), ("posture", "mrad"))):
-        for arm, paper in free_space.PAPER.items():
-            if arm in study.names:
-                lengths = study.length[study.names.index(arm), ..., quantity].mean(axis=0)
-                mean, std = mean_of(1e3 * lengths)
-                items.append(
-                    Item("Fig. 16", f"{name}, {LIKE[arm]}", paper[quantity], mean, std, unit,
-                         like=True, why=_CELL)
-                )  # fmt: skip
-        items += _ratios(study, "Fig. 16", name, quantity, free_space.PAPER)
-    return items
+    why = dict.fromkeys(study.names, _CELL)
+    return _pair_items(study, "Fig. 16", POSE, why)
 
 
 def docking_items(study: DockingStudy) -> list[Item]:
     """Figs. 17 and 18: maxima as the controller sees them, which is what the paper records."""
     items = []
     if "linear" in study.names:
-        c = study.names.index("linear")
-        starts = study.grid(np.moveaxis(study.result.phase_start, 0, -1))[c, :, 1]
-        touched = study.touched[c]
-        setup = study.setup
+        c, setup = study.names.index("linear"), study.setup
+        touched, seen = study.touched[c], study.seen[c]
         for name, printed, values, unit, why in (
-            ("first contact", 45.0, starts[touched], "s",
+            ("first contact", 45.0, study.starts[c, touched, 1], "s",
              f"{1e3 * setup.gap:g} mm at {1e3 * setup.speed:g} mm/s, and the impedance's lag B/K"),
-            ("largest Fz", 12.1, study.seen[c, touched, 2], "N",
+            ("largest Fz", 12.1, seen[touched, 2], "N",
              "one run there; it goes with contact stiffness and damping, which are unknown there"),
-            ("largest Mx", 3.48, study.seen[c, touched, 3], "N·m",
+            ("largest Mx", 3.48, seen[touched, 3], "N·m",
              "one run there, and it depends on the point that moments are about"),
             ("end", 262.0, study.grid(study.result.stopped)[c, study.seated[c]], "s",
              "an engagement of 333 mm, which the stated clearance and tilt give, and the lag"),
         ):  # fmt: skip
-            mean, std = mean_of(values)
-            items.append(Item("Fig. 17", f"{name}, self", printed, mean, std, unit, True, why))
-    for quantity, (name, unit) in enumerate((("force", "N"), ("torque", "N·m"))):
-        for arm, paper in docking.PAPER.items():
-            if arm not in study.names:
-                continue
-            c = study.names.index(arm)
-            values = study.average_seen[c, study.touched[c], quantity]
-            mean, std = mean_of(values)
-            lost = study.arms.runs - values.size
-            why = "contact stiffness, damping and survey of the paper's cell are unknown"
-            if not values.size:
-                why = "no run gets as far as the gears: all stop at a false force before"
-            elif lost:
-                why += f"; {lost} of {study.arms.runs} runs stop at a false force before the gears"
-            items.append(Item("Fig. 18", f"{name}, {LIKE[arm]}", paper[quantity], mean, std, unit,
-                              True, why))  # fmt: skip
-        items += _ratios(study, "Fig. 18", name, quantity, docking.PAPER)
-    return items
+            here = mean_of(values)
+            items.append(Item("Fig. 17", f"{name}, self", printed, *here, unit, True, why))
+    runs, reasons = study.arms.runs, {}
+    for name in study.names:
+        met = study.values(name, 0).size
+        why = "contact stiffness, damping and survey of the paper's cell are unknown"
+        if not met:
+            why = "no run gets as far as the gears: all stop at a false force before"
+        elif met < runs:
+            why += f"; {runs - met} of {runs} runs stop at a false force before the gears"
+        reasons[name] = why
+    return items + _pair_items(study, "Fig. 18", SEEN, reasons)
 
 
-def _ratios(
-    study: FreeSpaceStudy | DockingStudy,
-    figure: str,
-    name: str,
-    quantity: int,
-    paper: dict[str, tuple[float, float]],
+def _pair_items(
+    study: FreeSpaceStudy | DockingStudy, figure: str, pair: Pair, why: dict[str, str]
 ) -> list[Item]:
-    """Self over tracker: by the paper's method, which is like, and by the estimator's default."""
-    if not {"linear", "self", "tracker"} <= set(study.names):
-        return []
-    published = paper["linear"][quantity] / paper["tracker"][quantity]
+    """Both quantities of each calibration, and self over tracker: by the paper's method, which is
+    like, and by the estimator's default.
+    """
     items = []
-    for arm, like, why in (
-        ("linear", True, _LINEAR),
-        ("self", False, f"maximum likelihood instead of Eq. 24; {_ANGLES}"),
-    ):
-        which = {"seen": True} if isinstance(study, DockingStudy) else {}
-        found = study.ratio(quantity, arm, "tracker", **which)
-        label = "self/tracker" if like else "self (ML)/tracker"
-        items.append(Item(figure, f"{name}, {label}", published, found.value, found.std, "",
-                          like, why))  # fmt: skip
+    for k, (name, unit) in enumerate(zip(pair.names, pair.units, strict=True)):
+        for arm, paper in pair.paper.items():
+            if arm in study.names:
+                here = mean_of(pair.scale * study.values(arm, pair.first + k))
+                quantity = f"{name}, {LIKE[arm]}"
+                items.append(Item(figure, quantity, paper[k], *here, unit, True, why[arm]))
+        if not {"linear", "self", "tracker"} <= set(study.names):
+            continue
+        published = pair.paper["linear"][k] / pair.paper["tracker"][k]
+        for arm, label, like, reason in (
+            ("linear", "self/tracker", True, _LINEAR),
+            ("self", "self (ML)/tracker", False, f"{_ML}; {_ANGLES}"),
+        ):
+            found = study.ratio(pair.first + k, arm, "tracker")
+            quantity = f"{name}, {label}"
+            items.append(
+                Item(figure, quantity, published, found.value, found.std, "", like, reason)
+            )
     return items
 
 
 def sensitivity_items(sweep: Sweep) -> list[Item]:
     """Fig. 4."""
-    force = float(sweep.force.max())
+    force, quantity = float(sweep.force.max()), f"force at {sweep.deviation[-1]:g} rad"
     why = "the same equations (16–19, corrected) on a rig of stated size; Table 1 is empty"
-    return [
-        Item("Fig. 4", f"force at {sweep.deviation[-1]:g} rad", 80.0, force, np.nan, "N",
-             True, why, ">")
-    ]  # fmt: skip
+    return [Item("Fig. 4", quantity, 80.0, force, np.nan, "N", True, why, ">")]
 
 
 def accuracy_items(study: Accuracy) -> list[Item]:
     """Figs. 7–9, 12–14, Tables 2 and 3."""
     items = []
     methods = {result.method: result for result in study.results}
-    for method, figure, like in (
-        ("linear", "Figs. 7–9", True), ("ml", "Figs. 7–9", False), ("tracker", "Figs. 12–14", True),
-    ):  # fmt: skip
+    names = {"linear": "self", "ml": "self (ML)", "tracker": "tracker"}
+    for method, name in names.items():
         if method in methods:
             own = methods[method]
-            name = {"linear": "self", "ml": "self (ML)", "tracker": "tracker"}
-            share = np.abs(own.mean) / own.std
-            items.append(
-                Item(figure, f"|mean| / σ, {name[method]}", 1.0,
-                     float(share.max()), 1.0 / np.sqrt(len(own.error)), "", like,
-                     'the paper has means "much smaller than" σ and no numbers; here '
-                     f"σ is {1e3 * own.std.mean():.3g} mrad", "<")
-            )  # fmt: skip
-    if "tracker" in methods:
-        reference = methods["tracker"]
-        for method, like, why in (
-            ("linear", True, _LINEAR),
-            ("ml", False, "maximum likelihood instead of Eq. 24"),
-        ):
-            if method in methods:
-                self_name = "self" if like else "self (ML)"
-                a, b = (np.mean(m.error**2, axis=(1, 2)) for m in (methods[method], reference))
-                size = min(len(a), len(b))
-                square = ratio(a[:size], b[:size])
-                value = float(np.sqrt(square.value))
-                items.append(
-                    Item("Table 2", f"σ, {self_name} − tracker", -30.1, 100.0 * (value - 1.0),
-                         100.0 * square.std / (2.0 * value), "%", like, why)
-                )  # fmt: skip
-                pair = (m.error[:size] for m in (methods[method], reference))
-                first, second = pair
-                apart = np.abs(first - second).max(axis=(1, 2))
-                mean, std = mean_of(1e3 * apart)
-                items.append(
-                    Item("Table 3", f"|{self_name} − tracker|", 1.0, mean,
-                         std, "mrad", like, "one rig there, campaigns of many rigs here", "<")
-                )  # fmt: skip
+            share = float((np.abs(own.mean) / own.std).max())
+            why = (
+                'the paper has means "much smaller than" σ and no numbers; here '
+                f"σ is {1e3 * own.std.mean():.3g} mrad"
+            )
+            figure = "Figs. 12–14" if method == "tracker" else "Figs. 7–9"
+            error = 1.0 / np.sqrt(len(own.error))
+            quantity = f"|mean| / σ, {name}"
+            items.append(Item(figure, quantity, 1.0, share, error, "", method != "ml", why, "<"))
+    if "tracker" not in methods:
+        return items
+    for method, why in (("linear", _LINEAR), ("ml", _ML)):
+        if method in methods:
+            pair = methods[method].error, methods["tracker"].error
+            first, second = (error[: min(map(len, pair))] for error in pair)
+            square = ratio(*(np.mean(error**2, axis=(1, 2)) for error in (first, second)))
+            value = float(np.sqrt(square.value))
+            here = 100.0 * (value - 1.0), 100.0 * square.std / (2.0 * value)
+            quantity, like = f"σ, {names[method]} − tracker", method == "linear"
+            items.append(Item("Table 2", quantity, -30.1, *here, "%", like, why))
+            apart = mean_of(1e3 * np.abs(first - second).max(axis=(1, 2)))
+            quantity = f"|{names[method]} − tracker|"
+            rigs = "one rig there, campaigns of many rigs here"
+            items.append(Item("Table 3", quantity, 1.0, *apart, "mrad", like, rigs, "<"))
     return items
 
 
@@ -241,8 +231,9 @@ def report(paper: Paper) -> Report:
     reasons = list(dict.fromkeys(i.why for i in items))
     short = {"reproduced": "yes", "not reproduced": "no"}
     rows = tuple(
-        (i.figure, i.quantity + (f", {i.unit}" if i.unit else ""), paper_said(i), _here(i),
-         short.get(verdict(i), verdict(i)), str(reasons.index(i.why) + 1))
+        (i.figure, i.quantity + (f", {i.unit}" if i.unit else ""), paper_said(i),
+         with_error(i.here, i.std), short.get(verdict(i), verdict(i)),
+         str(reasons.index(i.why) + 1))
         for i in items
     )  # fmt: skip
     counted = [i.reproduced for i in items]
@@ -262,16 +253,14 @@ def report(paper: Paper) -> Report:
     )
 
 
-def document(paper: Paper, files: list[str]) -> dict[str, Any]:
+def document(paper: Paper) -> dict[str, Any]:
     """The comparison as plain JSON values."""
     return {
-        "format": "tdfscal-study-paper/1",
         "rig": paper.rig,
         "seed": paper.seed,
         "runs": paper.runs,
         "campaigns": paper.campaigns,
         "items": list(_rows(paper)),
-        "files": files,
     }
 
 

@@ -78,10 +78,9 @@ def _stake(rig: Rig, stake: Stake) -> tuple[str, ...]:
     )
 
 
-def document(rig: Rig, sweeps: list[Sweep], worth: Stakes, files: list[str]) -> dict[str, Any]:
+def document(rig: Rig, sweeps: list[Sweep], worth: Stakes) -> dict[str, Any]:
     """The study as plain JSON values, SI units."""
     return {
-        "format": "tdfscal-study-sensitivity/1",
         "rig": rig.name,
         "span": float(sweeps[0].deviation[-1]),
         "sweeps": [
@@ -99,7 +98,6 @@ def document(rig: Rig, sweeps: list[Sweep], worth: Stakes, files: list[str]) -> 
             }
             for sweep in sweeps
         ],
-        "files": files,
         "calibrations": [
             {
                 "name": name,

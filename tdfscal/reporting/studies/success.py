@@ -69,11 +69,10 @@ def report(study: SuccessStudy) -> Report:
     )
 
 
-def document(study: SuccessStudy, files: list[str]) -> dict[str, Any]:
+def document(study: SuccessStudy) -> dict[str, Any]:
     """The study as plain JSON values, SI units."""
     setup = study.studies[len(study.studies) // 2].setup
     return {
-        "format": "tdfscal-study-success/1",
         "rig": setup.rig.name,
         "seed": study.seed,
         "runs": study.runs,
@@ -81,7 +80,6 @@ def document(study: SuccessStudy, files: list[str]) -> dict[str, Any]:
         "cell": cell_document(setup.controller),
         "cases": list(_cases(study)),
         "note": _NOTE,
-        "files": files,
     }
 
 

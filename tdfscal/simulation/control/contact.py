@@ -236,15 +236,9 @@ def _together(a: _Rings, b: _Rings) -> _Rings:
     return radial, axial, up
 
 
-@dataclass(frozen=True, slots=True)
-class Bore:
-    """Where the outer gear really is: rotation (..., 3, 3), bore → BCS; place (..., 3), m, BCS."""
+def coordinates(mouth: FloatArray, tip: FloatArray, R: FloatArray) -> FloatArray:
+    """Return q (L, 6) of shafts with tips at (L, 3) and rotations R (L, 3, 3), near the identity.
 
-    rotation: FloatArray
-    place: FloatArray
-
-    def coordinates(self, tip: FloatArray, R: FloatArray) -> FloatArray:
-        """Q (L, 6) of a shaft with its tip at (L, 3), m, BCS, and rotation R (L, 3, 3)."""
-        back = np.swapaxes(self.rotation, -1, -2)
-        shift = (back @ (tip - self.place)[..., None])[..., 0]
-        return np.concatenate([shift, 0.5 * rotations.vee(back @ R)], axis=1)
+    mouth : (3,), the middle of the bore's; all in m, BCS, whose axes are the bore's.
+    """
+    return np.concatenate([tip - mouth, 0.5 * rotations.vee(R)], axis=1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.simulation import rotations
+from tdfscal.simulation.control.contact import coordinates
 from tdfscal.simulation.control.impedance import transition
 from tdfscal.simulation.control.recording import Book
 from tdfscal.simulation.control.reference import Reference, follow
@@ -148,21 +149,16 @@ class Loop:
 
     def _touch(self, docking: Docking) -> None:
         """Contact at the place half a step ahead: so held over the step, it does no net work."""
-        bore, terminal = docking.bore, self.terminal
-        R, back = terminal.rotation, np.swapaxes(bore.rotation, -1, -2)
-        lever = R @ self.tip
-        self.q = bore.coordinates(lever + terminal.translation, R)
-        turning = rotations.hat(terminal.rate[:, 3:])
-        motion = np.empty((len(R), 3, 2))
-        motion[..., 0] = terminal.rate[:, :3] + (turning @ lever[..., None])[..., 0]
-        motion[..., 1] = terminal.rate[:, 3:]
-        rate = np.swapaxes(back @ motion, -1, -2).reshape(-1, 6)
+        terminal = self.terminal
+        lever = terminal.rotation @ self.tip
+        self.q = coordinates(docking.mouth, lever + terminal.translation, terminal.rotation)
+        rate = terminal.rate.copy()
+        rate[:, :3] += (rotations.hat(rate[:, 3:]) @ lever[..., None])[..., 0]
         local = docking.gears.wrench(self.q + 0.5 * self.c.step * rate, rate)
         was, self.touching = self.touching, bool(local.any())
         if self.touching or was:
-            both = local.reshape(-1, 2, 3) @ back
-            self.contact = both.reshape(-1, 6)
-            self.contact[:, 3:] += moment(lever[:, None, :], both[:, :1])
+            self.contact = local
+            self.contact[:, 3:] += moment(lever[:, None, :], local[:, None, :3])
 
     def run(self, progress: Callable[[float], None] = lambda share: None) -> Result:
         """Go the whole way."""
@@ -172,7 +168,6 @@ class Loop:
         active = np.ones(L, dtype=np.bool_)
         at = np.zeros(L)
         every = max(1, round(1.0 / (c.trace_rate * c.step)))
-        done = 0
         for k, share in enumerate(self.reference.share):
             sampled = k % self.held == 0
             if sampled:
@@ -185,17 +180,16 @@ class Loop:
             self.deviation = np.where(active[:, None, None], new, self.deviation)
             self.command(at)
             self.physics()
-            done = k + 1
             if self.docking is not None:
                 self._note(k, book, active, sampled=sampled)
                 active = self._going_on(k, book, active)
-            if done % every == 0 or not active.any():
+            if (k + 1) % every == 0 or not active.any():
                 self._record(k, book)
-            if done % _CHUNK == 0:
-                progress(done / len(self.reference.share))
+            if (k + 1) % _CHUNK == 0:
+                progress((k + 1) / len(self.reference.share))
             if not active.any():
                 break
-        return book.result(c.servo.command(self.servo), self.q, done)
+        return book.result(c.servo.command(self.servo), self.q)
 
     def _note(self, k: int, book: Book, active: BoolArray, *, sampled: bool) -> None:
         assert self.docking is not None

@@ -70,7 +70,7 @@ class Book:
         """One row of the traces, in their order after the time."""
         self._rows.append(((k + 1) * self.step, *row))
 
-    def result(self, servo: FloatArray, q: FloatArray, steps: int) -> Result:
+    def result(self, servo: FloatArray, q: FloatArray) -> Result:
         """Everything noted; servo (L, n, 3) and q (L, 6) at the end."""
         self._close(np.ones(len(self.phase), dtype=np.bool_))
         return Result(
@@ -84,7 +84,6 @@ class Book:
             phase_start=self.phase_start,
             servo=servo,
             q=q,
-            steps=steps,
         )
 
     def _close(self, lanes: BoolArray) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.simulation.control.contact import Bore, GearPair
+from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.impedance import Impedance
-from tdfscal.simulation.control.sensors import Assumed, Sensing
+from tdfscal.simulation.control.sensors import Sensing
 from tdfscal.simulation.control.servo import PositionErrors, Servo
 from tdfscal.simulation.control.terminal import Structure
 from tdfscal.simulation.truth import Truth
@@ -52,27 +52,27 @@ class Controller:
 
 @dataclass(frozen=True, slots=True)
 class Machines:
-    """L machines. truth : (L,). errors : of the carriages. tared : (L,), which of them tare.
-    noise : one seed of the sensors' noise per run; lane = calibration · runs + run, so that
-    calibrations meet the same draws.
+    """L machines. truth, assumed : (L,), what is, and what the controller takes for true. errors :
+    of the carriages. tared : (L,), which of them tare. noise : one seed of the sensors' noise per
+    run; lane = calibration · runs + run, so that calibrations meet the same draws.
     """
 
     rig: Rig
     truth: Truth
     errors: PositionErrors
-    assumed: Assumed
+    assumed: Truth
     tared: BoolArray
     noise: tuple[np.random.SeedSequence, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Docking:
-    """A gear pair with its bore (L,), and the depth (m) at which the controller takes it as seated
-    when a threshold is reached.
+    """Gears. mouth : (3,), m, BCS, middle of the bore's, whose axes are the BCS's. complete : m,
+    depth at which the controller takes them as seated when a threshold is reached.
     """
 
     gears: GearPair
-    bore: Bore
+    mouth: FloatArray
     complete: float
 
 
@@ -104,8 +104,7 @@ class Result:
     moment. peak_measured : (4, L, 6), of the controller's. stopped : (L,), s, NaN where no
     threshold was reached. seated : (L,), stopped at depth. jammed : (L,), stopped before.
     phase_start : (4, L), s, NaN where a phase was not reached. servo : (L, n, 3), m, encoder values
-    at the end. q : (L, 6), of the shaft in the bore at the end, NaN without gears. steps :
-    simulated.
+    at the end. q : (L, 6), of the shaft in the bore at the end, NaN without gears.
     """
 
     traces: Traces
@@ -118,4 +117,3 @@ class Result:
     phase_start: FloatArray
     servo: FloatArray
     q: FloatArray
-    steps: int

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import FloatArray
 from tdfscal.simulation.control.terminal import moment
 from tdfscal.simulation.truth import Truth
 
@@ -41,55 +41,6 @@ class Sensing:
         return (1.0 - self.gain) / self.gain / self.rate
 
 
-@dataclass(frozen=True, slots=True)
-class Assumed:
-    """What the controller takes for true; leading axis L of lanes.
-
-    rotation : (L, n, 3, 3), sensor → BCS. zero : (L, n, 3), N. sensitivity : (L, n, 3, 3), I + S.
-    mass : (L,), kg. barycentre : (L, 3), m, LCS. hinge : (L, n, 3), m, LCS.
-    gravity : (L, 3), m/s², BCS.
-    """
-
-    rotation: FloatArray
-    zero: FloatArray
-    sensitivity: FloatArray
-    mass: FloatArray
-    barycentre: FloatArray
-    hinge: FloatArray
-    gravity: FloatArray
-
-
-def uncalibrated(rig: Rig, rotation: FloatArray, lanes: int) -> Assumed:
-    """A controller that knows the rig file, and rotations (n, 3, 3) or (lanes, n, 3, 3)."""
-    n = rig.n
-
-    def each(value: FloatArray, *shape: int) -> FloatArray:
-        return np.array(np.broadcast_to(value, (lanes, *shape)), dtype=np.float64)
-
-    return Assumed(
-        rotation=each(rotation, n, 3, 3),
-        zero=each(rig.zero.value, n, 3),
-        sensitivity=each(np.eye(3), n, 3, 3),
-        mass=each(rig.mass.value),
-        barycentre=each(rig.barycentre.value, 3),
-        hinge=each(rig.hinge, n, 3),
-        gravity=each(np.array([0.0, 0.0, -rig.gravity]), 3),
-    )
-
-
-def perfect(truth: Truth) -> Assumed:
-    """A controller that knows the truth."""
-    return Assumed(
-        rotation=truth.rotation,
-        zero=truth.zero,
-        sensitivity=np.eye(3) + truth.sensitivity,
-        mass=truth.mass,
-        barycentre=truth.barycentre,
-        hinge=truth.hinge,
-        gravity=truth.gravity,
-    )
-
-
 class Sensors:
     """The real sensors: f = (I + S) XᵀF + z, noise apart."""
 
@@ -105,9 +56,9 @@ class Sensors:
 class WrenchObserver:
     """The controller's contact wrench: F = X (I + S)⁻¹ (f − z), weight taken off (Eq. 9)."""
 
-    def __init__(self, assumed: Assumed, centre: FloatArray) -> None:
-        """Centre : (3,), m, LCS; moments are about it."""
-        self._map = assumed.rotation @ np.linalg.inv(assumed.sensitivity)
+    def __init__(self, assumed: Truth, centre: FloatArray) -> None:
+        """Assumed : what the controller takes for true. centre : (3,), m, LCS, of the moments."""
+        self._map = assumed.rotation @ np.linalg.inv(np.eye(3) + assumed.sensitivity)
         self._zero = assumed.zero
         self._weight = (assumed.mass[:, None] * assumed.gravity)[:, None, :]
         self._lever = (

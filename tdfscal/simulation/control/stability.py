@@ -18,8 +18,7 @@ from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.impedance import transition
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.simulation.control.terminal import Body, body, inertia_of
-from tdfscal.simulation.options import Options
-from tdfscal.simulation.truth import draw_truths
+from tdfscal.simulation.truth import stated
 
 #: Factor by which a contact may be stiffer than stated before a designed loop shakes: 6 dB.
 GAIN_MARGIN = 2.0
@@ -30,12 +29,7 @@ _BLOCK = 6
 
 def nominal_body(rig: Rig, controller: Controller) -> Body:
     """The rig as its file states it, aligned with the BCS; matrices (6, 6)."""
-    truth = draw_truths(rig, Options(), np.random.default_rng(0), 1)
-    truth = replace(
-        truth, mass=rig.mass.value[None], barycentre=rig.barycentre.value[None],
-        hinge=rig.hinge[None],
-    )  # fmt: skip
-    one = body(truth, inertia_of(rig)[None], controller.structure, np.eye(3)[None])
+    one = body(stated(rig, 1), inertia_of(rig)[None], controller.structure, np.eye(3)[None])
     return Body(one.mass[0], one.stiffness[0], one.decay[0])
 
 

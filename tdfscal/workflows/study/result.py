@@ -36,10 +36,10 @@ class StudyResult(Result):
         """What the functions of that module take."""
         return tuple(getattr(self, f.name) for f in fields(self) if f.name != "files")
 
-    def _laid_out(self, what: str, *more: Any) -> Any:
+    def _laid_out(self, what: str) -> Any:
         # The module draws: it is imported where it is needed.
         module = import_module(f"tdfscal.reporting.studies.{self._name}")
-        return getattr(module, what)(*self._content(), *more)
+        return getattr(module, what)(*self._content())
 
     def to_report(self) -> Report:
         """Return the study in words and tables."""
@@ -47,7 +47,8 @@ class StudyResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the study as plain JSON values, SI units."""
-        return cast(dict[str, Any], self._laid_out("document", list(self.files)))
+        name = f"tdfscal-study-{self._name.replace('_', '-')}/1"
+        return {"format": name, **self._laid_out("document"), "files": list(self.files)}
 
     def tables(self) -> dict[str, Iterable[dict[str, Any]]]:
         """Return the rows of each CSV file, by their columns; the main table is the first."""
