@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, TypeVar
+from collections.abc import Mapping
+from inspect import Parameter, Signature
+from typing import Annotated, Any
 
 import typer
 
 from tdfscal import __version__
-from tdfscal.cli.words import Grouped, example
+from tdfscal.cli.options import Option
+from tdfscal.cli.perform import perform
+from tdfscal.cli.words import STUDY, Grouped
 
 app = typer.Typer(
     name="tdfscal",
@@ -20,6 +23,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Calibrate how three-axis force sensors are mounted on a parallel assembly mechanism.",
 )
+study = typer.Typer(cls=Grouped, no_args_is_help=True, help="The paper's studies, on any rig.")
+app.add_typer(study, name="study", rich_help_panel=STUDY)
 
 
 def _version(value: bool) -> None:
@@ -37,9 +42,38 @@ def _common(
     del version
 
 
-_Command = TypeVar("_Command", bound=Callable[..., int])
+def command(
+    name: str,
+    purpose: str | None,
+    example: str,
+    text: str,
+    dash: Mapping[str, str] | None = None,
+    /,
+    **options: Option,
+) -> None:
+    """Make a command that calls the workflow of its name with its options.
 
+    Parameters
+    ----------
+    name : of the workflow; `study.accuracy` for a study.
+    purpose : its heading in the help.
+    example : of a command line, without the program's name.
+    text : what it does, in one sentence.
+    dash : options that take `-` for standard output, and the text of the result that it gets.
+    options : in the order of the help.
+    """
 
-def command(purpose: str, line: str) -> Callable[[_Command], _Command]:
-    """Make a command of a function; purpose : its heading in the help. line : an example of it."""
-    return app.command(rich_help_panel=purpose, epilog=example(f"tdfscal {line}"))
+    def call(**asked: Any) -> int:
+        return perform(name, asked, dash or {})
+
+    call.__doc__ = text
+    parameters = [
+        Parameter(each, Parameter.KEYWORD_ONLY, annotation=kind, default=described)
+        for each, (kind, described) in options.items()
+    ]
+    call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    _, of_studies, own = name.rpartition("study.")
+    register = (study if of_studies else app).command(
+        own.replace("_", "-"), rich_help_panel=purpose, epilog=f"Example: tdfscal {example}"
+    )
+    register(call)

@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from tdfscal.workflows.result import Result
 
 
-def perform(
-    name: str,
-    options: dict[str, Any],
-    *,
-    dash: Mapping[str, str] | None = None,
-) -> Result:
+def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> int:
     """Call `tdfscal.workflows.<name>` with a command's options and print its result.
 
     Parameters
     ----------
     name : of the module and its function; `study.accuracy` for a study.
-    options : all of the command's, by name; `json` and `quiet` concern the printing only.
+    options : all of the command's, by name; None leaves one to the function. `json`, `quiet` and
+        `verbose` concern the printing only.
     dash : options that take `-` for standard output, and the text of the result that it gets.
+
+    Returns
+    -------
+    Exit status.
 
     Raises
     ------
@@ -39,102 +39,89 @@ def perform(
     check_room()
     from tdfscal.files.outputs import Outputs, together
 
-    json, output = options.pop("json"), options.get("output")
-    carried = _carried(options, dash or {}, json=json)
+    asked = {option: value for option, value in options.items() if value is not None}
+    json, verbose = asked.pop("json"), asked.pop("verbose", False)
+    carried = _carried(asked, dash, json=json)
     outputs = Outputs()
     try:
         # Where standard output carries the result, it is an output like any other: all or none.
         with together(outputs):
-            result = _call(name, options)
-            words = not json and (carried is None or not _written(result, options))
+            result = _call(name, asked)
+            # What the quality gate rejects is not written, unless asked for.
+            written = result.exit_status == 0 or asked.get("allow_rejected", True)
+            words = not json and (carried is None or not written)
             if json:
                 hand_over(_to_json(result.to_dict()))
             elif not words and carried is not None:
                 hand_over(getattr(result, carried))
         if words:
             with reporting():
-                _show(result, _places(result, options, output))
+                _show(result, _places(result, asked, written=written))
         for text in result.notes:
             say(f"tdfscal: warning: {text}")
     except (KeyboardInterrupt, Signalled):
         if not outputs.appeared:
             raise
         leave_stdout()  # the files are there: only the rest of the report is cut off
-    return result
-
-
-def judged(result: Result, *, page: bool, written: bool) -> int:
-    """Return the exit status of a calibration; say what became of one that the gate rejects."""
-    if result.exit_status:
-        nothing = "only its page was written" if page else "nothing was written"
+    for text in result.details if verbose else ():
+        say(text)
+    if result.exit_status and "allow_rejected" in asked:
+        nothing = "only its page was written" if "html" in asked else "nothing was written"
         what = "it was written as rejected" if written else nothing
         say(f"tdfscal: the quality gate rejects this result; {what}")
     return result.exit_status
 
 
+def _places(result: Result, asked: Mapping[str, Any], *, written: bool) -> list[str]:
+    """Files that a command wrote, or their folder; page and figures whatever the verdict."""
+    places = []
+    if "output" in asked and written:
+        files = getattr(result, "files", None)
+        output = asked["output"]
+        places.append(str(output) if files is None else f"{len(files)} files to {output}")
+    return [*places, *(str(asked[option]) for option in ("html", "figures") if option in asked)]
+
+
 def _show(result: Result, places: list[str]) -> None:
-    """Print a result in words, and what was written."""
-    if show_words(result) and places:
+    """Print a result in words, with tables by rich on a terminal, and what was written."""
+    from tdfscal.reporting import terminal
+
+    report = result.to_report()
+    if report is not None:
+        terminal.show(report)
+    elif not sys.stdout.write(result.text):
+        return
+    if places:
         *others, last = map(visible, places)
         print(f"\nwrote {', '.join(others)} and {last}" if others else f"\nwrote {last}")
 
 
-def _places(result: Result, options: dict[str, Any], output: object) -> list[str]:
-    """Files that a command wrote, or their folder; page and figures whatever the verdict."""
-    places = []
-    if output is not None and _written(result, options):
-        files = getattr(result, "files", None)
-        places.append(str(output) if files is None else f"{len(files)} files to {output}")
-    return [*places, *(str(options[o]) for o in ("html", "figures") if options.get(o) is not None)]
-
-
-def _written(result: Result, options: dict[str, Any]) -> bool:
-    """Tell whether a result is written; what the quality gate rejects is not, unless asked for."""
-    return result.exit_status == 0 or bool(options.get("allow_rejected", True))
-
-
-def show_words(result: Result) -> bool:
-    """Print a result in words, with tables by rich on a terminal; False where it has none."""
-    from tdfscal.reporting import terminal
-
-    report = result.to_report()
-    if report is None:
-        return sys.stdout.write(result.text) > 0
-    terminal.show(report)
-    return True
-
-
-def _carried(options: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> str | None:
+def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> str | None:
     """Take the `-` of an option away; return the text that standard output gets for it."""
     carried = None
     for option in ("output", "html"):
-        if str(options.get(option)) == "-":
+        if str(asked.get(option)) == "-":
             if option not in dash or (json and option == "html"):
                 raise UsageError(
                     f"--{option} - and the result both want standard output", hint="name a file"
                 )
-            options[option] = None
+            del asked[option]
             carried = dash[option]
     return carried
 
 
-def _call(name: str, options: dict[str, Any]) -> Result:
-    function: Callable[..., Result] = getattr(
-        import_module(f"tdfscal.workflows.{name}"), name.rpartition(".")[2]
-    )
+def _call(name: str, asked: dict[str, Any]) -> Result:
+    module = import_module(f"tdfscal.workflows.{name}")
+    function: Callable[..., Result] = getattr(module, name.rpartition(".")[2])
     parameters = signature(function).parameters
-    if "command" in parameters:
-        options["command"] = command_line()
-    options["progress"] = on_stderr(quiet=options.pop("quiet", False))
+    if "command" in parameters:  # as the user gave it
+        line = " ".join(["tdfscal", *sys.argv[1:]])
+        asked["command"] = line.encode("utf-8", "replace").decode()
+    asked["progress"] = on_stderr(quiet=asked.pop("quiet", False))
     # Files named one after the other, as `compare(a, b)` takes them.
-    several = next((k for k, p in parameters.items() if p.kind is Parameter.VAR_POSITIONAL), None)
-    files = options.pop(several) if several is not None else ()
-    return function(*files, **options)
-
-
-def command_line() -> str:
-    """Return the command as the user gave it."""
-    return " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
+    several = [key for key, p in parameters.items() if p.kind is Parameter.VAR_POSITIONAL]
+    files = [file for key in several for file in asked.pop(key)]
+    return function(*files, **asked)
 
 
 def _to_json(document: Any) -> str:

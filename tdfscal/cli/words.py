@@ -10,14 +10,9 @@ import typer
 from typer.core import TyperGroup
 
 #: Purposes in the order of the help; a command names its own as `rich_help_panel`.
-CALIBRATE, CHECK, USE, PLAN, STUDY = (
-    "Calibrate",
-    "Check",
-    "Put to work",
-    "Plan and try",
-    "Study",
-)
-_PURPOSES = (CALIBRATE, CHECK, USE, PLAN, STUDY)
+_PURPOSES = CALIBRATE, CHECK, USE, PLAN, STUDY = (
+    "Calibrate", "Check", "Put to work", "Plan and try", "Study",
+)  # fmt: skip
 #: What pydantic-like messages of the option parser mean, in words.
 _PLAIN = (
     (r"Input should be a valid integer.*", "this is no whole number"),
@@ -60,11 +55,6 @@ def plainly_typed(command: Any) -> None:
             param.display_type_rich = lambda ctx: None
         elif param.metavar is None and not param.is_flag and not param.type_descriptor.is_choice:
             param.display_type_rich = lambda ctx: "N"
-
-
-def example(text: str) -> str:
-    """The end of a command's help."""
-    return f"Example: {text}"
 
 
 def mistake(error: Exception) -> str:

@@ -83,6 +83,14 @@ class Calibration(Result, CalibrationFile):
         """1 where the quality gate rejects it."""
         return 0 if self.accepted else 1
 
+    @property
+    def details(self) -> tuple[str, ...]:
+        """Stretches of rest that were left out."""
+        if self.records is None or self.records.own is None:
+            return ()
+        left_out = self.records.own.dwells.left_out
+        return tuple(f"left out: {s.start:.2f} to {s.end:.2f} s: {s.reason}" for s in left_out)
+
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out verdict, angles, evidence, what next."""
         from tdfscal.reporting.calibration import calibration_report

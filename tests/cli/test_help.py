@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
+from tdfscal.cli.commands import SCENARIOS as IN_THE_HELP
 from tdfscal.cli.program import command
-from tdfscal.cli.simulate import SCENARIOS as IN_THE_HELP
 from tdfscal.simulation import MOVING, SCENARIOS
 from tests.cli.running import SAMPLES, run
 
