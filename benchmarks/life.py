@@ -35,7 +35,7 @@ from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
 from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.reference_rig import make_rig
-from tdfscal.workflows.progress import SILENT
+from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.several_campaigns import read_campaign, recorded
 from tests.comparison.histories import history
 
@@ -289,7 +289,7 @@ def hundred() -> str:
         )  # fmt: skip
         start = time.perf_counter()
         reads = [
-            read_campaign([path], SILENT) for path in sorted(months.iterdir()) if path.is_dir()
+            read_campaign([path], Settings()) for path in sorted(months.iterdir()) if path.is_dir()
         ]
         read = time.perf_counter() - start
         start = time.perf_counter()

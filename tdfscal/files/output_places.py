@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tdfscal.errors import UsageError
@@ -14,17 +14,15 @@ PAGE_SUFFIXES = (".html", ".htm")
 
 
 def check_outputs(
-    outputs: Mapping[str, Path | None],
-    inputs: Iterable[Path],
-    suffixes: Mapping[str, tuple[str, ...]],
+    outputs: Mapping[str, tuple[Path | None, Sequence[str]]], inputs: Sequence[Path]
 ) -> None:
     """Refuse places of output before the work, and keep the inputs from any that follows.
 
     Parameters
     ----------
-    outputs : file by option; None where it is not asked for.
+    outputs : by option, the file, None where it is not asked for; and what its name may end in,
+        nothing where that is free.
     inputs : every file that the command reads or would read.
-    suffixes : by option, what a file's name may end in; options without an entry are free.
 
     Raises
     ------
@@ -32,14 +30,14 @@ def check_outputs(
         A place cannot be written, is that of an input, is named twice, or the name ends in what
         another kind of file has.
     """
-    files = {option: path for option, path in outputs.items() if path is not None}
-    reads = list(inputs)
-    protect(reads)
-    protected = {identity(path) for path in reads} - {None}
+    protect(inputs)
+    protected = {identity(path) for path in inputs} - {None}
     places: dict[str, str] = {}
-    for option, path in files.items():
-        if option in suffixes:
-            check_suffix(path, suffixes[option])
+    for option, (path, suffixes) in outputs.items():
+        if path is None:
+            continue
+        if suffixes:
+            check_suffix(path, suffixes)
         check_place(path)
         if identity(path) in protected:
             raise replaces_input(path)
@@ -53,7 +51,7 @@ def check_outputs(
         places[place] = option
 
 
-def check_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
+def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
     """Raise UsageError for a name that ends in none of the suffixes; a device may have any name."""
     device = path.exists() and not path.is_file() and not path.is_dir()
     if path.suffix.lower() not in suffixes and not device:

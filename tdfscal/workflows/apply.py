@@ -40,7 +40,7 @@ from tdfscal.workflows.arguments import (
 from tdfscal.workflows.calibration import CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
-from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.wrench_summary import Totals, filter_effect, left_out, metadata, summary_of
@@ -166,14 +166,14 @@ def apply(
     target, files = one(output), listed(paths)
     one_of("--filter", filter, get_args(Kind))
     reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
-    check_outputs({"--output": target}, reads, {"--output": SUFFIXES})
+    check_outputs({"--output": (target, SUFFIXES)}, reads)
     walk = checked_walk(filter, walk)
     point = np.array(triple("--at", at))
-    part = window(from_, to)
+    settings = Settings(progress, window(from_, to))
     use = take(calibration, files, one(rig))
     given = about_point(use.given, point)
     moving = use.given.rig.inertia is not None and not quasi_static
-    log = LogPass(use.campaign, progress, window=part)
+    log = LogPass(use.campaign, settings)
     progress.stage("reading the log and working out the contact wrench")
     tally, totals, models, noises = Tally(), Totals(), list[Walk](), list[SampleNoise]()
     inspection, thermometer = Inspection(use.given), Thermometer()

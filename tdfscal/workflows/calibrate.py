@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -15,16 +15,15 @@ from tdfscal.comparison.joint import combine
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
-from tdfscal.files.calibration.from_results import from_joint, from_motion, from_self, from_tracker
+from tdfscal.files.calibration.from_results import from_joint, from_tracker
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import appear_now, together
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.files.saving import write_text
 from tdfscal.model.calibrated import independent
 from tdfscal.motioncal.pipeline import MotionCalibration
-from tdfscal.records import Dwells, InputFile, Rig, Rotations
+from tdfscal.records import InputFile, Rig, Rotations
 from tdfscal.selfcal.joint_posterior import from_fit
-from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.arguments import (
@@ -37,13 +36,13 @@ from tdfscal.workflows.arguments import (
     one_of,
     window,
 )
-from tdfscal.workflows.calibration import Calibration, Records
+from tdfscal.workflows.calibration import Calibration, Records, as_calibration
 from tdfscal.workflows.campaign import Campaign, campaign_folders, resolve
 from tdfscal.workflows.inputs_read import inputs_read
-from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.samples import Own, Samples, Trials, calibrate_samples, check_samples
+from tdfscal.workflows.samples import Own, Samples, calibrate_samples
 
 Method = Literal["self", "tracker", "joint"]
 #: Lines to be confirmed that a warning names at most.
@@ -98,50 +97,59 @@ def calibrate(
     TdfscalError
         By cause: UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError.
     """
-    chosen, files = one(output), listed(paths)
+    target, files = one(output), listed(paths)
     page, rig_file = one(html), one(rig)
-    if method is not None:
-        one_of("--method", method, get_args(Method))
-    if samples is not None:
-        one_of("--samples", samples, get_args(Samples))
-    check_samples(samples, method, estimator)
+    one_of("--method", method, get_args(Method))
+    one_of("--samples", samples, get_args(Samples))
     one_of("--estimator", estimator, get_args(Estimator))
-    at_least("--trials", trials or 0, 0)
+    _check_samples(samples, method, estimator)
+    at_least("--trials", trials, 0)
     at_least("--seed", seed, 0)
     check_outputs(
-        {"--output": chosen, "--html": page},
+        {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
         inputs_read(files, rigs=[rig_file]),
-        {"--output": CALIBRATION_SUFFIXES, "--html": PAGE_SUFFIXES},
     )
-    part = window(from_, to)
+    settings = Settings(progress, window(from_, to), salvage, trials, seed, command)
     groups = campaign_folders(files, rig_file)
     if len(groups) > 1:
         _check_several(method, samples, estimator)
     campaign = resolve(groups[-1], rig_file)
-    log = LogPass(campaign, progress, salvage, part) if len(groups) == 1 else None
-    with pages_of_failure(files, campaign, log, page, figures, command, progress):
-        if log is None:
+    # A joint result has intervals of its own; trials of its parts would be thrown away.
+    log = LogPass(campaign, replace(settings, trials=0) if method == "joint" else settings)
+    try:
+        if len(groups) > 1:
             from tdfscal.workflows.several_campaigns import calibrate_several  # seldom needed
 
-            result = calibrate_several(
-                groups,
-                trials=trials,
-                seed=seed,
-                salvage=salvage,
-                part=part,
-                command=command,
-                progress=progress,
-            )
+            result = calibrate_several(groups, settings)
         else:
-            chosen_method = method or ("self" if campaign.logs else "tracker")
             result = _calibrated(
-                campaign, chosen_method, samples, estimator, trials, seed, log, command
+                log, method or ("self" if campaign.logs else "tracker"), samples, estimator
             )
-    if chosen is not None and (result.accepted or allow_rejected):
-        save_calibration(result, chosen)
+    except (NotIdentifiableError, NotConvergedError) as error:
+        if (page is None and figures is None) or error.exit_status != 4:
+            raise
+        _write_attempt(error, log, files, page, one(figures))
+        if page is None:
+            raise
+        look = f"{page} shows what is weak and what the log holds"
+        raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error
+    if target is not None and (result.accepted or allow_rejected):
+        save_calibration(result, target)
     # Whatever the verdict: its advice is to look at the postures.
     result.save_figures(figures, progress, page)
     return result
+
+
+def _check_samples(samples: Samples | None, method: Method | None, estimator: Estimator) -> None:
+    """Raise UsageError where other options need dwells."""
+    if samples not in ("moving", "all"):
+        return
+    if method in ("tracker", "joint") or estimator == "linear":
+        other = f"--method {method}" if method in ("tracker", "joint") else "--estimator linear"
+        raise UsageError(
+            f"{other} does not go with --samples {samples}: it needs static dwells alone",
+            hint="leave one of the two out",
+        )
 
 
 def _check_several(method: Method | None, samples: Samples | None, estimator: Estimator) -> None:
@@ -167,18 +175,10 @@ def _check_several(method: Method | None, samples: Samples | None, estimator: Es
 
 
 def _calibrated(
-    campaign: Campaign,
-    method: Method,
-    samples: Samples | None,
-    estimator: Estimator,
-    trials: int | None,
-    seed: int,
-    log: LogPass,
-    command: str,
+    log: LogPass, method: Method, samples: Samples | None, estimator: Estimator
 ) -> Calibration:
-    own_rng, tracker_rng = np.random.default_rng(seed).spawn(2)
-    # A joint result has intervals of its own; trials of its parts would be thrown away.
-    trials = 0 if method == "joint" else trials
+    campaign, settings = log.campaign, log.settings
+    own_rng, tracker_rng = np.random.default_rng(settings.seed).spawn(2)
     inputs: list[InputFile] = []
     notes = _confirmations(campaign)
     own: Own | None = None
@@ -187,47 +187,30 @@ def _calibrated(
         _require_log(campaign)
         if method == "joint" or estimator == "linear":
             samples = "static"
-
-        def static(dwells: Dwells) -> SelfCalibration:
-            return self_calibrate(
-                campaign.rig.rig,
-                dwells,
-                rng=own_rng,
-                estimator=estimator,
-                max_trials=trials,
-                inputs=tuple(log.inputs),
-                progress=log.progress.stage,
-            )
-
         with log.explaining():
-            own = calibrate_samples(log, samples, static, Trials(own_rng, trials))
+            own = calibrate_samples(log, samples, estimator, own_rng)
         inputs += log.inputs
     if method in ("tracker", "joint"):
         from tdfscal.workflows.survey import surveyed  # seldom needed
 
         log.progress.stage("calibrating from the tracker's survey")
-        tracker, files, doubts = surveyed(campaign, trials, tracker_rng)
+        tracker, files, doubts = surveyed(campaign, settings.trials, tracker_rng)
         notes += doubts
         inputs += files
 
-    origin = Provenance(campaign.rig, tuple(inputs), command, seed, measured(log))
-    if isinstance(own, MotionCalibration):
-        if own.reasons and log.stops:  # it may have been meant to rest
-            notes += (log.stops,)
-        return Calibration.of(from_motion(own, origin, notes), Records(motion=own))
-    if own is not None and tracker is not None:
-        return _both(campaign.rig.rig, own, tracker, origin, notes)
-    if tracker is not None:
-        given = independent(
-            campaign.rig.rig, tracker.rotations.rotation, tracker.rotations.covariance
-        )
-        reasons = judge(
-            campaign.rig.rig, tracker.rotations, tracker.birge, conformity=assess_stated(given)
-        )
-        file = from_tracker(tracker, origin, reasons, notes)
-        return Calibration.of(file, Records(tracker=tracker))
-    assert own is not None
-    return Calibration.of(from_self(own, origin, notes), Records(own))
+    origin = Provenance(campaign.rig, tuple(inputs), settings.command, settings.seed, measured(log))
+    if tracker is None:
+        assert own is not None
+        if isinstance(own, MotionCalibration) and own.reasons and log.stops:
+            notes += (log.stops,)  # it may have been meant to rest
+        return as_calibration(own, origin, notes)
+    if own is not None:
+        assert isinstance(own, SelfCalibration)
+        return _both(log.rig, own, tracker, origin, notes)
+    given = independent(log.rig, tracker.rotations.rotation, tracker.rotations.covariance)
+    reasons = judge(log.rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
+    file = from_tracker(tracker, origin, reasons, notes)
+    return Calibration.of(file, Records(tracker=tracker))
 
 
 def _confirmations(campaign: Campaign) -> tuple[str, ...]:
@@ -270,45 +253,34 @@ def _require_log(campaign: Campaign) -> None:
         )
 
 
-@contextmanager
-def pages_of_failure(
+def _write_attempt(
+    error: NotIdentifiableError | NotConvergedError,
+    log: LogPass,
     paths: Sequence[Path],
-    campaign: Campaign,
-    log: LogPass | None,
     page: Path | None,
-    figures: PathLike | None,
-    command: str,
-    progress: Progress,
-) -> Iterator[None]:
-    """Write page and figures of an error that says the data do not give the angles; it goes on.
+    figures: Path | None,
+) -> None:
+    """Write page and figures of an error that says the data do not give the angles.
 
-    campaign : the one whose rig file counts. log : as far as it was read; None of several.
+    log : as far as it was read; not at all where there are several campaigns.
     """
-    try:
-        yield
-    except (NotIdentifiableError, NotConvergedError) as error:
-        if (page is None and figures is None) or error.exit_status != 4:
-            raise
-        from tdfscal.reporting.figures.style import save
-        from tdfscal.reporting.html import render
-        from tdfscal.reporting.undetermined import (
-            Attempt,
-            undetermined_drawings,
-            undetermined_report,
-        )
+    from tdfscal.reporting.figures.style import save
+    from tdfscal.reporting.html import render
+    from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
 
-        progress.stage("drawing the report")
-        inputs, messages = (log.inputs, log.messages) if log is not None else ((), ())
-        names = tuple(map(str, paths))
-        attempt = Attempt(error, campaign.rig, tuple(inputs), tuple(messages), names, command)
-        drawings = undetermined_drawings(attempt)
-        if figures is not None:
-            for drawing in drawings:
-                save(drawing, Path(figures))
-        if page is None:
-            appear_now()
-            raise
+    log.progress.stage("drawing the report")
+    attempt = Attempt(
+        error,
+        log.campaign.rig,
+        tuple(log.inputs),
+        tuple(log.messages),
+        tuple(map(str, paths)),
+        log.settings.command,
+    )
+    drawings = undetermined_drawings(attempt)
+    if figures is not None:
+        for drawing in drawings:
+            save(drawing, figures)
+    if page is not None:
         write_text(page, render(undetermined_report(attempt, drawings)))
-        appear_now()
-        look = f"{page} shows what is weak and what the log holds"
-        raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error
+    appear_now()

@@ -13,6 +13,7 @@ from pydantic import PrivateAttr
 
 from tdfscal.comparison.joint import Joint
 from tdfscal.errors import UsageError
+from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
     dump_calibration,
@@ -21,6 +22,7 @@ from tdfscal.files.calibration.document import (
     save_calibration,
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
+from tdfscal.files.calibration.from_results import from_motion, from_self
 from tdfscal.files.output_places import check_calibration
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import ANGLES
@@ -119,6 +121,15 @@ class Calibration(Result, CalibrationFile):
     def content(self) -> str:
         """The file as YAML."""
         return dump_calibration(self, "yaml")
+
+
+def as_calibration(
+    own: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[str]
+) -> Calibration:
+    """Return a self-calibration, at rest or in motion, with the content of its file."""
+    if isinstance(own, MotionCalibration):
+        return Calibration.of(from_motion(own, origin, notes), Records(motion=own))
+    return Calibration.of(from_self(own, origin, notes), Records(own))
 
 
 class _NotHere:

@@ -100,7 +100,7 @@ def export(
     if schema is not None and to != "dcc":
         raise UsageError("only a DCC has a schema", where="--schema", hint="use --to dcc")
     reads = [*paths_of([calibration]), *([Path(schema)] if schema is not None else [])]
-    check_outputs({"--output": target}, reads, {})
+    check_outputs({"--output": (target, ())}, reads)
     name, loaded = read_source(calibration)
     if not loaded.accepted and not allow_rejected:
         raise RejectedError(

@@ -108,7 +108,7 @@ def init(
     part = window(from_, to)
     logs = find_logs(listed(paths))
     target = one(output)
-    check_outputs({"--output": target}, inputs_read(listed(paths)), {"--output": (".yaml", ".yml")})
+    check_outputs({"--output": (target, (".yaml", ".yml"))}, inputs_read(listed(paths)))
     with progress.reading(expand(logs)) as share:
         info = describe_logs(logs, window=part, progress=share)
     mapping, first = info.mapping, info.contents[0]

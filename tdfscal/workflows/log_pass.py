@@ -15,7 +15,7 @@ from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, InputFile, Log, Rig
 from tdfscal.workflows.campaign import Campaign
-from tdfscal.workflows.progress import Progress
+from tdfscal.workflows.progress import SILENT, Progress
 
 #: Warnings of a log that an error repeats at most; those of its clocks come first.
 _REPEATED = 3
@@ -26,36 +26,60 @@ _AT_CAPACITY = 1e-6
 _CLOCK = re.compile(r"clock|header time|step back|repeat the time")
 
 
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What holds for every campaign of a command.
+
+    window : the part of the logs that is used. trials : Monte Carlo trials at most; None for the
+    default, 0 for none. command : kept in the file, as what was asked for.
+    """
+
+    progress: Progress = SILENT
+    window: TimeWindow | None = None
+    salvage: bool = False
+    trials: int | None = None
+    seed: int = 0
+    command: str = ""
+
+
 @dataclass(slots=True)
 class LogPass:
     """What one reading of a campaign's logs leaves behind.
 
-    window : the part of the logs that is used. inputs : files that were read. messages :
-    warnings of the logs, in order, each once. stops : what became of most of them, where few are
-    dwells. begin, end : s, the first and the last time in the logs, by their clock.
+    inputs : files that were read. messages : warnings of the logs, in order, each once. stops :
+    what became of most of them, where few are dwells. begin, end : s, the first and the last time
+    in the logs, by their clock.
     """
 
     campaign: Campaign
-    progress: Progress
-    salvage: bool = False
-    window: TimeWindow | None = None
+    settings: Settings
     inputs: list[InputFile] = field(default_factory=list)
     messages: dict[str, None] = field(default_factory=dict)
     begin: float = float("inf")
     end: float = float("-inf")
     stops: str = ""
 
+    @property
+    def rig(self) -> Rig:
+        """The rig of the campaign."""
+        return self.campaign.rig.rig
+
+    @property
+    def progress(self) -> Progress:
+        """Called as the work goes on."""
+        return self.settings.progress
+
     def pieces(self) -> Iterator[Log]:
         """Read the logs once, piece by piece. Raises UsageError, DataError."""
-        logs, rig = self.campaign.logs, self.campaign.rig
+        logs, rig = self.campaign.logs, self.rig
         with self.progress.reading(logs) as share:
             for piece in iter_log(
                 logs,
-                rig.log,
-                rig.rig.supports,
-                axes=rig.rig.axes,
-                salvage=self.salvage,
-                window=self.window,
+                self.campaign.rig.log,
+                rig.supports,
+                axes=rig.axes,
+                salvage=self.settings.salvage,
+                window=self.settings.window,
                 progress=share,
             ):
                 self.inputs += piece.inputs
@@ -73,7 +97,7 @@ class LogPass:
     def noted(self, dwells: Dwells) -> Dwells:
         """Keep what the dwells say of the log."""
         self.messages |= dict.fromkeys(dwells.warnings)
-        self.stops = _lost_stops(dwells, self.campaign.rig.rig)
+        self.stops = _lost_stops(dwells, self.rig)
         return dwells
 
     @contextmanager

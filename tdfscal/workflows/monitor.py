@@ -26,16 +26,12 @@ from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_o
 from tdfscal.workflows.campaign import campaign_folders
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.recorded_once import Recording, refuse_repeated
 from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.rig_life import life_of
-from tdfscal.workflows.several_campaigns import (
-    Read,
-    read_campaign,
-    recording,
-    require_one_rig,
-)
+from tdfscal.workflows.several_campaigns import Read, read_campaign, require_one_rig
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -131,17 +127,14 @@ def monitor(
         raise UsageError(
             f"{rate:g} false alarms per year", where="--rate", hint="give 1 or less, above 0"
         )
-    check_outputs({"--html": page}, inputs_read(paths_of(sources)), {"--html": PAGE_SUFFIXES})
+    check_outputs({"--html": (page, PAGE_SUFFIXES)}, inputs_read(paths_of(sources)))
     calibrations, folders = _sorted_out(sources)
     known = [read_earlier(source) for source in calibrations]
-    reads = [read_campaign([folder], progress, part=window(from_, to)) for folder in folders]
+    settings = Settings(progress, window(from_, to))
+    reads = [read_campaign([folder], settings) for folder in folders]
     rig = _one_rig(known, reads)
-    refuse_repeated(
-        [
-            *(Recording(e.name, [i.record() for i in e.file.inputs], None) for e in known),
-            *(recording(read) for read in reads),
-        ]
-    )
+    calibrated = [Recording(e.name, [i.record() for i in e.file.inputs], None) for e in known]
+    refuse_repeated([*calibrated, *reads])
     if len(known) + len(reads) < 2:
         raise UsageError(
             "one check is no history", hint="name two or more calibrations or campaign folders"
@@ -192,7 +185,7 @@ def _sorted_out(
 def _one_rig(known: Sequence[Earlier], reads: Sequence[Read]) -> Rig:
     """Return the latest rig; all must state the same constants."""
     rigs = [(e.measured.month, e.rig, e.name) for e in known]
-    rigs += [(r.measured.month, r.campaign.rig.rig, r.name) for r in reads]
+    rigs += [(r.measured.month, r.rig, r.name) for r in reads]
     if not rigs:
         raise UsageError("nothing is named", hint="name calibrations or campaign folders")
     _, latest, name = max(rigs, key=lambda entry: entry[0])

@@ -48,7 +48,7 @@ from tdfscal.workflows.arguments import (
 )
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.inputs_read import inputs_read
-from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.rigs import rig_named
@@ -226,15 +226,11 @@ def plan(
             "--postures and --target ask for two different things", hint="give one of them"
         )
     one_of("--objective", objective, get_args(Objective))
-    for option, value in (("--postures", postures), ("--candidates", candidates)):
-        at_least(option, 1 if value is None else value, 1)
+    at_least("--postures", postures, 1)
+    at_least("--candidates", candidates, 1)
     at_least("--seed", seed, 0)
     reads = inputs_read(listed(given), rigs=[Path(rig)])
-    check_outputs(
-        {"--output": file, "--waypoints": spline},
-        reads,
-        {"--output": (".csv",), "--waypoints": (".csv",)},
-    )
+    check_outputs({"--output": (file, [".csv"]), "--waypoints": (spline, [".csv"])}, reads)
     known = rig_named(rig)
     loaded = known.rig
     limits = Limits(
@@ -283,7 +279,7 @@ def _recorded(rig: PathLike, paths: list[Path], noise: float, progress: Progress
     campaign = resolve(paths, rig_named(rig).path)
     if not campaign.logs:
         raise UsageError("there is no log to build on", where=", ".join(map(str, paths)))
-    return recorded(campaign.rig.rig, LogPass(campaign, progress).dwells(), noise)
+    return recorded(campaign.rig.rig, LogPass(campaign, Settings(progress)).dwells(), noise)
 
 
 def _noise(before: Fit | None) -> float:

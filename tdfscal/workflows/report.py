@@ -92,7 +92,7 @@ def report(
     """
     sources, page, folder = sources_of(*files), one(html), one(figures)
     before = sources_of(*([] if previous is None else [previous]))
-    check_outputs({"--html": page}, paths_of([*sources, *before]), {"--html": PAGE_SUFFIXES})
+    check_outputs({"--html": (page, PAGE_SUFFIXES)}, paths_of([*sources, *before]))
     if before and len(sources) > 1:
         raise UsageError(
             "--previous goes with one calibration",

@@ -15,60 +15,55 @@ from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
-from tdfscal.files.calibration.from_results import from_motion, from_self
 from tdfscal.files.calibration.statistics import campaign_document
-from tdfscal.logs import TimeWindow
 from tdfscal.model.parameters import layout
-from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import Dwells, InputFile, Measured, Rig, Rotations
+from tdfscal.records import InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import MOST_REJECTED
-from tdfscal.workflows.calibration import Calibration, Records
-from tdfscal.workflows.campaign import Campaign, resolve
-from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.calibration import Calibration, as_calibration
+from tdfscal.workflows.campaign import resolve
+from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.measured import measured
-from tdfscal.workflows.progress import Progress
 from tdfscal.workflows.recorded_once import Recording, refuse_repeated
 from tdfscal.workflows.samples import Own, calibrate_motion
 from tdfscal.workflows.survey import surveyed
 
 
-@dataclass(frozen=True, slots=True)
-class Read:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Read(Recording):
     """A campaign that was read: its dwells, or its tracker's survey, and when it was measured."""
 
-    name: str
-    campaign: Campaign
-    log: LogPass
-    dwells: Dwells | None
-    survey: Rotations | None
     measured: Measured
-    inputs: tuple[InputFile, ...]
+    rig: Rig
+    log: LogPass
+    survey: Rotations | None = None
 
 
-def read_campaign(
-    paths: Sequence[Path],
-    progress: Progress,
-    *,
-    salvage: bool = False,
-    part: TimeWindow | None = None,
-    rig: Path | None = None,
-) -> Read:
+def read_campaign(paths: Sequence[Path], settings: Settings, rig: Path | None = None) -> Read:
     """Read one campaign's log, or its tracker's survey where there is none.
 
     Raises TdfscalError by cause; it names the campaign.
     """
-    campaign = resolve(paths, rig)
-    log = LogPass(campaign, progress, salvage, part)
-    name = str(paths[0])
-    if not campaign.logs:
-        survey, files, _ = surveyed(campaign, 0, np.random.default_rng(0))
-        return Read(name, campaign, log, None, survey.rotations, measured(log), tuple(files))
-    with _naming(name), log.explaining():
-        dwells = log.dwells()
-    return Read(name, campaign, log, dwells, None, measured(log), tuple(log.inputs))
+    log = LogPass(resolve(paths, rig), settings)
+    name, dwells, survey = str(paths[0]), None, None
+    inputs: Sequence[InputFile] = log.inputs
+    if log.campaign.logs:
+        with _naming(name), log.explaining():
+            dwells = log.dwells()
+    else:
+        found, inputs, _ = surveyed(log.campaign, 0, np.random.default_rng(0))
+        survey = found.rotations
+    return Read(
+        name=name,
+        inputs=tuple(inputs),
+        measured=measured(log),
+        rig=log.rig,
+        dwells=dwells,
+        log=log,
+        survey=survey,
+    )
 
 
 @contextmanager
@@ -86,7 +81,7 @@ def recorded(read: Read) -> Recorded:
 
     Raises TdfscalError by cause; it names the campaign.
     """
-    rig, month = read.campaign.rig.rig, read.measured.month
+    rig, month = read.rig, read.measured.month
     if read.dwells is None:
         return Recorded(read.name, month, rig, survey=read.survey)
     with _naming(read.name), read.log.explaining():
@@ -94,11 +89,6 @@ def recorded(read: Read) -> Recorded:
         if moving is not None:
             return Recorded(read.name, month, rig, estimate=moving.calibrated)
         return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
-
-
-def recording(read: Read) -> Recording:
-    """What tells a campaign's recording from another."""
-    return Recording(read.name, read.inputs, read.measured, read.campaign.rig.rig, read.dwells)
 
 
 def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
@@ -113,16 +103,7 @@ def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
         )
 
 
-def calibrate_several(
-    groups: Sequence[Sequence[Path]],
-    *,
-    trials: int | None,
-    seed: int,
-    salvage: bool,
-    part: TimeWindow | None,
-    command: str,
-    progress: Progress,
-) -> Calibration:
+def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> Calibration:
     """Calibrate from several campaigns: common angles, zeros and load of each campaign its own.
 
     The angles are those at the time of the last campaign with a log.
@@ -130,8 +111,8 @@ def calibrate_several(
     rigs = [(str(group[0]), resolve(group).rig.rig) for group in groups]
     for name, rig in rigs[1:]:
         require_one_rig(rigs[0][1], rig, name, rigs[0][0])
-    campaigns = [read_campaign(group, progress, salvage=salvage, part=part) for group in groups]
-    refuse_repeated([recording(read) for read in campaigns])
+    campaigns = [read_campaign(group, settings) for group in groups]
+    refuse_repeated(campaigns)
     ordered = sorted(campaigns, key=lambda read: read.measured.month)
     if all(read.dwells is None for read in ordered):
         raise UsageError(
@@ -141,14 +122,13 @@ def calibrate_several(
         )
     last = max(k for k, read in enumerate(ordered) if read.dwells is not None)
     _require_dates(ordered)
-    progress.stage(f"pooling {len(ordered)} campaigns")
-    pooled = pool([recorded(read) for read in ordered])
-    return _result(ordered, last, pooled, trials, seed, command, progress)
+    settings.progress.stage(f"pooling {len(ordered)} campaigns")
+    return _result(ordered, last, pool([recorded(read) for read in ordered]))
 
 
 def _require_dates(ordered: Sequence[Read]) -> None:
     """Where angles walk the order of the campaigns and their distances matter."""
-    if ordered[-1].campaign.rig.rig.drift.angle == 0:
+    if ordered[-1].rig.drift.angle == 0:
         return
     for read in ordered:
         if read.measured.source == "file":
@@ -159,28 +139,19 @@ def _require_dates(ordered: Sequence[Read]) -> None:
             )
 
 
-def _result(
-    ordered: Sequence[Read],
-    last: int,
-    pooled: Pool,
-    trials: int | None,
-    seed: int,
-    command: str,
-    progress: Progress,
-) -> Calibration:
+def _result(ordered: Sequence[Read], last: int, pooled: Pool) -> Calibration:
     read = ordered[last]
-    assert read.dwells is not None
-    rig = read.campaign.rig.rig
-    informed = replace(rig, earlier=pooled.others(rig, last))
+    settings = read.log.settings
     inputs = tuple(entry for item in ordered for entry in item.inputs)
+    informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     with read.log.explaining():
-        own = calibrate_informed(read, informed, trials, seed, inputs, progress)
+        own = calibrate_informed(read, informed, settings.trials, inputs)
     reasons = [*own.reasons, *map(misfit_text, pooled.misfits), *_lost(ordered, pooled, last)]
     origin = Provenance(
-        read.campaign.rig,
+        read.log.campaign.rig,
         inputs,
-        command,
-        seed,
+        settings.command,
+        settings.seed,
         measured=Measured(
             min(item.measured.begin for item in ordered),
             max(item.measured.end for item in ordered),
@@ -188,16 +159,12 @@ def _result(
         ),
         campaigns=_campaigns(ordered, pooled),
     )
-    return as_calibration(own, tuple(dict.fromkeys(reasons)), origin, _notes(ordered, last))
+    own = replace(own, reasons=tuple(dict.fromkeys(reasons)))
+    return as_calibration(own, origin, _notes(ordered, last))
 
 
 def calibrate_informed(
-    read: Read,
-    informed: Rig,
-    trials: int | None,
-    seed: int,
-    inputs: tuple[InputFile, ...],
-    progress: Progress,
+    read: Read, informed: Rig, trials: int | None, inputs: tuple[InputFile, ...]
 ) -> Own:
     """Calibrate from a campaign's dwells or motion, by a rig with earlier knowledge.
 
@@ -210,10 +177,10 @@ def calibrate_informed(
     still = self_calibrate(
         informed,
         read.dwells,
-        rng=np.random.default_rng(seed).spawn(2)[0],
+        rng=np.random.default_rng(read.log.settings.seed).spawn(2)[0],
         max_trials=trials,
         inputs=inputs,
-        progress=progress.stage,
+        progress=read.log.progress.stage,
     )
     if moving is None:
         return still
@@ -223,32 +190,17 @@ def calibrate_informed(
     return moving if surer else still
 
 
-def as_calibration(
-    own: Own, reasons: tuple[str, ...], origin: Provenance, notes: Sequence[str]
-) -> Calibration:
-    """Return the result whose file lists several campaigns."""
-    if isinstance(own, MotionCalibration):
-        own = replace(own, reasons=reasons)
-        return Calibration.of(from_motion(own, origin, notes), Records(motion=own))
-    own = replace(own, reasons=reasons)
-    return Calibration.of(from_self(own, origin, notes), Records(own))
-
-
 def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any], ...]:
     described = []
-    for k, read in enumerate(ordered):
-        state, std = pooled.own_state(read.campaign.rig.rig, k)
-        member = pooled.members[k]
-        used = 0 if member.fit is None else int(np.sum(member.fit.weight > 0))
+    for k, (read, member) in enumerate(zip(ordered, pooled.members, strict=True)):
         described.append(
             campaign_document(
                 read.name,
                 read.measured,
                 read.inputs,
-                state,
-                std,
-                read.campaign.rig.rig.axes,
-                postures=used,
+                *pooled.own_state(read.rig, k),
+                read.rig.axes,
+                postures=0 if member.fit is None else int(np.sum(member.fit.weight > 0)),
                 chi2=member.chi2,
                 dof=max(member.dof, 0),
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 
@@ -26,19 +27,23 @@ from tdfscal.records import FloatArray, Measured, Rig
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, at_least, listed, one, window
-from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
+from tdfscal.workflows.calibration import (
+    Calibration,
+    CalibrationSource,
+    as_calibration,
+    paths_of,
+)
 from tdfscal.workflows.campaign import campaign_folders, resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.recorded_once import refuse_repeated
 from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
     Read,
-    as_calibration,
     calibrate_informed,
     read_campaign,
-    recording,
     require_one_rig,
 )
 
@@ -88,29 +93,24 @@ def update(
         DataError, NotIdentifiableError, NotConvergedError.
     """
     target, page, rig_file, files = one(output), one(html), one(rig), listed(paths)
-    at_least("--trials", trials or 0, 0)
+    at_least("--trials", trials, 0)
     at_least("--seed", seed, 0)
     check_outputs(
-        {"--output": target, "--html": page},
+        {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
         inputs_read(files, rigs=[rig_file], files=paths_of([calibration])),
-        {"--output": CALIBRATION_SUFFIXES, "--html": PAGE_SUFFIXES},
     )
-    part = window(from_, to)
+    settings = Settings(progress, window(from_, to), salvage, trials, seed, command)
     earlier = read_earlier(calibration)
     groups = campaign_folders(files, rig_file)
     for group in groups:
         new = resolve(group, rig_file).rig.rig
         require_one_rig(earlier.rig, new, str(group[0]), earlier.name)
-    campaigns = [
-        read_campaign(group, progress, salvage=salvage, part=part, rig=rig_file) for group in groups
-    ]
+    campaigns = [read_campaign(group, settings, rig_file) for group in groups]
     campaigns.sort(key=lambda read: read.measured.month)
     _check(earlier, campaigns)
-    for k, read in enumerate(campaigns):
-        last = k == len(campaigns) - 1
-        result = _updated(earlier, read, trials if last else 0, seed, command, progress)
-        if not last:
-            earlier = read_earlier(result)
+    for read in campaigns[:-1]:
+        earlier = read_earlier(_updated(earlier, read, 0))
+    result = _updated(earlier, campaigns[-1], trials)
     if target is not None and (result.accepted or allow_rejected):
         save_calibration(result, target)
     result.save_figures(None, progress, page)  # whatever the verdict
@@ -119,7 +119,7 @@ def update(
 
 def _check(earlier: Earlier, campaigns: Sequence[Read]) -> None:
     """Refuse what cannot follow the calibration."""
-    refuse_repeated([*earlier.recordings(), *(recording(read) for read in campaigns)])
+    refuse_repeated([*earlier.recordings(), *campaigns])
     for read in campaigns:
         if read.dwells is None:
             raise UsageError(
@@ -137,63 +137,55 @@ def _check(earlier: Earlier, campaigns: Sequence[Read]) -> None:
             )
 
 
-def _updated(
-    earlier: Earlier, read: Read, trials: int | None, seed: int, command: str, progress: Progress
-) -> Calibration:
-    rig = read.campaign.rig.rig
-    assert read.dwells is not None
+def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
+    settings, rig = read.log.settings, read.rig
     informed = replace(rig, earlier=earlier.prior(rig, read.measured.month))
     with read.log.explaining():
-        own = calibrate_informed(read, informed, trials, seed, read.inputs, progress)
-    found, chi2, dof = _departure(informed, own, read.name)
-    reasons = own.reasons
+        own = calibrate_informed(read, informed, trials, tuple(read.inputs))
+    found, this = _contribution(informed, own, read)
     if found.p_value <= CAMPAIGN_MISFIT:
-        reasons += (_text(found, earlier),)
-    state, std = _place(own)
-    this = campaign_document(
-        read.name,
-        read.measured,
-        read.inputs,
-        state,
-        _as_state(state, std),
-        rig.axes,
-        postures=own.dwells if isinstance(own, MotionCalibration) else int(sum(own.fit.weight > 0)),
-        chi2=chi2,
-        dof=dof,
-    )
+        own = replace(own, reasons=(*own.reasons, _text(found, earlier)))
     origin = Provenance(
-        read.campaign.rig,
-        read.inputs,
-        command,
-        seed,
+        read.log.campaign.rig,
+        tuple(read.inputs),
+        settings.command,
+        settings.seed,
         measured=read.measured,
         campaigns=(*earlier.campaigns(), this),
         history=earlier.history(),
     )
     notes = () if earlier.file.accepted else (f"{earlier.name} is a rejected calibration",)
-    return as_calibration(own, reasons, origin, notes)
+    return as_calibration(own, origin, notes)
 
 
-def _departure(rig: Rig, own: Own, name: str) -> tuple[Misfit, float, int]:
-    """The new campaign against all that was known before it; χ² and dof that it adds."""
+def _contribution(rig: Rig, own: Own, read: Read) -> tuple[Misfit, dict[str, Any]]:
+    """The new campaign against all that was known before it; and its place in the file's list."""
     assert rig.earlier is not None
     reference = starting_state(rig)
     if isinstance(own, MotionCalibration):
-        part = of_estimate(own.calibrated, information_of(rig, rig.earlier), reference)
-        departure = contrast(information_of(rig, rig.earlier), part.information)
-        return misfit_of(rig, name, part), *departure.chi2()
-    part = eliminate(own.fit, reference)
-    return misfit_of(rig, name, part), own.quality.chi2, max(own.quality.dof, 0)
-
-
-def _place(own: Own) -> tuple[State, FloatArray]:
-    """Estimate and standard uncertainties (P,), as the file publishes them."""
-    if isinstance(own, MotionCalibration):
+        known = information_of(rig, rig.earlier)
+        part = of_estimate(own.calibrated, known, reference)
+        chi2, dof = contrast(known, part.information).chi2()
         given, std = own.calibrated, own.uncertainty.turns.parameter_std
+        postures = own.dwells
     else:
-        given = from_fit(own.fit, own.uncertainty.covariance)
-        std = own.uncertainty.parameter_std
-    return given.state, published_std(given, std)
+        part = eliminate(own.fit, reference)
+        chi2, dof = own.quality.chi2, max(own.quality.dof, 0)
+        given, std = from_fit(own.fit, own.uncertainty.covariance), own.uncertainty.parameter_std
+        postures = int(sum(own.fit.weight > 0))
+    published = _as_state(given.state, published_std(given, std))
+    this = campaign_document(
+        read.name,
+        read.measured,
+        read.inputs,
+        given.state,
+        published,
+        rig.axes,
+        postures=postures,
+        chi2=chi2,
+        dof=dof,
+    )
+    return misfit_of(rig, read.name, part), this
 
 
 def _text(found: Misfit, earlier: Earlier) -> str:

@@ -24,10 +24,10 @@ from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, on
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
 from tdfscal.workflows.inputs_read import inputs_read
-from tdfscal.workflows.log_pass import LogPass
+from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
-from tdfscal.workflows.samples import moving_samples, neither, read_samples, stated_delay
+from tdfscal.workflows.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.workflows.zero_age import zero_age
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
@@ -156,13 +156,12 @@ def validate(
         By cause: UsageError, RigError, DataError.
     """
     files, page = listed(paths), one(html)
-    if samples is not None:
-        one_of("--samples", samples, get_args(Samples))
+    one_of("--samples", samples, get_args(Samples))
     reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
-    check_outputs({"--html": page}, reads, {"--html": PAGE_SUFFIXES})
-    part = window(from_, to)
+    check_outputs({"--html": (page, PAGE_SUFFIXES)}, reads)
+    settings = Settings(progress, window(from_, to))
     use = take(calibration, files, one(rig))
-    log = LogPass(use.campaign, progress, window=part)
+    log = LogPass(use.campaign, settings)
     with log.explaining():
         result = _tested(use, log, samples)
     # The log's own warnings come with its dwells.
@@ -192,7 +191,7 @@ def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | M
 
 def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
     log.progress.stage("testing the calibration on the motion")
-    return validate_moving(use.given, slow, stated_delay(log), rig=use.campaign.rig.rig)
+    return validate_moving(use.given, slow, delay_of(use.campaign.rig), rig=use.campaign.rig.rig)
 
 
 def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:

@@ -14,8 +14,7 @@ import yaml
 
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.workflows.campaign import resolve
-from tdfscal.workflows.log_pass import LogPass
-from tdfscal.workflows.progress import SILENT
+from tdfscal.workflows.log_pass import LogPass, Settings
 from tests.cli.running import SAMPLES, run
 
 REPEATED = "1 repeat the time of the sample before"
@@ -83,7 +82,7 @@ def test_a_failure_says_what_the_log_warned_of(
 def test_clocks_come_first_and_long_lists_are_cut() -> None:
     messages = ["a gap", "b gap", "the header times of /f are +100 s off the recorder's", "c gap"]
     campaign = resolve([SAMPLES / "parquet"])
-    passing = LogPass(campaign, SILENT, messages=dict.fromkeys(messages))
+    passing = LogPass(campaign, Settings(), messages=dict.fromkeys(messages))
     with (
         pytest.raises(
             NotIdentifiableError,
@@ -93,7 +92,7 @@ def test_clocks_come_first_and_long_lists_are_cut() -> None:
         passing.explaining(),
     ):
         raise NotIdentifiableError("what", hint="do it")
-    silent = LogPass(campaign, SILENT)
+    silent = LogPass(campaign, Settings())
     with pytest.raises(DataError, match=r"^log: what\. Do it\.$"), silent.explaining():
         raise DataError("what", where="log", hint="do it")
 

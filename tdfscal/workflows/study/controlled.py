@@ -139,8 +139,7 @@ class Choices(Cell):
         at_least("--drift", self.drift, 0)
         at_least("--seed", self.seed, 0)
         one_of("--filter", self.filter, FILTERS)
-        if self.logs is not None:
-            one_of("--logs", self.logs, get_args(LogFormat))
+        one_of("--logs", self.logs, get_args(LogFormat))
 
     @property
     def files(self) -> list[Path]:

@@ -104,5 +104,5 @@ def processes(workers: int | None) -> int:
 
     Raises UsageError for less than one.
     """
-    at_least("--workers", 1 if workers is None else workers, 1)
+    at_least("--workers", workers, 1)
     return workers or os.cpu_count() or 1
