@@ -15,6 +15,7 @@ from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import is_log, looks_recorded
 from tdfscal.logs.bag.rosbag2 import entries_of, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
+from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.own_results import is_own_result
 
 
@@ -205,3 +206,15 @@ def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[lis
             return [list(paths)]
         found += [[p] for p in inside]
     return found
+
+
+def rig_named(path: PathLike) -> LoadedRig:
+    """Load a rig file, or the rig.yaml of a campaign folder. Raises UsageError, RigError."""
+    file = Path(path)
+    if file.is_dir():
+        file = file / RIG_NAME
+    if not file.is_file():
+        raise UsageError(
+            "there is no such rig file", where=str(file), hint="name a rig.yaml or its folder"
+        )
+    return load_rig(file)

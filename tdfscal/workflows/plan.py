@@ -46,12 +46,11 @@ from tdfscal.workflows.arguments import (
     one_of,
     triple,
 )
-from tdfscal.workflows.campaign import resolve
+from tdfscal.workflows.campaign import resolve, rig_named
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
-from tdfscal.workflows.rigs import rig_named
 from tdfscal.workflows.samples import delay_of
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from tdfscal.simulation import Recorder, Run
 from tdfscal.workflows.arguments import PathLike, at_least, one_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result, by_column
-from tdfscal.workflows.rigs import survey_of
+from tdfscal.workflows.survey import survey_of
 
 #: Samples per second that a recorder can have.
 RATES = (10.0, 20e3)

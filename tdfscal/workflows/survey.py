@@ -1,13 +1,17 @@
-"""A laser tracker's survey, from the files that the rig file names to its calibration."""
+"""A laser tracker's survey: as the rig file declares it, and from its files to a calibration."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.hashing import input_file, note_outside
 from tdfscal.files.points.reading import read_tracker_session
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.records import InputFile
+from tdfscal.simulation import SurveyOptions
 from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
 from tdfscal.workflows.campaign import Campaign
 
@@ -44,3 +48,17 @@ def surveyed(
         for path in files.paths
     ]
     return result, inputs, notes
+
+
+def survey_of(loaded: LoadedRig, distance: float = 5.0) -> SurveyOptions:
+    """Take the survey that the rig file declares, or the paper's."""
+    if not 0.0 < distance < math.inf:
+        raise UsageError(f"the tracker stands {distance:g} m away", hint="give metres above zero")
+    if (files := loaded.tracker) is None:
+        return SurveyOptions(distance=distance)
+    return SurveyOptions(
+        instrument=files.instrument,
+        distance=distance,
+        drawing=files.stated.drawing,
+        body_misalignment=files.stated.misalignment,
+    )

@@ -15,8 +15,14 @@ from tdfscal.studies.accuracy import accuracy as simulate_accuracy
 from tdfscal.workflows.arguments import PathLike, at_least
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.rigs import calibrations_named, survey_of
-from tdfscal.workflows.study.result import StudyResult, processes, start
+from tdfscal.workflows.study.result import (
+    StudyResult,
+    calibrations_named,
+    check_runs,
+    processes,
+    start,
+)
+from tdfscal.workflows.survey import survey_of
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -24,7 +30,6 @@ class AccuracyResult(StudyResult):
     """Errors of both methods over simulated campaigns.
 
     stated : (n, 3), rad, standard uncertainties that given calibrations state, by name.
-
     """
 
     _name = "accuracy"
@@ -70,13 +75,11 @@ def accuracy(
     TdfscalError
         By cause: UsageError, RigError, DataError.
     """
-    at_least("--runs", runs, 2)
+    check_runs(runs, seed, least=2)
     at_least("--postures", postures, 1)
-    at_least("--seed", seed, 0)
-    shared_by = processes(workers)
-    loaded, folder = start(rig, output, paths_of(sources_of(calibration)))
-    named = calibrations_named(sources_of(calibration), loaded)
-    stated = {name: c.rpy_std for name, c in named.items()}
+    shared_by, sources = processes(workers), sources_of(calibration)
+    loaded, folder = start(rig, output, *paths_of(sources))
+    stated = {name: c.rpy_std for name, c in calibrations_named(sources, loaded).items()}
     setup = Setup(
         rig=loaded.rig,
         options=Options(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self, get_args
+from typing import Any, Self
 
 import numpy as np
 
@@ -20,12 +20,12 @@ from tdfscal.simulation.control.stability import designed, real_mass, require_st
 from tdfscal.studies.compared_calibrations import BEST, SQUEEZE, Arms, drifted, given, simulated
 from tdfscal.studies.docking import DockingStudy
 from tdfscal.studies.free_space import FreeSpaceStudy
-from tdfscal.workflows.arguments import Numbers, at_least, numbers, one_of, triple
-from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
+from tdfscal.workflows.arguments import Numbers, numbers, one_of, triple
+from tdfscal.workflows.calibration import CalibrationSource, sources_of
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.progress import Progress
-from tdfscal.workflows.rigs import calibrations_named, survey_of
-from tdfscal.workflows.study.result import StudyResult
+from tdfscal.workflows.study.result import StudyResult, calibrations_named
+from tdfscal.workflows.survey import survey_of
 from tdfscal.wrench.filtering import Walk, checked_walk
 
 #: Filters that a controller can run.
@@ -35,79 +35,78 @@ _TURNS = 0.3
 #: Hz, of records that are written as logs.
 _LOG_RATE = 25.0
 
-Study = DockingStudy | FreeSpaceStudy
+
+def gear_pair(
+    contact_stiffness: float | None = None,
+    friction: float | None = None,
+    clearance: float | None = None,
+    engagement: float | None = None,
+) -> GearPair:
+    """Return the gears: N/m of a tooth, mm, mm; None is the study's choice. Raises UsageError."""
+    changes: dict[str, Any] = {
+        "stiffness": contact_stiffness,
+        "seat_stiffness": None if contact_stiffness is None else 2.0 * contact_stiffness,
+        "friction": friction,
+        "clearance": None if clearance is None else 1e-3 * clearance,
+        "length": None if engagement is None else 1e-3 * engagement,
+    }
+    return replace(GearPair(), **{name: v for name, v in changes.items() if v is not None})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
-    """The user's own cell: impedance, servos and gears; None: the study's choice.
+def filtering_controller(
+    filter: str, walk: float | None, logs: LogFormat | None = None
+) -> Controller:
+    """Return the controller with a filter, and with records where logs are to be written.
+
+    Raises UsageError.
+    """
+    one_of("--filter", filter, FILTERS)
+    intensity = checked_walk("kalman" if filter == "kalman" else "none", walk)
+    base = Controller()
+    if logs is not None:
+        base = replace(base, trace_rate=_LOG_RATE, readings=True)
+    if filter == "low-pass":
+        return base
+    sensing, gain = base.sensing, 1.0
+    if intensity is not None:
+        gain = Walk.of(intensity, sensing.noise, 1.0 / sensing.rate).gain
+    return replace(base, sensing=replace(sensing, gain=gain))
+
+
+def stable_controller(
+    rig: Rig,
+    base: Controller,
+    gears: GearPair,
+    stiffness: Numbers | float | None,
+    damping: Numbers | float | None,
+    virtual_mass: Numbers | float | None,
+    servo: float | None,
+) -> Controller:
+    """Return a controller with this impedance and servos (Hz); the rest so that it is stable.
 
     stiffness, damping, virtual_mass : of translations, or of translations and turns.
-    servo : Hz. contact_stiffness : N/m of a tooth. clearance : mm. engagement : mm.
+
+    Raises UsageError.
     """
-
-    stiffness: Numbers | float | None = None
-    damping: Numbers | float | None = None
-    virtual_mass: Numbers | float | None = None
-    servo: float | None = None
-    contact_stiffness: float | None = None
-    friction: float | None = None
-    clearance: float | None = None
-    engagement: float | None = None
-
-    @classmethod
-    def of(cls, options: Mapping[str, Any]) -> Self:
-        """Take of a study's options, by their names, those that are its own."""
-        own = {f.name for f in fields(cls)}
-        return cls(**{name: value for name, value in options.items() if name in own})
-
-    def gears(self) -> GearPair:
-        """Return the gears. Raises UsageError."""
-        changes: dict[str, Any] = {}
-        if (tooth := self.contact_stiffness) is not None:
-            changes |= {"stiffness": tooth, "seat_stiffness": 2.0 * tooth}
-        if self.friction is not None:
-            changes["friction"] = self.friction
-        if self.clearance is not None:
-            changes["clearance"] = 1e-3 * self.clearance
-        if self.engagement is not None:
-            changes["length"] = 1e-3 * self.engagement
-        return replace(GearPair(), **changes)
-
-    def controller(self, rig: Rig, gears: GearPair) -> Controller:
-        """Return the controller: as asked for, and the rest so that it is stable.
-
-        Raises UsageError.
-        """
-        base = self._base()
-        if self.servo is not None:
-            base = replace(base, servo=replace(base.servo, bandwidth=self.servo))
-        asked: dict[str, Any] = {
-            name: _six(f"--{option}", value)
-            for name, option, value in (
-                ("stiffness", "stiffness", self.stiffness),
-                ("damping", "damping", self.damping),
-                ("mass", "virtual-mass", self.virtual_mass),
-            )
-            if value is not None
-        }
-        stiff = {k: v for k, v in asked.items() if k == "stiffness"}
-        base = replace(base, impedance=replace(base.impedance, **stiff))
-        if "damping" not in asked:
-            base = designed(rig, base, gears, mass=asked.get("mass"))
-        else:
-            mass = asked.get("mass") or real_mass(rig, base)
-            impedance = replace(base.impedance, mass=mass, damping=asked["damping"])
-            base = replace(base, impedance=impedance)
-        require_stable(rig, base, gears)
-        return base
-
-    def _base(self) -> Controller:
-        return Controller()
+    stiff, damp = _six("--stiffness", stiffness), _six("--damping", damping)
+    mass = _six("--virtual-mass", virtual_mass)
+    if servo is not None:
+        base = replace(base, servo=replace(base.servo, bandwidth=servo))
+    if stiff is not None:
+        base = replace(base, impedance=replace(base.impedance, stiffness=stiff))
+    if damp is None:
+        base = designed(rig, base, gears, mass=mass)
+    else:
+        mass = mass or real_mass(rig, base)
+        base = replace(base, impedance=replace(base.impedance, mass=mass, damping=damp))
+    require_stable(rig, base, gears)
+    return base
 
 
-def _six(option: str, value: Numbers | float) -> tuple[float, ...]:
+def _six(option: str, value: Numbers | float | None) -> tuple[float, ...] | None:
     """Translations and turns of one number or two. Raises UsageError."""
+    if value is None:
+        return None
     found = numbers(option, (value,) if isinstance(value, int | float) else value)
     if len(found) > 2 or min(found) <= 0.0:
         raise UsageError(
@@ -115,95 +114,61 @@ def _six(option: str, value: Numbers | float) -> tuple[float, ...]:
             where=option,
             hint="give it for translations, or for translations and turns, as 1e4,3e3",
         )
-    return (found[0],) * 3 + ((found[1],) * 3 if len(found) > 1 else (_TURNS * found[0],) * 3)
+    turns = found[1] if len(found) > 1 else _TURNS * found[0]
+    return (found[0],) * 3 + (turns,) * 3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Choices(Cell):
-    """The options that the studies of the controlled rig share, under their own names."""
+def compared_arms(
+    loaded: LoadedRig,
+    calibration: CalibrationSource | Sequence[CalibrationSource],
+    truth: CalibrationSource | None,
+    runs: int,
+    perfect: bool,
+    mounting: Numbers | None,
+    drift: float,
+    tare: bool,
+    seed: int,
+    progress: Progress,
+) -> tuple[Arms, np.random.SeedSequence]:
+    """Calibrations and machines, given or simulated, and the seed of the study itself.
 
-    calibration: CalibrationSource | Sequence[CalibrationSource]
-    truth: CalibrationSource | None
-    runs: int
-    perfect: bool
-    mounting: Numbers | None
-    drift: float
-    tare: bool
-    filter: str
-    walk: float | None
-    logs: LogFormat | None
-    seed: int
-
-    def __post_init__(self) -> None:
-        at_least("--runs", self.runs, 1)
-        at_least("--drift", self.drift, 0)
-        at_least("--seed", self.seed, 0)
-        one_of("--filter", self.filter, FILTERS)
-        one_of("--logs", self.logs, get_args(LogFormat))
-
-    @property
-    def files(self) -> list[Path]:
-        """The files among the calibrations and the truth."""
-        return paths_of(sources_of(self.calibration, () if self.truth is None else self.truth))
-
-    def _base(self) -> Controller:
-        """The controller with the filter and the records that are asked for. Raises UsageError."""
-        walk = checked_walk("kalman" if self.filter == "kalman" else "none", self.walk)
-        base = Controller()
-        if self.logs is not None:
-            base = replace(base, trace_rate=_LOG_RATE, readings=True)
-        if self.filter != "low-pass":
-            sensing = base.sensing
-            gain = 1.0
-            if walk is not None:
-                gain = Walk.of(walk, sensing.noise, 1.0 / sensing.rate).gain
-            base = replace(base, sensing=replace(sensing, gain=gain))
-        return base
-
-    def arms(self, loaded: LoadedRig, progress: Progress) -> tuple[Arms, np.random.SeedSequence]:
-        """Calibrations and machines, and the seed of the study itself. Raises TdfscalError."""
-        arm_seed, study_seed = np.random.SeedSequence(self.seed).spawn(2)
-        rng = np.random.default_rng(arm_seed)
-        arms = self._given(loaded, rng) or self._simulated(loaded, rng, progress)
-        if self.tare:
-            each = tuple(replace(arm, tared=True) for arm in arms.arms)
-            arms = replace(arms, arms=each, origin=f"{arms.origin}; all tare before each run")
-        return (drifted(arms, self.drift, rng) if self.drift else arms), study_seed
-
-    def _simulated(self, loaded: LoadedRig, rng: np.random.Generator, progress: Progress) -> Arms:
-        if self.truth is not None:
-            raise UsageError(
-                "simulated calibrations have a truth of their own",
-                where="--truth",
-                hint="leave it out, or name calibrations with --calibration",
-            )
-        options = Options(squeeze=SQUEEZE)
-        if self.mounting is not None:
-            roll, pitch, yaw = triple("--mounting", self.mounting)
-            options = replace(options, installation_std=(abs(roll), abs(pitch), abs(yaw)))
-        progress.count(f"{self.runs} campaigns and surveys, simulated and calibrated")
-        survey = survey_of(loaded)
-        return simulated(
-            loaded.rig, self.runs, rng, best=self.perfect, options=options, survey=survey
-        )
-
-    def _given(self, loaded: LoadedRig, rng: np.random.Generator) -> Arms | None:
-        sources = sources_of(self.calibration)
-        if not sources:
-            return None
-        if self.mounting is not None:
+    Raises TdfscalError.
+    """
+    arm_seed, study_seed = np.random.SeedSequence(seed).spawn(2)
+    rng = np.random.default_rng(arm_seed)
+    sources = sources_of(calibration)
+    if sources:
+        if mounting is not None:
             raise UsageError(
                 "given calibrations say how the sensors are mounted",
                 where="--mounting",
                 hint="leave it out, or leave --calibration out",
             )
         named = calibrations_named(sources, loaded, ("none", *BEST))
-        each = [(name, calibrated(calibration, name)) for name, calibration in named.items()]
-        truth = None
-        if self.truth is not None:
-            ((name, found),) = calibrations_named([self.truth], loaded).items()
-            truth = name, calibrated(found, name)
-        return given(loaded.rig, each, self.runs, rng, truth=truth, best=self.perfect)
+        each = [(name, calibrated(c, name)) for name, c in named.items()]
+        judge = None
+        if truth is not None:
+            ((name, found),) = calibrations_named([truth], loaded).items()
+            judge = name, calibrated(found, name)
+        arms = given(loaded.rig, each, runs, rng, truth=judge, best=perfect)
+    else:
+        if truth is not None:
+            raise UsageError(
+                "simulated calibrations have a truth of their own",
+                where="--truth",
+                hint="leave it out, or name calibrations with --calibration",
+            )
+        options = Options(squeeze=SQUEEZE)
+        if mounting is not None:
+            roll, pitch, yaw = triple("--mounting", mounting)
+            options = replace(options, installation_std=(abs(roll), abs(pitch), abs(yaw)))
+        progress.count(f"{runs} campaigns and surveys, simulated and calibrated")
+        survey = survey_of(loaded)
+        arms = simulated(loaded.rig, runs, rng, best=perfect, options=options, survey=survey)
+    if tare:
+        tared = tuple(replace(arm, tared=True) for arm in arms.arms)
+        arms = replace(arms, arms=tared, origin=f"{arms.origin}; all tare before each run")
+    return (drifted(arms, drift, rng) if drift else arms), study_seed
 
 
 def steps_of(progress: Progress, what: str) -> Callable[[float], None]:
@@ -224,27 +189,23 @@ class ControlledResult(StudyResult):
 
     __slots__ = ()
 
-    study: Study
+    study: DockingStudy | FreeSpaceStudy
 
     def with_logs(self, folder: Path | None, form: LogFormat | None) -> Self:
         """Write each run's log in this format into the folder's `logs`; None writes none."""
         if folder is None or form is None:
             return self
-        return replace(self, files=(*self.files, *_logs(folder, self.study, form)))
-
-
-def _logs(folder: Path, study: Study, form: LogFormat) -> list[str]:
-    """One log per lane in the folder's `logs`."""
-    rig = study.setup.rig
-    traces = study.result.traces
-    lanes = traces.contact.shape[1]
-    per = lanes // len(study.names)
-    logs = []
-    for lane in range(lanes):
-        log = Log(
-            supports=rig.supports,
-            position=tuple(Series(traces.time, traces.servo[:, lane, i]) for i in range(rig.n)),
-            force=tuple(Series(traces.time, traces.reading[:, lane, i]) for i in range(rig.n)),
-        )
-        logs.append((f"{study.names[lane // per]}-{lane % per + 1:02d}", log))
-    return [f"logs/{name}" for name in write_control_logs(folder / "logs", rig, logs, form)]
+        rig, traces = self.study.setup.rig, self.study.result.traces
+        lanes = traces.contact.shape[1]
+        per = lanes // len(self.study.names)
+        logs = []
+        for lane in range(lanes):
+            servo, reading = traces.servo[:, lane], traces.reading[:, lane]
+            log = Log(
+                supports=rig.supports,
+                position=tuple(Series(traces.time, servo[:, i]) for i in range(rig.n)),
+                force=tuple(Series(traces.time, reading[:, i]) for i in range(rig.n)),
+            )
+            logs.append((f"{self.study.names[lane // per]}-{lane % per + 1:02d}", log))
+        written = write_control_logs(folder / "logs", rig, logs, form)
+        return replace(self, files=(*self.files, *(f"logs/{name}" for name in written)))

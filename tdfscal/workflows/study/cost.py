@@ -14,8 +14,8 @@ from tdfscal.studies import cost as study_of
 from tdfscal.studies.cost import Assumptions
 from tdfscal.workflows.arguments import PathLike, at_least, one
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.rigs import survey_of
-from tdfscal.workflows.study.result import StudyResult, start
+from tdfscal.workflows.study.result import StudyResult, check_runs, start
+from tdfscal.workflows.survey import survey_of
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -56,12 +56,11 @@ def cost(
     TdfscalError
         By cause: UsageError, RigError.
     """
-    given = one(assumptions)
-    at_least("--runs", runs, 1)
-    at_least("--seed", seed, 0)
+    file = one(assumptions)
+    check_runs(runs, seed)
     at_least("--squeeze", squeeze, 0)
-    assumed = Assumptions() if given is None else read_assumptions(given)
-    loaded, folder = start(rig, output, [] if given is None else [given])
+    assumed = Assumptions() if file is None else read_assumptions(file)
+    loaded, folder = start(rig, output, file)
     study = study_of.cost(
         loaded.rig,
         assumed,

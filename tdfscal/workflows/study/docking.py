@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 from tdfscal.files.outputs import together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.studies import docking as study_of
-from tdfscal.workflows.arguments import Numbers, PathLike
-from tdfscal.workflows.calibration import CalibrationSource
+from tdfscal.workflows.arguments import Numbers, PathLike, at_least, one_of
+from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.controlled import (
-    Choices,
     ControlledResult,
+    compared_arms,
+    filtering_controller,
+    gear_pair,
+    stable_controller,
     steps_of,
 )
-from tdfscal.workflows.study.result import processes, start
+from tdfscal.workflows.study.result import check_runs, processes, start
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -85,13 +89,18 @@ def docking(
     TdfscalError
         By cause: UsageError, RigError, DataError.
     """
-    choices = Choices.of(locals())
+    check_runs(runs, seed)
+    at_least("--drift", drift, 0)
+    one_of("--logs", logs, get_args(LogFormat))
+    base = filtering_controller(filter, walk, logs)
     shared_by = processes(workers)
-    loaded, folder = start(rig, output, choices.files)
-    gears = choices.gears()
-    controller = choices.controller(loaded.rig, gears)
+    loaded, folder = start(rig, output, *paths_of(sources_of(calibration, truth or ())))
+    gears = gear_pair(contact_stiffness, friction, clearance, engagement)
+    controller = stable_controller(loaded.rig, base, gears, stiffness, damping, virtual_mass, servo)
     setup = study_of.Setup(loaded.rig, controller=controller, gears=gears)
-    arms, study_seed = choices.arms(loaded, progress)
+    arms, study_seed = compared_arms(
+        loaded, calibration, truth, runs, perfect, mounting, drift, tare, seed, progress
+    )
     told = steps_of(progress, f"docking, {runs} runs × {len(arms.arms)} calibrations")
     study = study_of.docking(setup, arms, study_seed, seed, workers=shared_by, progress=told)
     return DockingResult(study).saved(folder).with_logs(folder, logs)

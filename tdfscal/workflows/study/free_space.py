@@ -6,6 +6,7 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -14,15 +15,18 @@ from tdfscal.files.outputs import together
 from tdfscal.files.writers.campaign import LogFormat
 from tdfscal.records import FloatArray
 from tdfscal.studies import free_space as study_of
-from tdfscal.workflows.arguments import Numbers, PathLike
-from tdfscal.workflows.calibration import CalibrationSource
+from tdfscal.workflows.arguments import Numbers, PathLike, at_least, one, one_of
+from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.controlled import (
-    Choices,
     ControlledResult,
+    compared_arms,
+    filtering_controller,
+    gear_pair,
+    stable_controller,
     steps_of,
 )
-from tdfscal.workflows.study.result import processes, start
+from tdfscal.workflows.study.result import check_runs, processes, start
 
 _MOVES_HINT = (
     "write a header and 12 numbers per row: initial and target roll, pitch, yaw (rad), x, y, z (m)"
@@ -90,14 +94,21 @@ def free_space(
     TdfscalError
         By cause: UsageError, RigError, DataError.
     """
-    choices = Choices.of(locals())
+    check_runs(runs, seed)
+    at_least("--drift", drift, 0)
+    one_of("--logs", logs, get_args(LogFormat))
+    base = filtering_controller(filter, walk, logs)
     shared_by = processes(workers)
-    files = [*choices.files, *([Path(moves)] if moves is not None else [])]
-    loaded, folder = start(rig, output, files)
-    table = study_of.MOVES.copy() if moves is None else read_moves(Path(moves))
-    controller = choices.controller(loaded.rig, choices.gears())
+    file = one(moves)
+    loaded, folder = start(rig, output, *paths_of(sources_of(calibration, truth or ())), file)
+    table = study_of.MOVES.copy() if file is None else read_moves(file)
+    controller = stable_controller(
+        loaded.rig, base, gear_pair(), stiffness, damping, virtual_mass, servo
+    )
     setup = study_of.Setup(loaded.rig, controller=controller, moves=table)
-    arms, study_seed = choices.arms(loaded, progress)
+    arms, study_seed = compared_arms(
+        loaded, calibration, truth, runs, perfect, mounting, drift, tare, seed, progress
+    )
     told = steps_of(progress, f"{len(table)} moves × {runs} runs × {len(arms.arms)} calibrations")
     study = study_of.free_space(setup, arms, study_seed, seed, workers=shared_by, progress=told)
     return FreeSpaceResult(study).saved(folder).with_logs(folder, logs)

@@ -9,15 +9,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, Self, cast
 
+from tdfscal.checks.same_rig import require_agreement
 from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import make_folder, protect
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import save_rows, write_text
 from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.workflows.arguments import PathLike, at_least, one
+from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
+from tdfscal.workflows.campaign import rig_named
 from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.result import Result
-from tdfscal.workflows.rigs import rig_named
 
 #: The page among a study's files.
 PAGE = "study.html"
@@ -85,18 +87,40 @@ class StudyResult(Result):
 
 
 def start(
-    rig: PathLike, output: PathLike | None, files: Sequence[Path] = ()
+    rig: PathLike, output: PathLike | None, *files: Path | None
 ) -> tuple[LoadedRig, Path | None]:
     """Load the rig, and look whether the folder can be written; files : what else is read.
 
     Raises UsageError, RigError.
     """
     folder = one(output)
-    protect(inputs_read(rigs=[Path(rig)], files=files))
+    protect(inputs_read(rigs=[Path(rig)], files=[file for file in files if file is not None]))
     loaded = rig_named(rig)
     if folder is not None:
         check_folder(folder)
     return loaded, folder
+
+
+def calibrations_named(
+    sources: Sequence[CalibrationSource], rig: LoadedRig, taken: Sequence[str] = ()
+) -> dict[str, Calibration]:
+    """Load calibrations of the rig; each goes by its file's name, numbered where that is taken.
+
+    Raises UsageError for a calibration of another rig; else as `load_calibration`.
+    """
+    named: dict[str, Calibration] = {}
+    for source in sources:
+        path, loaded = read_source(source)
+        require_agreement(loaded.loaded_rig(path).rig, rig.rig, path)
+        name = Path(path).stem
+        named[f"{name}-{len(named) + 1}" if name in (*named, *taken) else name] = loaded
+    return named
+
+
+def check_runs(runs: int, seed: int, least: int = 1) -> None:
+    """Raise UsageError for too few runs, or a seed that is none."""
+    at_least("--runs", runs, least)
+    at_least("--seed", seed, 0)
 
 
 def processes(workers: int | None) -> int:

@@ -14,8 +14,7 @@ from tdfscal.studies.sensitivity import sensitivity as sweep
 from tdfscal.workflows.arguments import Numbers, PathLike, at_least, triple
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.rigs import calibrations_named
-from tdfscal.workflows.study.result import StudyResult, start
+from tdfscal.workflows.study.result import StudyResult, calibrations_named, start
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -63,9 +62,9 @@ def sensitivity(
     """
     del seed, progress
     at_least("--squeeze", squeeze, 0)
-    loaded, folder = start(rig, output, paths_of(sources_of(calibration)))
-    record = loaded.rig
-    named = calibrations_named(sources_of(calibration), loaded)
+    sources = sources_of(calibration)
+    loaded, folder = start(rig, output, *paths_of(sources))
+    record, named = loaded.rig, calibrations_named(sources, loaded)
     postures = [np.zeros(3)]
     if rpy is not None:
         postures.append(np.array(triple("--rpy", rpy)))

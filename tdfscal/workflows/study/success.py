@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tdfscal.files.outputs import together
+from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies import docking
 from tdfscal.studies import success as study_of
 from tdfscal.workflows.arguments import Numbers, PathLike, at_least, numbers
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.study.controlled import Cell, steps_of
-from tdfscal.workflows.study.result import StudyResult, processes, start
+from tdfscal.workflows.study.controlled import gear_pair, stable_controller, steps_of
+from tdfscal.workflows.study.result import StudyResult, check_runs, processes, start
 
 #: Engagement by default, mm: the peaks are at the mouth, and the full length takes five times as
 #: long.
@@ -68,19 +69,19 @@ def success(
     TdfscalError
         By cause: UsageError, RigError.
     """
-    cell = Cell.of(locals())
-    at_least("--runs", runs, 1)
-    at_least("--seed", seed, 0)
+    check_runs(runs, seed)
     shared_by = processes(workers)
     deviations: Sequence[float] = study_of.DEVIATIONS
     if errors is not None:
         deviations = tuple(1e-3 * v for v in numbers("--errors", errors))
         at_least("--errors", min(deviations), 0)
     loaded, folder = start(rig, output)
-    setup = docking.Setup(loaded.rig, gears=cell.gears())
+    gears = gear_pair(contact_stiffness, friction, clearance, engagement)
     study = study_of.success(
-        setup,
-        lambda gears: cell.controller(loaded.rig, gears),
+        docking.Setup(loaded.rig, gears=gears),
+        lambda gears: stable_controller(
+            loaded.rig, Controller(), gears, stiffness, damping, virtual_mass, servo
+        ),
         runs,
         seed,
         deviations=deviations,
