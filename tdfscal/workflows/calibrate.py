@@ -37,8 +37,7 @@ from tdfscal.workflows.arguments import (
     window,
 )
 from tdfscal.workflows.calibration import Calibration, Records, as_calibration
-from tdfscal.workflows.campaign import Campaign, campaign_folders, resolve
-from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.campaign import Campaign, campaign_folders, inputs_read, resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress

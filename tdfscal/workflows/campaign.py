@@ -1,22 +1,49 @@
-"""From a command's PATH… to the rig, the logs and the tracker's survey."""
+"""From a command's PATH… to the rig, the logs and the tracker's survey, and to all it reads."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tdfscal.errors import UsageError
+from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files import RIG_NAME
 from tdfscal.files.model_errors import nearest
 from tdfscal.files.rig.reading import LoadedRig, load_rig
+from tdfscal.files.writers.wrenches import LIBRARY
 from tdfscal.logs import is_log, looks_recorded
-from tdfscal.logs.bag.rosbag2 import entries_of, refuse_unfinished
+from tdfscal.logs.bag.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
 from tdfscal.workflows.arguments import PathLike
-from tdfscal.workflows.own_results import is_own_result
+
+#: How the first line of each table begins: plan, contact wrenches, exported rotations, studies.
+_FIRST_LINES = (
+    b"# tdfscal ",
+    b"time,fx,fy,fz,mx,my,mz,u_fx,",
+    b"sensor,r_xx,r_xy,r_xz,",
+    b"posture_roll,posture_pitch,posture_yaw,internal_N,",
+    b"calibration,posture_roll,posture_pitch,posture_yaw,",
+    b"method,support,angle,",
+    b"method,run,",
+    b"calibration,move,run,",
+    b"calibration,run,",
+)
+#: What else they say near their begin: exports, pages, certificates, documents, drafts.
+_SAID = re.compile(
+    rb"""\btdfscal[ ]\d[^\s,]*,[ ]method[ ]
+    | <meta[ ]name="generator"[ ]content="tdfscal[ ]
+    | <dcc:content[ ]lang="en">tdfscal</dcc:content>
+    | ^[ ]*"?format"?:[ ]*"?tdfscal-
+    | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]""",
+    re.VERBOSE | re.MULTILINE,
+)
+_HEAD = 1 << 14
+#: What the metadata of a Parquet file of contact wrenches say, at the end of the file.
+_QUANTITY = b"contact wrench on the terminal: force, and moment"
+_TAIL = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,3 +245,73 @@ def rig_named(path: PathLike) -> LoadedRig:
             "there is no such rig file", where=str(file), hint="name a rig.yaml or its folder"
         )
     return load_rig(file)
+
+
+def is_own_result(path: Path) -> bool:
+    """Tell whether a file is a result of tdfscal and no recording."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+            if head.replace(b'"', b"").startswith(_FIRST_LINES) or _SAID.search(head):
+                return True
+            if path.suffix.lower() == ".mcap":
+                return LIBRARY.encode() in head[:256]  # who wrote it
+            if path.suffix.lower() != ".parquet":
+                return False
+            size = file.seek(0, 2)
+            file.seek(max(0, size - _TAIL))
+            return _QUANTITY in file.read(_TAIL)
+    except OSError:
+        return False
+
+
+def inputs_read(
+    paths: Iterable[Path] = (), *, rigs: Iterable[Path | None] = (), files: Iterable[Path] = ()
+) -> list[Path]:
+    """Return the files behind a command's arguments.
+
+    Parameters
+    ----------
+    paths : campaign folders, logs, recordings; each with its rig and its survey.
+    rigs : rig files, or their folders; None for one that is not named.
+    files : all others.
+    """
+    found = list(files)
+    for path in paths:
+        found += _of_campaign(path)
+    for rig in rigs:
+        if rig is not None:
+            found += _of_campaign(rig) if rig.is_dir() else _of_rig(rig)
+    return found
+
+
+def _of_campaign(path: Path) -> Iterator[Path]:
+    """Logs with all their parts, the rig, the survey; in whatever state they are."""
+    with contextlib.suppress(OSError):
+        if not path.is_dir():
+            yield path
+        elif is_log(path):
+            yield from _of_recording(path)
+        else:
+            for entry in path.iterdir():
+                if is_log(entry):
+                    yield entry
+                    if entry.is_dir():
+                        yield from _of_recording(entry)
+        inside = path.is_dir() and not is_log(path)
+        yield from _of_rig((path if inside else path.absolute().parent) / RIG_NAME)
+
+
+def _of_recording(folder: Path) -> Iterator[Path]:
+    """All that lies in a bag's folder, and what its metadata name elsewhere."""
+    yield from folder.rglob("*")
+    with contextlib.suppress(TdfscalError, OSError):
+        yield from read_bag(folder).files
+
+
+def _of_rig(path: Path) -> Iterator[Path]:
+    yield path
+    with contextlib.suppress(TdfscalError, OSError):
+        tracker = load_rig(path).tracker if path.is_file() else None
+        if tracker is not None:
+            yield from tracker.paths

@@ -20,9 +20,8 @@ from tdfscal.logs.description.mapping_guess import sampled
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
 from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, one, window
-from tdfscal.workflows.campaign import find_logs
+from tdfscal.workflows.campaign import find_logs, inputs_read
 from tdfscal.workflows.info import InfoResult
-from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result, by_column
 

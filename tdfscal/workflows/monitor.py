@@ -23,9 +23,8 @@ from tdfscal.reporting.layout import LISTED, Drawing, Report
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import Instant, one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
-from tdfscal.workflows.campaign import campaign_folders
+from tdfscal.workflows.campaign import campaign_folders, inputs_read
 from tdfscal.workflows.earlier import Earlier, read_earlier
-from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.recorded_once import Recording, refuse_repeated

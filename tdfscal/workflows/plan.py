@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
+from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import write_text
 from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
 from tdfscal.planning import (
@@ -46,8 +46,7 @@ from tdfscal.workflows.arguments import (
     one_of,
     triple,
 )
-from tdfscal.workflows.campaign import resolve, rig_named
-from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.campaign import inputs_read, resolve, rig_named
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
@@ -65,16 +64,38 @@ DEFAULT_DENSITY = 0.1
 Travel = Sequence[str] | Mapping[str | None, Sequence[float]]
 
 
-class _Planned(Result):
-    """What is planned, with the file that a machine drives."""
+@dataclass(frozen=True, slots=True, repr=False)
+class PlanResult(Result):
+    """Postures or a motion to drive, and what to expect of it.
 
-    __slots__ = ()
+    output, waypoints : the files. seed, command : for them.
+    """
+
     plan: Plan | MovingPlan
+    output: Path | None
+    waypoints: Path | None
+    seed: int
+    command: str
+
+    def to_report(self) -> Report:
+        """Return what to drive, and what to expect of it."""
+        if isinstance(self.plan, MovingPlan):
+            return moving_plan_report(self.plan)
+        return plan_report(self.plan)
 
     @property
-    @abstractmethod
     def content(self) -> str:
-        """The file, CSV."""
+        """The file that a machine drives, CSV."""
+        if isinstance(self.plan, MovingPlan):
+            return time_table_csv(self.plan, self.command, self.seed)
+        return plan_csv(self.plan, self.command, self.seed)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as plain JSON values, SI units."""
+        table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
+        if isinstance(self.plan, MovingPlan):
+            return moving_plan_document(self.plan, table, spline, self.seed)
+        return plan_document(self.plan, table, self.seed)
 
     def to_frame(self) -> pd.DataFrame:
         """One row per posture, or instant in s: hinge centres in m, squeezes in N, BCS."""
@@ -84,38 +105,8 @@ class _Planned(Result):
 
         return pd.read_csv(io.StringIO(self.content), comment="#")
 
-    def drawings(self) -> tuple[Drawing, ...]:
-        """Return the figure of the uncertainties to expect."""
-        from tdfscal.reporting.figures.angles import planned
-
-        return (planned(self.plan),)
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class PlanResult(_Planned):
-    """A plan. plan : its postures and what to expect. output : the file. seed, command : for it."""
-
-    plan: Plan
-    output: Path | None
-    seed: int
-    command: str
-
-    def to_report(self) -> Report:
-        """Return what to drive, and what to expect of it."""
-        return plan_report(self.plan)
-
-    @property
-    def content(self) -> str:
-        """The file, CSV."""
-        return plan_csv(self.plan, self.command, self.seed)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the plan as plain JSON values, SI units."""
-        output = None if self.output is None else str(self.output)
-        return plan_document(self.plan, output, self.seed)
-
     def expected_frame(self) -> pd.DataFrame:
-        """One row per angle: standard uncertainty to expect, and of random postures, in rad."""
+        """One row per angle: standard uncertainty to expect, and of random ones, in rad."""
         import pandas as pd
 
         expected, random = self.plan.expected.rpy_std, self.plan.random.rpy_std
@@ -126,30 +117,11 @@ class PlanResult(_Planned):
         ]
         return pd.DataFrame(rows, columns=["support", "angle", "std", "random_std"])
 
+    def drawings(self) -> tuple[Drawing, ...]:
+        """Return the figure of the uncertainties to expect."""
+        from tdfscal.reporting.figures.angles import planned
 
-@dataclass(frozen=True, slots=True, repr=False)
-class MovingPlanResult(_Planned):
-    """A planned motion. output, waypoints : the files. seed, command : for it."""
-
-    plan: MovingPlan
-    output: Path | None
-    waypoints: Path | None
-    seed: int
-    command: str
-
-    def to_report(self) -> Report:
-        """Return what is driven, and what to expect of it."""
-        return moving_plan_report(self.plan)
-
-    @property
-    def content(self) -> str:
-        """The time table, CSV."""
-        return time_table_csv(self.plan, self.command, self.seed)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the motion as plain JSON values, SI units."""
-        table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
-        return moving_plan_document(self.plan, table, spline, self.seed)
+        return (planned(self.plan),)
 
 
 @together()
@@ -178,7 +150,7 @@ def plan(
     seed: int = 0,
     command: str = "tdfscal.plan",
     progress: Progress = SILENT,
-) -> PlanResult | MovingPlanResult:
+) -> PlanResult:
     """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them.
 
     Parameters
@@ -231,59 +203,53 @@ def plan(
     reads = inputs_read(listed(given), rigs=[Path(rig)])
     check_outputs({"--output": (file, [".csv"]), "--waypoints": (spline, [".csv"])}, reads)
     known = rig_named(rig)
-    loaded = known.rig
     limits = Limits(
         tilt=float(np.deg2rad(tilt)),
         squeeze=squeeze,
         force=np.inf if force_limit is None else force_limit,
-        travel=travel_limits(loaded, _travels(travel)),
-        home=np.array(triple("--home", home) if home is not None else (0.0, 0.0, 0.0)),
+        travel=travel_limits(known.rig, _travels(travel)),
+        home=np.array((0.0, 0.0, 0.0) if home is None else triple("--home", home)),
         stiffness=stiffness,
     )
     rng = np.random.default_rng(seed)
+    found: Plan | MovingPlan
     if motion:
         progress.stage("looking for the best motion")
-        request_of = MovingRequest(
-            limits, duration, speed, DEFAULT_DENSITY if noise is None else noise, delay_of(known)
-        )
-        driven = plan_motion(loaded, request_of, rng)
-        result: PlanResult | MovingPlanResult
-        result = MovingPlanResult(driven, file, spline, seed, command)
+        density = DEFAULT_DENSITY if noise is None else noise
+        moving = MovingRequest(limits, duration, speed, density, delay_of(known))
+        found = plan_motion(known.rig, moving, rng)
         if spline is not None:
-            write_text(spline, waypoints_csv(driven, command, seed))
+            write_text(spline, waypoints_csv(found, command, seed))
     else:
-        before = _recorded(rig, listed(given), noise or DEFAULT_NOISE, progress)
+        before = _recorded(known, listed(given), noise or DEFAULT_NOISE, progress)
+        usual = DEFAULT_NOISE if before is None else scatter_of(before)
         request = Request(
             limits=limits,
-            noise=noise if noise is not None else _noise(before),
+            noise=usual if noise is None else noise,
             candidates=candidates,
             objective=objective,
-            at=triple("--at", at) if at is not None else None,
+            at=None if at is None else triple("--at", at),
         )
         if target is None:
-            found = make_plan(loaded, request, postures or DEFAULT_POSTURES, rng, given=before)
+            count = postures or DEFAULT_POSTURES
+            found = make_plan(known.rig, request, count, rng, given=before)
         else:
-            found = plan_for_target(loaded, request, 1e-3 * target, rng, given=before)
-        result = PlanResult(found, file, seed, command)
+            found = plan_for_target(known.rig, request, 1e-3 * target, rng, given=before)
+    result = PlanResult(found, file, spline, seed, command)
     if file is not None:
         write_text(file, result.content)
     result.save_figures(figures, progress)
     return result
 
 
-def _recorded(rig: PathLike, paths: list[Path], noise: float, progress: Progress) -> Fit | None:
+def _recorded(rig: LoadedRig, paths: list[Path], noise: float, progress: Progress) -> Fit | None:
     """The fit of the postures that are recorded already."""
     if not paths:
         return None
-    campaign = resolve(paths, rig_named(rig).path)
+    campaign = resolve(paths, rig.path)
     if not campaign.logs:
         raise UsageError("there is no log to build on", where=", ".join(map(str, paths)))
     return recorded(campaign.rig.rig, LogPass(campaign, Settings(progress)).dwells(), noise)
-
-
-def _noise(before: Fit | None) -> float:
-    """Return the noise to expect of a posture, N: that of the recorded ones."""
-    return DEFAULT_NOISE if before is None else scatter_of(before)
 
 
 def _travels(travel: Travel | str | float) -> dict[str | None, tuple[float, ...]]:

@@ -33,9 +33,8 @@ from tdfscal.workflows.calibration import (
     as_calibration,
     paths_of,
 )
-from tdfscal.workflows.campaign import campaign_folders, resolve
+from tdfscal.workflows.campaign import campaign_folders, inputs_read, resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
-from tdfscal.workflows.inputs_read import inputs_read
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.recorded_once import refuse_repeated

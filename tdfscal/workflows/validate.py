@@ -23,7 +23,7 @@ from tdfscal.validation.residual_wrench import Validation
 from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, one, one_of, window
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take
-from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result

@@ -17,8 +17,7 @@ from tdfscal.files.saving import save_rows, write_text
 from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.workflows.arguments import PathLike, at_least, one
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
-from tdfscal.workflows.campaign import rig_named
-from tdfscal.workflows.inputs_read import inputs_read
+from tdfscal.workflows.campaign import inputs_read, rig_named
 from tdfscal.workflows.result import Result
 
 #: The page among a study's files.
