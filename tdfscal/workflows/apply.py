@@ -149,8 +149,7 @@ def apply(
     output : file to write as the log passes, .csv, .parquet or .mcap; without it the
         samples stay in memory.
     rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
-    from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
-        begin; or a date with a time.
+    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
     quasi_static : leave inertia out although the rig file states it.
     filter : none; kalman, causal as a controller's; or smooth, without delay.
     walk : N, what a force may walk by in 1 s, for the filter; 15 N.

@@ -80,8 +80,7 @@ def calibrate(
     samples : static dwells, moving samples, or all; by default static where the log holds dwells
         enough, else moving.
     estimator : of the self-calibration; ml, or the paper's linear method.
-    from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
-        begin; or a date with a time.
+    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
     trials : Monte Carlo trials at most; None for the default, 0 for none.
     seed : of all random numbers.
     output : file to write, .yaml or .json. html : report page, written whatever the verdict.

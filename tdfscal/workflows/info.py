@@ -75,8 +75,7 @@ def info(
     ----------
     paths : campaign folder, or log files.
     rig : rig.yaml, where no folder holds one; none is needed.
-    from_, to : the part of the log that is looked at: s of its clock, "1.5min", "2h"; "+90" is
-        after its begin; or a date with a time.
+    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
     figures : folder for the figures, PNG, SVG and PDF.
     progress : called as the work goes on.
 

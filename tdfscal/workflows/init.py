@@ -94,8 +94,7 @@ def init(
     ----------
     paths : logs, or a folder of logs; several are one campaign.
     output : file to write.
-    from_, to : the part of the log that is looked at: s of its clock, "1.5min", "2h"; "+90" is
-        after its begin; or a date with a time.
+    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
     progress : called as the work goes on.
 
     Raises

@@ -108,8 +108,7 @@ def monitor(
     ----------
     files : calibrations, and campaign folders with a rig.yaml each, of one rig; two or more.
     rate : false alarms per year that an unchanged rig may raise.
-    from_, to : the part of the folders' logs that is used: s of its clock, "1.5min", "2h"; "+90" is
-        after its begin; or a date with a time.
+    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
     since : a date; alarms raised before it are shown, and count no more.
     html : page to write. figures : folder for the figures, PNG, SVG and PDF.
     progress : called as the work goes on.

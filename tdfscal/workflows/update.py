@@ -75,8 +75,7 @@ def update(
     paths : campaign folder or logs; several folders with a rig.yaml each are taken in the order
         of their dates.
     rig : rig.yaml, where no folder holds one.
-    from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
-        begin; or a date with a time.
+    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
     trials : Monte Carlo trials at most; None for the default, 0 for none.
     seed : of all random numbers.
     output : file to write, .yaml or .json. html : report page to write.

@@ -144,8 +144,7 @@ def validate(
     rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
     samples : static dwells, or moving samples; by default static where the log holds three
         dwells, else moving.
-    from_, to : the part of the log that is used: s of its clock, "1.5min", "2h"; "+90" is after its
-        begin; or a date with a time.
+    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
     html : report page to write. figures : folder for the figures, PNG, SVG and PDF.
     command : kept on the page, as what was asked for.
     progress : called as the work goes on.
