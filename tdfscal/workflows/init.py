@@ -23,7 +23,7 @@ from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, on
 from tdfscal.workflows.campaign import find_logs, inputs_read
 from tdfscal.workflows.info import InfoResult
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result, by_column
+from tdfscal.workflows.result import Result
 
 _GRAVITY = 9.80665
 
@@ -64,11 +64,10 @@ class InitResult(Result):
             "notes": [*self.description.guess.notes, *self.notes],
         }
 
-    def table(self) -> dict[str, list[Any]]:
+    def table(self) -> dict[str, Any]:
         """One row per support: hinge in m, nominal mounting in rad."""
-        each = zip(self._supports, self.sketch.hinge, self.sketch.nominal_rpy, strict=True)
-        rows = ((name, *hinge, *rpy) for name, hinge, rpy in each)
-        return by_column("support x y z roll pitch yaw", rows)
+        columns = (self._supports, *self.sketch.hinge.T, *self.sketch.nominal_rpy.T)
+        return dict(zip(["support", "x", "y", "z", "roll", "pitch", "yaw"], columns, strict=True))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the dwells, where some are found."""

@@ -26,7 +26,6 @@ from tdfscal.planning import (
 )
 from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.recorded_postures import recorded, scatter_of
-from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.planning import (
     moving_plan_document,
@@ -49,7 +48,7 @@ from tdfscal.workflows.arguments import (
 from tdfscal.workflows.campaign import inputs_read, resolve, rig_named
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result
+from tdfscal.workflows.result import Result, by_angle
 from tdfscal.workflows.samples import delay_of
 
 if TYPE_CHECKING:
@@ -110,12 +109,7 @@ class PlanResult(Result):
         import pandas as pd
 
         expected, random = self.plan.expected.rpy_std, self.plan.random.rpy_std
-        rows = [
-            (name, angle, expected[i, j], random[i, j])
-            for i, name in enumerate(self.plan.rig.supports)
-            for j, angle in enumerate(ANGLES)
-        ]
-        return pd.DataFrame(rows, columns=["support", "angle", "std", "random_std"])
+        return pd.DataFrame(by_angle(self.plan.rig.supports, std=expected, random_std=random))
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the uncertainties to expect."""

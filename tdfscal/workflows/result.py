@@ -8,8 +8,11 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tdfscal.errors import UsageError
 from tdfscal.files.saving import write_text
+from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.progress import SILENT, Progress
@@ -139,6 +142,13 @@ class Result(ABC):
     def _repr_html_(self) -> str:
         head = f"<pre>{escape(repr(self))}</pre>"
         return head + self.to_frame().to_html(max_rows=_ROWS, index=False)
+
+
+def by_angle(supports: Sequence[str], **values: FloatArray) -> dict[str, Any]:
+    """Return values (n, 3) as columns, one row per support and angle."""
+    n = len(supports)
+    names = {"support": np.repeat(supports, 3), "angle": np.tile(ANGLES, n)}
+    return names | {name: each.ravel() for name, each in values.items()}
 
 
 def by_column(names: str, rows: Iterable[Sequence[Any]]) -> dict[str, list[Any]]:

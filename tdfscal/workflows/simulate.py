@@ -11,12 +11,11 @@ from tdfscal.files.output_places import check_folder
 from tdfscal.files.outputs import protect, together
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
-from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import Recorder, Run
 from tdfscal.workflows.arguments import PathLike, at_least, one_of
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.result import Result, by_column
+from tdfscal.workflows.result import Result, by_angle
 from tdfscal.workflows.survey import survey_of
 
 #: Samples per second that a recorder can have.
@@ -47,14 +46,9 @@ class SimulateResult(Result):
             "truth": str(self.folder / "truth.yaml"),
         }
 
-    def table(self) -> dict[str, list[Any]]:
+    def table(self) -> dict[str, Any]:
         """One row per angle: support, angle, its true value, in rad."""
-        rows = (
-            (name, angle, value)
-            for name, rpy in zip(self.run.rig.supports, self.run.truth.rpy, strict=True)
-            for angle, value in zip(ANGLES, rpy, strict=True)
-        )
-        return by_column("support angle value", rows)
+        return by_angle(self.run.rig.supports, value=self.run.truth.rpy)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the true turns from the nominal mounting."""
