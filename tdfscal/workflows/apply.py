@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -43,7 +43,15 @@ from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
-from tdfscal.workflows.wrench_summary import Totals, filter_effect, left_out, metadata, summary_of
+from tdfscal.workflows.wrench_summary import (
+    Totals,
+    filter_effect,
+    left_out,
+    metadata,
+    noise_effect,
+    summary_of,
+    zero_effect,
+)
 from tdfscal.workflows.zero_age import zeros_since
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.envelope import Envelope
@@ -52,7 +60,6 @@ from tdfscal.wrench.log_head import coloured_noise, take_head
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.sample_noise import SampleNoise, with_sample_noise
 from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
-from tdfscal.wrench.zero_wander import ZeroVariance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -174,71 +181,48 @@ def apply(
     moving = use.given.rig.inertia is not None and not quasi_static
     log = LogPass(use.campaign, settings)
     progress.stage("reading the log and working out the contact wrench")
-    tally, totals, models, noises = Tally(), Totals(), list[Walk](), list[SampleNoise]()
+    tally, models, noises = Tally(), list[Walk](), list[SampleNoise]()
+    totals = Totals(envelope=None if figures is None else Envelope())
     inspection, thermometer = Inspection(use.given), Thermometer()
     samples = inspection.watch(aligned(thermometer.passing(log.pieces()), tally))
-    head, samples = take_head(samples, use.given.rig.supports, averaged=_averaged(use))
-    noise = None if head is None or walk is None else coloured_noise(head, use.given.rig.axes)
+    head, samples = take_head(samples, log.rig.supports, averaged=use.campaign.averaged)
+    noise = None if head is None or walk is None else coloured_noise(head, log.rig.axes)
     if walk is not None:
         samples = filtered(samples, filter, walk, models.append, noise)
     wrenches = in_motion(given, samples) if moving else at_rest(given, samples)
-    age, moved = ZeroAge(), None
+    age, moved, scatter = ZeroAge(), None, _posture_std(use)
     if head is not None:
-        age, moved = zeros_since(use, head, thermometer, _posture_std(use))
+        age, moved = zeros_since(use, head, thermometer, scatter)
         wrenches = with_sample_noise(
             wrenches,
             head,
             given,
-            posture_std=_posture_std(use),
+            posture_std=scatter,
             shares=_shares(use),
             zero_variance=moved,
             tell=noises.append,
         )
-    envelope = None if figures is None else Envelope()
     notes: list[str] = []
-
-    def passed(piece: WrenchPiece) -> None:
-        totals.add(piece)
-        if envelope is not None:
-            envelope.add(piece.time, np.hstack([piece.wrench.value, piece.wrench.raw]))
-
-    judged = _judged(wrenches, files, inspection, notes)
+    judged = _judged(totals.passing(wrenches), files, inspection, notes)
+    columns = None
     # Numbers out of all proportion are refused by name, not warned of by numpy.
     with np.errstate(all="ignore"):
         if target is not None:
-            columns = None
             about = metadata(use, filter, walk, point, moving=moving)
             # A wrench is about the origin of its frame.
-            frame = "lcs_at" if point.any() else "lcs"
-            rows = write_wrenches(target, judged, about, passed, frame)
+            write_wrenches(target, judged, about, frame="lcs_at" if point.any() else "lcs")
         else:
-            columns = _kept(judged, passed)
-            rows = len(columns["time"])
+            kept = [columns_of(piece) for piece in numbers_only(judged)]
+            columns = {name: np.concatenate([part[name] for part in kept]) for name in kept[0]}
     notes = [*log.messages, *notes, *left_out(tally, use)]
-    summary = summary_of(use, target, rows, tally, totals, notes, moving=moving)
+    summary = summary_of(use, target, tally, totals, notes, moving=moving)
     summary["about"] = point.tolist()
-    summary["noise"] = _noise(noises[0], use) if noises else None
-    summary["zeros"] = _zeros(age, moved, summary["end"])
+    summary["noise"] = noise_effect(noises[0], scatter) if noises else None
+    summary["zeros"] = zero_effect(age, moved, summary["end"])
     summary["filter"] = filter_effect(filter, walk, models[0], noise) if walk is not None else None
-    result = ApplyResult(summary, target, columns, envelope)
+    result = ApplyResult(summary, target, columns, totals.envelope)
     result.save_figures(figures, progress)
     return result
-
-
-def _kept(
-    pieces: Iterator[WrenchPiece], watch: Callable[[WrenchPiece], None]
-) -> dict[str, FloatArray]:
-    """Keep all samples in memory, by column."""
-    found: list[dict[str, FloatArray]] = []
-    for piece in numbers_only(pieces):
-        found.append(columns_of(piece))
-        watch(piece)
-    return {name: np.concatenate([columns[name] for columns in found]) for name in found[0]}
-
-
-def _averaged(use: InUse) -> bool:
-    mapping = use.campaign.rig.log
-    return mapping is not None and mapping.rows == "postures"
 
 
 def _posture_std(use: InUse) -> float:
@@ -258,26 +242,6 @@ def _shares(use: InUse) -> FloatArray | None:
         return None
     variance = np.sum(np.square(fit.channel_noise), axis=1)
     return np.asarray(variance / variance.mean())
-
-
-def _zeros(age: ZeroAge, moved: ZeroVariance | None, end: float) -> dict[str, Any]:
-    """How old the zeros are at the log's end, s, and by how much they may have moved, N."""
-    variance = 0.0 if moved is None else float(moved(np.array([end])).max())
-    return {
-        "age": age.seconds,
-        "age_known": age.known,
-        "moved": float(np.sqrt(variance)) if np.isfinite(variance) else None,
-    }
-
-
-def _noise(noise: SampleNoise, use: InUse) -> dict[str, Any]:
-    """What a sample adds by its noise, SI units, and what that was measured on."""
-    return {
-        "std": dict(zip(COMPONENTS, noise.std.tolist(), strict=True)),
-        "dwells": noise.dwells,
-        "windows": noise.windows,
-        "posture": _posture_std(use),
-    }
 
 
 def _judged(

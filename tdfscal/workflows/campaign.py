@@ -58,6 +58,11 @@ class Campaign:
     logs: tuple[Path, ...]
     surveyed: bool
 
+    @property
+    def averaged(self) -> bool:
+        """Each row of a log is a posture."""
+        return self.rig.log is not None and self.rig.log.rows == "postures"
+
 
 def resolve(
     paths: Sequence[Path], rig: Path | None = None, fallback: LoadedRig | None = None

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.workflows.calibration_in_use import InUse
 from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Walk
 from tdfscal.wrench.log_head import ColouredNoise
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Tally
+from tdfscal.wrench.sample_noise import SampleNoise
 from tdfscal.wrench.stream import WrenchPiece
+from tdfscal.wrench.zero_wander import ZeroVariance
 
 #: What the roots of the mean squares are called.
 _ROOTS = ("rms", "rms_uncalibrated", "std", "std_calibration")
@@ -26,22 +31,32 @@ class Totals:
     """What the summary says of the rows.
 
     squares : (4, 6), sums of squares of the wrench, of the uncalibrated one, of its standard
-    uncertainty and of the calibration's part of that. largest : (2,), lengths. span : s.
+    uncertainty and of the calibration's part of that. largest : (2,), lengths. begin, end : s.
+    envelope : extremes of the wrench, where figures are asked for.
     """
 
+    envelope: Envelope | None = None
     squares: FloatArray = field(default_factory=lambda: np.zeros((4, 6)))
     largest: FloatArray = field(default_factory=lambda: np.zeros(2))
-    span: list[float] = field(default_factory=list)
+    rows: int = 0
+    begin: float = np.nan
+    end: float = np.nan
 
-    def add(self, piece: WrenchPiece) -> None:
-        """Count a piece of the log."""
-        w = piece.wrench
-        each = (w.value, w.raw, w.std, w.calibration_std)
-        self.squares += [np.einsum("ka,ka->a", part, part) for part in each]
-        lengths = np.sqrt(np.sum(w.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
-        self.largest = np.maximum(self.largest, lengths)
-        self.span = [*self.span[:1], float(piece.time[0]), float(piece.time[-1])]
-        self.span = [self.span[0], self.span[-1]]
+    def passing(self, pieces: Iterable[WrenchPiece]) -> Iterator[WrenchPiece]:
+        """Count the pieces of a log as they pass."""
+        for piece in pieces:
+            w = piece.wrench
+            each = (w.value, w.raw, w.std, w.calibration_std)
+            self.squares += [np.einsum("ka,ka->a", part, part) for part in each]
+            lengths = np.sqrt(np.sum(w.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
+            self.largest = np.maximum(self.largest, lengths)
+            if not self.rows:
+                self.begin = float(piece.time[0])
+            self.end = float(piece.time[-1])
+            self.rows += len(piece.time)
+            if self.envelope is not None:
+                self.envelope.add(piece.time, np.hstack([w.value, w.raw]))
+            yield piece
 
 
 def filter_effect(
@@ -62,6 +77,29 @@ def filter_effect(
         "noise": std,
         "noise_left": share,
         "delay": 0.0 if smooth else model.delay,
+    }
+
+
+def noise_effect(noise: SampleNoise, posture: float) -> dict[str, Any]:
+    """What a sample adds by its noise, SI units, and what that was measured on.
+
+    posture : N per axis, noise of a force at a posture.
+    """
+    return {
+        "std": dict(zip(COMPONENTS, noise.std.tolist(), strict=True)),
+        "dwells": noise.dwells,
+        "windows": noise.windows,
+        "posture": posture,
+    }
+
+
+def zero_effect(age: ZeroAge, moved: ZeroVariance | None, end: float) -> dict[str, Any]:
+    """How old the zeros are at the log's end, s, and by how much they may have moved, N."""
+    variance = 0.0 if moved is None else float(moved(np.array([end])).max())
+    return {
+        "age": age.seconds,
+        "age_known": age.known,
+        "moved": float(np.sqrt(variance)) if np.isfinite(variance) else None,
     }
 
 
@@ -108,7 +146,6 @@ def left_out(tally: Tally, use: InUse) -> list[str]:
 def summary_of(
     use: InUse,
     output: Path | None,
-    rows: int,
     tally: Tally,
     totals: Totals,
     notes: list[str],
@@ -116,23 +153,22 @@ def summary_of(
     moving: bool,
 ) -> dict[str, Any]:
     """Return the document of the command, SI units; rms of each component over the rows."""
-
-    def rms(squares: FloatArray) -> dict[str, float | None]:
-        root = np.sqrt(squares / rows)
-        return {
+    roots = {
+        what: {
             name: float(v) if np.isfinite(v) else None
-            for name, v in zip(COMPONENTS, root, strict=True)
+            for name, v in zip(COMPONENTS, np.sqrt(squares / totals.rows), strict=True)
         }
-
+        for what, squares in zip(_ROOTS, totals.squares, strict=True)
+    }
     return {
         "output": None if output is None else str(output),
-        "rows": rows,
-        "start": totals.span[0],
-        "end": totals.span[1],
+        "rows": totals.rows,
+        "start": totals.begin,
+        "end": totals.end,
         "quasi_static": not moving,
         "calibration_status": use.calibration.status,
         "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
-        **dict(zip(_ROOTS, map(rms, totals.squares), strict=True)),
+        **roots,
         "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
         "warnings": [*use.warnings, *notes],
     }

@@ -59,11 +59,11 @@ def zero_age(use: InUse, first: float, temperature: FloatArray | None) -> ZeroAg
 
     Where no clock or date tells, a log is taken for recorded just after the calibration's.
     """
-    epoch, rig, mapping = zero_epoch(use.calibration), use.campaign.rig, use.campaign.rig.log
+    epoch, rig = zero_epoch(use.calibration), use.campaign.rig
     warming = 0.0
     if temperature is not None and epoch.temperature is not None:
         warming = float(temperature.mean()) - epoch.temperature
-    if mapping is not None and mapping.rows == "postures":
+    if use.campaign.averaged:
         return ZeroAge(0.0, warming, known=False)
     own = rig.path != Path(use.name)  # not the one that the calibration embeds
     date = rig.rig.campaign.date if own else None
@@ -91,10 +91,8 @@ def zeros_since(
         return thermometer.at(time, time, rig.n) if warm else None
 
     first = temperature(np.array([start]))
-    age, epoch = (
-        zero_age(use, start, None if first is None else first[0]),
-        zero_epoch(use.calibration),
-    )
+    age = zero_age(use, start, None if first is None else first[0])
+    epoch = zero_epoch(use.calibration)
     scatter = posture_std**2 - rig.declared.force_noise**2
     level = flicker_level(head, rig.axes, scatter, epoch.span, epoch.dwell)
     declared = moved_zeros(rig.drift, start, age, temperature)

@@ -49,14 +49,12 @@ def write_wrenches(
     path: Path,
     pieces: Iterable[WrenchPiece],
     about: Mapping[str, str],
-    watch: Callable[[WrenchPiece], None] = lambda piece: None,
     frame: str = "lcs",
 ) -> int:
     """Write the pieces as they come and return the number of rows.
 
-    about : what the values are, kept in the metadata of Parquet and MCAP. watch : sees each piece
-    after it was written. frame : of the messages in MCAP. A standard
-    uncertainty that is not known is null (CSV: empty, MCAP: NaN).
+    about : what the values are, kept in the metadata of Parquet and MCAP. frame : of the messages
+    in MCAP. A standard uncertainty that is not known is null (CSV: empty, MCAP: NaN).
 
     Raises UsageError where the file cannot be written and DataError where a wrench is no number;
     what the pieces raise passes through. Then no file appears.
@@ -72,7 +70,6 @@ def write_wrenches(
                 for piece in numbers_only(pieces):
                     append(piece)
                     rows += piece.time.size
-                    watch(piece)
         except OSError as fault:
             raise UsageError(
                 f"cannot be written: {fault.strerror or fault}",
