@@ -39,8 +39,8 @@ from tdfscal.workflows.arguments import (
 from tdfscal.workflows.calibration import Calibration, Records, as_calibration
 from tdfscal.workflows.campaign import Campaign, campaign_folders, inputs_read, resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.measured import measured
 from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.recordings import measured
 from tdfscal.workflows.samples import Own, Samples, calibrate_samples
 
 Method = Literal["self", "tracker", "joint"]
@@ -182,7 +182,12 @@ def _calibrated(
     own: Own | None = None
     tracker = None
     if method in ("self", "joint"):
-        _require_log(campaign)
+        if not campaign.logs:
+            raise UsageError(
+                "there is no log for a self-calibration",
+                where=str(campaign.rig.path.parent),
+                hint="name a log, or use --method tracker",
+            )
         if method == "joint" or estimator == "linear":
             samples = "static"
         with log.explaining():
@@ -240,15 +245,6 @@ def _both(
         reasons.append(both.test.verdict)
     file = from_joint(both, own, tracker, origin, reasons, notes)
     return Calibration.of(file, Records(own, tracker, both))
-
-
-def _require_log(campaign: Campaign) -> None:
-    if not campaign.logs:
-        raise UsageError(
-            "there is no log for a self-calibration",
-            where=str(campaign.rig.path.parent),
-            hint="name a log, or use --method tracker",
-        )
 
 
 def _write_attempt(

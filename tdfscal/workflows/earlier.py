@@ -18,10 +18,10 @@ from tdfscal.model.calibrated import with_rotations
 from tdfscal.model.earlier import free_constants, joint_prior, turned
 from tdfscal.model.parameters import State
 from tdfscal.numerics.information import Information
-from tdfscal.records import BoolArray, FloatArray, JointPrior, Measured, Rig
+from tdfscal.records import BoolArray, FloatArray, InputFile, JointPrior, Measured, Rig
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
 from tdfscal.workflows.calibration_in_use import calibrated
-from tdfscal.workflows.recorded_once import Recording
+from tdfscal.workflows.recordings import Recording
 
 _MONTH = 30.4375 * 86400.0
 
@@ -50,6 +50,11 @@ class Earlier:
         known = self.information.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap))))
         return joint_prior(rig, self.state, known, self.chi2, self.dof)
 
+    @property
+    def inputs(self) -> list[InputFile]:
+        """The files that it was calibrated from."""
+        return [entry.record() for entry in self.file.inputs]
+
     def campaigns(self) -> tuple[dict[str, Any], ...]:
         """The campaigns that it stands on, as a file lists them."""
         if self.file.campaigns:
@@ -59,13 +64,10 @@ class Earlier:
     def recordings(self) -> list[Recording]:
         """The recordings that it stands on."""
         if not self.file.campaigns:
-            inputs = [entry.record() for entry in self.file.inputs]
-            return [Recording(self.name, inputs, self.measured)]
+            return [Recording(self.name, self.inputs, self.measured)]
         return [
             Recording(
-                c.name,
-                [entry.record() for entry in c.inputs],
-                None if c.measured is None else c.measured.record(),
+                c.name, [i.record() for i in c.inputs], c.measured.record() if c.measured else None
             )
             for c in self.file.campaigns
         ]
@@ -98,6 +100,8 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
     alone = () if file.fit is None or file.motion is not None else (file.fit,)
     fits = file.campaigns or alone
+    in_memory = isinstance(source, CalibrationFile) or str(source) == "-"
+    content = dump_calibration(file, "yaml").encode() if in_memory else Path(name).read_bytes()
     return Earlier(
         name=name,
         file=file,
@@ -105,7 +109,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         state=known.state,
         information=Information(matrix, np.zeros(len(own))),
         measured=_measured(file),
-        sha256=_hash(source, file),
+        sha256=sha256(content).hexdigest(),
         chi2=sum(fit.chi2 for fit in fits),
         dof=sum(fit.dof for fit in fits),
     )
@@ -129,12 +133,6 @@ def _measured(file: CalibrationFile) -> Measured:
     return Measured(moment, moment, "file")
 
 
-def _hash(source: CalibrationSource, file: Calibration) -> str:
-    if isinstance(source, CalibrationFile) or str(source) == "-":
-        return sha256(dump_calibration(file, "yaml").encode()).hexdigest()
-    return sha256(Path(source).read_bytes()).hexdigest()
-
-
 def _alone(earlier: Earlier) -> dict[str, Any]:
     """The one campaign of a calibration, as a file with several lists it."""
     file, std = earlier.file, earlier.state
@@ -147,7 +145,7 @@ def _alone(earlier: Earlier) -> dict[str, Any]:
     return campaign_document(
         earlier.name,
         earlier.measured,
-        [entry.record() for entry in file.inputs],
+        earlier.inputs,
         earlier.state,
         replace(std, **stds),
         earlier.rig.axes,

@@ -27,7 +27,7 @@ from tdfscal.workflows.campaign import campaign_folders, inputs_read
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.recorded_once import Recording, refuse_repeated
+from tdfscal.workflows.recordings import Recording, refuse_repeated
 from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.rig_life import life_of
 from tdfscal.workflows.several_campaigns import Read, read_campaign, require_one_rig
@@ -131,7 +131,7 @@ def monitor(
     settings = Settings(progress, window(from_, to))
     reads = [read_campaign([folder], settings) for folder in folders]
     rig = _one_rig(known, reads)
-    calibrated = [Recording(e.name, [i.record() for i in e.file.inputs], None) for e in known]
+    calibrated = [Recording(e.name, e.inputs, None) for e in known]
     refuse_repeated([*calibrated, *reads])
     if len(known) + len(reads) < 2:
         raise UsageError(

@@ -25,8 +25,7 @@ from tdfscal.significance import MOST_REJECTED
 from tdfscal.workflows.calibration import Calibration, as_calibration
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.measured import measured
-from tdfscal.workflows.recorded_once import Recording, refuse_repeated
+from tdfscal.workflows.recordings import Recording, measured, refuse_repeated
 from tdfscal.workflows.samples import Own, calibrate_motion
 from tdfscal.workflows.survey import surveyed
 

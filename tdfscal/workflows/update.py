@@ -37,7 +37,7 @@ from tdfscal.workflows.campaign import campaign_folders, inputs_read, resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.recorded_once import refuse_repeated
+from tdfscal.workflows.recordings import refuse_repeated
 from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
     Read,

@@ -12,7 +12,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.workflows.calibration_in_use import InUse
-from tdfscal.workflows.measured import by_wall_clock, stated
+from tdfscal.workflows.recordings import by_wall_clock, stated
 from tdfscal.wrench.log_head import LogHead
 from tdfscal.wrench.zero_wander import ZeroVariance, flicker, flicker_level, moved_zeros
 

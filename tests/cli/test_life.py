@@ -17,7 +17,7 @@ from tdfscal.files.writers.campaign import simulate_to_folder, write_run
 from tdfscal.records import Measured
 from tdfscal.simulation import Recorder, reference_rig
 from tdfscal.simulation.scenarios import MOVING, run_moving
-from tdfscal.workflows.recorded_once import Recording, refuse_repeated
+from tdfscal.workflows.recordings import Recording, refuse_repeated
 from tests.cli.running import run
 
 

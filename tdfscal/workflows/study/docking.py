@@ -64,24 +64,11 @@ def docking(
     ----------
     rig : rig.yaml, or its folder.
     output : folder for tables and figures.
-    calibration : two or more, or one and a truth; default all methods, simulated.
-    truth : calibration from which the truth is drawn; default the combination of all given.
-    runs : per calibration.
     engagement : mm, length of the engagement; default 333.
-    perfect : also the best that any calibration could do.
-    mounting : rad, simulated mounting: std of roll, pitch, yaw; default 0.02, 0.02, 0.05.
-    drift : N, std of the zeros' drift since the calibration.
-    tare : all tare the wrench at the start.
-    filter : of the sensors, low-pass, kalman or none.
-    walk : N, what a force may walk by in 1 s, for kalman.
-    logs : write each run's log, in this format.
-    stiffness, damping, virtual_mass : of the impedance, for translations (N/m, N·s/m, kg) or also
-        turns (N·m/rad, N·m·s/rad, kg m²); default 10 kN/m, the least stable damping, the real mass.
-    servo : Hz, bandwidth of the NCPs' servos; default 15.
     contact_stiffness : N/m of a tooth on what carries it. friction : coefficient.
     clearance : mm, radial.
-    workers : processes; default one per core.
-    seed : of all random numbers.
+    calibration, truth, runs, perfect, mounting, drift, tare, filter, walk, logs, seed, workers,
+    stiffness, damping, virtual_mass, servo : as of `free_space`.
     progress : called as the work goes on.
 
     Raises

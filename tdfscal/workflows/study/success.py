@@ -55,9 +55,7 @@ def success(
     runs : of each angle error and stiffness.
     errors : mrad, standard deviations of a sensor's turn about each axis.
     engagement : mm, length of the engagement.
-    stiffness, damping, virtual_mass : of the impedance, for translations (N/m, N·s/m, kg) or also
-        turns (N·m/rad, N·m·s/rad, kg m²); default 10 kN/m, the least stable damping, the real mass.
-    servo : Hz, bandwidth of the NCPs' servos; default 15.
+    stiffness, damping, virtual_mass, servo : as of `free_space`.
     contact_stiffness : N/m of a tooth on what carries it; the middle of two decades.
     friction : coefficient. clearance : mm, radial.
     seed : of all random numbers.
