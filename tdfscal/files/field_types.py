@@ -26,6 +26,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from tdfscal.files.yaml.scalars import plain_scalar
+from tdfscal.records import BoolArray, FloatArray
 
 UNKNOWN = "unknown"
 """How a file writes an infinite standard uncertainty, since JSON has no infinity."""
@@ -76,6 +77,20 @@ def _from_text(value: Any) -> Any:
 def from_numpy(value: Any) -> Any:
     """Return numpy arrays and scalars as lists and numbers, all else as it is."""
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+
+
+def none_where_open(value: Any) -> Any:
+    """Return the ∞ of a record's arrays as None; ∞ in a file stays what it is, an error."""
+    if isinstance(value, np.ndarray):
+        return [none_where_open(v) for v in value]
+    if isinstance(value, np.generic):
+        return None if value == np.inf else value.item()
+    return value
+
+
+def measured_only(values: FloatArray, axes: BoolArray) -> FloatArray:
+    """Return values (n, 3) for a file: ∞, which becomes null, for an axis that is not measured."""
+    return np.where(axes, values, np.inf)
 
 
 def _std_from_text(value: Any) -> Any:
@@ -176,6 +191,15 @@ Matrix = Annotated[
     BeforeValidator(from_numpy),
 ]
 Matrix3 = Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_three)]
+
+OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open)]
+OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(none_where_open)]
+OpenAngles = Annotated[
+    tuple[Number | None, Number | None, Number | None], BeforeValidator(none_where_open)
+]
+OpenRows = Annotated[tuple[OpenAngles, ...], BeforeValidator(none_where_open)]
+OpenStdRows = Annotated[tuple[OpenStds, ...], BeforeValidator(none_where_open)]
+"""Null where the data and the rig leave it open, or nothing is measured."""
 
 Std = Annotated[
     float,

@@ -9,7 +9,7 @@ from math import ceil
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.motion import MotionResult
+from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.records import ANGLES
 from tdfscal.significance import INCOMPATIBLE, MOST_REJECTED
 

@@ -8,8 +8,8 @@ from pathlib import PurePath
 import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.log_time import clock
-from tdfscal.files.calibration.motion import MotionResult
 from tdfscal.records import ANGLES
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.exact_quantities import exact_claim, exact_tables

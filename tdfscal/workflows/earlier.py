@@ -12,7 +12,7 @@ import numpy as np
 
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
-from tdfscal.files.calibration.life import measured_document
+from tdfscal.files.calibration.parts import measured_document
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.model.calibrated import with_rotations
 from tdfscal.model.earlier import free_constants, joint_prior, turned

@@ -13,7 +13,7 @@ from tdfscal.exports.certificate import certificate
 from tdfscal.exports.certificate_page import certificate_page
 from tdfscal.exports.schemacheck import check, schema_version
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.life import MeasuredResult
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.model import Sensor
 from tests.export.rules import write_schemas
 from tests.reporting.samples import NASTY, by_hand, changed, run, sample, saved

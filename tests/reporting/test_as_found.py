@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tdfscal.files.calibration.document import Calibration, save_calibration
-from tdfscal.files.calibration.life import MeasuredResult
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.reporting.layout import Facts, Table

@@ -16,7 +16,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.motion import MotionSpectrum
+from tdfscal.files.calibration.evidence_model import MotionSpectrum
 from tdfscal.reporting.figures import drawings, residuals, style
 from tdfscal.reporting.figures.rig import clear_view, magnification
 from tdfscal.reporting.figures.style import figure, look, raster, save, to_svg

@@ -15,15 +15,15 @@ from tdfscal.acceptance.turns import locked_warnings, turn_std
 from tdfscal.errors import visible
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import HISTOGRAM_DEFINITION
-from tdfscal.files.calibration.life import measured_document
 from tdfscal.files.calibration.parameters import turn_parameters
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
     CONVENTION,
     CONVENTION_WITH_SENSITIVITY,
     COVARIANCE_DEFINITION,
-    measured_only,
+    measured_document,
 )
+from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import coverage_factor

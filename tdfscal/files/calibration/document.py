@@ -9,32 +9,10 @@ import numpy as np
 from pydantic import model_validator
 
 from tdfscal.errors import DataError
+from tdfscal.files.calibration import evidence_model as evidence
+from tdfscal.files.calibration import parts
 from tdfscal.files.calibration.consistency import ALTERED, check, from_directions
-from tdfscal.files.calibration.evidence_model import DwellTable, MethodAngles, PostureTable
-from tdfscal.files.calibration.life import CampaignResult, HistoryEntry, Instant, MeasuredResult
-from tdfscal.files.calibration.motion import MotionResult
-from tdfscal.files.calibration.nuisances import ComplianceResult, DriftResult
 from tdfscal.files.calibration.parameters import Parameters
-from tdfscal.files.calibration.parts import (
-    CALIBRATION_FORMAT,
-    Budget,
-    ConformityResult,
-    Convention,
-    Covariance,
-    ExactQuantityResult,
-    FitResult,
-    Input,
-    MonteCarloResult,
-    Mounting,
-    ObservabilityResult,
-    QualityResult,
-    Software,
-    StabilityResult,
-    SupportResult,
-    TerminalResult,
-    TrackerStatistics,
-    ValidationResult,
-)
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, Text, fault, key
 from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
@@ -61,58 +39,66 @@ class Calibration(Strict):
     estimator: Literal["ml", "linear"] | None = key(
         "of a self-calibration: ml, or the paper's linear method", None
     )
-    created: Instant = key("UTC: when the result was computed")
-    measured: MeasuredResult | None = key(
+    created: parts.Instant = key("UTC: when the result was computed")
+    measured: parts.MeasuredResult | None = key(
         "when the data were recorded; what depends on time goes by it", None
     )
     rig: EmbeddedRig = key("the resolved rig file, embedded, so that this file stands alone")
-    software: Software = key("the program that wrote the file")
+    software: parts.Software = key("the program that wrote the file")
     command: FreeText = key("the command line, as it was given")
     seed: Count = key("of all random numbers")
-    inputs: tuple[Input, ...] = key("files that went in")
-    convention: Convention = key("the equation that applies a rotation")
-    supports: tuple[SupportResult, ...] = key("one entry per support", min_length=3)
-    covariance: Covariance = key("of the rotations of all supports together")
+    inputs: tuple[parts.Input, ...] = key("files that went in")
+    convention: parts.Convention = key("the equation that applies a rotation")
+    supports: tuple[parts.SupportResult, ...] = key("one entry per support", min_length=3)
+    covariance: parts.Covariance = key("of the rotations of all supports together")
     parameters: Parameters | None = key(
         "every parameter that was free, with its joint covariance", None
     )
-    terminal: TerminalResult = key("mass and barycentre after the adjustment")
-    fit: FitResult | None = key("how the model fits", None)
-    observability: ObservabilityResult | None = key(
+    terminal: parts.TerminalResult = key("mass and barycentre after the adjustment")
+    fit: parts.FitResult | None = key("how the model fits", None)
+    observability: parts.ObservabilityResult | None = key(
         "what the data determine, in words and numbers", None
     )
-    budget: Budget | None = key("contribution of each source to each angle's variance", None)
-    taken_as_exact: tuple[ExactQuantityResult, ...] = key(
+    budget: parts.Budget | None = key("contribution of each source to each angle's variance", None)
+    taken_as_exact: tuple[parts.ExactQuantityResult, ...] = key(
         "what no uncertainty was stated of, and what its error would do", ()
     )
-    monte_carlo: MonteCarloResult | None = key("propagation of distributions (JCGM 101)", None)
-    validation: ValidationResult | None = key(
+    monte_carlo: parts.MonteCarloResult | None = key(
+        "propagation of distributions (JCGM 101)", None
+    )
+    validation: parts.ValidationResult | None = key(
         "residual contact wrench of leave-one-out postures", None
     )
-    stability: StabilityResult | None = key(
+    stability: parts.StabilityResult | None = key(
         "whether the machine stayed what it was: drift, repeatability", None
     )
-    drift: DriftResult | None = key("how the zeros moved within the campaign, where declared", None)
-    compliance: ComplianceResult | None = key(
+    drift: evidence.DriftResult | None = key(
+        "how the zeros moved within the campaign, where declared", None
+    )
+    compliance: evidence.ComplianceResult | None = key(
         "what gives between encoder and hinge, where declared", None
     )
-    conformity: ConformityResult | None = key(
+    conformity: parts.ConformityResult | None = key(
         "contact wrench's error against acceptance.contact of the rig", None
     )
-    tracker: TrackerStatistics | None = key(
+    tracker: parts.TrackerStatistics | None = key(
         "χ² and other numbers of the laser tracker's survey", None
     )
-    motion: MotionResult | None = key("samples in motion, where they were used", None)
-    postures: PostureTable | None = key("the postures in the fit, column by column", None)
-    dwells: DwellTable | None = key("means of all dwells, used or not; up to 2000 of them", None)
-    methods: tuple[MethodAngles, ...] | None = key("joint only: what each method alone says", None)
-    campaigns: tuple[CampaignResult, ...] = key(
+    motion: evidence.MotionResult | None = key("samples in motion, where they were used", None)
+    postures: evidence.PostureTable | None = key("the postures in the fit, column by column", None)
+    dwells: evidence.DwellTable | None = key(
+        "means of all dwells, used or not; up to 2000 of them", None
+    )
+    methods: tuple[evidence.MethodAngles, ...] | None = key(
+        "joint only: what each method alone says", None
+    )
+    campaigns: tuple[parts.CampaignResult, ...] = key(
         "each campaign, where there are several, in the order of time", ()
     )
-    history: tuple[HistoryEntry, ...] = key(
+    history: tuple[parts.HistoryEntry, ...] = key(
         "the calibrations that an update stands on, oldest first", ()
     )
-    quality: QualityResult = key("the quality gate's reasons", QualityResult())
+    quality: parts.QualityResult = key("the quality gate's reasons", parts.QualityResult())
     warnings: tuple[Text, ...] = key("what to know although the result may be good", ())
     content_sha256: Sha256 | None = key(
         "SHA-256 of all other keys, by which an edited file is refused", None, exclude=True
@@ -139,7 +125,7 @@ class Calibration(Strict):
         return tuple(support.name for support in self.supports)
 
     @property
-    def mounted(self) -> tuple[Mounting, ...]:
+    def mounted(self) -> tuple[parts.Mounting, ...]:
         """The angles of the sensors that the data determine."""
         found = (support.mounting for support in self.supports)
         return tuple(mounting for mounting in found if mounting is not None)
@@ -266,5 +252,5 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 
 
 def _from_document(document: Document) -> Calibration:
-    require_format(document, CALIBRATION_FORMAT, DataError)
+    require_format(document, parts.CALIBRATION_FORMAT, DataError)
     return checked(Calibration, document, DataError)

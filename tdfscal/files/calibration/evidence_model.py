@@ -1,17 +1,26 @@
-"""What lies behind a result, as models: optional parts of a calibration file, for its report."""
+"""What lies behind a result, as models: optional parts of a calibration file, for its report.
+
+Postures, dwells, loads and trials; zeros that move and supports that give; samples in motion.
+"""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal, Self, get_args
 
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from tdfscal.files.field_types import (
     Count,
+    Matrix3,
     Name,
     NotNegative,
     Number,
     Numbers,
+    OpenRows,
+    OpenStd,
+    OpenStdRows,
+    Positive,
+    Probability,
     Strict,
     Text,
     Vector,
@@ -133,3 +142,122 @@ class MethodAngles(Strict):
     method: Literal["self", "tracker"] = key("self or tracker")
     rpy: Vectors = key("rad: roll, pitch, yaw of each support")
     rpy_std: Vectors = key("rad: their standard uncertainties")
+
+
+class Slopes(Strict):
+    """A slope per channel; null for an axis that is not measured."""
+
+    value: OpenRows = key("per support, of each axis; null where not measured")
+    std: OpenStdRows = key(
+        "standard uncertainties, in the same unit; null where not measured or open"
+    )
+    share: OpenRows = key("part of the variance of roll, pitch, yaw that knowing them takes away")
+
+
+class WalkShare(Strict):
+    """What a random walk of the zeros costs."""
+
+    share: OpenRows = key("part of the variance of roll, pitch, yaw that knowing it takes away")
+
+
+class DriftResult(Strict):
+    """How the zeros moved: slopes in time (N/h) and temperature (N/K), a parabola (N/h²)."""
+
+    time: Slopes | None = key("slopes in time, N/h", None)
+    temperature: Slopes | None = key("slopes in temperature, N/K", None)
+    parabola: Slopes | None = key("where the residuals ask for it: N/h²", None)
+    walk: WalkShare | None = key("what a random walk costs", None)
+
+
+class Give(Strict):
+    """A compliance between encoder and hinge, m/N."""
+
+    value: Number = key("m/N")
+    std: OpenStd = key("m/N: its standard uncertainty; null where open")
+    share: OpenRows = key("part of the variance of roll, pitch, yaw that knowing it takes away")
+
+
+class ComplianceResult(Strict):
+    """What gives between encoder and hinge, sideways and along Z of the BCS."""
+
+    lateral: Give | None = key("sideways", None)
+    vertical: Give | None = key("along Z of the BCS", None)
+
+
+Density = Annotated[tuple[NotNegative, ...], BeforeValidator(from_numpy), Field(min_length=2)]
+
+
+class LeftOutStretch(Strict):
+    """A stretch of the log that was not used, s in the log's time."""
+
+    begin: Number = key("s in the log's time")
+    end: Number = key("s in the log's time")
+    reason: Text = key("contact, a frozen channel, a sensor at its capacity")
+
+
+class MotionValue(Strict):
+    """A number with its standard uncertainty."""
+
+    value: Number = key("s of a delay, N·m of a friction")
+    std: NotNegative = key("standard uncertainty, in the unit of the value")
+
+
+class InertiaValue(Strict):
+    """Inertia about the LCS origin, kg m²."""
+
+    value: Matrix3 = key("kg m²: about the LCS origin, 3 × 3")
+    std: Matrix3 = key("kg m²: standard uncertainty of each entry, 3 × 3")
+
+
+class MotionSpectrum(Strict):
+    """Residual of the balance: square roots of two-sided spectral densities.
+
+    frequency in Hz; before, after : N/√Hz, of the three forces together, with the nominal mounting
+    and with the calibration; force_noise : N/√Hz, of a force component, and position_noise :
+    m/√Hz, of a servo coordinate, as the estimate weighs by them.
+    """
+
+    frequency: Density = key("Hz")
+    before: Density = key("N/√Hz: residual force with the nominal mounting")
+    after: Density = key("N/√Hz: residual force, calibrated")
+    force_noise: Density = key("N/√Hz: of a force component, as the estimate weighs by it")
+    position_noise: Density = key("m/√Hz: of a servo coordinate, as the estimate weighs by it")
+
+
+Course = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Field(min_length=1)]
+
+
+class MotionResidual(Strict):
+    """Lengths of the residual wrench over time, in means of a second or more.
+
+    time : s, in the log's time, of their middles. force in N, moment about the barycentre in N·m;
+    before with the nominal mounting and the stated zeros, after with the calibration.
+    """
+
+    time: Course = key("s in the log's time: middles of the means")
+    force_before: Course = key("N: with the nominal mounting and the stated zeros")
+    force_after: Course = key("N: calibrated")
+    moment_before: Course = key("N·m: about the barycentre, with the nominal mounting")
+    moment_after: Course = key("N·m: calibrated")
+
+
+class MotionResult(Strict):
+    """Samples in motion: from when, how long, what was left out, and what they tell besides.
+
+    begin : s, in the log's time. seconds : of the log that went in. dwells : rests that
+    were found in it. delay : s, force stamps minus position stamps. friction : N·m, of each hinge.
+    halves_p_value : that the halves of the log differ by chance as they do.
+    """
+
+    begin: Number = key("s in the log's time: first sample")
+    seconds: Positive = key("s: length of what went in")
+    dwells: Count = key("number of static postures that went in too", 0)
+    rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
+    delay: MotionValue = key("s: force stamps minus position stamps")
+    inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
+    friction: MotionValue = key("N·m: Coulomb friction of each hinge")
+    halves_p_value: Probability = key("that the log's two halves differ by chance as they do")
+    spectrum: MotionSpectrum = key("of the residual: square roots of two-sided densities")
+    residual: MotionResidual | None = key(
+        "lengths of the residual wrench over time, short means", None
+    )

@@ -12,8 +12,6 @@ from tdfscal.comparison.joint import Joint
 from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.assembled import Angles, Provenance, assembled
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.motion import motion_document
-from tdfscal.files.calibration.nuisances import nuisance_documents
 from tdfscal.files.calibration.parameters import parameters_document
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
@@ -66,7 +64,7 @@ def from_motion(
         budget=turns.contributions,
         exact=exact_in_motion(result.fit),
         parameters=parameters_document(result.calibrated),
-        motion=motion_document(result),
+        motion=statistics.motion(result),
         **_own_parts(result, origin),
         **_state(state, published_std(result.calibrated, turns.parameter_std), result.rig),
     )
@@ -179,7 +177,7 @@ def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
         "postures": statistics.postures(result),
         "dwells": statistics.dwells(result),
         "stability": result.stability,
-        **({} if result.estimator == "linear" else nuisance_documents(result)),
+        **({} if result.estimator == "linear" else statistics.nuisances(result)),
     }
 
 

@@ -7,10 +7,17 @@ and the rig leave the quantity open.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, JsonValue, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    JsonValue,
+    StringConstraints,
+    model_validator,
+)
 
 from tdfscal.files.calibration.evidence_model import Histogram, SensorLoad
 from tdfscal.files.field_types import (
@@ -24,6 +31,11 @@ from tdfscal.files.field_types import (
     Name,
     NotNegative,
     Number,
+    OpenAngles,
+    OpenRows,
+    OpenStd,
+    OpenStdRows,
+    OpenStds,
     Positive,
     PositiveCount,
     Probability,
@@ -37,7 +49,7 @@ from tdfscal.files.field_types import (
     from_numpy,
     key,
 )
-from tdfscal.records import BoolArray, FloatArray, InputFile, Integrity
+from tdfscal.records import FloatArray, InputFile, Integrity, Measured
 
 CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
 
@@ -50,30 +62,9 @@ CovarianceDefinition = Literal["R_true = exp([d]x) · rotation, d in the BCS, ra
 (COVARIANCE_DEFINITION,) = get_args(CovarianceDefinition)
 
 
-def none_where_open(value: Any) -> Any:
-    """Return the ∞ of a record's arrays as None; ∞ in a file stays what it is, an error."""
-    if isinstance(value, np.ndarray):
-        return [none_where_open(v) for v in value]
-    if isinstance(value, np.generic):
-        return None if value == np.inf else value.item()
-    return value
-
-
-def measured_only(values: FloatArray, axes: BoolArray) -> FloatArray:
-    """Return values (n, 3) for a file: ∞, which becomes null, for an axis that is not measured."""
-    return np.where(axes, values, np.inf)
-
-
 Angle = Literal["roll", "pitch", "yaw"]
 #: A turn about an axis of the BCS goes by the angle's name where it is that angle.
 Turn = Literal["roll", "pitch", "yaw", "turn about X", "turn about Y", "turn about Z"]
-OpenStd = Annotated[NotNegative | None, BeforeValidator(none_where_open)]
-OpenStds = Annotated[tuple[OpenStd, OpenStd, OpenStd], BeforeValidator(none_where_open)]
-OpenAngles = Annotated[
-    tuple[Number | None, Number | None, Number | None], BeforeValidator(none_where_open)
-]
-OpenRows = Annotated[tuple[OpenAngles, ...], BeforeValidator(none_where_open)]
-OpenStdRows = Annotated[tuple[OpenStds, ...], BeforeValidator(none_where_open)]
 Quaternion = Annotated[tuple[Number, Number, Number, Number], BeforeValidator(from_numpy)]
 Texts = tuple[Text, ...]
 
@@ -446,3 +437,77 @@ TrackerStatistics = Annotated[
     AfterValidator(_finite),
 ]
 """χ², degrees of freedom, p-value, Birge ratio, number of points … of the tracker's survey."""
+
+
+Instant = Annotated[
+    str,
+    StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
+]
+"""UTC, ISO 8601."""
+
+
+class MeasuredResult(Strict):
+    """When the data were recorded, and whether the log, the rig file or the file's date says so."""
+
+    begin: Instant = key("UTC: first sample")
+    end: Instant = key("UTC: last sample")
+    source: Literal["log", "rig", "file"] = key(
+        "what says so: the log's clock, campaign.date, or the file's date"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if seconds(self.begin) > seconds(self.end):
+            raise fault("ends before it begins", "end")
+        return self
+
+    def record(self) -> Measured:
+        """Return it in seconds since 1970."""
+        return Measured(seconds(self.begin), seconds(self.end), self.source)
+
+
+class CampaignResult(Strict):
+    """One of several campaigns: zeros in N and load are its own; χ² and dof that it added.
+
+    Zeros are null for axes that its sensors did not measure.
+    """
+
+    name: Text = key("its folder")
+    measured: MeasuredResult | None = key("when it was recorded", None)
+    inputs: tuple[Input, ...] = key("its files")
+    zero: OpenRows = key("N: its own zeros, per sensor")
+    zero_std: OpenStdRows = key("N: their standard uncertainties; null where open")
+    terminal: TerminalResult = key("its own mass and barycentre")
+    postures: Count = key("number of postures used")
+    chi2: NotNegative = key("χ² that it added: its residuals, and its departure from earlier ones")
+    dof: Count = key("degrees of freedom that it added")
+
+
+class HistoryEntry(Strict):
+    """A calibration that this one stands on, by the hash of its file; the oldest first."""
+
+    created: Instant = key("UTC: when it was computed")
+    measured: MeasuredResult | None = key("when its data were recorded", None)
+    method: Literal["self", "tracker", "joint"] = key("self, tracker or joint")
+    sha256: Sha256 = key("of the calibration's file")
+
+
+def instant(time: float) -> str:
+    """Write seconds since 1970 as an instant, to the second."""
+    return datetime.fromtimestamp(round(time), UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def seconds(text: str) -> float:
+    """Read an instant as seconds since 1970."""
+    return datetime.fromisoformat(text).timestamp()
+
+
+def measured_document(measured: Measured | None) -> dict[str, Any] | None:
+    """The block of a file."""
+    if measured is None:
+        return None
+    return {
+        "begin": instant(measured.begin),
+        "end": instant(measured.end),
+        "source": measured.source,
+    }

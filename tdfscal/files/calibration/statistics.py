@@ -10,15 +10,19 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity
 from tdfscal.files.calibration.evidence_model import POSTURES_DEFINITION
-from tdfscal.files.calibration.life import measured_document
-from tdfscal.files.calibration.parts import measured_only
-from tdfscal.model.parameters import State
+from tdfscal.files.calibration.parts import measured_document
+from tdfscal.files.field_types import measured_only
+from tdfscal.files.rig.reading import HOUR
+from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA
+from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.pose import register
 from tdfscal.motioncal.halves import HeldOut
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
+from tdfscal.selfcal.covariance import factored_information
 from tdfscal.selfcal.cross_validation import CrossValidation
+from tdfscal.selfcal.nuisances import Estimate, compliance_estimates, drift_estimates
 from tdfscal.selfcal.observability import Observability, load_directions
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.selfcal.undetermined import Undetermined
@@ -26,6 +30,9 @@ from tdfscal.trackercal import TrackerCalibration
 
 #: Dwells that a file keeps for a figure, at most.
 _LOOKED_AT = 2000
+#: Frequencies of the spectrum in the file.
+_LINES = 24
+_POWERS_OF_TIME = {"time": 1, "parabola": 2}
 
 
 def terminal(
@@ -232,3 +239,74 @@ def campaign_document(
         "chi2": chi2,
         "dof": dof,
     }
+
+
+def nuisances(result: SelfCalibration) -> dict[str, Any]:
+    """The blocks `drift` and `compliance`, each None where the rig file declares none."""
+    fit, found = result.fit, result.uncertainty
+    parts, determined = factored_information(fit), result.observability.determined
+    return {
+        block: {one.kind: _estimate(one, fit.rig.axes, determined) for one in estimates} or None
+        for block, estimates in (
+            ("drift", drift_estimates(fit, parts, found)),
+            ("compliance", compliance_estimates(fit, parts, found)),
+        )
+    }
+
+
+def _estimate(one: Estimate, axes: BoolArray, determined: BoolArray) -> dict[str, Any]:
+    share = {"share": measured_only(one.share, determined[:, None])}
+    if one.value is None or one.std is None:
+        return share
+    unit = HOUR ** _POWERS_OF_TIME.get(one.kind, 0)
+    values = {"value": unit * one.value, "std": unit * one.std}
+    if one.value.ndim:
+        values = {name: measured_only(each, axes) for name, each in values.items()}
+    return values | share
+
+
+def motion(result: MotionCalibration) -> dict[str, Any]:
+    """Return the `motion` block of a calibration in motion."""
+    moving, std = result.fit.state.moving, result.uncertainty.moving_std
+    return {
+        "begin": result.begin,
+        "seconds": result.seconds,
+        "dwells": result.dwells,
+        "rejected": result.rejected,
+        "delay": {"value": moving.delay, "std": std[DELAY]},
+        "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
+        "friction": {"value": moving.friction, "std": std[FRICTION]},
+        "halves_p_value": result.halves.p_value,
+        "spectrum": _spectrum(result),
+        "residual": {
+            "time": result.residual.time,
+            "force_before": result.residual.before[:, 0],
+            "force_after": result.residual.after[:, 0],
+            "moment_before": result.residual.before[:, 1],
+            "moment_after": result.residual.after[:, 1],
+        },
+    }
+
+
+def _spectrum(result: MotionCalibration) -> dict[str, Any]:
+    f = np.geomspace(np.exp(result.fit.noise.knot[0]), np.exp(result.fit.noise.knot[-1]), _LINES)
+    force, place = result.fit.noise.density(f)
+    at, before, after = result.residual_power
+    return {
+        "frequency": f,
+        "before": _binned(f, at, before),
+        "after": _binned(f, at, after),
+        "force_noise": np.sqrt(force),
+        "position_noise": np.sqrt(place),
+    }
+
+
+def _binned(frequency: FloatArray, at: FloatArray, power: FloatArray) -> FloatArray:
+    """Mean of a power between the geometric middles of the frequencies, as a square root."""
+    edge = np.sqrt(frequency[1:] * frequency[:-1])
+    place = np.searchsorted(edge, at)
+    count = np.bincount(place, minlength=len(frequency))
+    total = np.bincount(place, power, minlength=len(frequency))
+    filled = count > 0
+    mean = total[filled] / count[filled]
+    return np.asarray(np.sqrt(np.interp(frequency, frequency[filled], mean)))

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import PostureTable
-from tdfscal.files.calibration.motion import LeftOutStretch, MotionSpectrum
+from tdfscal.files.calibration.evidence_model import LeftOutStretch, MotionSpectrum, PostureTable
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.reporting.figures import ink
