@@ -91,8 +91,6 @@ def likeliest(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple
 
     left : (K, 6, r), orthonormal with the prior's rows: what the parameters do to the residuals.
     """
-    from scipy.linalg import solve_triangular  # slow to import, seldom needed
-
     values, vectors = np.linalg.eigh(columns @ np.swapaxes(columns, 1, 2))
     values = np.maximum(values, 0.0)
     size = float(values.sum(axis=1).mean())
@@ -118,7 +116,7 @@ def likeliest(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple
         lost = 1.0 - 1.0 / grown
         change, half = (along * lost) @ turned, np.sqrt(lost)[:, None] * turned
         lower = np.linalg.cholesky(whole - half.T @ half)
-        pulled = solve_triangular(lower, change, lower=True, check_finite=False)
+        pulled = np.linalg.solve(lower, change)
         return total - float(pulled @ pulled) + 2.0 * float(np.sum(np.log(np.diagonal(lower))))
 
     return lowest(cost, size, float(along @ along))
