@@ -60,7 +60,7 @@ class Inspection:
         part = piece.rows(slice(-self._passed % self._stride, None, self._stride))
         self._passed += piece.time.size
         # Joined is copied: a view would hold the whole piece in memory.
-        kept = _joined([part] if self._kept is None else [self._kept, part])
+        kept = Samples.joined([part] if self._kept is None else [self._kept, part])
         while kept.time.size > _KEPT:
             # All that is kept lies on multiples of the stride: every second one stays.
             kept = kept.rows(slice(None, None, 2))
@@ -82,14 +82,6 @@ class Inspection:
         _check_forces(given, seen)
         notes = (log_against_rig.turned(given.rig, seen.position), _doubt(given, seen))
         return [note for note in notes if note]
-
-
-def _joined(parts: list[Samples]) -> Samples:
-    return Samples(
-        np.concatenate([part.time for part in parts]),
-        np.concatenate([part.position for part in parts]),
-        np.concatenate([part.force for part in parts]),
-    )
 
 
 def _mass_std(given: Calibrated) -> float:

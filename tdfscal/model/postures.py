@@ -48,6 +48,33 @@ class Postures:
         return replace(self, motion=motion, **{name: getattr(self, name)[keep] for name in arrays})
 
 
+def alike(
+    position: FloatArray,
+    force: FloatArray,
+    measured: BoolArray,
+    *,
+    place: float = 1.0,
+    noise: float = 1.0,
+    moment_var: float = 0.0,
+    motion: ZeroMotion | None = None,
+) -> Postures:
+    """Postures whose axes all scatter alike, reached from nowhere.
+
+    position, force : (K, n, 3). place : m, noise : N, standard deviations of a component.
+    """
+    unit = np.broadcast_to(np.eye(3), (*force.shape, 3))
+    return Postures(
+        position=position,
+        force=force,
+        position_cov=place**2 * unit,
+        force_cov=noise**2 * unit,
+        moment_var=moment_var,
+        approach=np.zeros((len(force), 3)),
+        measured=measured,
+        motion=motion,
+    )
+
+
 def postures(rig: Rig, dwells: Dwells, age: ZeroAge | None = None) -> Postures:
     """Dwells with the rig's declared uncertainties added to those of their means.
 

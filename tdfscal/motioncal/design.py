@@ -10,7 +10,8 @@ import numpy as np
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, gravity, symmetric
-from tdfscal.model.statics import Balance, Postures
+from tdfscal.model.postures import Postures, alike
+from tdfscal.model.statics import Balance
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
 from tdfscal.motioncal import rests
 from tdfscal.motioncal.across import Across, across, filled
@@ -137,18 +138,9 @@ def block_design(
 
 def instants(rig: Rig, slow: Slow, position: FloatArray, rows: slice) -> Postures:
     """Instants as postures, with unit noise and without friction: a feature of its own here."""
-    motion, force = drifting(rig, slow), slow.force[rows]
-    unit = np.broadcast_to(np.eye(3), (*force.shape, 3))
-    return Postures(
-        position=position,
-        force=force,
-        position_cov=unit,
-        force_cov=unit,
-        moment_var=0.0,
-        approach=np.zeros((len(force), 3)),
-        measured=rig.axes,
-        motion=None if motion is None else motion.subset(rows),
-    )
+    motion = drifting(rig, slow)
+    motion = None if motion is None else motion.subset(rows)
+    return alike(position, slow.force[rows], rig.axes, motion=motion)
 
 
 def suspected(rig: Rig, slow: Slow) -> ZeroMotion | None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.model.parameters import State, starting_state
-from tdfscal.model.postures import Postures
+from tdfscal.model.postures import Postures, alike
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import normal_quantile
@@ -63,13 +63,5 @@ def moments(rig: Rig, slow: Slow, keep: BoolArray) -> Postures:
     """Instants of the motion as if they were postures: for a start, and for the loads' course."""
     rows = np.flatnonzero(keep)
     rows = rows[:: max(1, int(np.ceil(len(rows) / _START_ROWS)))]
-    unit = np.broadcast_to(np.eye(3), (len(rows), rig.n, 3, 3))
-    return Postures(
-        position=slow.position[rows],
-        force=np.where(rig.axes, slow.force[rows], 0.0),
-        position_cov=_START_PLACE**2 * unit,
-        force_cov=_START_FORCE**2 * unit,
-        moment_var=0.0,
-        approach=np.zeros((len(rows), 3)),
-        measured=rig.axes,
-    )
+    force = np.where(rig.axes, slow.force[rows], 0.0)
+    return alike(slow.position[rows], force, rig.axes, place=_START_PLACE, noise=_START_FORCE)

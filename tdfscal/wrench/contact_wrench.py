@@ -17,10 +17,11 @@ import numpy as np
 
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, gravity, layout, nominal, sensing
-from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, free
+from tdfscal.model.postures import Postures, alike
+from tdfscal.model.statics import Balance, balance, features_jacobian, free
 from tdfscal.numerics import so3
 from tdfscal.numerics.in_place import dot
-from tdfscal.records import FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.wrench.kinematics import Motion, Poses, poses, rotations
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -116,16 +117,14 @@ def single(given: Calibrated, position: FloatArray, force: FloatArray) -> Postur
 
     What a sensor does not measure counts as a force of zero here.
     """
-    declared, eye = given.rig.declared, np.eye(3)
-    shape = (*force.shape, 3)
-    return Postures(
-        position=position,
-        force=force,
-        position_cov=np.broadcast_to(declared.positioner**2 * eye, shape),
-        force_cov=np.broadcast_to(declared.force_noise**2 * eye, shape),
+    declared = given.rig.declared
+    return alike(
+        position,
+        force,
+        np.ones(given.rig.axes.shape, dtype=np.bool_),
+        place=declared.positioner,
+        noise=declared.force_noise,
         moment_var=declared.hinge_moment**2 + _friction_variance(given),
-        approach=np.zeros((len(force), 3)),
-        measured=np.ones(given.rig.axes.shape, dtype=np.bool_),
     )
 
 
@@ -150,20 +149,20 @@ def _covariances(
     """Covariances (K, 6, 6) by the calibration, as above, and by what is declared per posture."""
     posture = single(given, position, measured(given, force))
     at = balance(posture, given.state, given.state.barycentre, given.rig.gravity)
-    T = to_lcs(at)
-    by_state = features_jacobian(given.state, at, given.rig.gravity)
-    half = T @ (at.design @ (by_state @ given.root))
+    T, J = to_lcs(at), jacobian(given, at)
+    half = J @ given.root
     out = half @ np.swapaxes(half, 1, 2)
-    if given.open.any():
-        seen = np.abs(T @ (at.design @ by_state[:, given.open])).max(axis=2) > _ROUNDING
-        diagonal = np.arange(6)
-        out[:, diagonal, diagonal] = np.where(seen, np.inf, out[:, diagonal, diagonal])
-    if not given.rig.axes.all():
-        reach = np.linalg.norm(T @ free(at.noise_force, given.rig.axes), axis=2)
-        diagonal = np.arange(6)
-        unseen = reach > _REACHED * reach.max(axis=1, keepdims=True)
-        out[:, diagonal, diagonal] = np.where(unseen, np.inf, out[:, diagonal, diagonal])
+    unknown = (np.abs(J[:, :, given.open]) > _ROUNDING).any(axis=2)
+    unknown |= reached(T @ free(at.noise_force, given.rig.axes))
+    diagonal = np.arange(6)
+    out[:, diagonal, diagonal] = np.where(unknown, np.inf, out[:, diagonal, diagonal])
     return np.asarray(out), np.asarray(T @ at.cov @ np.swapaxes(T, 1, 2))
+
+
+def reached(columns: FloatArray) -> BoolArray:
+    """Components (K, 6) of the wrench that unit forces along unmeasured axes (K, 6, m) reach."""
+    reach = np.linalg.norm(columns, axis=2)
+    return np.asarray(reach > _REACHED * reach.max(axis=1, keepdims=True))
 
 
 def measured(given: Calibrated, force: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -207,7 +207,7 @@ def filtered(
         first.append(piece)
     if not first:
         return
-    start = _joined(first)
+    start = Samples.joined(first)
     if len(start.time) < _FEWEST:
         raise _too_few(len(start.time))
     interval = float(np.median(np.diff(start.time)))
@@ -218,45 +218,23 @@ def filtered(
         q = walk**2 * interval
         model = Walk.with_gain(q, noise.best_gain(q, smooth=kind == "smooth"), interval)
     tell(model)
-    stage = _Stage(kind, model)
+    new, longest = Causal if kind == "kalman" else Smoother, _GAP * model.interval
+    stage: Causal | Smoother = new(model)
+    late, end = start.rows(slice(0)), -np.inf  # what the smoother holds back, of every stream
     for piece in chain([start], source):
-        cuts = np.flatnonzero(np.diff(piece.time) > _GAP * model.interval) + 1
-        for a, b in pairwise([0, *cuts.tolist(), piece.time.size]):
-            yield from stage.push(piece.rows(slice(a, b)))
-    yield from stage.flush()
+        for part in piece.stretches(longest):
+            if part.time[0] - end > longest:
+                yield from _released(late, stage.rest())
+                late, stage = part.rows(slice(0)), new(model)
+            end = float(part.time[-1])
+            force = stage(part.force)
+            whole = Samples.joined([late, part]) if late.time.size else part
+            late = whole.rows(slice(len(force), None))
+            yield from _released(whole.rows(slice(len(force))), force)
+    yield from _released(late, stage.rest())
 
 
-def _joined(parts: list[Samples]) -> Samples:
-    columns = ("time", "position", "force")
-    return Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
-
-
-class _Stage:
-    """A filter over samples; what the smoother holds back, it holds back of every stream."""
-
-    def __init__(self, kind: Kind, model: Walk) -> None:
-        self._new: type[Causal | Smoother] = Causal if kind == "kalman" else Smoother
-        self._model = model
-        self._held: Samples | None = None
-        self._end = -np.inf
-        self._filter = self._new(model)
-
-    def push(self, part: Samples) -> Iterator[Samples]:
-        """Samples that are ready; after a gap all that is held comes first."""
-        held = self._held
-        if held is not None and part.time[0] - self._end > _GAP * self._model.interval:
-            yield from self.flush()
-            held = None
-        self._end = float(part.time[-1])
-        force = self._filter(part.force)
-        whole = part if held is None else _joined([held, part])
-        self._held = whole.rows(slice(len(force), None))
-        if len(force):
-            yield replace(whole.rows(slice(0, len(force))), force=force)
-
-    def flush(self) -> Iterator[Samples]:
-        """The rest; the filter starts anew."""
-        force = self._filter.rest()
-        if len(force) and self._held is not None:
-            yield replace(self._held, force=force)
-        self._held, self._filter = None, self._new(self._model)
+def _released(samples: Samples, force: FloatArray) -> Iterator[Samples]:
+    """Samples with filtered forces, if there are any."""
+    if len(force):
+        yield replace(samples, force=force)

@@ -101,12 +101,7 @@ def take_head(
         count += piece.time.size
     if not first:
         return None, source
-    head = Samples(
-        *(
-            np.concatenate([getattr(part, name) for part in first])[:HEAD]
-            for name in ("time", "position", "force")
-        )
-    )
+    head = Samples.joined(first).rows(slice(HEAD))
     return _searched(head, supports, averaged=averaged), chain(first, source)
 
 

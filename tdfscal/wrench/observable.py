@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.statics import balance, features_jacobian, free
+from tdfscal.model.statics import balance, free
 from tdfscal.records import FloatArray
-from tdfscal.wrench.contact_wrench import COMPONENTS, measured, single, to_lcs
+from tdfscal.wrench.contact_wrench import COMPONENTS, jacobian, measured, single, to_lcs
 
 #: A coefficient below this, in 1 or m, is rounding.
 _ROUNDING = 1e-6
@@ -47,9 +47,7 @@ def observable(given: Calibrated, position: FloatArray, force: FloatArray) -> Ob
     # Pivots: moments first, and last the forces that are reached most.
     order = [3, 4, 5, *np.argsort(np.linalg.norm(reach[:3], axis=1), kind="stable").tolist()]
     rows = _echelon(U[:, rank:].T, order)
-    by_state = features_jacobian(given.state, at, given.rig.gravity)
-    half = rows @ T @ at.design[0] @ by_state @ given.root
-    return Observable(rows, np.linalg.norm(half, axis=1))
+    return Observable(rows, np.linalg.norm(rows @ jacobian(given, at)[0] @ given.root, axis=1))
 
 
 def observable_text(given: Calibrated) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,6 +29,20 @@ class Samples:
     def rows(self, which: slice | BoolArray) -> Samples:
         """Some of the samples."""
         return Samples(self.time[which], self.position[which], self.force[which])
+
+    def stretches(self, longest: float) -> list[Samples]:
+        """Parts without a step of time above `longest`, s."""
+        cuts = np.flatnonzero(np.diff(self.time) > longest) + 1
+        return [self.rows(slice(a, b)) for a, b in pairwise([0, *cuts.tolist(), len(self.time)])]
+
+    @classmethod
+    def joined(cls, parts: Sequence[Samples]) -> Samples:
+        """Parts that follow each other."""
+        return cls(
+            np.concatenate([part.time for part in parts]),
+            np.concatenate([part.position for part in parts]),
+            np.concatenate([part.force for part in parts]),
+        )
 
 
 @dataclass(slots=True)

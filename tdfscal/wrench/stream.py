@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -45,8 +44,9 @@ def in_motion(given: Calibrated, samples: Iterable[Samples]) -> Iterator[WrenchP
     held: Samples | None = None
     done = 0
     for piece in samples:
-        joined = piece if held is None else _joined(held, piece)
-        *closed, last = _stretches(joined)
+        joined = piece if held is None else Samples.joined([held, piece])
+        usual = np.median(np.diff(joined.time)) if joined.time.size > 1 else np.inf
+        *closed, last = joined.stretches(_UNEVEN * float(usual))
         for stretch in closed:
             yield from _emit(given, stretch, done, stretch.time.size)
             done = 0
@@ -61,28 +61,9 @@ def in_motion(given: Calibrated, samples: Iterable[Samples]) -> Iterator[WrenchP
         yield from _emit(given, held, done, held.time.size)
 
 
-def _joined(a: Samples, b: Samples) -> Samples:
-    return Samples(
-        np.concatenate([a.time, b.time]),
-        np.concatenate([a.position, b.position]),
-        np.concatenate([a.force, b.force]),
-    )
-
-
-def _stretches(samples: Samples) -> list[Samples]:
-    """Cut where samples are missing."""
-    step = np.diff(samples.time)
-    if not step.size:
-        return [samples]
-    cuts = np.flatnonzero(step > _UNEVEN * np.median(step)) + 1
-    edges = [0, *cuts.tolist(), samples.time.size]
-    return [samples.rows(slice(a, b)) for a, b in pairwise(edges)]
-
-
 def _half(stretch: Samples) -> int:
-    if stretch.time.size < 2:
-        return _LEAST
-    return max(_LEAST, round(WINDOW / _step(stretch)))
+    """Instants on either side of the window."""
+    return max(_LEAST, round(WINDOW / _step(stretch))) if stretch.time.size > 1 else _LEAST
 
 
 def _step(stretch: Samples) -> float:
