@@ -38,6 +38,11 @@ class Stretch:
     end: float
     reason: str
 
+    @property
+    def text(self) -> str:
+        """What is said of it."""
+        return f"{self.begin:.2f} to {self.end:.2f} s of the log were left out: {self.reason}"
+
 
 @dataclass(frozen=True, slots=True)
 class Block:

@@ -199,7 +199,7 @@ def quality(fit: MovingFit) -> Quality:
     return Quality(
         chi2=chi2,
         dof=dof,
-        p_value=float(chi2_sf(chi2, dof)) if dof > 0 else 1.0,
+        p_value=float(chi2_sf(chi2, dof)),
         birge=float(np.sqrt(chi2 / dof)) if dof > 0 else 1.0,
         rms_force=rms_force,
         rms_moment=rms_moment,

@@ -282,7 +282,7 @@ def _warnings(
     position: FloatArray,
     doubts: tuple[Suspicion, ...],
 ) -> tuple[str, ...]:
-    out = [f"{s.begin:.2f} to {s.end:.2f} s of the log were left out: {s.reason}" for s in rejected]
+    out = [stretch.text for stretch in rejected]
     if turned := log_against_rig.turned(rig, position):
         out.append(turned)
     held = (

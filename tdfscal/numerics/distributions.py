@@ -10,8 +10,9 @@ from tdfscal.records import FloatArray
 
 
 def chi2_sf(x: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
-    """Probability that χ² with dof degrees of freedom exceeds x."""
-    return np.asarray(special.chdtrc(dof, x), dtype=np.float64)
+    """Probability that χ² with dof degrees of freedom exceeds x; 1 where there is none."""
+    some = np.maximum(dof, 1)
+    return np.where(np.asarray(dof) > 0, special.chdtrc(some, x), 1.0)
 
 
 def p_text(p: float) -> str:

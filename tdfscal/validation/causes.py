@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
@@ -65,7 +66,8 @@ class Cause:
     yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
     more noise or of the zeros' wander, N, or of the hinges' friction, N·m, per axis and posture. A
     contact has none here.
-    gain : by how much χ² falls, with q unknowns. p_value : that chance alone lets it fall so far.
+    gain : by how much χ² falls, with q unknowns. weight : the same less what as many unknowns are
+    worth (Schwarz). p_value : that chance alone lets it fall so far.
     remaining_p : probability of the χ² that is left.
     """
 
@@ -75,6 +77,7 @@ class Cause:
     value: FloatArray
     std: FloatArray
     gain: float
+    weight: float
     unknowns: int
     p_value: float
     remaining_p: float
@@ -85,21 +88,19 @@ class Cause:
         return self.remaining_p >= CAUSE_EXPLAINS
 
 
+_WEIGHT = attrgetter("weight")
+
+
 @dataclass(frozen=True, slots=True)
 class Causes:
     """Single causes, the most likely first.
 
-    best : one per kind and support or posture, the likeliest of its shapes. rows : N, of the
-    residuals. tried : how many could have looked like the likeliest by chance.
+    best : one per kind and support or posture, the likeliest of its shapes. tried : how many could
+    have looked like the likeliest by chance.
     """
 
     best: tuple[Cause, ...]
-    rows: int
     tried: int
-
-    def weight(self, cause: Cause) -> float:
-        """Twice the logarithm of a cause's likelihood, less what its unknowns are worth."""
-        return _weight(cause, self.rows)
 
     @property
     def suspected(self) -> tuple[Cause, ...]:
@@ -107,11 +108,11 @@ class Causes:
         explaining = [cause for cause in self.best if cause.explains]
         if not explaining:
             return ()
-        most = self.weight(explaining[0])
+        most = explaining[0].weight
         # What explains less well than another that leaves too much is not the cause.
-        if self.weight(self.best[0]) - most >= CAUSES_APART:
+        if self.best[0].weight - most >= CAUSES_APART:
             return ()
-        return tuple(c for c in explaining if most - self.weight(c) < CAUSES_APART)
+        return tuple(c for c in explaining if most - c.weight < CAUSES_APART)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,29 +130,15 @@ def causes(given: Whitened) -> Causes:
     """Hold all single causes against each other."""
     models = _models(given)
     fitted = [_fit(model, given) for model in models]
-    rows = max(given.rows, 2)
-    contacts = _contacts(given, max(fitted, key=lambda c: _weight(c, rows)))
+    contacts = _contacts(given, max(fitted, key=_WEIGHT))
     best: dict[tuple[Kind, int | None, tuple[int, ...]], Cause] = {}
     for cause in (*fitted, *contacts):
         key = (cause.kind, cause.support, cause.postures)
-        if key not in best or _weight(cause, rows) > _weight(best[key], rows):
+        if key not in best or cause.weight > best[key].weight:
             best[key] = cause
     tried = len(models) + (len(given.own) if contacts else 0)
     found = [*best.values(), *_scatters(given, models)]
-    found.sort(key=lambda c: _weight(c, rows), reverse=True)
-    return Causes(tuple(found), rows, tried)
-
-
-def turn_information(given: Whitened) -> FloatArray:
-    """Information (n, 3, 3), 1/rad², that the postures hold about one sensor's turn alone."""
-    n = given.sensors
-    H = given.columns[:, layout(n)["rotation"]].reshape(-1, n, 3)
-    return np.asarray(np.einsum("mna,mnb->nab", H, H))
-
-
-def _weight(cause: Cause, rows: int) -> float:
-    """Gain less what as many unknowns are worth (Schwarz); a contact may sit in any posture."""
-    return cause.gain - float(np.log(rows)) * cause.unknowns
+    return Causes(tuple(sorted(found, key=_WEIGHT, reverse=True)), tried)
 
 
 def _models(given: Whitened) -> list[_Model]:
@@ -230,8 +217,7 @@ def _scatter(
 
     rest = weighted(given.residual)[:, 0]
     each = np.sum(rest.reshape(K, 6) ** 2, axis=1)
-    p = [float(chi2_sf(rest @ rest, given.dof)) if given.dof > 0 else 1.0]
-    p.append(K * float(chi2_sf(each.max(), 6)))
+    p = [float(chi2_sf(rest @ rest, given.dof)), K * float(chi2_sf(each.max(), 6))]
     for model in models:
         span = basis(weighted(model.columns))
         along = span.T @ rest
@@ -244,6 +230,7 @@ def _scatter(
         value=np.array([size]),
         std=np.array([size / np.sqrt(2.0 * max(given.dof, 1))]),
         gain=gain,
+        weight=gain - given.worth,
         unknowns=1,
         p_value=float(chi2_sf(gain, 1)) / 2,
         # Three questions, each at its own level.
@@ -266,21 +253,15 @@ def _contacts(given: Whitened, rival: Cause) -> list[Cause]:
         return []
     off = np.sum(given.residual.reshape(K, 6) ** 2, axis=1)
     suspects = np.argsort(off)[::-1][:_SUSPECTS].tolist()
-    rows = max(given.rows, 2)
-    single = [_fit(_contact(given, [k]), given) for k in suspects]
-    best = max(single, key=lambda c: _weight(c, rows))
-    chosen = list(best.postures)
-    while not best.explains and not rival.explains and len(chosen) + 1 <= _TOUCHED * K:
-        rest = [k for k in suspects if k not in chosen]
-        if not rest:
+    found = [_fit(_contact(given, [k]), given) for k in suspects]
+    best = max(found, key=_WEIGHT)
+    while not best.explains and not rival.explains and len(best.postures) + 1 <= _TOUCHED * K:
+        more = [[*best.postures, k] for k in suspects if k not in best.postures]
+        if not more:
             break
-        best = max(
-            (_fit(_contact(given, [*chosen, k]), given) for k in rest),
-            key=lambda c: _weight(c, rows),
-        )
-        chosen = list(best.postures)
-        single.append(best)
-    return single
+        best = max((_fit(_contact(given, postures), given) for postures in more), key=_WEIGHT)
+        found.append(best)
+    return found
 
 
 def _fit(model: _Model, given: Whitened) -> Cause:
@@ -291,7 +272,6 @@ def _fit(model: _Model, given: Whitened) -> Cause:
     fitted = U[:, seen].T @ given.residual
     gain, q = float(fitted @ fitted), int(seen.sum())
     root = (Vt[seen].T / s[seen]) / size[:, None]
-    left = given.dof - q
     rest = max(given.chi2 - gain, 0.0)
     contact = model.kind == "contact"
     if model.shape is not None:
@@ -304,7 +284,8 @@ def _fit(model: _Model, given: Whitened) -> Cause:
         value=np.zeros(0) if contact else -(root @ fitted),
         std=np.zeros(0) if contact else np.linalg.norm(root, axis=1),
         gain=gain,
+        weight=gain - q * given.worth,
         unknowns=q,
-        p_value=float(chi2_sf(gain, q)) if q else 1.0,
-        remaining_p=float(chi2_sf(rest, left)) if left > 0 else 1.0,
+        p_value=float(chi2_sf(gain, q)),
+        remaining_p=float(chi2_sf(rest, given.dof - q)),
     )

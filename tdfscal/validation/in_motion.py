@@ -15,8 +15,7 @@ import numpy as np
 from tdfscal.checks import log_against_rig
 from tdfscal.model import dynamics
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import nominal, prior_std, with_motions
-from tdfscal.model.zero_motion import ZeroMotion
+from tdfscal.model.parameters import nominal, with_motions
 from tdfscal.motioncal.blocks import Block, Stretch
 from tdfscal.motioncal.checks import gaps, usable_samples
 from tdfscal.motioncal.contact import without_contacts
@@ -33,12 +32,11 @@ from tdfscal.motioncal.residual import ResidualWrench, residual_wrench
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import spectrum
-from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
+from tdfscal.numerics.least_squares import block_diagonal, spectrum
+from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.validation import causes
-from tdfscal.validation.residual_wrench import detectable_turns
 from tdfscal.validation.verdict import Verdict
-from tdfscal.validation.whitening import Whitened, whiten
+from tdfscal.validation.whitening import Whitened, calibration_error, whiten
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,12 +78,9 @@ def validate_moving(
     fit, usable = without_contacts(noise_of(usable.blocks), usable, lambda cut, last: noise_of(cut))
     white = _whitened(given, fit, MovingPriors(rig, slow, delay))
     found = causes.causes(white)
-    p_value = float(chi2_sf(white.chi2, white.dof)) if white.dof > 0 else 1.0
+    p_value = float(chi2_sf(white.chi2, white.dof))
     turned = log_against_rig.turned(rig, slow.position[usable.keep][::_EVERY])
-    left_out = [
-        f"{s.begin:.2f} to {s.end:.2f} s of the log were left out: {s.reason}"
-        for s in usable.rejected
-    ]
+    left_out = [stretch.text for stretch in usable.rejected]
     return MovingValidation(
         rig=rig,
         begin=float(slow.time[0]),
@@ -94,12 +89,10 @@ def validate_moving(
         residual=residual_wrench(
             rig, slow, fit.blocks, nominal(rig), start.still, fit.state.moving
         ),
-        chi2=white.chi2,
-        dof=white.dof,
+        white=white,
         p_value=p_value,
         search_p=min(1.0, found.tried * min(cause.p_value for cause in found.best)),
         causes=found,
-        detectable=detectable_turns(causes.turn_information(white), found.tried),
         warnings=(*gaps(slow), *left_out, *([turned] if turned else [])),
     )
 
@@ -145,7 +138,6 @@ def _best(fit: MovingFit) -> MovingFit:
 
 def _whitened(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Whitened:
     """The residual at the calibration along all that the model knows, white as a whole."""
-    rig, slow = priors.rig, priors.slow
     state = MovingState(with_motions(given.state, priors.motions), fit.state.moving)
     at = at_state(priors, fit.blocks, state, fit.noise)
     slope = at.rows.design @ at.slope_at(state)
@@ -153,16 +145,18 @@ def _whitened(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Whiten
     columns = np.concatenate([at.residual[:, None], slope, turns], axis=1)
     real = at.rows.weighted(columns, fit.noise.variance(at.rows.bins))
     r, J = real[:, 0], real[:, 1:]
-    drift = drifting(rig, slow)
-    width = np.concatenate([prior_std(rig, drift), priors.std, np.ones(at.rests)])
+    width = np.concatenate([priors.still.full_std, priors.std, np.ones(at.rests)])
     U, seen, _ = np.linalg.svd(J * np.where(np.isfinite(width), width, 1.0), full_matrices=False)
     U = U[:, seen > _SEEN]
     r, J = U.T @ r, U.T @ J
     own = np.linalg.cholesky(np.eye(len(r)) + _by_spectrum(fit, J))
     r, J = np.linalg.solve(own, r), np.linalg.solve(own, J)
-    root, unknown = _known(given, rig, drift, at.rests)
+    root, unknown = calibration_error(given, drifting(priors.rig, priors.slow))
+    # Inertia, friction and delay are no part of what is tested.
+    root = block_diagonal(root, np.zeros((dynamics.PARAMETERS, 0)), np.eye(at.rests))
+    moving = np.arange(dynamics.PARAMETERS + at.rests) < dynamics.PARAMETERS
     nothing = np.zeros((0, 6, 6))
-    return whiten(r, J, nothing, root, unknown, len(r), rig.n)
+    return whiten(r, J, nothing, root, np.append(unknown, moving), len(r), priors.rig.n)
 
 
 def _by_spectrum(fit: MovingFit, J: FloatArray) -> FloatArray:
@@ -170,24 +164,3 @@ def _by_spectrum(fit: MovingFit, J: FloatArray) -> FloatArray:
     _, added = posterior(fit, fit.information())
     columns = J[:, np.concatenate([fit.active, np.ones(fit.rests, dtype=np.bool_)])]
     return np.asarray(columns @ added @ columns.T)
-
-
-def _known(
-    given: Calibrated, rig: Rig, drift: ZeroMotion | None, rests: int
-) -> tuple[FloatArray, BoolArray]:
-    """Root (P + 3nG + 8 + rests, r) of the covariance of all, and what of it is unknown.
-
-    The calibration knows the static ones; how zeros move belongs to each log, and so does the
-    motion: its inertia, friction and delay are no part of what is tested.
-    """
-    std = prior_std(rig, drift)[len(given.open) :]
-    rows, columns = given.root.shape
-    still = rows + len(std)
-    root = np.zeros((still + dynamics.PARAMETERS + rests, columns + len(std) + rests))
-    root[:rows, :columns] = given.root
-    own = columns + len(std)
-    root[rows:still, columns:own] = np.diag(np.where(np.isfinite(std), std, 0.0))
-    root[still + dynamics.PARAMETERS :, own:] = np.eye(rests)
-    moving = np.ones(dynamics.PARAMETERS, dtype=np.bool_)
-    unknown = np.concatenate([given.open, np.isinf(std), moving, np.zeros(rests, dtype=np.bool_)])
-    return root, unknown

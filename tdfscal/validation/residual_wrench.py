@@ -9,26 +9,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
 
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import nominal, prior_std, with_motions
+from tdfscal.model.parameters import nominal, with_motions
 from tdfscal.model.statics import Postures, balance, features_jacobian, postures
 from tdfscal.model.zero_motion import ZeroAge
-from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, Rig
-from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
+from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.validation import causes
 from tdfscal.validation.causes import NOISE, Causes
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.verdict import Verdict
-from tdfscal.validation.whitening import Whitened, whiten
-from tdfscal.wrench.contact_wrench import contact_wrench, to_lcs
-
-#: Share of an unmeasured force below which a component of the wrench does not depend on it.
-_REACHED = 1e-6
+from tdfscal.validation.whitening import Whitened, calibration_error, whiten
+from tdfscal.wrench.contact_wrench import contact_wrench, reached, to_lcs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +33,6 @@ class Validation(Verdict):
     dwells : those found. used : (K,), indices of the dwells in the test. left_out : dwell index →
     reason. nominal, calibrated : (K, 6), residual contact wrench in the LCS about its origin, N
     and N·m, without and with the calibration; std : (K, 6), its predicted standard uncertainty.
-    chi2 and dof are those of all calibrated wrenches together.
     """
 
     dwells: Dwells
@@ -83,8 +77,7 @@ def validate(
             f"no dwell can be used: {next(iter(screened.reasons.values()))}", where="log forces"
         )
     observed, warnings = _with_noise(postures(rig, dwells, age).subset(used), noise)
-    seen = _see(given, known.scaled(observed))
-    white = seen.white
+    before, after, std, white = _residuals(given, known.scaled(observed))
     found = causes.causes(white)
     p_value, search_p = _chances(white, found, known)
     turned = log_against_rig.turned(rig, dwells.position)
@@ -93,15 +86,13 @@ def validate(
         dwells=dwells,
         used=used,
         left_out=screened.reasons,
-        nominal=seen.nominal,
-        calibrated=seen.calibrated,
-        std=seen.std,
-        chi2=white.chi2,
-        dof=white.dof,
+        nominal=before,
+        calibrated=after,
+        std=std,
+        white=white,
         p_value=p_value,
         search_p=search_p,
         causes=found,
-        detectable=detectable_turns(causes.turn_information(white), found.tried),
         warnings=(*dwells.warnings, *warnings, *known.words, *([turned] if turned else [])),
     )
 
@@ -138,67 +129,30 @@ def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tupl
     return replace(observed, force_cov=cov), (text,)
 
 
-@dataclass(frozen=True, slots=True)
-class _Seen:
+def _residuals(
+    given: Calibrated, observed: Postures
+) -> tuple[FloatArray, FloatArray, FloatArray, Whitened]:
     """Wrenches without and with the calibration and the latter's std, (K, 6), and whitened."""
-
-    nominal: FloatArray
-    calibrated: FloatArray
-    std: FloatArray
-    white: Whitened
-
-
-def _see(given: Calibrated, observed: Postures) -> _Seen:
     rig, state = given.rig, with_motions(given.state, observed.motions)
     at = balance(observed, state, state.barycentre, rig.gravity)
     T = to_lcs(at)
     J = T @ (at.design @ features_jacobian(state, at, rig.gravity))
-    plain, calibrated = (
+    before, after = (
         contact_wrench(s, rig.gravity, at.rotation, at.seen.force) for s in (nominal(rig), state)
     )
-    root, unknown = _with_motion(given, observed)
+    root, unknown = calibration_error(given, observed.motion)
     half = J @ root
     total = T @ at.cov @ np.swapaxes(T, 1, 2) + half @ np.swapaxes(half, 1, 2)
     std = np.sqrt(np.diagonal(total, axis1=1, axis2=2))
-    if not observed.measured.all():
-        reach = np.linalg.norm(T @ at.free, axis=2)
-        std = np.where(reach > _REACHED * reach.max(axis=1, keepdims=True), np.inf, std)
+    std = np.where(reached(T @ at.free), np.inf, std)
     own = at.whitener @ np.linalg.inv(T)
-    return _Seen(
-        nominal=plain,
-        calibrated=calibrated,
-        std=std,
-        white=whiten(
-            (own @ calibrated[..., None]).ravel(),
-            (own @ J).reshape(-1, J.shape[2]),
-            own,
-            root,
-            unknown,
-            int(at.rows.sum()),
-            rig.n,
-        ),
+    white = whiten(
+        (own @ after[..., None]).ravel(),
+        (own @ J).reshape(-1, J.shape[2]),
+        own,
+        root,
+        unknown,
+        int(at.rows.sum()),
+        rig.n,
     )
-
-
-def _with_motion(given: Calibrated, observed: Postures) -> tuple[FloatArray, BoolArray]:
-    """Root (P + 3nG, r) of all parameters' covariance, and which of them are unknown.
-
-    How zeros move belongs to each log alone, so its amplitudes come with their prior.
-    """
-    if observed.motion is None:
-        return given.root, given.open
-    std = prior_std(given.rig, observed.motion)[len(given.open) :]
-    finite = np.diag(np.where(np.isfinite(std), std, 0.0))
-    root = np.zeros((len(given.open) + len(std), given.root.shape[1] + len(std)))
-    root[: len(given.open), : given.root.shape[1]] = given.root
-    root[len(given.open) :, given.root.shape[1] :] = finite
-    return root, np.concatenate([given.open, np.isinf(std)])
-
-
-def detectable_turns(information: FloatArray, tried: int) -> FloatArray:
-    """Smallest turns (n, 3), rad, that the search finds with probability DETECTION_POWER."""
-    threshold = special.chdtri(3, VALIDATION_ALARM / 2 / tried)
-    offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))
-    seen = np.diagonal(information, axis1=1, axis2=2)
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.sqrt(offset / seen))
+    return before, after, std, white

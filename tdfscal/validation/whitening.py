@@ -6,6 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.parameters import prior_std
+from tdfscal.model.zero_motion import ZeroMotion
+from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import BoolArray, FloatArray
 
 
@@ -42,6 +46,11 @@ class Whitened:
     def dof(self) -> int:
         """Its degrees of freedom."""
         return int(self.rows - self.free.shape[1])
+
+    @property
+    def worth(self) -> float:
+        """What one unknown has to lower χ² by (Schwarz)."""
+        return float(np.log(max(self.rows, 2)))
 
     def white(self, columns: FloatArray) -> FloatArray:
         """Columns (6K, c), whitened posture by posture already, made white altogether."""
@@ -87,6 +96,16 @@ def whiten(
         residual=known.white(residual[:, None])[:, 0],
         columns=known.white(columns),
     )
+
+
+def calibration_error(given: Calibrated, motion: ZeroMotion | None) -> tuple[FloatArray, BoolArray]:
+    """Root (P + 3nG, r) of the covariance of a calibration's error, and what of it is unknown.
+
+    motion : of the zeros in this log, to which it belongs alone: its amplitudes have their prior.
+    """
+    std = prior_std(given.rig, motion)[len(given.open) :]
+    amplitudes = np.diag(np.where(np.isfinite(std), std, 0.0))
+    return block_diagonal(given.root, amplitudes), np.concatenate([given.open, np.isinf(std)])
 
 
 def basis(columns: FloatArray) -> FloatArray:
