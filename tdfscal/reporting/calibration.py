@@ -10,15 +10,24 @@ import numpy as np
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.log_time import clock
+from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.records import ANGLES
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.exact_quantities import exact_claim, exact_tables
 from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import METHODS, probability, utc
-from tdfscal.reporting.traceability import campaign, overdue, provenance
+from tdfscal.reporting.phrases import (
+    METHODS,
+    WRENCH,
+    chi_squared,
+    not_shown,
+    postures,
+    probability,
+    rms_table,
+    stretches,
+    utc,
+)
+from tdfscal.reporting.traceability import campaign, exact_claim, exact_tables, overdue, provenance
 
 _ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
-RESIDUAL_HEADER = ("", "rms before", "rms after", "largest before", "largest after")
 
 
 def calibration_report(
@@ -28,21 +37,20 @@ def calibration_report(
     names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
     # What was achieved, which the text's table shows, and the largest error that it does not count.
     claims = (_claim(c) if drawings else "", exact_claim(c))
-    proof, rejected = _residual_wrench(c), _rejected(c)
+    rejected = postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
+    left_out = stretches(c.motion.rejected) if c.motion is not None else ()
     sections = illustrated(
         drawings,
         {
             "angles": (_angles(c),),
             "methods": (),
-            "residuals": (proof,) if proof else (),
+            "residuals": _residual_wrench(c),
             "components": (),
             "budget": (),
             "timeline": (Items("Rejected postures", rejected),) if rejected else (),
             "observability": (),
             "rig": _adjusted(c),
-            "residual-over-time": (Items("Stretches left out", _left_out(c)),)
-            if _left_out(c)
-            else (),
+            "residual-over-time": (Items("Stretches left out", left_out),) if left_out else (),
             "spectrum": (),
         },
     )
@@ -62,86 +70,60 @@ def calibration_report(
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),
             provenance(c),
-            *_absent(c, {drawing.name for drawing in drawings}),
+            *not_shown(_absent(c, {drawing.name for drawing in drawings})),
         ),
         warnings=(*overdue(c), *c.warnings),
         advice=advise(c),
         created=utc(c.created),
-    )  # fmt: skip
+    )
 
 
 def _angles(c: Calibration) -> Table:
     """Every angle in mrad; its turn from the nominal mounting where that is not zero."""
-    turned = any(any(support.nominal_rpy) for support in c.rig.supports)
-    rows = []
     nominal = {stated.name: stated.nominal_rpy for stated in c.rig.supports}
+    turned = any(map(any, nominal.values()))
+    header = ["sensor", "angle", "value", "std. unc.", "95 % interval", "dominant source"]
+    rows = []
     for i, support in enumerate(c.mounted):
-        low, high = support.interval.low, support.interval.high
-        for j, angle in enumerate(ANGLES):
-            turn = math.remainder(support.rpy[j] - nominal[support.name][j], math.tau)
-            rows.append(
-                (
-                    support.name,
-                    angle,
-                    f"{1e3 * support.rpy[j]:.3f}",
-                    *([f"{1e3 * turn:+.3f}"] if turned else []),
-                    f"{1e3 * support.rpy_std[j]:.3f}",
-                    f"{1e3 * low[j]:.3f} to {1e3 * high[j]:.3f}",
-                    _dominant(c, 3 * i + j),
-                )
-            )
-    for name in c.undetermined:
-        cells = 6 if turned else 5
-        rows.append((name, "undetermined", *[""] * (cells - 1)))
+        each = zip(ANGLES, support.rpy, support.rpy_std, support.interval.low,
+                   support.interval.high, nominal[support.name], strict=True)  # fmt: skip
+        for j, (angle, value, std, low, high, zero) in enumerate(each):
+            row = [support.name, angle, f"{1e3 * value:.3f}", f"{1e3 * std:.3f}",
+                   f"{1e3 * low:.3f} to {1e3 * high:.3f}", _dominant(c, 3 * i + j)]  # fmt: skip
+            if turned:
+                row.insert(3, f"{1e3 * math.remainder(value - zero, math.tau):+.3f}")
+            rows.append(tuple(row))
+    if turned:
+        header.insert(3, "turn")
+    rows += [(name, "undetermined", *[""] * (len(header) - 2)) for name in c.undetermined]
     beside = ", and their turn from the nominal mounting" if turned else ""
-    return Table(
-        f"Installation angles in the BCS{beside}, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
-        ("sensor", "angle", "value", *(["turn"] if turned else []), "std. unc.", "95 % interval",
-         "dominant source"),
-        tuple(rows),
-        left=2,
-    )  # fmt: skip
+    caption = f"Installation angles in the BCS{beside}, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
+    return Table(caption, tuple(header), tuple(rows), left=2)
 
 
 def _dominant(c: Calibration, row: int) -> str:
     """The largest contribution to an angle's variance and its share."""
     if c.budget is None or len(c.budget.sources) < 2:
         return ""
-    variance = c.budget.angles[row].variance
-    name = max(variance, key=lambda source: variance[source])
-    total = sum(variance.values())
-    return f"{name} {variance[name] / total:.0%}" if total > 0 else ""
+    share = c.budget.shares[row]
+    largest = int(share.argmax())
+    return f"{c.budget.sources[largest]} {share[largest]:.0%}" if share[largest] > 0 else ""
 
 
-def _residual_wrench(c: Calibration) -> Table | None:
-    if c.validation is None:
-        return None
-    rows = tuple(
-        (name, *(f"{value:.3g} {unit}" for value in
-                 (w.rms_before, w.rms_after, w.max_before, w.max_after)))
-        for name, unit, w in (
-            ("force", "N", c.validation.force), ("moment", "N·m", c.validation.moment))
-    )  # fmt: skip
-    held_out, point = "leave-one-out postures", "the LCS origin"
+def _residual(c: Calibration) -> dict[str, ResidualWrench]:
+    v = c.validation
+    return {} if v is None else {"force": v.force, "moment": v.moment}
+
+
+def _residual_wrench(c: Calibration) -> tuple[Table, ...]:
+    sizes = {
+        name: (w.rms_before, w.rms_after, w.max_before, w.max_after)
+        for name, w in _residual(c).items()
+    }
+    where = "leave-one-out postures, about the LCS origin"
     if c.motion is not None:
-        held_out, point = "stretches of the motion held out in turn", "the barycentre"
-    caption = f"Residual contact wrench, {held_out}, about {point}"
-    return Table(caption, RESIDUAL_HEADER, rows)
-
-
-def _rejected(c: Calibration) -> tuple[str, ...]:
-    time = clock(c)
-    sentences = []
-    for r in c.fit.rejected if c.fit is not None else ():
-        dated = r.start is not None and r.end is not None
-        when = f" ({time.stretch(r.start or 0.0, r.end or 0.0)})" if dated else ""
-        sentences.append(f"posture {r.index + 1}{when}: {r.reason}")
-    return tuple(sentences)
-
-
-def _left_out(c: Calibration) -> tuple[str, ...]:
-    stretches = c.motion.rejected if c.motion is not None else ()
-    return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {s.reason}" for s in stretches)
+        where = "stretches of the motion held out in turn, about the barycentre"
+    return (rms_table(sizes, where),) if sizes else ()
 
 
 def _zero(value: float | None, std: float | None) -> str:
@@ -154,9 +136,7 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
     """Zeros, mass and barycentre as estimated; the tracker sees none of them."""
     if c.method == "tracker":
         return ()
-    zeros = tuple(
-        (support.name, *map(_zero, support.zero, support.zero_std)) for support in c.supports
-    )
+    zeros = tuple((s.name, *map(_zero, s.zero, s.zero_std)) for s in c.supports)
     mass, bary = c.terminal.mass, c.terminal.barycenter
     terminal = [("mass, kg", f"{mass.value:.3f}", _std(mass.std, 3))]
     terminal += [
@@ -188,30 +168,22 @@ def _claim(c: Calibration) -> str:
 
 def _tiles(c: Calibration) -> tuple[Row, ...]:
     limits = c.rig.acceptance
-    tiles = [
-        (
-            "weakest angle",
-            f"{1e3 * c.rpy_std[c.determined].max():.2g} mrad",
-            f"limit {1e3 * limits.angle_std:.2g} mrad",
-        )
-    ]
-    if c.validation is not None:
-        tiles += [
-            (f"residual contact {name}", f"{w.rms_after:.2g} {unit}",
-             f"before {w.rms_before:.3g} {unit}")
-            for name, unit, w in (
-                ("force", "N", c.validation.force), ("moment", "N·m", c.validation.moment))
-        ]  # fmt: skip
+    worst = f"{1e3 * c.rpy_std[c.determined].max():.2g} mrad"
+    tiles = [("weakest angle", worst, f"limit {1e3 * limits.angle_std:.2g} mrad")]
+    for name, w in _residual(c).items():
+        unit = WRENCH[name]
+        before = f"before {w.rms_before:.3g} {unit}"
+        tiles.append((f"residual contact {name}", f"{w.rms_after:.2g} {unit}", before))
     birge = c.tracker.get("birge") if c.tracker is not None else None
     if c.motion is not None:
         tiles.append(("in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"))
-    if c.fit is not None:
-        birge = c.fit.birge
-    if c.fit is not None and c.motion is None:
+    elif c.fit is not None:
         total = c.fit.postures + len(c.fit.rejected)
         tiles.append(("postures", f"{c.fit.postures} of {total}", "in the fit"))
     elif c.tracker is not None and isinstance(birge, float):
         tiles.append(("points", f"{c.tracker.get('points')}", "of the survey"))
+    if c.fit is not None:
+        birge = c.fit.birge
     if isinstance(birge, float):
         tiles.append(("Birge ratio", f"{birge:.2f}", f"limit {limits.birge_max:.2g}"))
     return tuple(tiles)
@@ -227,11 +199,11 @@ def _statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
         facts += _motion(c.motion) if c.motion is not None else []
         facts += [
             ("Residuals", f"force {f.rms_force:.2g} N, moment {f.rms_moment:.2g} N·m (rms)"),
-            ("Fit", _chi2(f.chi2, f.dof, f.p_value)),
+            ("Fit", chi_squared(f.chi2, f.dof, f.p_value)),
         ]
     if c.tracker is not None:
         t = {name: float(str(c.tracker[name])) for name in ("chi2", "dof", "p_value")}
-        facts.append(("Survey", _chi2(t["chi2"], int(t["dof"]), t["p_value"])))
+        facts.append(("Survey", chi_squared(t["chi2"], int(t["dof"]), t["p_value"])))
     if c.observability is not None:
         alone = "by the log alone, " if c.method == "joint" else ""
         facts.append(("Observability", alone + c.observability.verdict))
@@ -264,11 +236,7 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
     ]
 
 
-def _chi2(chi2: float, dof: int, p: float) -> str:
-    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, p = {probability(p)}"
-
-
-def _absent(c: Calibration, drawn: set[str]) -> tuple[Section, ...]:
+def _absent(c: Calibration, drawn: set[str]) -> list[str]:
     """What a page does not show, and why."""
     notes = []
     if c.method == "tracker":
@@ -292,6 +260,4 @@ def _absent(c: Calibration, drawn: set[str]) -> tuple[Section, ...]:
         )
     if "survey" not in drawn and c.method != "self":
         notes.append("This file holds no residuals of single points; calibrate again to have them.")
-    if not notes:
-        return ()
-    return (Section("What this page does not show", (Items("", tuple(notes)),), page_only=True),)
+    return notes

@@ -4,52 +4,42 @@ from __future__ import annotations
 
 from typing import Any
 
-from tdfscal.reporting.layout import Report, Section, Table
+from tdfscal.reporting.layout import Block, Report, Section, Table
 from tdfscal.wrench.contact_wrench import COMPONENTS
-
-
-def summary_report(summary: dict[str, Any]) -> Report:
-    """Size of the wrench over all samples, with and without the calibration."""
-    way = "quasi-static" if summary["quasi_static"] else "with inertia"
-    rows = tuple(
-        (
-            name,
-            "N" if name.startswith("f") else "N·m",
-            _number(summary["rms"][name], ".3g"),
-            _number(summary["rms_uncalibrated"][name], ".3g"),
-            _number(summary["std"][name], ".2g"),
-            _number(summary["std_calibration"][name], ".2g"),
-        )
-        for name in COMPONENTS
-    )
-    table = Table(
-        "", ("", "", "rms", "rms uncalibrated", "std. unc.", "of it calibration"), rows, left=2
-    )
-    largest = summary["largest"]
-    point = summary["about"]
-    place = f"({', '.join(f'{x:g}' for x in point)}) m" if any(point) else "its origin"
-    return Report(
-        f"Contact wrench of {summary['rows']} samples",
-        f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {place}",
-        claim=_filter(summary["filter"]),
-        sections=(
-            Section(
-                "",
-                (
-                    table,
-                    _noise(summary["noise"]),
-                    *_zeros(summary["zeros"]),
-                    f"largest: force {largest['force']:.3g} N, torque {largest['torque']:.3g} N·m",
-                ),
-            ),
-        ),
-    )
-
 
 #: Units of time, s, from where they are used.
 _UNITS = ((86400.0, "days"), (3600.0, "h"), (60.0, "min"))
 #: Share of the noise from which on a filter is said to do nothing.
 _IDLE = 0.95
+
+
+def summary_report(summary: dict[str, Any]) -> Report:
+    """Size of the wrench over all samples, with and without the calibration."""
+    columns = {"rms": ".3g", "rms_uncalibrated": ".3g", "std": ".2g", "std_calibration": ".2g"}
+    rows = tuple(
+        (
+            name,
+            "N" if name.startswith("f") else "N·m",
+            *(_number(summary[column][name], form) for column, form in columns.items()),
+        )
+        for name in COMPONENTS
+    )
+    header = ("", "", "rms", "rms uncalibrated", "std. unc.", "of it calibration")
+    largest, point = summary["largest"], summary["about"]
+    blocks: tuple[Block, ...] = (
+        Table("", header, rows, left=2),
+        _noise(summary["noise"]),
+        *_zeros(summary["zeros"]),
+        f"largest: force {largest['force']:.3g} N, torque {largest['torque']:.3g} N·m",
+    )
+    way = "quasi-static" if summary["quasi_static"] else "with inertia"
+    place = f"({', '.join(f'{x:g}' for x in point)}) m" if any(point) else "its origin"
+    return Report(
+        f"Contact wrench of {summary['rows']} samples",
+        f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {place}",
+        claim=_filter(summary["filter"]),
+        sections=(Section("", blocks),),
+    )
 
 
 def _filter(f: dict[str, Any] | None) -> str:

@@ -10,9 +10,9 @@ import numpy as np
 
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
-from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.history import date_of
-from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, illustrated
+from tdfscal.reporting.figures.style import signed
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, illustrated
 from tdfscal.reporting.phrases import probability
 from tdfscal.significance import COVERAGE_FACTOR
 
@@ -50,7 +50,7 @@ def sentence(life: Life, alarm: Alarm) -> str:
         )
     size = 1e3 * float(np.linalg.norm(alarm.turn))
     name = life.supports[alarm.sensor]
-    axis = ", ".join(f"{1e3 * part:+.2f}" for part in alarm.turn).replace("-", "−")
+    axis = ", ".join(signed(1e3 * part, "+.2f") for part in alarm.turn)
     if alarm.kind == "creep":
         return (
             f"{name} creeps by {size:.2g} mrad a month since about {since}, about the BCS axes "
@@ -85,14 +85,10 @@ def history_report(
 
 
 def _facts(life: Life, alarms: tuple[Alarm, ...]) -> tuple[tuple[str, str], ...]:
+    older = f" of {len(life.alarms)} in the history" if len(alarms) < len(life.alarms) else ""
     rows = [
         ("checks", f"{len(life.names)} in {life.month[-1] - life.month[0]:.1f} months"),
-        (
-            "alarms",
-            f"{len(alarms)} of {len(life.alarms)} in the history"
-            if len(alarms) < len(life.alarms)
-            else str(len(alarms)),
-        ),
+        ("alarms", f"{len(alarms)}{older}"),
         ("false alarms", f"at most {life.rate:.2g} a year where nothing changes"),
         ("random walk", _walk(life)),
         ("next calibration", _due(life)),
@@ -128,24 +124,17 @@ def day_or_far(month: float) -> str:
 
 
 def _angles(life: Life) -> Table:
-    k = COVERAGE_FACTOR
-    rows = tuple(
-        (
-            name,
-            ANGLES[j],
-            f"{1e3 * life.path[-1, i, j]:.3f} ± {1e3 * k * life.path_std[-1, i, j]:.3f}",
-            f"{1e3 * (life.path[-1, i, j] - life.path[0, i, j]):+.3f}".replace("-", "−"),
-        )
-        for i, name in enumerate(life.supports)
-        if life.known[i]
-        for j in range(3)
+    seen = np.flatnonzero(life.known)
+    now, half = 1e3 * life.path[-1, seen], 1e3 * COVERAGE_FACTOR * life.path_std[-1, seen]
+    change = now - 1e3 * life.path[0, seen]
+    rows = by_angle(
+        [life.supports[i] for i in seen],
+        lambda i, j: (f"{now[i, j]:.3f} ± {half[i, j]:.3f}", signed(change[i, j], "+.3f")),
     )
-    rows += tuple(
-        (name, "undetermined", "", "")
-        for name, known in zip(life.supports, life.known, strict=True)
-        if not known
-    )
-    caption = f"Smoothed angles at the last check, mrad; expanded uncertainty, k = {k:g}"
+    unseen = (life.supports[i] for i in np.flatnonzero(~life.known))
+    rows += tuple((name, "undetermined", "", "") for name in unseen)
+    k = f"k = {COVERAGE_FACTOR:g}"
+    caption = f"Smoothed angles at the last check, mrad; expanded uncertainty, {k}"
     return Table(caption, ("sensor", "angle", "now", "since the first"), rows, left=2)
 
 
@@ -153,19 +142,13 @@ def _checks(life: Life) -> Table:
     rows = []
     for k, name in enumerate(short(life.names)):
         worst = int(np.argmin(life.smallest[k]))
-        rows.append(
-            (
-                day(life.month[k]),
-                name,
-                life.supports[worst] if k else "",
-                probability(float(life.smallest[k, worst])) if k else "",
-                "; ".join(
-                    f"{a.kind} {life.supports[a.sensor] if a.sensor is not None else 'all'}"
-                    for a in life.alarms
-                    if a.raised == k
-                ),
-            )
-        )
+        least = (life.supports[worst], probability(float(life.smallest[k, worst])))
+        raised = [
+            f"{a.kind} {'all' if a.sensor is None else life.supports[a.sensor]}"
+            for a in life.alarms
+            if a.raised == k
+        ]
+        rows.append((day(life.month[k]), name, *(least if k else ("", "")), "; ".join(raised)))
     header = ("date", "check", "most surprising", "p", "alarm")
     return Table("Every check; p of its least probable test", header, tuple(rows), left=3)
 

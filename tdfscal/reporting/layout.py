@@ -6,11 +6,12 @@ nothing of their own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, cast
 
 from tdfscal.errors import visible
+from tdfscal.records import ANGLES
 from tdfscal.reporting.figures.drawing import Drawing as Drawing
 
 Row = tuple[str, ...]
@@ -105,6 +106,15 @@ class Report:
                 yield Items(caption, items).brief()
 
 
+def by_angle(names: Iterable[str], cells: Callable[[int, int], Iterable[str]]) -> tuple[Row, ...]:
+    """Rows of a sensor's and an angle's name with the cells of this sensor and angle."""
+    return tuple(
+        (name, angle, *cells(i, j))
+        for i, name in enumerate(names)
+        for j, angle in enumerate(ANGLES)
+    )
+
+
 def legible(report: Report) -> Report:
     """The same with every character that does not print as a visible escape.
 
@@ -125,7 +135,7 @@ def _mapped(part: object) -> object:
 
 
 def illustrated(
-    drawings: tuple[Drawing, ...], blocks: dict[str, tuple[Block, ...]]
+    drawings: tuple[Drawing, ...], blocks: Mapping[str, tuple[Block, ...]]
 ) -> list[Section]:
     """Sections of figures with the blocks beside them, by the figure's name; blocks may be alone.
 

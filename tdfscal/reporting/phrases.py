@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
-from tdfscal.files.calibration.parts import Input
+from tdfscal.files.calibration.log_time import Clock
+from tdfscal.files.calibration.motion import LeftOutStretch
+from tdfscal.files.calibration.parts import Input, RejectedPosture
+from tdfscal.motioncal.contact import Stretch
 from tdfscal.records import InputFile
-from tdfscal.reporting.layout import Table
+from tdfscal.reporting.layout import Items, Section, Table
 
 METHODS = {
     "self": "self-calibration",
     "tracker": "laser-tracker calibration",
     "joint": "joint calibration, self and tracker",
 }
+
+#: Parts of a wrench with their units.
+WRENCH = {"force": "N", "moment": "N·m"}
 
 
 def inputs_table(inputs: Iterable[Input | InputFile], caption: str = "Input files") -> Table:
@@ -23,6 +29,41 @@ def inputs_table(inputs: Iterable[Input | InputFile], caption: str = "Input file
 
 def _stated(file: Input | InputFile) -> str:
     return file.integrity if file.note is None else f"{file.integrity}; {file.note}"
+
+
+def rms_table(sizes: Mapping[str, Sequence[float]], where: str) -> Table:
+    """Residual of each part of the wrench: rms before and after, largest before and after."""
+    rows = tuple(
+        (name, *(f"{size:.3g} {unit}" for size in sizes[name])) for name, unit in WRENCH.items()
+    )
+    header = ("", "rms before", "rms after", "largest before", "largest after")
+    return Table(f"Residual contact wrench, {where}", header, rows)
+
+
+def stretches(left_out: Iterable[Stretch | LeftOutStretch]) -> tuple[str, ...]:
+    """Stretches of a motion with why each was left out."""
+    return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {s.reason}" for s in left_out)
+
+
+def postures(rejected: Iterable[RejectedPosture], clock: Clock) -> tuple[str, ...]:
+    """Rejected postures with when and why."""
+    found = []
+    for r in rejected:
+        dated = r.start is not None and r.end is not None
+        when = f" ({clock.stretch(r.start or 0.0, r.end or 0.0)})" if dated else ""
+        found.append(f"posture {r.index + 1}{when}: {r.reason}")
+    return tuple(found)
+
+
+def not_shown(notes: Sequence[str]) -> tuple[Section, ...]:
+    """What a page does not show, and why."""
+    said = (Items("", tuple(notes)),)
+    return (Section("What this page does not show", said, page_only=True),) if notes else ()
+
+
+def chi_squared(chi2: float, dof: int, p: float) -> str:
+    """A test in words."""
+    return f"χ² = {chi2:.4g} for {dof} degrees of freedom, p = {probability(p)}"
 
 
 def probability(p: float) -> str:

@@ -15,29 +15,32 @@ from tdfscal.reporting.layout import Block, Report, Section, Table
 def plan_report(plan: Plan) -> Report:
     """Lay out what to drive, and what to expect of it."""
     limits, request, expected = plan.request.limits, plan.request, plan.expected
-    more = f", on top of {plan.given} postures recorded before" if plan.given else ""
     blocks: list[Block] = [_angles(plan.rig, expected.rpy_std)]
     if expected.contact_force is not None and expected.contact_torque is not None:
         at = ", ".join(f"{v:g}" for v in request.at or plan.rig.acceptance.contact_rpy)
-        rows = tuple(
-            (name, *(f"{v:.3f}" for v in values))
-            for name, values in (
-                ("force, N", expected.contact_force),
-                ("torque, N·m", expected.contact_torque),
-            )
+        force, torque = (
+            tuple(f"{v:.3f}" for v in std)
+            for std in (expected.contact_force, expected.contact_torque)
         )
         caption = f"… and of the contact wrench at roll, pitch, yaw {at} rad"
+        rows = (("force, N", *force), ("torque, N·m", *torque))
         blocks.append(Table(caption, ("", "x", "y", "z"), rows))
+    before = "" if plan.before is None else f"; before the plan {1e3 * plan.before.mean:.3g} mrad"
+    what = "contact wrench" if request.objective == "wrench" else "angles"
     reach = np.max(np.abs(plan.position - plan.position.mean(axis=0)), axis=(0, 1))
     blocks.append(
-        f"{_comparison(plan)}. Travel used about the middle: ±{reach[0]:.3f}, ±{reach[1]:.3f}, "
-        f"±{reach[2]:.3f} m along x, y, z; way of the slowest axis {plan.tour:.2f} m."
+        f"Mean {1e3 * expected.mean:.3g} mrad; {len(plan)} random postures within the same limits "
+        f"{1e3 * plan.random.mean:.3g} mrad{before}; for the {what} the plan is "
+        f"{plan.improvement:.2f} times better. Travel used about the middle: ±{reach[0]:.3f}, "
+        f"±{reach[1]:.3f}, ±{reach[2]:.3f} m along x, y, z; way of the slowest axis "
+        f"{plan.tour:.2f} m."
     )
+    more = f", on top of {plan.given} postures recorded before" if plan.given else ""
+    again = {0: "never", 1: "once"}.get(len(plan.returns), f"{len(plan.returns)} times")
     return Report(
         title=f"Plan for {plan.rig.name}: {len(plan)} postures{more}",
-        subtitle=f"{_times(len(plan.returns))} the first again, tilt up to "
-        f"{np.rad2deg(limits.tilt):g}°, squeeze up to {limits.squeeze:g} N, {request.noise:g} N "
-        "noise per axis and posture",
+        subtitle=f"{again} the first again, tilt up to {np.rad2deg(limits.tilt):g}°, squeeze up to "
+        f"{limits.squeeze:g} N, {request.noise:g} N noise per axis and posture",
         sections=(Section("What to expect", tuple(blocks)),),
     )
 
@@ -49,22 +52,6 @@ def _angles(rig: Rig, std: FloatArray) -> Table:
     )
     caption = "Standard uncertainty to expect of the installation angles, mrad"
     return Table(caption, ("sensor", *ANGLES), rows)
-
-
-def _times(count: int) -> str:
-    return "never" if count == 0 else "once" if count == 1 else f"{count} times"
-
-
-def _comparison(plan: Plan) -> str:
-    mean, random = (1e3 * f.mean for f in (plan.expected, plan.random))
-    text = (
-        f"Mean {mean:.3g} mrad; {len(plan)} random postures within the same limits "
-        f"{random:.3g} mrad"
-    )
-    if plan.before is not None:
-        text += f"; before the plan {1e3 * plan.before.mean:.3g} mrad"
-    what = "contact wrench" if plan.request.objective == "wrench" else "angles"
-    return f"{text}; for the {what} the plan is {plan.improvement:.2f} times better"
 
 
 def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Facts, Report, Section, Table
+from tdfscal.reporting.phrases import chi_squared
 from tdfscal.trackercal import PointRegistration
 
 CONVENTION = "measured = rotation · reference + translation"
@@ -18,26 +19,23 @@ _ANGLES = "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
 
 def registration_report(r: PointRegistration) -> Report:
     """Lay out the transform with its standard uncertainties, and the residual of each point."""
-    values = [
-        (name, f"{1e3 * value:.6f}", f"{1e3 * std:.6f}", unit)
-        for names, unit, value_of, std_of in (
-            (ANGLES, "mrad", r.rpy, r.rpy_std),
-            (("translation x", "translation y", "translation z"), "mm", r.translation,
-             r.translation_std),
+    values = tuple(
+        (name, f"{1e3 * value:.6f}", f"{1e3 * std:.6f}", "mrad" if name in ANGLES else "mm")
+        for name, value, std in zip(
+            (*ANGLES, "translation x", "translation y", "translation z"),
+            (*r.rpy, *r.translation),
+            (*r.rpy_std, *r.translation_std),
+            strict=True,
         )
-        for name, value, std in zip(names, value_of, std_of, strict=True)
-    ]  # fmt: skip
+    )
     rotation = tuple(tuple(f"{v:+.12f}" for v in row) for row in r.rotation)
     residuals = tuple(
         (name, *(f"{1e3 * v:.4f}" for v in (*d, np.linalg.norm(d))))
         for name, d in zip(r.names, r.residual, strict=True)
     )
+    convention = f"{SCALED if r.scaled else CONVENTION}; {_ANGLES}"
     blocks = (
-        Table(
-            f"{SCALED if r.scaled else CONVENTION}; {_ANGLES}",
-            ("", "value", "std. unc.", "unit"),
-            tuple(values),
-        ),
+        Table(convention, ("", "value", "std. unc.", "unit"), values),
         Table("Rotation, by rows", ("", "", ""), rotation, left=0),
         Table("Residuals, mm", ("point", "x", "y", "z", "length"), residuals),
         Facts(_statistics(r)),
@@ -56,8 +54,7 @@ def _statistics(r: PointRegistration) -> tuple[tuple[str, str], ...]:
         noise = f"{1e3 * r.sigma:.3g} mm per coordinate" if r.sigma is not None else "none"
         first = ("Noise", f"{noise}, from the residuals ({r.dof} degrees of freedom)")
     else:
-        chi2 = f"χ² = {r.chi2:.4g} for {r.dof} degrees of freedom"
-        first = ("Fit", f"{chi2}, p = {r.p_value:.2g}")
+        first = ("Fit", chi_squared(r.chi2, r.dof, r.p_value))
     return first, ("Scale", scale)
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.comparison.compatibility import ANGLES, Comparison, History, compare, compare_pair
+from tdfscal.comparison.compatibility import Comparison, History, compare, compare_pair
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.reporting.layout import Drawing, Facts, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import METHODS, probability, utc
+from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, illustrated
+from tdfscal.reporting.phrases import METHODS, chi_squared, probability, utc
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -159,62 +159,50 @@ def _files(view: Several) -> tuple[tuple[str, str], ...]:
     return tuple(
         (
             mark,
-            f"{name}: {METHODS[c.method].split(',')[0]}, "
-            f"{c.created.replace('T', ' ').replace('Z', '')} UTC, {c.status}, weakest angle "
-            f"{1e3 * c.rpy_std[c.determined].max():.2g} mrad",
+            f"{name}: {METHODS[c.method].split(',')[0]}, {utc(c.created)}, {c.status}, weakest "
+            f"angle {1e3 * c.rpy_std[c.determined].max():.2g} mrad",
         )
         for mark, name, c in zip(view.letters, view.names, view.content, strict=True)
     )
 
 
 def _angles(view: Several) -> Table:
-    h = view.history
-    values, expanded = 1e3 * h.rpy, 1e3 * COVERAGE_FACTOR * h.rpy_std
-    rows = tuple(
-        (
-            name,
-            ANGLES[j],
-            *(f"{values[f, i, j]:.3f} ± {expanded[f, i, j]:.3f}" for f in range(len(view.letters))),
-        )
-        for i, name in enumerate(h.supports)
-        for j in range(3)
+    values, expanded = 1e3 * view.history.rpy, 1e3 * COVERAGE_FACTOR * view.history.rpy_std
+    rows = by_angle(
+        view.history.supports,
+        lambda i, j: (
+            f"{value:.3f} ± {half:.3f}"
+            for value, half in zip(values[:, i, j], expanded[:, i, j], strict=True)
+        ),
     )
     caption = f"Angles in mrad with expanded uncertainty, k = {COVERAGE_FACTOR:g}"
     return Table(caption, ("sensor", "angle", *view.letters), rows, left=2)
 
 
 def _en(h: History) -> Table:
-    columns = [*h.against_first, *h.steps[1:]]
-    rows = [
-        (name, ANGLES[j], *(_marked(float(c.en[i, j])) for c in columns))
-        for i, name in enumerate(h.supports)
-        for j in range(3)
-    ]
-    rows.append(("all", "p(χ²)", *(_short(c.p_value) for c in columns)))
-    header = ("sensor", "angle", *(f"{c.names[0]} − {c.names[1]}" for c in columns))
-    return Table("E_n per angle; ! marks those above 1", header, tuple(rows), left=2)
+    pairs = [*h.against_first, *h.steps[1:]]
+    rows = by_angle(h.supports, lambda i, j: (_marked(float(pair.en[i, j])) for pair in pairs))
+    together = ("all", "p(χ²)", *(probability(pair.p_value) for pair in pairs))
+    header = ("sensor", "angle", *(f"{pair.names[0]} − {pair.names[1]}" for pair in pairs))
+    return Table("E_n per angle; ! marks those above 1", header, (*rows, together), left=2)
 
 
 def comparison_report(c: Comparison) -> Report:
     """Lay out differences, their uncertainties and E_n of one pair."""
-    rows = tuple(
-        (
-            name,
-            ANGLES[j],
+    rows = by_angle(
+        c.supports,
+        lambda i, j: (
             f"{1e3 * c.rpy[i, j]:+.3f}",
             f"{1e3 * COVERAGE_FACTOR * c.rpy_std[i, j]:.3f}",
             f"{c.en[i, j]:.2f}" + (" !" if c.en[i, j] > 1 else "  "),
             f"{1e3 * c.detectable[i, j]:.3f}",
-        )
-        for i, name in enumerate(c.supports)
-        for j in range(3)
+        ),
     )
     header = ("sensor", "angle", "difference", "U", "E_n  ", "detectable")
     caption = f"{c.names[0]} minus {c.names[1]}, mrad; U with k = {COVERAGE_FACTOR:g}"
     together = (
-        f"All together: χ² = {c.chi2:.4g} for {c.dof} degrees of freedom, "
-        f"p = {probability(c.p_value)}. A change of one angle as large as its last column would "
-        f"have been seen with {DETECTION_POWER:.0%} probability."
+        f"All together: {chi_squared(c.chi2, c.dof, c.p_value)}. A change of one angle as large as "
+        f"its last column would have been seen with {DETECTION_POWER:.0%} probability."
     )
     return Report(
         title=f"{c.verdict[0].upper()}{c.verdict[1:]}",
@@ -227,10 +215,6 @@ def _marked(en: float) -> str:
     return f"! {en:.2f}" if en > 1 else f"{en:.2f}"
 
 
-def _short(value: float) -> str:
-    return f"{value:.2f}" if value >= 0.01 else f"{value:.0e}" if value > 0 else "0"
-
-
 def as_found(c: Calibration, name: str, previous: Calibration) -> Section:
     """Each angle before and now, the change, and whether it is more than both uncertainties.
 
@@ -238,27 +222,30 @@ def as_found(c: Calibration, name: str, previous: Calibration) -> Section:
     """
     pair = compare_pair(("as left", c.rotations()), (name, previous.rotations()))
     both = c.determined & previous.determined
-    old = dict(zip(previous.support_names, previous.rpy, strict=True))
-    rows: list[Row] = []
-    for i in np.flatnonzero(both):
-        support = pair.supports[i]
-        for j, angle in enumerate(ANGLES):
-            before, now = 1e3 * old[support][j], 1e3 * c.rpy[i, j]
-            expanded = 1e3 * COVERAGE_FACTOR * pair.rpy_std[i, j]
-            rows.append(
-                (support, angle, f"{before:.3f}", f"{now:.3f}", f"{1e3 * pair.rpy[i, j]:+.3f}",
-                 f"{expanded:.3f}", f"{pair.en[i, j]:.2f}")
-            )  # fmt: skip
-    header: Row = ("sensor", "angle", "as found", "as left", "change",
-                   f"U, k = {COVERAGE_FACTOR:g}", "E_n")  # fmt: skip
-    said = f"{pair.verdict[0].upper()}{pair.verdict[1:]}."
+    old = dict(zip(previous.support_names, 1e3 * previous.rpy, strict=True))
+    expanded = 1e3 * COVERAGE_FACTOR * pair.rpy_std
+    header = ("sensor", "angle", "as found", "as left", "change", f"U, k = {COVERAGE_FACTOR:g}",
+              "E_n")  # fmt: skip
+    rows = by_angle(
+        pair.supports,
+        lambda i, j: (
+            f"{old[pair.supports[i]][j]:.3f}",
+            f"{1e3 * c.rpy[i, j]:.3f}",
+            f"{1e3 * pair.rpy[i, j]:+.3f}",
+            f"{expanded[i, j]:.3f}",
+            f"{pair.en[i, j]:.2f}",
+        ),
+    )
+    rows = tuple(row for row, known in zip(rows, np.repeat(both, 3), strict=True) if known)
+    said, columns = f"{pair.verdict[0].upper()}{pair.verdict[1:]}.", len(header)
     if c.history:  # what stands on an earlier one is not independent of it
-        header, rows = header[:-2], [row[:-2] for row in rows]
+        columns -= 2
         said = "This calibration stands on earlier ones: its changes are not independent of them."
+    shown = tuple(row[:columns] for row in rows)
     caption = (
         f"Angles, mrad; as found: {name}, measured {_day(previous)}; as left: measured {_day(c)}"
     )
-    return Section("As found, as left", (Table(caption, header, tuple(rows), left=2), said))
+    return Section("As found, as left", (Table(caption, header[:columns], shown, left=2), said))
 
 
 def _day(c: Calibration) -> str:

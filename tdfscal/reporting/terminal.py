@@ -1,15 +1,15 @@
-"""A report on standard output: tables by rich on a terminal, plain text elsewhere."""
+"""A report on standard output: with colours on a terminal, plain text elsewhere."""
 
 from __future__ import annotations
 
 import sys
 from typing import TYPE_CHECKING
 
-from tdfscal.reporting.layout import Block, Facts, Items, Report, Table, legible
-from tdfscal.reporting.text import WIDTH, render
+from tdfscal.reporting.layout import Report, legible
+from tdfscal.reporting.text import parts, render, width
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
+    from rich.console import Console
 
 
 def show(report: Report) -> None:
@@ -19,14 +19,11 @@ def show(report: Report) -> None:
         return
     from rich.console import Console
 
-    console = Console(highlight=False)
-    console.width = min(console.width, WIDTH)
-    show_on(console, report)
+    show_on(Console(highlight=False, width=width()), report)
 
 
 def show_on(console: Console, report: Report) -> None:
-    """Print a report on a console that understands styles."""
-    from rich.padding import Padding
+    """Print a report on a console that understands styles: the verdict framed, captions bold."""
     from rich.panel import Panel
     from rich.text import Text
 
@@ -42,37 +39,7 @@ def show_on(console: Console, report: Report) -> None:
         head.append(f"\n- {reason}")
     console.print(Panel(head, title=Text(report.title), title_align="left", border_style=colour))
     for block in (*report.brief(), *report.closing()):
-        if isinstance(block, Items):
-            console.print(Text(f"\n{block.caption}", style="bold"))
-            for item in block.items:
-                console.print(Padding(Text(f"- {item}"), (0, 0, 0, 1)))
-        else:
-            console.print(_renderable(block))
-
-
-def _renderable(block: Block) -> RenderableType:
-    from rich import box
-    from rich.table import Table as Rich
-    from rich.text import Text
-
-    if isinstance(block, Table):
-        title, header, left, rows = block.caption, block.header, block.left, block.rows
-    elif isinstance(block, Facts):
-        title, header, left, rows = "", ("", ""), 2, block.rows
-    else:
-        return Text(f"\n{block}")
-    table = Rich(
-        title=Text(title) if title else None,
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        collapse_padding=True,
-        show_header=isinstance(block, Table),
-    )
-    for place, name in enumerate(header):
-        # Where it is narrow, the last column, of words, gives way.
-        last = place == len(header) - 1
-        table.add_column(name, justify="left" if place < left else "right", no_wrap=not last)
-    for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
-    return table
+        caption, body = parts(block)
+        for line in caption:
+            console.print(Text(line, style="bold"))
+        console.print(Text("\n".join([*body, ""])))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
+import shutil
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
-from tdfscal.reporting.layout import Block, Facts, Items, Report, Table, legible
+from tdfscal.reporting.layout import Block, Facts, Report, Table, legible
 
 WIDTH = 80
 _LEAST_WIDTH = 40
@@ -14,21 +14,21 @@ _NARROWEST = 8
 
 
 def render(report: Report) -> str:
-    """Return the report in 80 columns, or as many fewer as COLUMNS says."""
+    """Return the report in 80 columns, or fewer on a narrow terminal."""
     report = legible(report)
     lines = wrapped(f"{report.title}: {report.verdict}" if report.verdict else report.title, "", "")
     lines += wrapped(report.subtitle, "", "")
     lines += wrapped(report.claim, "", "")
     lines += _bullets(report.reasons)
     for block in (*report.brief(), *report.closing()):
-        lines += ["", *_lines(block)]
+        caption, body = parts(block)
+        lines += ["", *caption, *body]
     return "\n".join(lines) + "\n"
 
 
 def width() -> int:
-    """Columns to write: 80, or what the environment's COLUMNS says where that is less."""
-    stated = os.environ.get("COLUMNS", "")
-    return min(WIDTH, max(_LEAST_WIDTH, int(stated))) if stated.isdecimal() else WIDTH
+    """Columns to write: 80, or what COLUMNS or the terminal says where that is less."""
+    return min(WIDTH, max(_LEAST_WIDTH, shutil.get_terminal_size((WIDTH, 24)).columns))
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
@@ -102,15 +102,16 @@ def _bullets(items: Iterable[str]) -> list[str]:
     return [line for item in items for line in wrapped(f"- {item}")]
 
 
-def _lines(block: Block) -> list[str]:
+def parts(block: Block) -> tuple[list[str], list[str]]:
+    """Lines of a block's caption, and of what stands under it."""
     if isinstance(block, str):
-        return wrapped(block, "", "")
+        return [], wrapped(block, "", "")
+    if isinstance(block, Facts):
+        return [], _facts(block)
+    caption = wrapped(block.caption, "", "")
     if isinstance(block, Table):
-        caption = wrapped(block.caption, "", "")
-        return caption + table(block.header, block.rows, block.left)
-    if isinstance(block, Items):
-        return wrapped(block.caption, "", "") + _bullets(block.items)
-    return _facts(block)
+        return caption, table(block.header, block.rows, block.left)
+    return caption, _bullets(block.items)
 
 
 def _facts(facts: Facts) -> list[str]:

@@ -20,9 +20,11 @@ from tdfscal.records import InputFile
 from tdfscal.reporting.figures import observability, residuals, timeline
 from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
-from tdfscal.reporting.layout import LISTED, Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import inputs_table, probability, utc
+from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
+from tdfscal.reporting.phrases import chi_squared, inputs_table, not_shown, postures, stretches, utc
 from tdfscal.selfcal.undetermined import Undetermined
+
+Seen = Undetermined | UndeterminedMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +43,13 @@ class Attempt:
     command: str
 
     @property
-    def seen(self) -> Undetermined | UndeterminedMotion | None:
+    def seen(self) -> Seen | None:
         """What there is to be looked at."""
         found = self.error.evidence
         return found if isinstance(found, Undetermined | UndeterminedMotion) else None
 
-    @property
-    def log(self) -> DwellLog | None:
-        """The dwells of the log; None where none had been looked at."""
-        seen = self.seen
-        if not isinstance(seen, Undetermined):
-            return None
+    def log(self, seen: Undetermined) -> DwellLog:
+        """The dwells of the log."""
         held, left_out = statistics.dwells(seen), statistics.rejected(seen.dwells, seen.rejected)
         return DwellLog(
             EmbeddedRig.model_validate({**self.rig.document, "sha256": self.rig.sha256}),
@@ -63,34 +61,36 @@ class Attempt:
 
 def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
     """Return every figure for which there is evidence."""
-    seen, log = attempt.seen, attempt.log
+    seen = attempt.seen
     if seen is None:
         return ()
-    found: list[Drawing | None] = [
-        observability.determined(seen.observability, seen.rig.acceptance.identifiable)
-    ]
+    turns = observability.determined(seen.observability, seen.rig.acceptance.identifiable)
     if isinstance(seen, UndeterminedMotion):
-        found.append(timeline.moving(seen.slow, seen.rejected))
-    elif log is not None:
-        found.append(timeline.of(log))
-        if seen.quality.dof > 0:
-            said = (
-                "What the fit leaves of forces and moments, each posture predicted from the "
-                "others: it says how well log and rig file agree, and nothing of turns that are "
-                "not determined."
-            )
-            left = residuals.at_postures(log.postures)
-            found += [left and replace(left, reading=said), residuals.components(log.postures)]
-    return tuple(drawing for drawing in found if drawing is not None)
+        return turns, timeline.moving(seen.slow, seen.rejected)
+    log = attempt.log(seen)
+    found: list[Drawing | None] = [timeline.of(log)]
+    if seen.quality.dof > 0:
+        said = (
+            "What the fit leaves of forces and moments, each posture predicted from the others: it "
+            "says how well log and rig file agree, and nothing of turns that are not determined."
+        )
+        left = residuals.at_postures(log.postures)
+        found += [left and replace(left, reading=said), residuals.components(log.postures)]
+    return turns, *(drawing for drawing in found if drawing is not None)
 
 
 def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) -> Report:
     """Lay out what is weak, the log and its residuals, and what to do next; no angle is given."""
-    error, seen, log = attempt.error, attempt.seen, attempt.log
-    left_out = _left_out(attempt, log)
-    inputs = (inputs_table(attempt.inputs),) if attempt.inputs else ()
-    beside = (Items("Left out", left_out),) if left_out else ()
+    error, seen = attempt.error, attempt.seen
+    figure = "forces" if isinstance(seen, UndeterminedMotion) else "timeline"
+    left_out = _left_out(attempt)
     names = ", ".join(PurePath(entry.path).name for entry in attempt.inputs)
+    blocks = {
+        "determined": _turns(seen) if seen is not None else (),
+        figure: (Items("Left out", left_out),) if left_out else (),
+        "residuals": (),
+        "components": (),
+    }
     return Report(
         title=attempt.rig.rig.name,
         subtitle="calibration of "
@@ -101,23 +101,10 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
         reasons=(f"{error.where}: {error.what}" if error.where else error.what,),
         tiles=_tiles(seen) if seen is not None else (),
         sections=(
-            *illustrated(
-                drawings,
-                {
-                    "determined": _turns(seen) if seen is not None else (),
-                    "timeline": beside if log is not None else (),
-                    "forces": beside if log is None else (),
-                    "residuals": (),
-                    "components": (),
-                },
-            ),
-            *((Section("Statistics", (Facts(_statistics(seen)),)),) if seen is not None else ()),
-            Section(
-                "Where this comes from",
-                (Facts(_provenance(attempt)), *inputs),
-                page_only=True,
-            ),
-            *_absent(attempt, {drawing.name for drawing in drawings}),
+            *illustrated(drawings, blocks),
+            Section("Statistics", (Facts(_statistics(seen)),) if seen is not None else ()),
+            _provenance(attempt),
+            *not_shown(_absent(seen, {drawing.name for drawing in drawings})),
         ),
         warnings=attempt.messages,
         advice=tuple(_advice(attempt)),
@@ -148,7 +135,7 @@ def _sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-def _tiles(seen: Undetermined | UndeterminedMotion) -> tuple[Row, ...]:
+def _tiles(seen: Seen) -> tuple[Row, ...]:
     angles, limit = seen.observability.angles, seen.rig.acceptance.identifiable
     worst = max(angle.std for angle in angles)
     known = sum(angle.identified for angle in angles)
@@ -168,7 +155,7 @@ def _tiles(seen: Undetermined | UndeterminedMotion) -> tuple[Row, ...]:
     return tuple(tiles)
 
 
-def _turns(seen: Undetermined | UndeterminedMotion) -> tuple[Table | Items, ...]:
+def _turns(seen: Seen) -> tuple[Table | Items, ...]:
     """What each weak turn lacks, and how far the loads on each sensor point apart."""
     causes: dict[str, list[str]] = {}
     for weakness in (*seen.observability.weak, *seen.observability.lacking):
@@ -182,26 +169,23 @@ def _turns(seen: Undetermined | UndeterminedMotion) -> tuple[Table | Items, ...]
     return (*((Items("Not determined", said),) if said else ()), table)
 
 
-def _left_out(attempt: Attempt, log: DwellLog | None) -> tuple[str, ...]:
+def _left_out(attempt: Attempt) -> tuple[str, ...]:
     seen = attempt.seen
     if isinstance(seen, UndeterminedMotion):
-        said = [f"{s.begin:.2f} to {s.end:.2f} s: {s.reason}" for s in seen.rejected]
-        more = [f"… and {len(said) - LISTED} more"] if len(said) > LISTED else []
-        return (*said[:LISTED], *more)
-    if log is None:
+        return stretches(seen.rejected)
+    if seen is None:
         return ()
-    time = log.clock
-    postures = (
-        f"posture {r.index + 1} ({time.stretch(r.start or 0.0, r.end or 0.0)}): {r.reason}"
-        for r in log.rejected
+    log = attempt.log(seen)
+    pieces = log.postures.left_out or ()
+    return (
+        *postures(log.rejected, log.clock),
+        *(f"{log.clock.stretch(s.start, s.end)}: {s.reason}" for s in pieces),
     )
-    pieces = (f"{time.stretch(s.start, s.end)}: {s.reason}" for s in log.postures.left_out or ())
-    return (*postures, *pieces)
 
 
-def _statistics(seen: Undetermined | UndeterminedMotion) -> tuple[tuple[str, str], ...]:
+def _statistics(seen: Seen) -> tuple[tuple[str, str], ...]:
     q = seen.quality
-    fit = f"χ² = {q.chi2:.4g} for {q.dof} degrees of freedom, p = {probability(q.p_value)}"
+    fit = chi_squared(q.chi2, q.dof, q.p_value)
     facts = [("Fit", fit if q.dof > 0 else "no residual is left to judge it by")]
     if isinstance(seen, Undetermined):
         facts.append(("Settled", "yes" if seen.fit.converged else "no"))
@@ -211,24 +195,25 @@ def _statistics(seen: Undetermined | UndeterminedMotion) -> tuple[tuple[str, str
     return tuple(facts)
 
 
-def _provenance(attempt: Attempt) -> tuple[tuple[str, str], ...]:
-    limits = attempt.rig.rig.acceptance
-    return (
+def _provenance(attempt: Attempt) -> Section:
+    limit = 1e3 * attempt.rig.rig.acceptance.identifiable
+    facts = (
         ("Command", attempt.command),
         ("Software", f"tdfscal {__version__}"),
         ("Rig file", f"{attempt.rig.path}, SHA-256 {attempt.rig.sha256}"),
-        ("Decision rule", f"determined where a turn's standard uncertainty is below "
-         f"{1e3 * limits.identifiable:.3g} mrad (acceptance.identifiable) and at most half of what "
-         "was stated before"),
+        ("Decision rule", f"determined where a turn's standard uncertainty is below {limit:.3g} "
+         "mrad (acceptance.identifiable) and at most half of what was stated before"),
     )  # fmt: skip
+    inputs = (inputs_table(attempt.inputs),) if attempt.inputs else ()
+    return Section("Where this comes from", (Facts(facts), *inputs), page_only=True)
 
 
-def _absent(attempt: Attempt, drawn: set[str]) -> tuple[Section, ...]:
+def _absent(seen: Seen | None, drawn: set[str]) -> tuple[str, ...]:
     """What a page does not show, and why."""
-    if attempt.seen is None:
-        note = "The calibration ended before there was a fit; so nothing of the log can be drawn."
-    elif "residuals" not in drawn and isinstance(attempt.seen, Undetermined):
-        note = "There are as many unknowns as readings: all residuals are zero, and say nothing."
+    if seen is None:
+        said = "The calibration ended before there was a fit; so nothing of the log can be drawn."
+    elif "residuals" not in drawn and isinstance(seen, Undetermined):
+        said = "There are as many unknowns as readings: all residuals are zero, and say nothing."
     else:
         return ()
-    return (Section("What this page does not show", (Items("", (note,)),), page_only=True),)
+    return (said,)

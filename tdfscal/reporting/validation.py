@@ -1,4 +1,4 @@
-"""The verdict of a validation: does the calibration still hold, and if not, why."""
+"""The verdict of a validation, on postures or on a motion: does it still hold, and if not, why."""
 
 from __future__ import annotations
 
@@ -11,22 +11,33 @@ import numpy as np
 from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray, InputFile
-from tdfscal.reporting.calibration import RESIDUAL_HEADER
-from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import METHODS, inputs_table
+from tdfscal.reporting.layout import (
+    Block,
+    Drawing,
+    Facts,
+    Items,
+    Report,
+    Section,
+    Table,
+    illustrated,
+)
+from tdfscal.reporting.phrases import (
+    METHODS,
+    WRENCH,
+    chi_squared,
+    inputs_table,
+    rms_table,
+    stretches,
+)
 from tdfscal.reporting.validation_causes import REMEDIES, describe, lengths, start_of
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import Cause
+from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.validation.verdict import Verdict
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
-#: At most as many postures are listed one by one.
-_LISTED = 12
-
-_LISTED_ON_PAGE = 40
-#: Units of the wrench's two parts.
-_UNITS = {"force": "N", "moment": "N·m"}
+#: At most as many postures are listed one by one, in text and on a page.
+_LISTED, _LISTED_ON_PAGE = 12, 40
 _KEEP = (
     "Keep this calibration in use.",
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
@@ -35,6 +46,7 @@ _RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
 )
+Tested = Validation | MovingValidation
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +60,33 @@ class Origin:
     inputs: tuple[InputFile, ...]
 
 
-def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
+def document(v: Tested, warnings: Sequence[str]) -> dict[str, Any]:
     """Everything as JSON values, SI units."""
     return {
-        **verdict_document(v, reasons(v)),
+        "verdict": "still valid" if v.holds else "recalibrate",
+        "holds": v.holds,
+        "why": " ".join(reasons(v)),
+        "chi2": v.chi2,
+        "dof": v.dof,
+        "p_value": v.p_value,
+        "search_p_value": v.search_p,
+        "false_alarm": VALIDATION_ALARM,
+        **(_motion(v) if isinstance(v, MovingValidation) else _postures(v)),
+        **_residual(v),
+        "suspected": [_cause(v, cause) for cause in v.suspected],
+        "detectable_turn": {
+            "power": DETECTION_POWER,
+            "supports": [
+                {"name": name, **dict(zip(("rx", "ry", "rz"), _finite(turn), strict=True))}
+                for name, turn in zip(v.rig.supports, v.detectable, strict=True)
+            ],
+        },
+        "warnings": list(warnings),
+    }
+
+
+def _postures(v: Validation) -> dict[str, Any]:
+    return {
         "postures": [
             {
                 "index": int(k),
@@ -59,47 +94,34 @@ def document(v: Validation, warnings: Sequence[str]) -> dict[str, Any]:
                 "end": float(v.dwells.end[k]),
                 "uncalibrated": dict(zip(COMPONENTS, v.nominal[row].tolist(), strict=True)),
                 "calibrated": dict(zip(COMPONENTS, v.calibrated[row].tolist(), strict=True)),
-                "std": [float(s) if np.isfinite(s) else None for s in v.std[row]],
+                "std": _finite(v.std[row]),
             }
             for row, k in enumerate(v.used)
         ],
         "left_out": [{"index": k, "reason": reason} for k, reason in sorted(v.left_out.items())],
-        **_of_postures(v),
-        **causes_document(v),
-        "warnings": list(warnings),
     }
 
 
-def verdict_document(v: Verdict, why: Sequence[str]) -> dict[str, Any]:
-    """The verdict and its figures."""
+def _motion(v: MovingValidation) -> dict[str, Any]:
+    r = v.residual
     return {
-        "verdict": "still valid" if v.holds else "recalibrate",
-        "holds": v.holds,
-        "why": " ".join(why),
-        "chi2": v.chi2,
-        "dof": v.dof,
-        "p_value": v.p_value,
-        "search_p_value": v.search_p,
-        "false_alarm": VALIDATION_ALARM,
+        "motion": {
+            "begin": v.begin,
+            "seconds": v.seconds,
+            "rejected": [{"begin": s.begin, "end": s.end, "reason": s.reason} for s in v.rejected],
+            "time": r.time.tolist(),
+            "force": {"before": r.before[:, 0].tolist(), "after": r.after[:, 0].tolist()},
+            "moment": {"before": r.before[:, 1].tolist(), "after": r.after[:, 1].tolist()},
+        }
     }
 
 
-def causes_document(v: Verdict) -> dict[str, Any]:
-    """What is suspected, and what would have been seen."""
-    return {
-        "suspected": [_cause(v, cause) for cause in v.suspected],
-        "detectable_turn": {
-            "power": DETECTION_POWER,
-            "supports": [
-                {"name": name, **_axes(turn)}
-                for name, turn in zip(v.rig.supports, v.detectable, strict=True)
-            ],
-        },
-    }
-
-
-def residual(before: FloatArray, after: FloatArray) -> dict[str, dict[str, float]]:
-    """RMS and largest force (N) and moment (N·m) of lengths (K, 2), uncalibrated and calibrated."""
+def _residual(v: Tested) -> dict[str, dict[str, float]]:
+    """RMS and largest residual force (N) and moment (N·m), uncalibrated and calibrated."""
+    if isinstance(v, MovingValidation):
+        before, after = v.residual.before, v.residual.after
+    else:
+        before, after = lengths(v.nominal), lengths(v.calibrated)
     return {
         name: {
             "rms_before": float(np.sqrt(np.mean(before[:, c] ** 2))),
@@ -111,25 +133,11 @@ def residual(before: FloatArray, after: FloatArray) -> dict[str, dict[str, float
     }
 
 
-def residual_table(found: dict[str, dict[str, float]], caption: str) -> Table:
-    """Residual wrench, as `residual`, without and with the calibration."""
-    rows = tuple(
-        (name, *(f"{value:.3g} {unit}" for value in found[name].values()))
-        for name, unit in _UNITS.items()
-    )
-    return Table(caption, RESIDUAL_HEADER, rows)
+def _finite(values: FloatArray) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
 
 
-def _of_postures(v: Validation) -> dict[str, dict[str, float]]:
-    return residual(lengths(v.nominal), lengths(v.calibrated))
-
-
-def _axes(turn: FloatArray) -> dict[str, float | None]:
-    values = (float(t) if np.isfinite(t) else None for t in turn)
-    return dict(zip(("rx", "ry", "rz"), values, strict=True))
-
-
-def _cause(v: Verdict, cause: Cause) -> dict[str, Any]:
+def _cause(v: Tested, cause: Cause) -> dict[str, Any]:
     return {
         "kind": cause.kind,
         "support": None if cause.support is None else v.rig.supports[cause.support],
@@ -143,34 +151,45 @@ def _cause(v: Verdict, cause: Cause) -> dict[str, Any]:
     }
 
 
-def reasons(v: Validation) -> list[str]:
+def _extent(v: Tested) -> str:
+    """How much was tested."""
+    if isinstance(v, MovingValidation):
+        return f"{v.seconds:.0f} s of motion"
+    return f"{len(v.used)} postures"
+
+
+def reasons(v: Tested) -> list[str]:
     """Sentences: the reason, and what to do."""
+    moving = isinstance(v, MovingValidation)
+    noise = " and the noise of this log" if moving else ""
+    explained = f"what the stated uncertainties{noise} explain"
     if v.holds:
-        return [
-            f"The residual wrenches of {len(v.used)} postures are what the stated uncertainties "
-            f"explain (p = {v.p_value:.2g}).",
-            sure(v),
-        ]
+        held = f"The residual wrench of {_extent(v)} is {explained} (p = {v.p_value:.2g})."
+        return [held, _sure(v)]
     found = [
-        f"The residual wrenches are not what the stated uncertainties explain: χ² = {v.chi2:.4g} "
-        f"for {v.dof} degrees of freedom (p = {v.p_value:.1g})."
+        f"The residual wrench of {_extent(v)} is not {explained}: "
+        f"{chi_squared(v.chi2, v.dof, v.p_value)}."
     ]
     if not v.suspected:
-        found.append(
-            "No single cause explains them: not one sensor turned, one zero drifted, one gain "
-            "changed, another load, a tilted base, contact in a few postures, or more noise."
-        )
-        return found
+        more = "one gain changed, a tilted base, contact in a few postures, or more noise"
+        tried = f"one zero drifted, {'or another load' if moving else f'another load, {more}'}"
+        return [*found, f"No single cause explains it: not one sensor turned, {tried}."]
     found.append(REMEDIES[v.suspected[0].kind])
     if len(v.suspected) > 1:
         found.append(
-            "The postures do not tell the causes below apart, the likeliest first; more of them, "
-            "with more tilt and other squeezes, would."
+            f"The {'motion does' if moving else 'postures do'} not tell the causes below apart, "
+            f"the likeliest first; {_more(v)} would."
         )
     return found
 
 
-def sure(v: Verdict, where: str = "in these postures") -> str:
+def _more(v: Tested) -> str:
+    """What would show a smaller change."""
+    longer = "a longer motion" if isinstance(v, MovingValidation) else "more postures"
+    return f"{longer}, more tilt and a squeeze"
+
+
+def _sure(v: Tested) -> str:
     """What would have been detected."""
     lean, twist = v.detectable[:, :2].max(), v.detectable[:, 2].max()
     text = (
@@ -178,77 +197,67 @@ def sure(v: Verdict, where: str = "in these postures") -> str:
         f"been detected with {DETECTION_POWER:.0%} probability"
     )
     if twist > np.pi / 4:
-        return f"{text}; a turn about the vertical would not show {where}."
+        return f"{text}; a turn about the vertical would not show here."
     return f"{text}, about the vertical by more than {1e3 * twist:.2g} mrad."
 
 
 def validation_report(
-    v: Validation,
+    v: Tested,
     warnings: Sequence[str],
     origin: Origin | None = None,
     drawings: tuple[Drawing, ...] = (),
 ) -> Report:
     """Lay out a verdict; origin and drawings are those of a page."""
-    found = _of_postures(v)
-    totals = residual_table(found, "Residual contact wrench, LCS, about its origin")
-    postures = (totals, _postures(v, _LISTED_ON_PAGE if drawings else _LISTED))
-    left_out = tuple(f"posture {k + 1}: {reason}" for k, reason in sorted(v.left_out.items()))
-    sections = (
-        *illustrated(drawings, {"validation": postures}),
-        Section("Postures left out", (Items("Left out", left_out),) if left_out else ()),
-        power(v),
-    )
-    tile = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
-    report = verdict_report(v, reasons(v), tile, found, sections, warnings)
-    return with_origin(report, v, origin, f"{len(v.used)} postures")
-
-
-def verdict_report(
-    v: Verdict,
-    why: Sequence[str],
-    tile: Row,
-    found: dict[str, dict[str, float]],
-    sections: tuple[Section, ...],
-    warnings: Sequence[str],
-) -> Report:
-    """Lay out a verdict with its evidence; tile : what was tested. found : as `residual`."""
-    tiles = (
-        (
-            f"residual contact {name}",
-            f"{found[name]['rms_after']:.2g} {unit}",
-            f"uncalibrated {found[name]['rms_before']:.3g} {unit}",
-        )
-        for name, unit in _UNITS.items()
-    )
-    ratio = ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}")
-    return Report(
+    found = _residual(v)
+    beside: tuple[Block, ...]
+    if isinstance(v, MovingValidation):
+        lost = sum(s.end - s.begin for s in v.rejected)
+        tested = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
+        figure, where = "residual-over-time", "means over a second, about the barycentre"
+        left_out = stretches(v.rejected)
+        beside = ()
+    else:
+        tested = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
+        figure, where = "validation", "LCS, about its origin"
+        left_out = tuple(f"posture {k + 1}: {why}" for k, why in sorted(v.left_out.items()))
+        beside = (_posture_table(v, _LISTED_ON_PAGE if drawings else _LISTED),)
+    table = rms_table({name: tuple(size.values()) for name, size in found.items()}, where)
+    report = Report(
         title=v.rig.name,
         verdict="STILL VALID" if v.holds else "RECALIBRATE",
         accepted=v.holds,
-        claim=" ".join(why),
+        claim=" ".join(reasons(v)),
         reasons=tuple(describe(v, cause) for cause in v.suspected),
-        tiles=(tile, *tiles, ratio),
-        sections=sections,
+        tiles=(
+            tested,
+            *(
+                (f"residual contact {name}", f"{found[name]['rms_after']:.2g} {unit}",
+                 f"uncalibrated {found[name]['rms_before']:.3g} {unit}")
+                for name, unit in WRENCH.items()
+            ),
+            ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
+        ),
+        sections=(
+            *illustrated(drawings, {figure: (table, *beside)}),
+            Section("Left out", (Items("Left out", left_out),) if left_out else ()),
+            _power(v),
+        ),
         warnings=tuple(warnings),
         advice=_KEEP if v.holds else _RENEW,
-    )
-
-
-def with_origin(report: Report, v: Verdict, origin: Origin | None, extent: str) -> Report:
-    """Say of which calibration it is, on how much of a log, and what went into it."""
+    )  # fmt: skip
     if origin is None:
         return report
     c = origin.calibration
     return replace(
         report,
         subtitle=f"validation of {origin.name}, a {METHODS[c.method]} of {c.created[:10]}, on "
-        f"{extent}",
+        f"{_extent(v)}",
         created=origin.created,
         sections=(*report.sections, _provenance(v, origin)),
     )
 
 
-def _postures(v: Validation, most: int) -> Table:
+def _posture_table(v: Validation, most: int) -> Table:
     """The postures with the largest residual force, in the order of the log."""
     order = np.sort(np.argsort(lengths(v.calibrated)[:, 0])[::-1][:most])
     rows = tuple(
@@ -266,24 +275,23 @@ def _postures(v: Validation, most: int) -> Table:
     return Table(caption, ("", "s", *units, "largest / u"), rows)
 
 
-def power(
-    v: Verdict, what: str = "these postures", more: str = "more postures, more tilt and a squeeze"
-) -> Section:
+def _power(v: Tested) -> Section:
     """The smallest turns that would have been seen."""
     rows = tuple(
-        (name, *("none" if not np.isfinite(t) else f"{1e3 * t:.2f}" for t in turn))
+        (name, *("none" if t is None else f"{1e3 * t:.2f}" for t in _finite(turn)))
         for name, turn in zip(v.rig.supports, v.detectable, strict=True)
     )
+    moving = isinstance(v, MovingValidation)
     return Section(
-        f"What {what} would have shown",
+        f"What {'this motion' if moving else 'these postures'} would have shown",
         (Table("Turn about the BCS's axes, mrad", ("sensor", "x", "y", "z"), rows),),
         "The smallest turn of a single sensor that is detected with a probability of "
-        f"{DETECTION_POWER:.0%}; {more} make it smaller.",
+        f"{DETECTION_POWER:.0%}; {_more(v)} make it smaller.",
         page_only=True,
     )
 
 
-def _provenance(v: Verdict, origin: Origin) -> Section:
+def _provenance(v: Tested, origin: Origin) -> Section:
     """The calibration, the test and the logs."""
     c = origin.calibration
     facts = (
@@ -291,7 +299,7 @@ def _provenance(v: Verdict, origin: Origin) -> Section:
         ("Command", origin.command),
         ("Created", origin.created),
         ("Software", f"tdfscal {__version__}"),
-        ("Test", f"χ² = {v.chi2:.4g} for {v.dof} degrees of freedom, p = {v.p_value:.2g}"),
+        ("Test", chi_squared(v.chi2, v.dof, v.p_value)),
         ("Single causes", f"the likeliest by chance alone: p = {v.search_p:.2g}"),
         ("Convention", c.convention),
     )

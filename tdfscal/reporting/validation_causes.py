@@ -30,52 +30,43 @@ REMEDIES: dict[Kind, str] = {
 def describe(v: Verdict, cause: Cause) -> str:
     """One cause in words, with its size."""
     value, std = cause.value, cause.std
-    if cause.kind == "sensor turned":
-        assert cause.support is not None
-        turn = _pairs(1e3 * value, 1e3 * std)
-        return (
-            f"the sensor of {v.rig.supports[cause.support]} has turned by "
-            f"{1e3 * np.linalg.norm(value):.2f} mrad: {turn} mrad about x, y, z of the BCS"
-        )
-    if cause.kind == "zero drifted":
-        assert cause.support is not None
-        return (
-            f"the zero of {v.rig.supports[cause.support]} has drifted by {_pairs(value, std)} N "
-            "along x, y, z of the sensor"
-        )
-    if cause.kind == "load changed":
-        return (
-            f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
-            f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
-        )
-    if cause.kind == "gain changed":
-        assert cause.support is not None
-        return f"the gain of {v.rig.supports[cause.support]} has changed by {_gain(cause)}"
-    if cause.kind == "base tilted":
-        return (
-            f"the base is no longer level as it was: {_pairs(1e3 * value, 1e3 * std)} mrad about "
-            "x, y of the BCS"
-        )
-    if cause.kind == "noise grown":
-        whose = "all sensors" if cause.support is None else v.rig.supports[cause.support]
-        return (
-            f"the forces of {whose} scatter by {value[0]:.2g} N per axis and posture more than log "
-            "and rig file state"
-        )
-    if cause.kind == "zeros wander":
-        return (
-            f"the zeros of all sensors wander by {value[0]:.2g} N per axis, from posture to "
-            "posture and over the whole log, as 1/f noise does"
-        )
-    if cause.kind == "hinges stick":
-        return f"the moments scatter as friction of {value[0]:.2g} N·m in the hinges makes them"
+    whose = "all sensors" if cause.support is None else v.rig.supports[cause.support]
+    match cause.kind:
+        case "sensor turned":
+            return (
+                f"the sensor of {whose} has turned by {1e3 * np.linalg.norm(value):.2f} mrad: "
+                f"{_pairs(1e3 * value, 1e3 * std)} mrad about x, y, z of the BCS"
+            )
+        case "zero drifted":
+            moved = _pairs(value, std)
+            return f"the zero of {whose} has drifted by {moved} N along x, y, z of the sensor"
+        case "load changed":
+            return (
+                f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
+                f"barycentre by {_pairs(1e3 * value[1:], 1e3 * std[1:])} mm"
+            )
+        case "gain changed":
+            return f"the gain of {whose} has changed by {_gain(cause)}"
+        case "base tilted":
+            tilt = _pairs(1e3 * value, 1e3 * std)
+            return f"the base is no longer level as it was: {tilt} mrad about x, y of the BCS"
+        case "noise grown":
+            return (
+                f"the forces of {whose} scatter by {value[0]:.2g} N per axis and posture more than "
+                "log and rig file state"
+            )
+        case "zeros wander":
+            return (
+                f"the zeros of all sensors wander by {value[0]:.2g} N per axis, from posture to "
+                "posture and over the whole log, as 1/f noise does"
+            )
+        case "hinges stick":
+            return f"the moments scatter as friction of {value[0]:.2g} N·m in the hinges makes them"
     assert isinstance(v, Validation)  # in motion a contact is a stretch that is left out
     named = ", ".join(f"{v.used[k] + 1} ({start_of(v, int(v.used[k]))} s)" for k in cause.postures)
-    largest = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
-    return (
-        f"contact in posture{'s' if len(cause.postures) > 1 else ''} {named}: "
-        f"{largest[0]:.2g} N, {largest[1]:.2g} N·m"
-    )
+    force, moment = lengths(v.calibrated)[list(cause.postures)].max(axis=0)
+    several = "s" if len(cause.postures) > 1 else ""
+    return f"contact in posture{several} {named}: {force:.2g} N, {moment:.2g} N·m"
 
 
 def _gain(cause: Cause) -> str:
@@ -85,10 +76,9 @@ def _gain(cause: Cause) -> str:
     if cause.unknowns == 1:
         where = "on all axes" if len(moved) == 3 else f"along {'xyz'[moved[0]]} of the sensor"
         return f"{value[moved[0]]:+.3f} ± {std[moved[0]]:.3f} % {where}"
-    words = "along x, y, z of the sensor" if cause.unknowns == 3 else (
-        "along x, y, z of the sensor, with crosstalk yz, xz, xy"
-    )  # fmt: skip
-    return ", ".join(f"{value[k]:+.3f} ± {std[k]:.3f}" for k in moved) + f" % {words}"
+    crosstalk = "" if cause.unknowns == 3 else ", with crosstalk yz, xz, xy"
+    sizes = ", ".join(f"{value[k]:+.3f} ± {std[k]:.3f}" for k in moved)
+    return f"{sizes} % along x, y, z of the sensor{crosstalk}"
 
 
 def _pairs(value: FloatArray, std: FloatArray) -> str:

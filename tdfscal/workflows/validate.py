@@ -13,7 +13,6 @@ from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
-from tdfscal.reporting import validation_in_motion
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.validation import Origin, document, validation_report
 from tdfscal.validation import residual_wrench
@@ -62,14 +61,11 @@ class ValidateResult(Result):
 
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out verdict, causes, residual wrenches; on a page also what they come from."""
-        v, origin = self.validation, None
+        origin = None
         if drawings:
             created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
             origin = Origin(self.calibration, *self._asked, created, self.inputs)
-        if isinstance(v, MovingValidation):
-            lay_out = validation_in_motion.moving_validation_report
-            return lay_out(v, self.warnings, origin, drawings)
-        return validation_report(v, self.warnings, origin, drawings)
+        return validation_report(self.validation, self.warnings, origin, drawings)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -79,10 +75,7 @@ class ValidateResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""
-        v = self.validation
-        if isinstance(v, MovingValidation):
-            return validation_in_motion.document(v, self.warnings)
-        return document(v, self.warnings)
+        return document(self.validation, self.warnings)
 
     def table(self) -> dict[str, FloatArray]:
         """One row per posture and component: residual before and after, its std; N, N·m, LCS.
