@@ -10,6 +10,7 @@ import numpy as np
 
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import MotionResult
+from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.records import ANGLES
 from tdfscal.significance import INCOMPATIBLE, MOST_REJECTED
 
@@ -69,12 +70,10 @@ def advise(c: Calibration) -> tuple[str, ...]:
     advice = [f"Mend what the residuals say: {cure}." for cure in c.quality.advice[:1]]
     new = "three to five new postures" if c.motion is None else "the next motion without contact"
     advice.append(f"Prove it on {new}: tdfscal validate {_file(c)} LOG. Repeat monthly.")
-    shares = _shares(c)
+    source, share = _largest_source(c)
     lessen = _LESSEN if c.motion is None else _LESSEN | _LESSEN_IN_MOTION
-    if shares:
-        largest = max(shares, key=lambda source: shares[source])
-        if shares[largest] > _NOTABLE and largest in lessen:
-            advice.append(lessen[largest])
+    if share > _NOTABLE and source in lessen:
+        advice.append(lessen[source])
     return tuple(advice)
 
 
@@ -95,25 +94,20 @@ def _cures(c: Calibration) -> tuple[str, ...]:
     """
     found = [f"{text[0].upper()}{text[1:]}" for text in c.quality.advice]
     return (
-        *_of_the_files(c),
-        *_of_the_stops(c),
+        *_of_the_log(c),
         *_of_the_sensors(c),
         *(text for text in found if _NOISE not in text),
-        *_of_contact(c),
+        *(_of_postures(c) if c.motion is None else _of_motion(c.motion, c.quality.reasons)),
         *(text for text in found if _NOISE in text),
         *_of_the_misfit(c),
-        *_of_the_tracker(c),
         *_of_the_precision(c),
     )
 
 
-def _of_the_files(c: Calibration) -> Iterator[str]:
+def _of_the_log(c: Calibration) -> Iterator[str]:
+    """A damaged file; a log in motion that was meant to rest: what is said of its stops."""
     if any(entry.integrity == "salvaged" for entry in c.inputs):
         yield "Copy the log from the recorder again; the file is damaged"
-
-
-def _of_the_stops(c: Calibration) -> Iterator[str]:
-    """A log in motion that was meant to rest: what is said of its stops, with its cure."""
     for text in c.warnings:
         if c.motion is not None and _STOPS.search(text):
             said, _, cure = text.partition("; ")
@@ -122,9 +116,7 @@ def _of_the_stops(c: Calibration) -> Iterator[str]:
 
 def _of_the_sensors(c: Calibration) -> Iterator[str]:
     """Postures that the sensors themselves spoilt."""
-    if not _many_rejected(c) or c.fit is None:
-        return
-    said = [rejected.reason for rejected in c.fit.rejected]
+    said = [rejected.reason for rejected in _many_rejected(c)]
     full = [reason for reason in said if "capacity" in reason or "saturated" in reason]
     if full:
         yield (
@@ -136,17 +128,15 @@ def _of_the_sensors(c: Calibration) -> Iterator[str]:
         yield f"Look at the sensor's cable and amplifier: {frozen[0]}; then record again"
 
 
-def _of_contact(c: Calibration) -> Iterator[str]:
-    if c.motion is not None:
-        yield from _of_motion(c.motion, c.quality.reasons)
-    elif _many_rejected(c) and c.fit is not None:
-        touched = [r.index + 1 for r in c.fit.rejected if not _SENSOR.search(r.reason)]
-        if touched:
-            names = ", ".join(map(str, touched[:_NAMED])) + (", …" if touched[_NAMED:] else "")
-            yield (
-                f"Find what touched the terminal at postures {names} (cables, a hand, a stop), "
-                "free it, and record again"
-            )
+def _of_postures(c: Calibration) -> Iterator[str]:
+    """Postures that something touched."""
+    touched = [r.index + 1 for r in _many_rejected(c) if not _SENSOR.search(r.reason)]
+    if touched:
+        names = ", ".join(map(str, touched[:_NAMED])) + (", …" if touched[_NAMED:] else "")
+        yield (
+            f"Find what touched the terminal at postures {names} (cables, a hand, a stop), free "
+            "it, and record again"
+        )
 
 
 def _of_motion(motion: MotionResult, reasons: Sequence[str]) -> Iterator[str]:
@@ -169,8 +159,8 @@ def _of_motion(motion: MotionResult, reasons: Sequence[str]) -> Iterator[str]:
 
 
 def _of_the_misfit(c: Calibration) -> Iterator[str]:
-    """Residuals too large, and no suspect that stands out."""
-    limit = c.rig.acceptance.birge_max
+    """Residuals too large, and no suspect that stands out; of the tracker's survey too."""
+    limit, told = c.rig.acceptance.birge_max, c.tracker or {}
     if c.motion is None and c.fit is not None and c.fit.birge > limit and not c.quality.advice:
         yield (
             "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
@@ -178,17 +168,13 @@ def _of_the_misfit(c: Calibration) -> Iterator[str]:
             "`uncertainty.force_noise`, gain or crosstalk (`uncertainty.force_sensitivity`), NCPs "
             "that do not repeat, or a wrong mass, hinge or barycentre in rig.yaml"
         )
-
-
-def _of_the_tracker(c: Calibration) -> Iterator[str]:
-    told = c.tracker or {}
     consistency, birge = told.get("consistency_p_value"), told.get("birge")
     if isinstance(consistency, float) and consistency < INCOMPATIBLE:
         yield (
             "Calibrate by each method alone and compare: the tracker sees a sensor's body, "
             "self-calibration its sensing axes (tracker.misalignment states what may lie between)"
         )
-    if c.method != "self" and isinstance(birge, float) and birge > c.rig.acceptance.birge_max:
+    if c.method != "self" and isinstance(birge, float) and birge > limit:
         yield (
             "Look at the tracker's residuals: a moved instrument, a loose target, or understated "
             "uncertainties"
@@ -213,20 +199,20 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
         else:
             yield f"Squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
     elif c.conformity is not None and any("contact" in reason for reason in c.quality.reasons):
-        shares = _shares(c)
-        largest = max(shares, key=lambda source: shares[source]) if shares else "noise"
-        yield _LESSEN.get(largest, _LESSEN["noise"]).rstrip(".")
+        yield _LESSEN.get(_largest_source(c)[0], _LESSEN["noise"]).rstrip(".")
 
 
-def _many_rejected(c: Calibration) -> bool:
-    fit = c.fit
-    return fit is not None and len(fit.rejected) > MOST_REJECTED * (
-        fit.postures + len(fit.rejected)
-    )
+def _many_rejected(c: Calibration) -> tuple[RejectedPosture, ...]:
+    """Rejected postures, where they are more than may be."""
+    if c.fit is None:
+        return ()
+    rejected = c.fit.rejected
+    return rejected if len(rejected) > MOST_REJECTED * (c.fit.postures + len(rejected)) else ()
 
 
-def _shares(c: Calibration) -> dict[str, float]:
-    """Mean share of each source over the angles."""
+def _largest_source(c: Calibration) -> tuple[str, float]:
+    """What contributes most to the angles' variance, and its mean share."""
     if c.budget is None or not c.budget.sources:
-        return {}
-    return dict(zip(c.budget.sources, c.budget.shares.mean(axis=0).tolist(), strict=True))
+        return "noise", 0.0
+    share = c.budget.shares.mean(axis=0)
+    return c.budget.sources[int(share.argmax())], float(share.max())

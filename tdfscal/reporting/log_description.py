@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -11,59 +10,58 @@ import numpy as np
 from tdfscal.errors import visible
 from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common.contents import Contents, Field, Stream
-from tdfscal.logs.description.info import LogInfo, Signal, mapping_block
-from tdfscal.records import Dwells
-from tdfscal.reporting.text import table, width
+from tdfscal.logs.description.info import LogInfo, mapping_block
+from tdfscal.reporting.text import table, width, wrapped
 
 _LONGEST_NAME = 200
 _MOST_FIELDS = 60
+_KINDS = {"csv": "text table", "parquet": "Parquet", "mcap": "MCAP", "bag": "bag"}
+#: Neither indented nor hanging.
+_PLAIN = ("", "")
 
 
 def as_text(info: LogInfo) -> str:
     """The whole report; the mapping's lines alone may be longer, as they are to be pasted."""
-    lines: list[str] = []
-    for contents in info.contents:
-        lines += [*_file(contents), ""]
-    if info.signals:
-        lines += [*_signals(info), ""]
-    if info.dwells is not None:
-        lines += [*_dwells(info.dwells, info.signals), ""]
-    if info.problems:
-        lines.append("Problems")
-        for problem in info.problems:
-            lines += _wrapped(problem, "- ")
-        lines.append("")
-    if info.guess.mapping is not None:
-        read = "" if info.source == "guessed" else "; the rig file's own was used above"
-        lines += _wrapped(
-            f"Mapping guessed{read}. Check it, and paste it into rig.yaml; `tdfscal init` writes a "
-            "whole rig file:",
-            "",
-        )
-        lines.append("")
-        lines += mapping_block(info.guess.mapping, by_topic=info.contents[0].by_topic).splitlines()
-        lines.append("")
-        for note in info.guess.notes:
-            lines += _wrapped(note, "- ")
+    blocks = [*map(_file, info.contents), _signals(info), _dwells(info), _problems(info)]
+    lines = [line for block in map(list, blocks) if block for line in (*block, "")]
+    lines += _mapping(info)
     return "\n".join(map(visible, lines)).rstrip("\n") + "\n"
 
 
+def _problems(info: LogInfo) -> Iterator[str]:
+    if info.problems:
+        yield "Problems"
+    for problem in info.problems:
+        yield from wrapped(f"- {problem}", "")
+
+
+def _mapping(info: LogInfo) -> Iterator[str]:
+    if info.guess.mapping is None:
+        return
+    read = "" if info.source == "guessed" else "; the rig file's own was used above"
+    yield from wrapped(
+        f"Mapping guessed{read}. Check it, and paste it into rig.yaml; `tdfscal init` writes a "
+        "whole rig file:",
+        *_PLAIN,
+    )
+    block = mapping_block(info.guess.mapping, by_topic=info.contents[0].by_topic)
+    yield from ("", *block.splitlines(), "")
+    for note in info.guess.notes:
+        yield from wrapped(f"- {note}", "")
+
+
 def _file(contents: Contents) -> Iterator[str]:
-    yield from _wrapped(visible(str(contents.path)), "")
-    kind = {"csv": "text table", "parquet": "Parquet", "mcap": "MCAP", "bag": "bag"}[
-        contents.format
-    ]
+    yield from wrapped(visible(str(contents.path)), *_PLAIN)
     total = sum(stream.count for stream in contents.streams)
     what = "messages" if contents.by_topic else "rows"
-    yield f"{kind}, {_size(contents.bytes)}, {total} {what}"
+    yield f"{_KINDS[contents.format]}, {_size(contents.bytes)}, {total} {what}"
     yield ""
     for stream in contents.streams:
         if contents.by_topic:
             yield from _topic(stream)
-        shown = stream.fields[:_MOST_FIELDS]
-        yield from _fields(shown)
-        if len(stream.fields) > len(shown):
-            yield f"  … and {len(stream.fields) - len(shown)} more"
+        yield from _fields(stream.fields[:_MOST_FIELDS])
+        if len(stream.fields) > _MOST_FIELDS:
+            yield f"  … and {len(stream.fields) - _MOST_FIELDS} more"
 
 
 def _fields(fields: Sequence[Field]) -> Iterator[str]:
@@ -85,15 +83,15 @@ def _fields(fields: Sequence[Field]) -> Iterator[str]:
 
 
 def _topic(stream: Stream) -> Iterator[str]:
-    yield from _wrapped(f"{stream.name or '(no name)'}  {stream.kind}", "")
-    row = f"  {stream.count} messages"
-    if stream.start is not None and stream.end is not None and stream.end > stream.start:
-        span = stream.end - stream.start
-        row += f" in {span:.2f} s, {(stream.count - 1) / span:.4g} Hz"
-    yield row
+    yield from wrapped(f"{stream.name or '(no name)'}  {stream.kind}", *_PLAIN)
+    span = 0.0 if stream.start is None or stream.end is None else stream.end - stream.start
+    rate = f" in {span:.2f} s, {(stream.count - 1) / span:.4g} Hz" if span > 0 else ""
+    yield f"  {stream.count} messages{rate}"
 
 
 def _signals(info: LogInfo) -> Iterator[str]:
+    if not info.signals:
+        return
     which = "the rig file's mapping" if info.source == "rig" else "the mapping guessed below"
     yield f"Signals, as read with {which}"
     rows = []
@@ -107,34 +105,30 @@ def _signals(info: LogInfo) -> Iterator[str]:
     header = ("support", "quantity", "samples", "Hz", "span s", "gaps", "longest s")
     yield from table(header, rows, left=2)
     if info.offset is not None:
-        yield from _wrapped(f"Clocks: {info.offset}.", "  ")
+        yield from wrapped(f"Clocks: {info.offset}.", hanging="")
 
 
-def _dwells(dwells: Dwells, signals: Sequence[Signal]) -> Iterator[str]:
+def _dwells(info: LogInfo) -> Iterator[str]:
+    dwells = info.dwells
+    if dwells is None:
+        return
     length = dwells.end - dwells.start
     if not len(dwells):
         yield "No dwells"
     elif not length.any():
         yield f"{len(dwells)} postures, one per row"
     else:
-        span = max((s.end for s in signals if s.end is not None), default=0.0) - min(
-            (s.start for s in signals if s.start is not None), default=0.0
-        )
-        yield from _wrapped(
+        first = min((s.start for s in info.signals if s.start is not None), default=0.0)
+        last = max((s.end for s in info.signals if s.end is not None), default=0.0)
+        share = 100 * length.sum() / max(last - first, 1e-9)
+        yield from wrapped(
             f"{len(dwells)} dwells of {length.min():.2f} to {length.max():.2f} s (median "
-            f"{np.median(length):.2f} s), {100 * length.sum() / max(span, 1e-9):.0f} % of the log",
-            "",
+            f"{np.median(length):.2f} s), {share:.0f} % of the log",
+            *_PLAIN,
         )
     reasons = Counter(out.reason.split(":")[0].split(" in ")[0] for out in dwells.left_out)
     for reason, count in reasons.most_common():
-        yield from _wrapped(f"{count} × left out: {reason}", "  ")
-
-
-def _wrapped(text: str, first: str) -> list[str]:
-    indent = " " * len(first)
-    return textwrap.wrap(
-        text, width(), initial_indent=first, subsequent_indent=indent, break_on_hyphens=False
-    ) or [first]
+        yield from wrapped(f"{count} × left out: {reason}", hanging="")
 
 
 def _size(count: int) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from tdfscal.files.calibration.evidence_model import LeftOutStretch
 from tdfscal.files.calibration.log_time import Clock
-from tdfscal.files.calibration.motion import LeftOutStretch
 from tdfscal.files.calibration.parts import Input, RejectedPosture
 from tdfscal.motioncal.contact import Stretch
 from tdfscal.records import InputFile
