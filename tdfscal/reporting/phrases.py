@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from tdfscal.files.calibration.evidence_model import LeftOutStretch
 from tdfscal.files.calibration.log_time import Clock
 from tdfscal.files.calibration.parts import Input, RejectedPosture
-from tdfscal.motioncal.contact import Stretch
+from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import InputFile
 from tdfscal.reporting.layout import Items, Section, Table
 
