@@ -155,7 +155,7 @@ def test_figures_are_written(files: list[Path], capsys: pytest.CaptureFixture[st
 def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     done = run(capsys, "compare", files[1], files[0])
     assert (done.status, done.err) == (0, "")
-    assert done.out.startswith("Metrologically compatible: ")
+    assert done.out.startswith("Metrologically compatible:")
     document = json.loads(run(capsys, "compare", files[2], files[0], "--json").out)
     assert document["verified"] is False
     assert document["of"] == str(files[2])
