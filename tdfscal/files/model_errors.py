@@ -27,42 +27,43 @@ def checked(model: type[Model], document: Document, error: type[TdfscalError]) -
         return model.model_validate(document.content)
     except ValidationError as refused:
         faults = refused.errors(include_url=False)
-    raise _paragraph(model, document, faults, error)
+    # A misspelt key comes first: what is missing is mostly what it should have been.
+    faults.sort(key=lambda fault: fault["type"] != "extra_forbidden")
+    (place, what, hint), *others = [_told(model, document.content, fault) for fault in faults]
+    for other, also, _ in others[: SHOWN - 1]:
+        at = document.where(other).removeprefix(document.source).lstrip(", ")
+        what += f"; also {at}: {also}"
+    if len(faults) > SHOWN:
+        what += f"; and {len(faults) - SHOWN} more"
+    raise error(what, where=document.where(place), hint=hint)
 
 
 def require_format(document: Document, expected: str, error: type[TdfscalError]) -> None:
     """Check that the document is a mapping whose `format` is the expected `kind/version`."""
-    content = document.content
+    content, where = document.content, document.source
     kind, version = expected.rsplit("/", 1)
     thing = f"{kind.removeprefix('tdfscal-')} file"
     hint = f"the file begins with `format: {expected}`"
     if content is None:
-        raise error("is empty", where=document.source, hint=hint)
+        raise error("is empty", where=where, hint=hint)
     if not isinstance(content, dict):
-        kind_found = "a list" if isinstance(content, list) else "a single value"
-        raise error(f"is {kind_found}, not a {thing}", where=document.source, hint=hint)
+        found = "a list" if isinstance(content, list) else "a single value"
+        raise error(f"is {found}, not a {thing}", where=where, hint=hint)
     if "format" not in content:
         near = nearest("format", list(content))
         hint = f"rename `{shorten(near)}` to `format`" if near else hint
-        raise error(f"is not a {thing}: it has no `format`", where=document.source, hint=hint)
-    found = content["format"]
-    if found == expected:
+        raise error(f"is not a {thing}: it has no `format`", where=where, hint=hint)
+    if content["format"] == expected:
         return
-    where = document.where(("format",))
-    shown = shorten(str(found))
-    if isinstance(found, str) and found.startswith(f"{kind}/"):
-        number = found.removeprefix(f"{kind}/")
-        if number.isdecimal() and int(number[:9]) > int(version):
-            raise error(
-                f"is of the newer format {shown}; this program reads {expected}",
-                where=where,
-                hint="update tdfscal",
-            )
+    where, shown = document.where(("format",)), shorten(str(content["format"]))
+    number = shown.removeprefix(f"{kind}/")
+    if number.isdecimal() and int(number) > int(version):
+        what = f"is of the newer format {shown}; this program reads {expected}"
+        raise error(what, where=where, hint="update tdfscal")
     if kind == "tdfscal-calibration":
         hint = "name the file that `tdfscal calibrate` wrote"
-    raise error(
-        f"is not a {thing}: its format is `{shown}`, not `{expected}`", where=where, hint=hint
-    )
+    what = f"is not a {thing}: its format is `{shown}`, not `{expected}`"
+    raise error(what, where=where, hint=hint)
 
 
 def nearest(name: str, known: list[str], cutoff: float = 0.6) -> str | None:
@@ -70,25 +71,6 @@ def nearest(name: str, known: list[str], cutoff: float = 0.6) -> str | None:
     folded = {key.lower(): key for key in reversed(known)}
     found = difflib.get_close_matches(name.lower(), list(folded), n=1, cutoff=cutoff)
     return folded[found[0]] if found else None
-
-
-def _paragraph(
-    model: type[BaseModel],
-    document: Document,
-    faults: list[ErrorDetails],
-    error: type[TdfscalError],
-) -> TdfscalError:
-    # A misspelt key comes first: what is missing is mostly what it should have been.
-    ordered = sorted(faults, key=lambda fault: fault["type"] != "extra_forbidden")
-    told = [_told(model, document.content, fault) for fault in ordered]
-    first_place, first, hint = told[0]
-    also = [
-        f"also {document.where(place).removeprefix(document.source).lstrip(', ')}: {what}"
-        for place, what, _ in told[1:SHOWN]
-    ]
-    if len(told) > SHOWN:
-        also.append(f"and {len(told) - SHOWN} more")
-    return error("; ".join([first, *also]), where=document.where(first_place), hint=hint)
 
 
 def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
@@ -135,8 +117,7 @@ _HINTS = {
 
 def _unknown_key(model: type[BaseModel], place: Place) -> tuple[str, str]:
     key, known = str(place[-1]), _known_keys(model, place[:-1])
-    near = nearest(key, known)
-    hint = "rename or remove it"
+    near, hint = nearest(key, known), "rename or remove it"
     if near is None:
         near = nearest(key, known, cutoff=0.0) or known[0]
         hint = f"remove it; known here are {', '.join(known)}"
@@ -147,19 +128,15 @@ def _known_keys(model: type[BaseModel], place: Place) -> list[str]:
     """Keys of the model that stands at a place below `model`."""
     here: Any = model
     for part in place:
-        if isinstance(part, str) and _is_model(here) and part in here.model_fields:
+        if part in getattr(here, "model_fields", ()):
             here = here.model_fields[part].annotation
         # Else an index or a free key: the model is within the annotation of the collection.
         here = next(_models_in(here), here)
-    return list(here.model_fields) if _is_model(here) else list(model.model_fields)
-
-
-def _is_model(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+    return list(getattr(here, "model_fields", model.model_fields))
 
 
 def _models_in(annotation: Any) -> Iterator[Any]:
-    if _is_model(annotation):
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for argument in get_args(annotation):
         yield from _models_in(argument)

@@ -15,8 +15,7 @@ from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
-from tdfscal.files.rig import model
-from tdfscal.files.rig.model import RIG_FORMAT, RigFile, TrackerBlock, Uncertainty
+from tdfscal.files.rig.model import RIG_FORMAT, RigFile, TrackerBlock
 from tdfscal.files.yaml.reading import Document, parse_document, read_document
 from tdfscal.records import (
     Acceptance,
@@ -132,17 +131,20 @@ def _from_document(document: Document, path: Path) -> LoadedRig:
 
 
 def _rig(file: RigFile) -> Rig:
-    supports, acceptance = file.supports, file.acceptance
-    contact = acceptance.contact
-    inertia = file.terminal.inertia
+    supports, terminal, acceptance = file.supports, file.terminal, dict(file.acceptance)
+    declared, drift = dict(file.uncertainty), dict(file.drift)
+    contact, compliance = acceptance.pop("contact"), declared.pop("compliance")
+    sensors = tuple(SensorInfo(**dict(support.sensor or ())) for support in supports)
     return Rig(
         name=file.name,
         supports=tuple(support.name for support in supports),
         gravity=file.gravity.magnitude,
         gravity_tilt_std=file.gravity.tilt_std,
-        mass=_known(file.terminal.mass.value, file.terminal.mass.std),
-        barycentre=_known(file.terminal.barycenter.value, file.terminal.barycenter.std),
-        inertia=_known(inertia.value, np.full((3, 3), inertia.std)) if inertia else None,
+        mass=_known(terminal.mass.value, terminal.mass.std),
+        barycentre=_known(terminal.barycenter.value, terminal.barycenter.std),
+        inertia=_known(terminal.inertia.value, np.full((3, 3), terminal.inertia.std))
+        if terminal.inertia
+        else None,
         hinge=np.array([support.hinge for support in supports]),
         zero=_known(
             [support.zero.value for support in supports], [support.zero.std for support in supports]
@@ -151,47 +153,18 @@ def _rig(file: RigFile) -> Rig:
         rpy_std=np.array([support.rpy_std for support in supports]),
         capacity=np.array([support.capacity or (np.inf,) * 3 for support in supports]),
         axes=np.array([[axis in support.axes for axis in "xyz"] for support in supports]),
-        declared=_declared(file.uncertainty),
-        acceptance=Acceptance(
-            angle_std=acceptance.angle_std,
-            identifiable=acceptance.identifiable,
-            birge_max=acceptance.birge_max,
-            contact_force=contact.force if contact else None,
-            contact_torque=contact.torque if contact else None,
-            contact_rpy=contact.rpy if contact else (0.0, 0.0, 0.0),
+        declared=DeclaredUncertainty(
+            **declared,
+            compliance_lateral=compliance.lateral,
+            compliance_vertical=compliance.vertical,
         ),
-        drift=_drift(file.drift),
+        acceptance=Acceptance(
+            **acceptance, **{f"contact_{what}": limit for what, limit in contact or ()}
+        ),
+        drift=Drift(**drift | {"time": drift["time"] / HOUR, "walk": drift["walk"] / HOUR**0.5}),
         serial=file.serial,
-        campaign=CampaignInfo(**dict(file.campaign)) if file.campaign else CampaignInfo(),
-        sensors=_sensors(file),
-    )
-
-
-def _declared(block: Uncertainty) -> DeclaredUncertainty:
-    values = dict(block)
-    compliance = values.pop("compliance")
-    return DeclaredUncertainty(
-        **values,
-        compliance_lateral=compliance.lateral,
-        compliance_vertical=compliance.vertical,
-    )
-
-
-def _drift(block: model.Drift) -> Drift:
-    return Drift(
-        time=block.time / HOUR,
-        temperature=block.temperature,
-        walk=block.walk / HOUR**0.5,
-        angle=block.angle,
-    )
-
-
-def _sensors(file: RigFile) -> tuple[SensorInfo, ...]:
-    if all(support.sensor is None for support in file.supports):
-        return ()
-    return tuple(
-        SensorInfo(**dict(support.sensor)) if support.sensor else SensorInfo()
-        for support in file.supports
+        campaign=CampaignInfo(**dict(file.campaign or ())),
+        sensors=sensors if any(support.sensor for support in supports) else (),
     )
 
 
@@ -203,20 +176,22 @@ def _mapping(file: RigFile) -> LogMapping | None:
     block = file.log
     if block is None:
         return None
-    supports = tuple(support.name for support in file.supports)
-    named = LogMapping.default(supports)
+    names = tuple(support.name for support in file.supports)
+    mapping = LogMapping.default(names)
     if block.supports is not None:
-        fields = [block.supports[name] for name in supports]
-        position, force = (tuple(f.position for f in fields), tuple(f.force for f in fields))
-        named = dataclasses.replace(
-            named,
-            position=position,
-            force=force,
+        fields = [block.supports[name] for name in names]
+        mapping = dataclasses.replace(
+            mapping,
+            position=tuple(f.position for f in fields),
+            force=tuple(f.force for f in fields),
             position_scale=tuple(f.position_scale for f in fields),
             force_scale=tuple(f.force_scale for f in fields),
         )
+    temperature = block.temperature or ()
+    if isinstance(temperature, dict):
+        temperature = tuple(temperature[name] for name in names)
     return dataclasses.replace(
-        named,
+        mapping,
         rows=block.rows,
         time_field=block.time.field,
         time_unit=block.time.unit,
@@ -226,13 +201,5 @@ def _mapping(file: RigFile) -> LogMapping | None:
         force_on=block.force_on,
         decimal=block.decimal,
         delay=_known(block.delay.value, block.delay.std) if block.delay else None,
-        temperature=_temperature(block.temperature, supports),
+        temperature=temperature,
     )
-
-
-def _temperature(
-    fields: tuple[str, ...] | dict[str, str] | None, supports: tuple[str, ...]
-) -> tuple[str, ...]:
-    if isinstance(fields, dict):
-        return tuple(fields[name] for name in supports)
-    return fields or ()
