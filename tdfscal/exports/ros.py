@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
+from tdfscal.errors import visible
 from tdfscal.exports.words import child, frame, number, origin
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import Mounting
-from tdfscal.files.escaping import yaml_comment
 from tdfscal.files.saving import to_yaml
 
 _NAMESPACE = "tdfs_calibration"
@@ -92,7 +92,7 @@ def _comments(c: Calibration, base: str) -> list[str]:
         f"Frame {base} has the BCS's axes; the translation is not calibrated and is left at zero.",
         "Subtract a sensor's zero (N) before turning its reading.",
     ]
-    return [f"# {yaml_comment(note)}" for note in notes]
+    return [f"# {visible(note)}" for note in notes]
 
 
 def _arguments(support: Mounting, base: str) -> list[str]:

@@ -2,8 +2,9 @@
 
 Names, paths, columns and foreign files may hold anything. Where a format has data (YAML and JSON
 values, XML text, CSV cells) its own writer keeps the string as it is; what is here serves the rest:
-comments, which end at signs of their own, and characters that a format cannot hold or a reader
-would act on. Each escape is a backslash sequence that Python reads back, so nothing is lost.
+comments, which end at signs of their own (those of YAML at line breaks alone: `errors.visible`),
+and characters that a format cannot hold or a reader would act on. Each escape is a backslash
+sequence that Python reads back, so nothing is lost.
 """
 
 from __future__ import annotations
@@ -16,11 +17,6 @@ from tdfscal.errors import visible
 _NOT_XML = re.compile("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 #: A spreadsheet takes a cell that begins so for a formula.
 _FORMULA = re.compile(r"(^|[,;\t\"'])(\s*)([=+\-@])")
-
-
-def yaml_comment(text: str) -> str:
-    """Text of one line after `# `: YAML breaks lines at U+0085, U+2028 and U+2029 too."""
-    return visible(text)
 
 
 def csv_comment(text: str) -> str:

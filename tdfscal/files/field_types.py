@@ -119,23 +119,9 @@ def _three(value: Any) -> Any:
     return value
 
 
-def _three_stds(value: Any) -> Any:
-    value = from_numpy(value)
-    return _three(value if isinstance(value, (list, tuple)) else [value] * 3)
-
-
-def finite_json(value: Any) -> bool:
-    """Tell whether a nested value holds no NaN or infinity."""
-    if isinstance(value, dict):
-        return all(map(finite_json, value.values()))
-    if isinstance(value, (list, tuple)):
-        return all(map(finite_json, value))
-    return not isinstance(value, float) or math.isfinite(value)
-
-
-def written_std(value: float) -> float | str:
-    """Return an infinite standard uncertainty as `unknown`, any other as it is."""
-    return UNKNOWN if math.isinf(value) else value
+def one_for_all(value: Any) -> Any:
+    """Return a single number, or word, as three of them."""
+    return (value,) * 3 if isinstance(value, (int, float, str, np.generic)) else value
 
 
 def list_of(item: dict[str, Any], least: int, most: int | None = None) -> dict[str, Any]:
@@ -207,12 +193,17 @@ Std = Annotated[
     BeforeValidator(lambda value: _std_from_text(from_numpy(value))),
     AfterValidator(_std),
     _after,
-    PlainSerializer(written_std, return_type=float | str),
+    PlainSerializer(lambda std: UNKNOWN if math.isinf(std) else std, return_type=float | str),
     WithJsonSchema(_STD_SCHEMA),
 ]
 """A standard uncertainty; ∞ is unknown."""
 
-Stds = Annotated[tuple[Std, Std, Std], BeforeValidator(_three_stds), WithJsonSchema(_STD_SCHEMA_3)]
+Stds = Annotated[
+    tuple[Std, Std, Std],
+    BeforeValidator(_three),
+    BeforeValidator(one_for_all),
+    WithJsonSchema(_STD_SCHEMA_3),
+]
 """Three of them; a single one stands for all three."""
 
 Text = Annotated[
@@ -221,10 +212,14 @@ Text = Annotated[
 ]
 """One line of text."""
 
+
+def whole_as_text(value: Any) -> Any:
+    """Return a whole number as its text, all else as it is."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
 Label = Annotated[
-    Text,
-    BeforeValidator(lambda value: str(value) if isinstance(value, int) else value),
-    WithJsonSchema({"type": ["string", "integer"]}),
+    Text, BeforeValidator(whole_as_text), WithJsonSchema({"type": ["string", "integer"]})
 ]
 """One line of text, such as a serial number: a bare number is its text."""
 

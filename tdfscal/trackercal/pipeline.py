@@ -21,12 +21,15 @@ from tdfscal.selfcal.exact_quantities import ExactQuantity
 from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import MOST_REJECTED
 from tdfscal.trackercal.caveats import survey_warnings
-from tdfscal.trackercal.exact_quantities import exact_quantities
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey, point_noise
 from tdfscal.trackercal.monte_carlo import simulate_inputs
 from tdfscal.trackercal.point_matching import MatchedPoints, describe_unmatched, match_points
 from tdfscal.trackercal.positioner_axes import AxisFault, examine_axes
 from tdfscal.trackercal.variance_components import Components, estimate_components
+
+#: Typical errors of what is taken as exact: a workshop's drawing, m, and a sensor's body against
+#: its axes, rad.
+_DRAWING, _MISALIGNMENT = 1e-4, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +133,7 @@ def calibrate_tracker(
         monte_carlo=monte_carlo,
         axes=axes,
         warnings=(*notes, *survey_warnings(rig, X, moves, targets, axes, components)),
-        exact=exact_quantities(rig.supports, X, session, misalignment),
+        exact=_exact_quantities(rig.supports, X, session, misalignment),
     )
 
 
@@ -140,8 +143,33 @@ def _matched(
     """Moves of the rig's supports, and targets; with what is to be said of them."""
     moves = match_points(session.moves, session.servo)
     targets = match_points(session.targets, session.nominal)
-    _require_supports(rig, targets)
-    usable, notes = _of_supports(rig, moves)
+    for name in rig.supports:
+        count = len(targets.indices(name))
+        if count < 3:
+            here = [m for m in (*targets.missing, *targets.extra) if m.startswith(f"{name}/")]
+            unmatched = f" ({', '.join(here)} in one of the two files only)" if here else ""
+            raise DataError(
+                f"{count} target(s) of {name} have both a nominal and a measured position"
+                f"{unmatched}; three are the least",
+                where=targets.source,
+                hint="measure at least three targets on each sensor, named as in the drawing",
+            )
+    few = [name for name in rig.supports if len(moves.indices(name)) < 2]
+    if len(few) == rig.n:
+        raise DataError(
+            "no support of the rig has two moves or more",
+            where=moves.source,
+            hint=f"name the groups as the supports: {', '.join(rig.supports)}",
+        )
+    notes = [
+        f"{moves.source}: group {name} is no support of the rig"
+        for name in sorted(set(moves.group) - set(rig.supports))
+    ]
+    notes += [
+        f"{moves.source}: {name} has fewer than two moves; the other NCPs' axes stand for its own"
+        for name in few
+    ]
+    usable = moves.take(np.flatnonzero([g in rig.supports and g not in few for g in moves.group]))
     return usable, targets, (*describe_unmatched(moves), *describe_unmatched(targets), *notes)
 
 
@@ -165,40 +193,6 @@ def _fit(
         fitted(points, "drawing", session.drawing, 3, f"targets of {name}")
         for name, points in own.items()
     )
-
-
-def _require_supports(rig: Rig, targets: MatchedPoints) -> None:
-    for name in rig.supports:
-        count = len(targets.indices(name))
-        if count < 3:
-            here = [m for m in (*targets.missing, *targets.extra) if m.startswith(f"{name}/")]
-            unmatched = f" ({', '.join(here)} in one of the two files only)" if here else ""
-            raise DataError(
-                f"{count} target(s) of {name} have both a nominal and a measured position"
-                f"{unmatched}; three are the least",
-                where=targets.source,
-                hint="measure at least three targets on each sensor, named as in the drawing",
-            )
-
-
-def _of_supports(rig: Rig, moves: MatchedPoints) -> tuple[MatchedPoints, tuple[str, ...]]:
-    """Only the moves of the rig's supports, and notes on supports that have fewer than two."""
-    unknown = sorted(set(moves.group) - set(rig.supports))
-    usable = [name for name in rig.supports if len(moves.indices(name)) >= 2]
-    if not usable:
-        raise DataError(
-            "no support of the rig has two moves or more",
-            where=moves.source,
-            hint=f"name the groups as the supports: {', '.join(rig.supports)}",
-        )
-    notes = [f"{moves.source}: group {name} is no support of the rig" for name in unknown]
-    notes += [
-        f"{moves.source}: {name} has fewer than two moves; the other NCPs' axes stand for its own"
-        for name in rig.supports
-        if name not in usable
-    ]
-    which = np.flatnonzero([name in usable for name in moves.group])
-    return moves.take(which), tuple(notes)
 
 
 def _refuse_many_outliers(moves: SurveyFit, targets: Sequence[SurveyFit], source: str) -> None:
@@ -238,3 +232,35 @@ def _shares(
     if misalignment > 0:
         shares["misalignment"] = misalignment**2 * np.eye(3 * n)
     return shares
+
+
+def _exact_quantities(
+    supports: tuple[str, ...], rotation: FloatArray, session: TrackerSession, misalignment: float
+) -> tuple[ExactQuantity, ...]:
+    """Drawing and misalignment of body and axes, where nothing is stated of them.
+
+    rotation : (n, 3, 3), of the sensors.
+    """
+    n, found = len(supports), []
+    if misalignment == 0:
+        turns = _MISALIGNMENT * np.eye(3 * n)
+        found.append(ExactQuantity("body against axes", _MISALIGNMENT, "rad", turns))
+    if session.drawing == 0 and session.nominal.std is None:
+        moves = np.zeros((3 * n, 3 * n))
+        for i, name in enumerate(supports):
+            rows = slice(3 * i, 3 * i + 3)
+            moves[rows, rows] = rotation[i] @ _by_drawing(session, name)
+        found.append(ExactQuantity("target drawing", _DRAWING, "m", moves))
+    return tuple(found)
+
+
+def _by_drawing(session: TrackerSession, name: str) -> FloatArray:
+    """Root (3, 3) of the covariance of a best fit's turn by its points' errors, sensor frame.
+
+    Each coordinate is off by itself: (Σ [r]×ᵀ [r]×)⁻¹ of the points about their middle.
+    """
+    group = np.array([g == name for g in session.nominal.group])
+    arm = session.nominal.xyz[group]
+    lever = so3.hat(arm - arm.mean(axis=0))
+    values, vectors = np.linalg.eigh(np.einsum("pca,pcb->ab", lever, lever))
+    return np.asarray(_DRAWING * vectors / np.sqrt(values))

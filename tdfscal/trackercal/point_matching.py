@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import Literal
@@ -52,7 +52,7 @@ class MatchedPoints:
     @property
     def names(self) -> tuple[str, ...]:
         """Return "group/point" of each point."""
-        return tuple(_label(name) for name in zip(self.group, self.point, strict=True))
+        return _names(self)
 
     def take(self, which: IntArray) -> MatchedPoints:
         """Only the points with these indices; missing and extra ones are left as they are."""
@@ -88,21 +88,21 @@ def match_points(
     DataError : nothing is common to both, or what is common fits several points.
     """
     measured = _renamed(measured, groups or {}, reference)
-    ours = list(zip(measured.group, measured.point, strict=True))
-    names = list(zip(reference.group, reference.point, strict=True))
-    partner = _partners(measured, reference, match)
-    common = [(j, i) for j, i in enumerate(partner) if i is not None]
+    ours, theirs = _keys(measured, reference, match)
+    where = {key: i for i, key in enumerate(ours)}
+    common = {j: where[key] for j, key in enumerate(theirs) if key in where}
+    names, others = _names(reference), _names(measured)
     if not common:
         raise DataError(
             f"no point has the same {_BY[match]} as one of {reference.source}: "
-            f"{_listed([_label(n) for n in ours])} against {_listed([_label(n) for n in names])}",
+            f"{_listed(others)} against {_listed(names)}",
             where=measured.source,
             hint="name the points alike in both files; `register` also pairs them by --match point "
             "or order, and by --groups MEASURED=REFERENCE",
         )
-    j, i = (np.array(index) for index in zip(*common, strict=True))
-    taken = set(i.tolist())
-    unknown = np.full((max(len(ours), len(names)), 3), np.nan)
+    j, i = list(common), list(common.values())
+    taken = set(i)
+    unknown = np.full((max(len(others), len(names)), 3), np.nan)
     return MatchedPoints(
         group=tuple(reference.group[k] for k in j),
         point=tuple(reference.point[k] for k in j),
@@ -112,8 +112,8 @@ def match_points(
         reference_std=(unknown if reference.std is None else reference.std)[j],
         measured_digit=measured.resolution,
         reference_digit=reference.resolution,
-        missing=tuple(_label(names[k]) for k, found in enumerate(partner) if found is None),
-        extra=tuple(_label(name) for k, name in enumerate(ours) if k not in taken),
+        missing=tuple(name for k, name in enumerate(names) if k not in common),
+        extra=tuple(name for k, name in enumerate(others) if k not in taken),
         source=measured.source,
     )
 
@@ -132,33 +132,32 @@ def _renamed(measured: PointSet, groups: Mapping[str, str], reference: PointSet)
     return replace(measured, group=tuple(groups.get(g, g) for g in measured.group))
 
 
-def _partners(measured: PointSet, reference: PointSet, match: Match) -> list[int | None]:
-    """Index of the measured point that belongs to each reference point, or None."""
+def _keys(
+    measured: PointSet, reference: PointSet, match: Match
+) -> tuple[Sequence[Hashable], Sequence[Hashable]]:
+    """What the points of either set go by."""
+    sets = (measured, reference)
     if match == "order":
-        if len(measured.point) != len(reference.point):
+        counts = [len(points.point) for points in sets]
+        if counts[0] != counts[1]:
             raise DataError(
-                f"has {len(measured.point)} points where {reference.source} has "
-                f"{len(reference.point)}: they cannot be paired by their order",
+                f"has {counts[0]} points where {reference.source} has {counts[1]}: they cannot be "
+                "paired by their order",
                 where=measured.source,
                 hint="leave out what only one of the files has, or pair the points by name",
             )
-        return list(range(len(reference.point)))
-    names = list(zip(reference.group, reference.point, strict=True))
+        return range(counts[0]), range(counts[1])
     if match == "name" and any(measured.group) and any(reference.group):
-        where = {n: i for i, n in enumerate(zip(measured.group, measured.point, strict=True))}
-        return [where.get(name) for name in names]
+        ours, theirs = (list(zip(p.group, p.point, strict=True)) for p in sets)
+        return ours, theirs
     if match == "name" and not any(measured.group):
         # A recorder without groups writes the support into the point's name: ncp1_P1.
-        full = {_folded(point): i for i, point in enumerate(measured.point)}
-        found = [full.get(_folded(f"{g} {p}")) if g else None for g, p in names]
-        if any(i is not None for i in found):
-            return found
-    return _by_point(measured, reference)
-
-
-def _by_point(measured: PointSet, reference: PointSet) -> list[int | None]:
+        full, grouped = [_folded(p) for p in measured.point], map(_folded, _names(reference))
+        named = [name if g else None for g, name in zip(reference.group, grouped, strict=True)]
+        if set(full) & set(named):
+            return full, named
     common = set(measured.point) & set(reference.point)
-    for points in (measured, reference):
+    for points in sets:
         twice = next((p for p in points.point if p in common and points.point.count(p) > 1), None)
         if twice is not None:
             raise DataError(
@@ -166,16 +165,17 @@ def _by_point(measured: PointSet, reference: PointSet) -> list[int | None]:
                 where=points.source,
                 hint="give both files a column `group`, or rename groups by --groups",
             )
-    where = {point: i for i, point in enumerate(measured.point)}
-    return [where.get(point) for point in reference.point]
+    return measured.point, reference.point
 
 
 def _folded(name: str) -> str:
     return re.sub(r"[\s_./:-]+", " ", name).strip().lower()
 
 
-def _label(name: tuple[str, str]) -> str:
-    return "/".join(part for part in name if part)
+def _names(points: PointSet | MatchedPoints) -> tuple[str, ...]:
+    """Return "group/point" of each point; the point alone where there is no group."""
+    named = zip(points.group, points.point, strict=True)
+    return tuple("/".join(filter(None, name)) for name in named)
 
 
 def describe_unmatched(points: MatchedPoints) -> tuple[str, ...]:
@@ -194,16 +194,14 @@ def unit_mistake(measured: FloatArray, reference: FloatArray) -> str | None:
     measured, reference : (N, 3), m. The size is the rms distance from the centroid, which no
     permutation of the points changes.
     """
-    size = [
-        np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) for p in (measured, reference)
-    ]
-    if min(size) == 0:
-        return None
-    ratio = float(size[0] / size[1])
-    if 0.95 < ratio < 1.05:
+    spread = [float(np.sqrt(p.var(axis=0).sum())) for p in (measured, reference)]
+    if min(spread) == 0 or 0.95 < spread[0] / spread[1] < 1.05:
         return None
     for text, factor in _UNITS.items():
-        for name, r in (("measured", ratio), ("reference", 1 / ratio)):
+        for name, r in (
+            ("measured", spread[0] / spread[1]),
+            ("reference", spread[1] / spread[0]),
+        ):
             if abs(r / factor - 1) < 0.02:
                 return f"the {name} points are {r:.4g} times as large as the others: {text}?"
     return None
@@ -258,6 +256,6 @@ def _distances(xyz: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(xyz[:, None] - xyz, axis=2))
 
 
-def _listed(names: tuple[str, ...] | list[str], most: int = 8) -> str:
+def _listed(names: tuple[str, ...], most: int = 8) -> str:
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

@@ -6,6 +6,7 @@ and the rig leave the quantity open.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self, get_args
@@ -45,7 +46,6 @@ from tdfscal.files.field_types import (
     Vector,
     Vectors,
     fault,
-    finite_json,
     from_numpy,
     key,
 )
@@ -426,8 +426,10 @@ class QualityResult(Strict):
 
 
 def _finite(given: dict[str, Any]) -> dict[str, Any]:
-    if not finite_json(given):
-        raise fault("holds a number that is not finite")
+    try:
+        json.dumps(given, allow_nan=False)
+    except ValueError:
+        raise fault("holds a number that is not finite") from None
     return given
 
 

@@ -154,7 +154,8 @@ def by_cells(rows: Sequence[Sequence[str]], uncertain: bool, comma: bool, where:
     if names <= 3 and numbers == 6:
         if uncertain:
             return _columns(names, numbers)
-        if _normals([row[-3:] for row in numbers_of if len(row) == count]):
+        last = np.array([row[-3:] for row in numbers_of if len(row) == count], dtype=np.float64)
+        if np.all(np.abs(np.linalg.norm(last, axis=1) - 1) < 1e-3):
             return _columns(names, numbers, normals=True)
     raise DataError(
         f"has {count} columns and no line that names them",
@@ -221,8 +222,3 @@ def _columns(names: int, numbers: int, *, normals: bool = False) -> Columns:
         bare=u is not None,
         ignored=("Collection",) * (names == 3) + ("i", "j", "k") * normals,
     )
-
-
-def _normals(cells: Sequence[Sequence[float | None]]) -> bool:
-    length = np.linalg.norm(np.array(cells, dtype=np.float64), axis=1)
-    return bool(np.all(np.abs(length - 1) < 1e-3))

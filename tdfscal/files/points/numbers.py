@@ -38,14 +38,19 @@ def last_digit(cells: Iterable[str], *, comma: bool = False) -> float:
 
 def to_metres(unit: str, where: str) -> float:
     """Return the factor from `unit`, however spelt, to m; DataError where it is no length unit."""
-    try:
-        return METRES[SPELLINGS[unit.strip().lower().rstrip(".")]]
-    except KeyError:
+    known = unit_of(unit)
+    if known is None:
         raise DataError(
             f"`{unit.strip()}` is not a length unit known here",
             where=where,
             hint=f"use one of {', '.join(METRES)}",
-        ) from None
+        )
+    return METRES[known]
+
+
+def unit_of(text: str) -> str | None:
+    """Return which of METRES a spelling means; None of another word."""
+    return SPELLINGS.get(text.strip().lower().rstrip("."))
 
 
 def _plain(cell: str, comma: bool) -> str:

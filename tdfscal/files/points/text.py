@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.points.columns import is_column_name
-from tdfscal.files.points.numbers import SPELLINGS, to_metres
+from tdfscal.files.points.numbers import to_metres, unit_of
 
 _AXES = re.compile(r"AXES\s*=\s*(?P<kind>[A-Za-z]+)(?P<rest>.*)", re.IGNORECASE)
 _PARENTHESES = re.compile(r"\(\s*(?:in\s+)?([^()]+?)\s*\)")
@@ -108,7 +108,7 @@ def read_preamble(lines: Sequence[Line], source: str) -> Preamble:
             if inside := _PARENTHESES.findall(without_coverage(named["rest"])):
                 unit = inside[-1]
                 to_metres(unit, where)
-        elif (stated := _UNIT_LINE.search(line.text)) and _is_unit(stated[1]):
+        elif (stated := _UNIT_LINE.search(line.text)) and unit_of(stated[1]) is not None:
             unit = unit or stated[1]
     uncertain = any(_UNCERTAIN.search(line.text) for line in lines)
     return Preamble(unit, axes, coverage, uncertain)
@@ -152,7 +152,3 @@ def header_cells(line: str, delimiter: str | None) -> list[str]:
         names.append(" ".join(words[:count]))
         words = words[count:]
     return names
-
-
-def _is_unit(text: str) -> bool:
-    return text.lower().rstrip(".") in SPELLINGS

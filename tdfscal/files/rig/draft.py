@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
-from tdfscal.files.escaping import yaml_comment
+from tdfscal.errors import visible
 from tdfscal.files.rig.model import RIG_FORMAT
 from tdfscal.records import FloatArray
 
@@ -114,8 +114,8 @@ def _entry(remark: str, line: str) -> list[str]:
 
 
 def _remark(text: str) -> list[str]:
-    text = yaml_comment(text)  # names of fields and files stand in it
-    return textwrap.wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="# ")
+    # Names of fields and files stand in it.
+    return textwrap.wrap(visible(text), _WIDTH, initial_indent="# ", subsequent_indent="# ")
 
 
 def unconfirmed(text: str) -> tuple[str, ...]:

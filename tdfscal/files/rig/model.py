@@ -34,6 +34,8 @@ from tdfscal.files.field_types import (
     from_numpy,
     key,
     list_of,
+    one_for_all,
+    whole_as_text,
 )
 from tdfscal.files.rig.checks import (
     check_hinges,
@@ -239,13 +241,8 @@ class Drift(Strict):
     angle: NotNegative = key("rad/√month: random walk of the angles between campaigns", 0.0)
 
 
-def _column(given: Any) -> Any:
-    number = isinstance(given, int) and not isinstance(given, bool)
-    return str(given) if number else given
-
-
 _FIELD = {"type": ["string", "integer"], "minLength": 1}
-FieldName = Annotated[Text, BeforeValidator(_column), WithJsonSchema(_FIELD)]
+FieldName = Annotated[Text, BeforeValidator(whole_as_text), WithJsonSchema(_FIELD)]
 """A field of a log: its name or, of a table without a header, the number of its column from 1."""
 
 
@@ -276,10 +273,6 @@ Fields = Annotated[
 """Three fields, or one field with members x, y, z."""
 
 
-def _each(given: Any) -> Any:
-    return (given,) * 3 if isinstance(given, int | float) else given
-
-
 def _not_zero(scale: Vector) -> Vector:
     if not all(scale):
         raise fault("a scale of zero", hint="write N or m per unit of the log")
@@ -288,7 +281,7 @@ def _not_zero(scale: Vector) -> Vector:
 
 Scale = Annotated[
     Vector,
-    BeforeValidator(_each),
+    BeforeValidator(one_for_all),
     AfterValidator(_not_zero),
     WithJsonSchema({"anyOf": [{"type": "number"}, list_of({"type": "number"}, 3, 3)]}),
 ]
@@ -312,13 +305,9 @@ class SupportFields(Strict):
     )
 
 
-def _temperatures(given: Any) -> Any:
-    return (given,) if isinstance(given, str | int) else given
-
-
 Temperatures = Annotated[
     tuple[FieldName, ...] | dict[Name, FieldName],
-    BeforeValidator(_temperatures),
+    BeforeValidator(lambda given: (given,) if isinstance(given, str | int) else given),
     WithJsonSchema(
         {
             "anyOf": [

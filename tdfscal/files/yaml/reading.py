@@ -28,14 +28,13 @@ class Document:
     """A parsed file.
 
     content : dict, list, str, float, int, bool or None, nested. lines : place → line, from 1; empty
-    for JSON. source : the file's name for messages. sha256, bytes : of the file as it lies there.
+    for JSON. source : the file's name for messages. sha256 : of the file as it lies there.
     """
 
     content: Any
     lines: Mapping[Place, int]
     source: str
     sha256: str
-    bytes: int
 
     def where(self, place: Place = ()) -> str:
         """File, line and place in it: `rig.yaml, line 12, supports[1].hinge`."""
@@ -107,14 +106,11 @@ def parse_document(
             where=f"{source}, line {line}",
             hint="save the file as UTF-8",
         ) from fault
+    digest = hashlib.sha256(raw).hexdigest()
     if form == "json":
-        return _document(_parse_json(text, source, error), {}, source, raw)
+        return Document(_parse_json(text, source, error), {}, source, digest)
     builder = YamlBuilder(source, error)
-    return _document(builder.build(text), builder.lines, source, raw)
-
-
-def _document(content: Any, lines: Mapping[Place, int], source: str, raw: bytes) -> Document:
-    return Document(content, lines, source, hashlib.sha256(raw).hexdigest(), len(raw))
+    return Document(builder.build(text), builder.lines, source, digest)
 
 
 def _unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
