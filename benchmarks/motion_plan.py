@@ -116,7 +116,9 @@ def main() -> None:
     limits = Limits(lean, force, np.tile(travel, (rig.n, 1)), np.asarray(options.home), stiffness=K)
     request = MovingRequest(limits, options.duration, speed, 0.11, DELAY)
     plan = plan_motion(rig, request, np.random.default_rng(chosen.seed))
-    way = time_table(rig.hinge, plan.time, plan.position(plan.trajectory.at(plan.time)))
+    way = time_table(
+        rig.hinge, plan.time, plan.trajectory.at(plan.time).position(plan.request.limits)
+    )
     print(row(f"plan, {K:g} N/m", plan, way, options, chosen.runs))
     print(row(f"usual, {K:g} N/m", None, None, options, chosen.runs))
 

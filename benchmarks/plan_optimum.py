@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 from benchmarks.plan import FEW, NOISE, STIFF, TILT
 from tdfscal.numerics import so3
 from tdfscal.planning import Limits, Plan, Request, make_plan
-from tdfscal.planning.candidates import Candidates, Commanded, realised
+from tdfscal.planning.candidates import Candidates, realised
 from tdfscal.planning.choice import Planner
 from tdfscal.planning.refinement import turn_and_lean
 from tdfscal.records import FloatArray
@@ -52,9 +52,9 @@ class Problem:
         turn = np.concatenate([np.zeros((len(x), 2)), angles[:, :1]], axis=1)
         R = so3.exp(turn) @ so3.exp(lean)
         squeeze = SQUEEZE * np.einsum("kab,nbm,km->kna", R, self.modes, x[:, 3:])
-        found = realised(self.planner.rig, limits, Commanded(angles[:, 0], angles[:, 1:], squeeze))
+        found = realised(self.planner.rig, limits, angles[:, 0], angles[:, 1:], squeeze)
         assert found is not None
-        return found.postures
+        return found[0]
 
     def value(self, flat: FloatArray) -> tuple[float, FloatArray]:
         """log tr(L C Lᵀ) and its gradient."""

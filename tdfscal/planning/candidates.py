@@ -26,7 +26,7 @@ _PROJECTIONS = 12
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """N postures.
+    """N postures: to choose from, chosen, or on the way of a motion.
 
     rotation : (N, 3, 3), LCS → BCS. place : (N, n, 3), m, BCS, hinge centres of the undeformed
     terminal. carried, squeeze : (N, n, 3), N, BCS, force of each NCP on the terminal that carries
@@ -46,46 +46,27 @@ class Candidates:
         """Force of each NCP on the terminal (N, n, 3), N, BCS."""
         return self.carried + self.squeeze
 
+    def displacement(self, limits: Limits) -> FloatArray | None:
+        """What squeezes (N, n, 3), m, BCS; None where forces are servoed to."""
+        return None if limits.stiffness is None else self.squeeze / limits.stiffness
+
+    def position(self, limits: Limits) -> FloatArray:
+        """Hinge centres (N, n, 3) to command to the servos, m, BCS: with what squeezes."""
+        extra = self.displacement(limits)
+        return self.place if extra is None else self.place + extra
+
     def take(self, which: IntArray) -> Candidates:
         """Return the candidates with these indices, in their order."""
-        return Candidates(
-            self.rotation[which], self.place[which], self.carried[which], self.squeeze[which]
-        )
+        return Candidates(*(values[which] for values in self._arrays))
 
-    def replaced(self, others: Candidates, index: IntArray) -> Candidates:
-        """Put others[index[k]] in the place of posture k; −1 keeps it."""
-        new = index >= 0
-        values = []
-        for own, other in zip(self._arrays, others._arrays, strict=True):
-            values.append(own.copy())
-            values[-1][new] = other[index[new]]
-        return Candidates(*values)
+    def joined(self, others: Candidates) -> Candidates:
+        """Return these candidates, and the others behind them."""
+        pairs = zip(self._arrays, others._arrays, strict=True)
+        return Candidates(*(np.concatenate(pair) for pair in pairs))
 
     @property
     def _arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         return self.rotation, self.place, self.carried, self.squeeze
-
-
-@dataclass(frozen=True, slots=True)
-class Commanded:
-    """N postures as wished for, inside the limits or not.
-
-    turn : (N,), about the vertical, and lean : (N, 2), about horizontal axes of the LCS, rad;
-    the rotation is exp(turn z) exp(lean). squeeze : (N, n, 3), N, BCS, forces of which only the
-    internal part acts.
-    """
-
-    turn: FloatArray
-    lean: FloatArray
-    squeeze: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class Realised:
-    """Postures inside the limits, nearest to those wished for; kept : which of these exist."""
-
-    postures: Candidates
-    kept: IntArray
 
 
 def draw(
@@ -115,50 +96,57 @@ def draw(
     radius = np.where(at_limit[2], 1.0, rng.uniform(size=count))
     reach = np.max(np.linalg.norm(direction, axis=2), axis=1)
     squeeze = (limits.squeeze * radius / reach)[:, None, None] * direction
-    return _loaded(rig, limits, rotation, squeeze).postures
+    return _loaded(rig, limits, rotation, squeeze)[0]
 
 
-def realised(rig: Rig, limits: Limits, wish: Commanded) -> Realised | None:
-    """Bring postures inside the limits; None where not one can be.
+def realised(
+    rig: Rig, limits: Limits, turn: FloatArray, lean: FloatArray, squeeze: FloatArray
+) -> tuple[Candidates, IntArray] | None:
+    """Postures inside the limits, nearest to those wished for, and which of these exist; None where
+    not one does.
 
-    Lean and turn are scaled down onto tilt and travel, the squeeze is projected on the internal
-    forces, and each NCP's part of it onto the limit in turn with that.
+    turn : (N,), about the vertical, lean : (N, 2), about horizontal axes of the LCS, rad: the
+    rotation is exp(turn z) exp(lean); both are scaled down onto tilt and travel. squeeze :
+    (N, n, 3), N, BCS, is projected on the internal forces, and each NCP's part of it onto the limit
+    in turn with that.
     """
-    length = np.linalg.norm(wish.lean, axis=1)
+    length = np.linalg.norm(lean, axis=1)
     shrink = np.minimum(1.0, limits.tilt / np.maximum(length, _ROUNDING))
-    turn = np.clip(wish.turn, -limits.tilt, limits.tilt)
-    rotation = _within_travel(rig, limits, turn, shrink[:, None] * wish.lean)
+    turn = np.clip(turn, -limits.tilt, limits.tilt)
+    rotation = _within_travel(rig, limits, turn, shrink[:, None] * lean)
     modes = internal_modes(hanging(rig, rotation)[0])
-    squeeze = wish.squeeze
+
+    def internal(force: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("kdna,kd->kna", modes, np.einsum("kdna,kna->kd", modes, force)))
+
     for _ in range(_PROJECTIONS):
-        squeeze = np.einsum("kdna,kd->kna", modes, np.einsum("kdna,kna->kd", modes, squeeze))
+        squeeze = internal(squeeze)
         size = np.linalg.norm(squeeze, axis=2, keepdims=True)
-        over = np.maximum(1.0, size / max(limits.squeeze, _ROUNDING))
-        squeeze = squeeze / over
-    squeeze = np.einsum("kdna,kd->kna", modes, np.einsum("kdna,kna->kd", modes, squeeze))
+        squeeze = squeeze / np.maximum(1.0, size / max(limits.squeeze, _ROUNDING))
+    squeeze = internal(squeeze)
     reach = np.max(np.linalg.norm(squeeze, axis=2), axis=1)
     squeeze *= np.minimum(1.0, limits.squeeze / np.maximum(reach, _ROUNDING))[:, None, None]
     try:
-        found = _loaded(rig, limits, rotation, squeeze)
+        return _loaded(rig, limits, rotation, squeeze)
     except UsageError:
         return None
-    return found
 
 
-def _loaded(rig: Rig, limits: Limits, rotation: FloatArray, squeeze: FloatArray) -> Realised:
-    """Postures with as much of the squeeze as the limits leave; those without room drop out."""
-    place = limits.home + rig.hinge.mean(axis=0) + displacement(rig, rotation)
-    place += rig.hinge - rig.hinge.mean(axis=0)
+def _loaded(
+    rig: Rig, limits: Limits, rotation: FloatArray, squeeze: FloatArray
+) -> tuple[Candidates, IntArray]:
+    """Postures with as much of the squeeze as the limits leave, and which: some have no room.
+
+    Raises UsageError where none has.
+    """
+    place = limits.home + rig.hinge + displacement(rig, rotation)
     _, carried = hanging(rig, rotation)
-    margin = _MARGIN * limits.repeatability_force(rig)
-    room = np.minimum(
-        _room_in_force(carried, squeeze, limits.force - margin),
-        _room_in_sensors(rig, carried, squeeze, margin),
-    )
-    _check_weight(rig, limits, carried, room, margin)
-    keep = np.flatnonzero(room >= 0.0)
-    squeeze = squeeze * np.minimum(room, 1.0)[:, None, None]
-    return Realised(Candidates(rotation, place, carried, squeeze).take(keep), keep)
+    share = room(rig, limits, carried, squeeze)
+    keep = np.flatnonzero(share >= 0.0)
+    if not keep.size:
+        raise _too_heavy(rig, limits, carried)
+    squeeze = squeeze * np.minimum(share, 1.0)[:, None, None]
+    return Candidates(rotation, place, carried, squeeze).take(keep), keep
 
 
 def hanging(rig: Rig, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -185,51 +173,44 @@ def _within_travel(rig: Rig, limits: Limits, turn: FloatArray, lean: FloatArray)
     return R
 
 
-def _room_in_force(carried: FloatArray, squeeze: FloatArray, limit: float) -> FloatArray:
-    """Largest t (N,) with |carried + t squeeze| ≤ limit at every NCP; below 0: none."""
-    if np.isinf(limit):
-        return np.full(len(carried), np.inf)
-    a = np.sum(squeeze**2, axis=2)
-    b = np.sum(carried * squeeze, axis=2)
+def room(rig: Rig, limits: Limits, carried: FloatArray, squeeze: FloatArray) -> FloatArray:
+    """Largest t (N,) for which carried + t squeeze (N, n, 3) keeps the limits of force and the
+    sensors' capacity, unplanned internal forces included; below 0: none.
+    """
+    margin = _MARGIN * limits.repeatability_force(rig)
+    # |carried + t squeeze| ≤ limit at every NCP.
+    limit = limits.force - margin
+    a, b = np.sum(squeeze**2, axis=2), np.sum(carried * squeeze, axis=2)
     c = np.sum(carried**2, axis=2) - limit**2
-    if limit < 0.0:
-        return np.full(len(carried), -1.0)
-    root = np.sqrt(np.maximum(b**2 - a * c, 0.0))
+    with np.errstate(invalid="ignore"):
+        root = np.sqrt(np.maximum(b**2 - a * c, 0.0))
     t = np.where(a > 0, (-b + root) / np.where(a > 0, a, 1.0), np.inf)
-    return np.asarray(np.min(np.where(c > 0, -1.0, t), axis=1))
-
-
-def _room_in_sensors(
-    rig: Rig, carried: FloatArray, squeeze: FloatArray, margin: float
-) -> FloatArray:
-    """Largest t (N,) with every reading inside its share of capacity; below 0: none."""
+    in_force = np.min(np.where((c > 0) | (limit < 0.0), -1.0, t), axis=1)
+    # Every reading inside its share of capacity.
     X = so3.from_rpy(rig.nominal_rpy)
     base = np.einsum("nba,knb->kna", X, carried) + rig.zero.value
     slope = np.einsum("nba,knb->kna", X, squeeze)
-    limit = np.maximum(OF_CAPACITY * rig.capacity - margin, 0.0)
+    most = np.maximum(OF_CAPACITY * rig.capacity - margin, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.where(slope != 0.0, (limit - np.sign(slope) * base) / np.abs(slope), np.inf)
-    t = np.where(np.abs(base) > limit, -1.0, t)
-    return np.asarray(np.min(t, axis=(1, 2)))
+        t = np.where(slope != 0.0, (most - np.sign(slope) * base) / np.abs(slope), np.inf)
+    t = np.where(np.abs(base) > most, -1.0, t)
+    return np.asarray(np.minimum(in_force, np.min(t, axis=(1, 2))))
 
 
-def _check_weight(
-    rig: Rig, limits: Limits, carried: FloatArray, room: FloatArray, margin: float
-) -> None:
-    """Raise UsageError where no posture is left; say which limit the weight alone breaks."""
-    if np.any(room >= 0.0):
-        return
+def _too_heavy(rig: Rig, limits: Limits, carried: FloatArray) -> UsageError:
+    """Say which limit the weight alone breaks in every posture."""
+    margin = _MARGIN * limits.repeatability_force(rig)
     largest = np.linalg.norm(carried, axis=2)
     if not np.all(np.max(largest, axis=1) <= limits.force - margin):
         i = int(np.argmax(largest.max(axis=0)))
-        raise UsageError(
+        return UsageError(
             f"the weight alone puts {largest[:, i].min():.4g} N on {rig.supports[i]}, and "
             f"unplanned internal forces up to {margin:.3g} N come on top: no posture keeps the "
             f"limit of {limits.force:.4g} N",
             where="force limit",
             hint="raise the limit, or state the NCPs' stiffness and repeatability better",
         )
-    raise UsageError(
+    return UsageError(
         f"no posture keeps every reading within {OF_CAPACITY:.0%} of the sensors' capacity "
         f"with {margin:.3g} N of unplanned internal forces",
         where="capacity",

@@ -1,4 +1,4 @@
-"""A pool of candidate postures, and how a plan is chosen from it and judged."""
+"""From a rig and its limits to the postures to drive, and the uncertainty to expect of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, draw
-from tdfscal.planning.exchange import choose, gains, information, inverse, objective
+from tdfscal.planning.exchange import choose, gains, information, inverse, objective, variances
 from tdfscal.planning.limits import check_limits, check_reach
 from tdfscal.planning.ordering import approaches, distances, short_tour, with_returns
 from tdfscal.planning.plan import Plan, Request, hinge_radius
@@ -20,7 +20,6 @@ from tdfscal.planning.predicted_information import (
     averaged,
     forecast,
     leaning,
-    widened,
     wrench_rows,
 )
 from tdfscal.planning.refinement import refine
@@ -28,6 +27,8 @@ from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.covariance import faked_information
 from tdfscal.selfcal.estimator import Fit
 
+#: Most postures that a target may ask for.
+MOST = 400
 #: Postures per return to the first one.
 _PER_RETURN = 24
 #: Fewest postures of which one is spent on a return.
@@ -86,12 +87,14 @@ class Planner:
         variance = []
         for sight in self.leaning:
             seen = information(sight.rows(self.pool)) + len(self.pool) * self._scatter(sight)
-            C, L = inverse(self.held + seen), angle_rows(sight)
-            variance.append(np.einsum("rp,pq,rq->r", L, C, L))
+            variance.append(variances(inverse(self.held + seen), angle_rows(sight)))
         std = np.sqrt(np.mean(variance, axis=0)).reshape(-1, 3)
-        prior = _PRIOR_SHARE * self.rig.rpy_std
-        weak = (std >= self.rig.acceptance.identifiable) | (std > prior)
-        return np.asarray(lacking & weak.any(axis=1))
+        return np.asarray(lacking & self._weak(std).any(axis=1))
+
+    def _weak(self, std: FloatArray) -> BoolArray:
+        """Angles (n, 3) that standard uncertainties, rad, leave undetermined."""
+        limit, prior = self.rig.acceptance.identifiable, _PRIOR_SHARE * self.rig.rpy_std
+        return np.asarray((std >= limit) | (std > prior))
 
     def _objective(self) -> FloatArray:
         """L (r, p) with tr(L C Lᵀ) the mean variance of the angles, or of the contact wrench.
@@ -111,18 +114,16 @@ class Planner:
 
     def select(self, count: int) -> tuple[IntArray, int]:
         """Choose distinct candidates and how often the first comes again: `count` rows in all."""
-        returns = _returns(count)
+        returns = max(1, round(count / _PER_RETURN)) if count >= _FEWEST_WITH_RETURN else 0
         if count - returns > len(self.pool):
             raise UsageError(
                 f"{count - returns} postures are to be chosen from {len(self.pool)} candidates",
                 hint="ask for more candidates",
             )
         base = self.held + count * self.scatter
-        found = choose(self.rows, base, self.objective, count - returns)
-        gain = gains(self.rows[found.index], found.covariance, self.objective)
-        first = int(np.argmax(gain))
-        index = np.concatenate([[first], np.delete(np.arange(len(found.index)), first)])
-        return found.index[index], returns
+        chosen, covariance = choose(self.rows, base, self.objective, count - returns)
+        first = int(np.argmax(gains(self.rows[chosen], covariance, self.objective)))
+        return np.concatenate([chosen[[first]], np.delete(chosen, first)]), returns
 
     def forecast(self, postures: Candidates) -> Forecast:
         """Uncertainty to expect of postures, with what is held already."""
@@ -152,8 +153,7 @@ class Planner:
             J = self.rows[index]
             self._usual = information(J) / len(index) + self.scatter
         C = inverse(self.held + count * self._usual)
-        L = angle_rows(self.sight)
-        return float(np.sqrt(np.einsum("rp,pq,rq->r", L, C, L).max()))
+        return float(np.sqrt(variances(C, angle_rows(self.sight)).max()))
 
     def _refined(self, count: int) -> tuple[Candidates, int]:
         """Choose and move freely: from the pool's best, and from postures anywhere."""
@@ -181,14 +181,10 @@ class Planner:
         postures = distinct.take(order)
         expected = self.forecast(postures)
         self._refuse_unobservable(postures, expected)
-        limits = self.request.limits
-        displacement = postures.squeeze / limits.stiffness if limits.stiffness else None
         return Plan(
             rig=self.rig,
             request=self.request,
             postures=postures,
-            position=postures.place + (0.0 if displacement is None else displacement),
-            displacement=displacement,
             approach=approaches(order),
             returns=np.flatnonzero(order == order[0])[1:],
             given=0 if self.given is None else int(np.sum(self.given.weight > 0)),
@@ -203,20 +199,14 @@ class Planner:
             self.forecast(draw(self.rig, self.request.limits, count, self.rng, extremes=False))
             for _ in range(_RANDOM_SETS)
         ]
-        angles = np.mean([s.rpy_std for s in sets], axis=0)
-        force = [s.contact_force for s in sets if s.contact_force is not None]
-        torque = [s.contact_torque for s in sets if s.contact_torque is not None]
-        if not force:
-            return Forecast(angles)
-        return Forecast(angles, np.mean(force, axis=0), np.mean(torque, axis=0))
+        return averaged(sets, power=1)
 
     def _refuse_unobservable(self, postures: Candidates, expected: Forecast) -> None:
         """Raise NotIdentifiableError where the best of plans does not reach the objective."""
         if self.request.objective == "wrench":
             self._refuse_unmeasured(postures)
             return
-        limit = self.rig.acceptance.identifiable
-        weak = (expected.rpy_std >= limit) | (expected.rpy_std > _PRIOR_SHARE * self.rig.rpy_std)
+        weak = self._weak(expected.rpy_std)
         if not weak.any():
             return
         names = [f"{ANGLES[j]} of {self.rig.supports[i]}" for i, j in np.argwhere(weak)]
@@ -232,12 +222,11 @@ class Planner:
         """Raise where the wrench's variance is what ignorance was taken to be."""
         seen = information(self.sight.rows(postures))
         seen += self.sight.scatter(postures, self.request.limits).sum(axis=0)
-        L = self.objective
-        values = [
-            objective(inverse(self._held(sight) + seen), L)
-            for sight in (self.sight, widened(self.sight, 2.0))
-        ]
-        if values[1] > values[0] * (1 + _FOLLOWS):
+        value, wider = (
+            objective(inverse(self._held(sight) + seen), self.objective)
+            for sight in (self.sight, replace(self.sight, wide=2.0 * self.sight.wide))
+        )
+        if wider > value * (1 + _FOLLOWS):
             raise NotIdentifiableError(
                 f"within these limits {len(postures)} postures do not determine the contact "
                 "wrench at the assembly posture",
@@ -246,8 +235,74 @@ class Planner:
             )
 
 
-def _returns(count: int) -> int:
-    return max(1, round(count / _PER_RETURN)) if count >= _FEWEST_WITH_RETURN else 0
+def make_plan(
+    rig: Rig,
+    request: Request,
+    postures: int,
+    rng: np.random.Generator,
+    *,
+    given: Fit | None = None,
+) -> Plan:
+    """Choose postures and squeezes: exchange over a random pool, then moved freely.
+
+    postures : how many rows to drive, returns included. given : the fit of postures recorded
+    already; the plan adds the best next ones.
+
+    Raises
+    ------
+    UsageError : infeasible limits. NotIdentifiableError : the objective stays unobservable.
+    """
+    return Planner(rig, request, rng, given).plan(postures)
+
+
+def plan_for_target(
+    rig: Rig,
+    request: Request,
+    target: float,
+    rng: np.random.Generator,
+    *,
+    given: Fit | None = None,
+) -> Plan:
+    """Plan with the fewest postures whose every angle is expected within `target`, rad.
+
+    Raises
+    ------
+    UsageError : infeasible limits. NotIdentifiableError : no number of postures gets there.
+    """
+    if not 0.0 < target < np.inf:
+        raise UsageError(f"the target is {target:g} rad", hint="give a number above zero")
+    planner = Planner(rig, request, rng, given)
+    floor = planner.scaled(MOST)
+    if floor > target:
+        raise NotIdentifiableError(
+            f"{MOST} postures leave about ±{1e3 * floor:.3g} mrad on the weakest angle, and "
+            f"{1e3 * target:.3g} mrad is asked for",
+            hint="squeeze harder, average longer, or know zeros, mass and barycentre better",
+        )
+    # The search goes by the pool alone, which is quick; free postures do better by some share.
+    count = _fewest(planner, target)
+    plan = planner.plan(count)
+    share = plan.expected.largest / planner.largest(count)
+    for fewer in range(_fewest(planner, target / min(1.0, share)), count):
+        better = planner.plan(fewer)
+        if better.expected.largest <= target:
+            return better
+    return plan
+
+
+def _fewest(planner: Planner, target: float) -> int:
+    """Fewest postures within the target: a guess by scaling, a bracket about it, bisection."""
+    guess = next(count for count in range(1, MOST + 1) if planner.scaled(count) <= target)
+    step = max(1, guess // 16)
+    low, high = guess - 1, guess
+    while planner.largest(high) > target:
+        low, high = high, high + step
+    while low > 0 and planner.largest(low) <= target:
+        low, high = max(0, low - step), low
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if planner.largest(middle) <= target else (middle, high)
+    return high
 
 
 def _check(rig: Rig, request: Request) -> None:

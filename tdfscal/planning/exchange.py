@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.records import FloatArray, IntArray
@@ -11,15 +9,6 @@ from tdfscal.records import FloatArray, IntArray
 _SWEEPS = 12
 #: A swap must lower the objective by this share, or rounding would swap for ever.
 _WORTH = 1e-6
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """Indices of the chosen candidates; objective tr(L C Lᵀ); covariance C (p, p)."""
-
-    index: IntArray
-    objective: float
-    covariance: FloatArray
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
@@ -32,6 +21,11 @@ def inverse(matrix: FloatArray) -> FloatArray:
 def information(J: FloatArray) -> FloatArray:
     """Information Σ JᵀJ (p, p) of candidates' rows J (N, m, p)."""
     return np.asarray(np.einsum("kmp,kmq->pq", J, J))
+
+
+def variances(C: FloatArray, L: FloatArray) -> FloatArray:
+    """Diagonal (r,) of L C Lᵀ for a covariance C (p, p) and L (r, p)."""
+    return np.asarray(np.einsum("rp,pq,rq->r", L, C, L))
 
 
 def objective(C: FloatArray, L: FloatArray) -> float:
@@ -68,11 +62,13 @@ def greedy(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> list[i
     return chosen
 
 
-def choose(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> Choice:
+def choose(
+    J: FloatArray, base: FloatArray, L: FloatArray, count: int
+) -> tuple[IntArray, FloatArray]:
     """Minimise tr(L (base + Σ JᵀJ)⁻¹ Lᵀ) over `count` of the candidates: greedy, then exchange.
 
     J : (N, m, p), whitened rows. base : (p, p), information held already, positive definite.
-    L : (r, p). Each candidate is taken at most once.
+    L : (r, p). Each candidate is taken at most once. Returns their indices and the covariance.
     """
     chosen = greedy(J, base, L, count)
     for _ in range(_SWEEPS):
@@ -90,5 +86,4 @@ def choose(J: FloatArray, base: FloatArray, L: FloatArray, count: int) -> Choice
                 value, swapped = held - float(gain[new]), True
         if not swapped:
             break
-    C = inverse(base + information(J[chosen]))
-    return Choice(np.array(chosen), objective(C, L), C)
+    return np.array(chosen), inverse(base + information(J[chosen]))

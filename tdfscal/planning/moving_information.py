@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,10 +12,11 @@ from tdfscal.motioncal.estimator import MovingPriors, at_state
 from tdfscal.motioncal.noise import NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
+from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.exchange import inverse
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.planning.static_loads import internal_part
-from tdfscal.planning.trajectory import Course, Trajectory
+from tdfscal.planning.trajectory import Trajectory
 from tdfscal.records import FloatArray, Rig, UncertainValue
 
 #: Instants per second that show a slow motion whole.
@@ -43,7 +44,7 @@ class MovingSight:
     noise: float
     delay: UncertainValue
 
-    def covariance(self, course: Course, time: FloatArray) -> FloatArray:
+    def covariance(self, course: Candidates, time: FloatArray) -> FloatArray:
         """Covariance (3n, 3n) of the rotations to expect, rad², BCS."""
         rig, n = self.rig, self.rig.n
         slow = self._seen(course, time)
@@ -57,10 +58,10 @@ class MovingSight:
         information += np.diag(1e-12 * np.diagonal(information).max() * np.ones(len(information)))
         return inverse(information)[: 3 * n, : 3 * n]
 
-    def _seen(self, course: Course, time: FloatArray) -> Slow:
+    def _seen(self, course: Candidates, time: FloatArray) -> Slow:
         state = nominal(self.rig)
         back = np.linalg.inv(sensing(state))
-        force = np.einsum("nab,knb->kna", back, course.carried + course.squeeze) + state.zero
+        force = np.einsum("nab,knb->kna", back, course.force) + state.zero
         return Slow(
             supports=self.rig.supports,
             time=time,
@@ -71,7 +72,7 @@ class MovingSight:
             clipped=np.zeros(len(time), dtype=np.bool_),
         )
 
-    def _spectrum(self, course: Course, time: FloatArray) -> NoiseModel:
+    def _spectrum(self, course: Candidates, time: FloatArray) -> NoiseModel:
         """Force noise, flat and slow, and position noise by the error fields at this speed."""
         declared = self.rig.declared
         f = 2 * np.pi * _KNOTS
@@ -113,7 +114,7 @@ def forecast(
     return Forecast(np.where(open_ends, np.nan, np.sqrt(np.mean(variance, axis=0))))
 
 
-def _with_errors(course: Course, size: float, rng: np.random.Generator) -> Course:
+def _with_errors(course: Candidates, size: float, rng: np.random.Generator) -> Candidates:
     """The course with the internal forces of one draw of the positioners' error fields."""
     n = course.place.shape[1]
     wave = rng.standard_normal((n, 3, _WAVES, 3)) / _LEAD
@@ -121,6 +122,4 @@ def _with_errors(course: Course, size: float, rng: np.random.Generator) -> Cours
     angle = np.einsum("knb,nawb->knaw", course.place, wave) + phase
     error = size * np.sqrt(2.0 / _WAVES) * np.cos(angle).sum(axis=3)
     arm = course.place - course.place.mean(axis=1, keepdims=True)
-    return Course(
-        course.rotation, course.place, course.carried, course.squeeze + internal_part(arm, error)
-    )
+    return replace(course, squeeze=course.squeeze + internal_part(arm, error))

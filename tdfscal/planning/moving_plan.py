@@ -10,10 +10,10 @@ import numpy as np
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.planning.limits import Limits, check_limits
 from tdfscal.planning.moving_information import MovingSight, forecast
-from tdfscal.planning.predicted_information import Forecast
+from tdfscal.planning.predicted_information import Forecast, averaged
 from tdfscal.planning.static_loads import internal_part
-from tdfscal.planning.trajectory import Course, Lines, Trajectory, brought_to_limits
-from tdfscal.records import FloatArray, IntArray, Rig, UncertainValue
+from tdfscal.planning.trajectory import Lines, Trajectory, brought_to_limits
+from tdfscal.records import ANGLES, FloatArray, IntArray, Rig, UncertainValue
 
 #: Fastest line, Hz: the carriages follow it quasi-statically, and inertia stays a correction.
 _FASTEST = 0.2
@@ -68,16 +68,6 @@ class MovingPlan:
         """Instants (N,) of the time table, s."""
         return np.asarray(np.arange(round(self.request.duration / TABLE) + 1) * TABLE)
 
-    def displacement(self, course: Course) -> FloatArray | None:
-        """What squeezes (N, n, 3), m; None where forces are servoed to."""
-        stiffness = self.request.limits.stiffness
-        return None if stiffness is None else course.squeeze / stiffness
-
-    def position(self, course: Course) -> FloatArray:
-        """Hinge centres (N, n, 3) to command, m, BCS."""
-        extra = self.displacement(course)
-        return course.place if extra is None else course.place + extra
-
     @property
     def waypoints(self) -> FloatArray:
         """Times (M,), s, through whose positions a cubic spline, at rest at both ends, runs."""
@@ -91,9 +81,9 @@ class MovingPlan:
             count = max(4, round(self.request.duration / step))
             knot = np.asarray(np.linspace(0.0, self.request.duration, count + 1), dtype=np.float64)
             course = self.trajectory.at(knot)
-            near = CubicSpline(knot, self.position(course), bc_type="clamped")(self.time)
+            near = CubicSpline(knot, course.position(limits), bc_type="clamped")(self.time)
             force = CubicSpline(knot, course.squeeze, bc_type="clamped")(self.time)
-            off = near - self.position(fine)
+            off = near - fine.position(limits)
             squeezed = force - fine.squeeze
             if limits.stiffness is not None:
                 squeezed = limits.stiffness * internal_part(arm, off)
@@ -135,15 +125,12 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
     if expected.largest > rig.acceptance.identifiable:
         i, j = np.unravel_index(int(np.nanargmax(expected.rpy_std)), expected.rpy_std.shape)
         raise NotIdentifiableError(
-            f"no motion within these limits determines {('roll', 'pitch', 'yaw')[j]} of "
+            f"no motion within these limits determines {ANGLES[j]} of "
             f"{rig.supports[i]}: about ±{1e3 * expected.rpy_std[i, j]:.3g} mrad would be left",
             hint="squeeze harder, tilt farther, or move for longer",
         )
-    others = [
-        forecast(sight, driven(_drawn(coordinates, most, rng)), rng).rpy_std for _ in range(_RANDOM)
-    ]
-    usual = Forecast(np.sqrt(np.mean(np.square(others), axis=0)))
-    return MovingPlan(rig, request, driven(best), expected, usual)
+    others = [forecast(sight, driven(_drawn(coordinates, most, rng)), rng) for _ in range(_RANDOM)]
+    return MovingPlan(rig, request, driven(best), expected, averaged(others))
 
 
 def _check(rig: Rig, request: MovingRequest) -> None:

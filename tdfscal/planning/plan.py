@@ -34,19 +34,14 @@ class Request:
 class Plan:
     """Postures in the order to drive them, K rows.
 
-    postures : the K postures; returns repeat the first. position : (K, n, 3), m, BCS, what to
-    command to the servos: with a known stiffness the displacements that squeeze are in it, else
-    the forces postures.squeeze are to be servoed to. displacement : (K, n, 3), m; None without a
-    stiffness. approach : (K,), ±1, side to come from. returns : rows that repeat the first.
-    given : postures recorded before. before : what these alone promise, None without any.
-    expected : of all together. random : of as many random postures within the same limits.
+    approach : (K,), ±1, side to come from. returns : rows that repeat the first posture. given :
+    postures recorded before. before : what these alone promise, None without any. expected : of all
+    together. random : of as many random postures within the same limits.
     """
 
     rig: Rig
     request: Request
     postures: Candidates
-    position: FloatArray
-    displacement: FloatArray | None
     approach: IntArray
     returns: IntArray
     given: int
@@ -55,7 +50,14 @@ class Plan:
     random: Forecast
 
     def __len__(self) -> int:
-        return len(self.position)
+        return len(self.postures)
+
+    @property
+    def position(self) -> FloatArray:
+        """Hinge centres (K, n, 3) to command, m, BCS: with the displacements that squeeze where a
+        stiffness is known, else the forces postures.squeeze are to be servoed to.
+        """
+        return self.postures.position(self.request.limits)
 
     @property
     def improvement(self) -> float:

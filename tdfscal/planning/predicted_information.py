@@ -11,7 +11,7 @@ from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_st
 from tdfscal.model.statics import Postures, balance, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates, hanging
-from tdfscal.planning.exchange import inverse
+from tdfscal.planning.exchange import information, inverse, variances
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.static_loads import internal_modes
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -121,10 +121,6 @@ class Sight:
         size = limits.repeatability_force(self.rig) * rng.standard_normal(modes.shape[:2])
         return replace(postures, squeeze=postures.squeeze + np.einsum("km,kmna->kna", size, modes))
 
-    def faked(self, postures: Candidates) -> FloatArray:
-        """Information (3n, 3n) about the rotations that noise will fake; see `uncertainty`."""
-        return faked_information(self.seen(postures.place, postures.force))
-
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
@@ -176,14 +172,6 @@ def wrench_rows(sight: Sight, rpy: tuple[float, float, float]) -> FloatArray:
     return np.concatenate([R.T @ jac[:3], R.T @ jac[3:]])
 
 
-def corrected(covariance: FloatArray, faked: FloatArray) -> FloatArray:
-    """Covariance (3n, 3n) of the rotations with the noise in the levers: C + C N C.
-
-    C is the inverse of the true information Λ, while the score varies by Λ + N.
-    """
-    return np.asarray(covariance + covariance @ faked @ covariance)
-
-
 def forecast(
     sight: Sight,
     postures: Candidates,
@@ -197,24 +185,24 @@ def forecast(
     rng : draws the unplanned internal forces, which help one posture much and another little where
     axes are missing; without it they count by their expected information.
     """
-    information = held.copy()
+    known = held
     if rng is None:
-        information += sight.scatter(postures, limits).sum(axis=0)
+        known = held + sight.scatter(postures, limits).sum(axis=0)
     else:
         postures = sight.drawn(postures, limits, rng)
-    J = sight.rows(postures)
-    information += np.einsum("kmp,kmq->pq", J, J)
-    C = inverse(information)
+    seen = sight.seen(postures.place, postures.force)
+    J = seen.whitener @ seen.jacobian
+    C = inverse(known + information(J))
     turns = slice(0, 3 * sight.rig.n)
-    L = angle_rows(sight)
-    cov = corrected(C[turns, turns], sight.faked(postures))
-    angle_var = np.einsum("ri,ij,rj->r", L[:, turns], cov, L[:, turns])
+    # With the noise in the levers: C is the inverse of the true information Λ, while the score
+    # varies by Λ + N.
+    cov = C[turns, turns]
+    cov = cov + cov @ faked_information(seen) @ cov
+    angle_var = variances(cov, angle_rows(sight)[:, turns])
     std = np.where(sight.open[:, None], np.nan, np.sqrt(angle_var).reshape(-1, 3))
     if at is None:
         return Forecast(std)
-    W = wrench_rows(sight, at)
-    wrench_std = np.sqrt(np.einsum("rp,pq,rq->r", W, C, W))
-    return Forecast(std, wrench_std[:3], wrench_std[3:])
+    return Forecast(std, *np.sqrt(variances(C, wrench_rows(sight, at))).reshape(2, 3))
 
 
 def leaning(sight: Sight) -> tuple[Sight, ...]:
@@ -234,19 +222,14 @@ def leaning(sight: Sight) -> tuple[Sight, ...]:
     )
 
 
-def averaged(forecasts: Sequence[Forecast]) -> Forecast:
-    """Quadratic means of forecasts."""
+def averaged(forecasts: Sequence[Forecast], power: int = 2) -> Forecast:
+    """Means of forecasts, by default quadratic ones."""
 
     def mean(values: Sequence[FloatArray | None]) -> FloatArray | None:
         known = [value for value in values if value is not None]
-        return np.sqrt(np.mean(np.square(known), axis=0)) if known else None
+        return np.mean(np.power(known, power), axis=0) ** (1 / power) if known else None
 
     angles = mean([each.rpy_std for each in forecasts])
     assert angles is not None
     force = mean([each.contact_force for each in forecasts])
     return Forecast(angles, force, mean([each.contact_torque for each in forecasts]))
-
-
-def widened(sight: Sight, factor: float) -> Sight:
-    """Return the same sight with wider ignorance: what changes then was never measured."""
-    return replace(sight, wide=sight.wide * factor)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.numerics import so3
-from tdfscal.planning.candidates import Candidates, Commanded, realised
+from tdfscal.planning.candidates import Candidates, realised
 from tdfscal.planning.exchange import gains, information, inverse, updated
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.predicted_information import Sight
@@ -51,13 +51,14 @@ def refine(
     rows = sight.rows(chosen)
     each = int(np.clip(_PROPOSALS // len(chosen), _LEAST, _MOST))
     for size in np.geomspace(_WIDEST, _FINEST, rounds):
-        proposals = realised(sight.rig, limits, _shifted(chosen, limits, size, each, rng))
-        if proposals is None:
+        found = realised(sight.rig, limits, *_shifted(chosen, limits, size, each, rng))
+        if found is None:
             break
-        owner = np.repeat(np.arange(len(chosen)), each)[proposals.kept]
-        offered = sight.rows(proposals.postures)
+        proposals, kept = found
+        owner = np.repeat(np.arange(len(chosen)), each)[kept]
+        offered = sight.rows(proposals)
         C = inverse(base + information(rows))
-        picked = np.full(len(chosen), -1)
+        picked = np.arange(len(chosen))
         for k in range(len(chosen)):
             mine = np.flatnonzero(owner == k)
             without = updated(C, rows[k], -1.0)
@@ -65,17 +66,19 @@ def refine(
             best = int(np.argmax(gain))
             if best == 0:
                 continue
-            picked[k] = mine[best - 1]
-            rows[k] = offered[picked[k]]
+            rows[k] = offered[mine[best - 1]]
+            picked[k] = len(chosen) + mine[best - 1]
             C = updated(without, rows[k])
-        chosen = chosen.replaced(proposals.postures, picked)
+        chosen = chosen.joined(proposals).take(picked)
     return chosen
 
 
 def _shifted(
     chosen: Candidates, limits: Limits, size: float, each: int, rng: np.random.Generator
-) -> Commanded:
-    """Proposals about every chosen posture, `each` of them; size : share of the limits."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Turn, lean and squeeze of proposals, `each` about every chosen posture; size : share of the
+    limits.
+    """
     count = len(chosen) * each
     still = rng.uniform(size=count) < _SQUEEZE_ONLY
     # A lean about an axis in the plane and a turn about the vertical: exp(turn z) exp(lean).
@@ -85,10 +88,10 @@ def _shifted(
     push = size * limits.squeeze * rng.standard_normal(squeeze.shape)
     mirrored = rng.uniform(size=(count, 1)) < _MIRRORED
     sign = np.where(mirrored, rng.choice([-1.0, 1.0], size=(count, 3)), 1.0)
-    return Commanded(
-        turn=sign[:, 0] * np.repeat(turn, each) + step[:, 0],
-        lean=sign[:, [1]] * np.repeat(lean, each, axis=0) + step[:, 1:],
-        squeeze=sign[:, 2, None, None] * squeeze + push,
+    return (
+        sign[:, 0] * np.repeat(turn, each) + step[:, 0],
+        sign[:, [1]] * np.repeat(lean, each, axis=0) + step[:, 1:],
+        sign[:, 2, None, None] * squeeze + push,
     )
 
 

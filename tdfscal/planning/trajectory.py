@@ -14,7 +14,7 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.numerics import so3
-from tdfscal.planning.candidates import OF_CAPACITY, hanging
+from tdfscal.planning.candidates import Candidates, hanging, room
 from tdfscal.planning.limits import Limits, displacement
 from tdfscal.planning.static_loads import internal_modes, internal_part
 from tdfscal.records import FloatArray, IntArray, Rig
@@ -25,8 +25,6 @@ _RAMP, _RAMP_SHARE = 3.0, 0.2
 _FINE = 10.0
 #: Rounds in which the angles, which act almost linearly, are brought to their limits.
 _ROUNDS = 6
-#: Unplanned internal forces are allowed for up to this many standard deviations.
-_MARGIN = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,20 +40,6 @@ class Lines:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """What is driven at N instants.
-
-    rotation : (N, 3, 3), LCS → BCS. place : (N, n, 3), m, BCS, hinge centres of the undeformed
-    terminal. carried, squeeze : (N, n, 3), N, BCS: carries the weight, and is added to it.
-    """
-
-    rotation: FloatArray
-    place: FloatArray
-    carried: FloatArray
-    squeeze: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
 class Trajectory:
     """Lines brought to the limits: way (3,), m, turn, rad, and force, N, are those of size 1."""
 
@@ -67,7 +51,7 @@ class Trajectory:
     turn: float
     force: float
 
-    def at(self, time: FloatArray) -> Course:
+    def at(self, time: FloatArray) -> Candidates:
         """What is driven at times (N,), s."""
         signal = _signals(self.lines, self.duration, time)
         R = so3.exp(self.turn * signal[:, 3:6])
@@ -75,7 +59,7 @@ class Trajectory:
         middle = self.limits.home + self.rig.hinge.mean(axis=0) + self.way * signal[:, :3]
         spoke = (self.rig.hinge - self.rig.hinge.mean(axis=0)) @ np.swapaxes(R, 1, 2)
         squeeze = self.force * _internal(self.rig, arm, signal[:, 6:])
-        return Course(R, middle[:, None] + spoke, carried, squeeze)
+        return Candidates(R, middle[:, None] + spoke, carried, squeeze)
 
 
 def brought_to_limits(
@@ -101,9 +85,13 @@ def brought_to_limits(
     unit = _internal(rig, arm, signal[:, 6:])
     largest = float(np.linalg.norm(unit, axis=2).max())
     force = 0.0 if largest == 0.0 else limits.squeeze / largest
-    return Trajectory(
-        rig, limits, duration, lines, way, turn, force * _room(rig, limits, carried, force * unit)
-    )
+    left = float(room(rig, limits, carried, force * unit).min())
+    if left < 0.0:
+        raise UsageError(
+            "the weight alone takes the NCPs or the sensors to their limit of force",
+            hint="raise --force-limit, tilt less, or correct supports.capacity",
+        )
+    return Trajectory(rig, limits, duration, lines, way, turn, force * min(left, 1.0))
 
 
 def _signals(lines: Lines, duration: float, time: FloatArray) -> FloatArray:
@@ -156,28 +144,3 @@ def _use(
     with np.errstate(divide="ignore", invalid="ignore"):
         used = np.where(np.abs(way) > 1e-9, np.abs(way) / limits.travel, 0.0)
     return float(max(used.max(), moving.max() / speed))
-
-
-def _room(rig: Rig, limits: Limits, carried: FloatArray, squeeze: FloatArray) -> float:
-    """Largest share in [0, 1] of the squeeze that keeps forces and readings within limits."""
-    margin = _MARGIN * limits.repeatability_force(rig)
-    X = so3.from_rpy(rig.nominal_rpy)
-
-    def within(share: float) -> bool:
-        F = carried + share * squeeze
-        reading = np.abs(np.einsum("nba,knb->kna", X, F)) + margin
-        total = np.linalg.norm(F, axis=2).max() + margin
-        return bool(total <= limits.force and np.all(reading <= OF_CAPACITY * rig.capacity))
-
-    if within(1.0):
-        return 1.0
-    if not within(0.0):
-        raise UsageError(
-            "the weight alone takes the NCPs or the sensors to their limit of force",
-            hint="raise --force-limit, tilt less, or correct supports.capacity",
-        )
-    low, high = 0.0, 1.0
-    for _ in range(30):
-        middle = (low + high) / 2
-        low, high = (middle, high) if within(middle) else (low, middle)
-    return low

@@ -138,7 +138,7 @@ def extremes(plan: MovingPlan) -> dict[str, Any]:
         "speed": float(speed),
         "travel": np.abs(course.place - home).max(axis=(0, 1)).tolist(),
         "squeeze": float(np.linalg.norm(course.squeeze, axis=2).max()),
-        "force": float(np.linalg.norm(course.carried + course.squeeze, axis=2).max()),
+        "force": float(np.linalg.norm(course.force, axis=2).max()),
     }
 
 
@@ -165,7 +165,7 @@ def moving_plan_document(
         "frequency": (lines.line / request.duration).tolist(),
         "waypoints": {
             "time": plan.waypoints.tolist(),
-            "position": plan.position(course).tolist(),
+            "position": course.position(limits).tolist(),
             "squeeze": course.squeeze.tolist(),
         },
     }

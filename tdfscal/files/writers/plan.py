@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from tdfscal.files.escaping import csv_comment
-from tdfscal.planning import Plan
+from tdfscal.planning import Candidates, Plan
 from tdfscal.planning.limits import Limits
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES, FloatArray
@@ -35,7 +35,7 @@ def plan_csv(plan: Plan, command: str, seed: int) -> str:
     )
     return _table(
         plan.rig.supports, notes, ["posture", "approach", "returns"], rows,
-        plan.position, plan.postures.squeeze, plan.displacement,
+        plan.postures, plan.request.limits,
     )  # fmt: skip
 
 
@@ -60,7 +60,7 @@ def _motion(plan: MovingPlan, time: FloatArray, notes: list[str]) -> str:
     course = plan.trajectory.at(time)
     return _table(
         plan.rig.supports, notes, ["t"], ([number(t, 6)] for t in time),
-        plan.position(course), course.squeeze, plan.displacement(course),
+        course, plan.request.limits,
     )  # fmt: skip
 
 
@@ -69,13 +69,12 @@ def _table(
     notes: Sequence[str],
     keys: Sequence[str],
     rows: Iterable[list[str]],
-    position: FloatArray,
-    squeeze: FloatArray,
-    displacement: FloatArray | None,
+    driven: Candidates,
+    limits: Limits,
 ) -> str:
     """Notes, header and rows; what follows the keys' cells is (N, n, 3), m and N."""
-    columns = [("", position, 9), ("squeeze_", squeeze, 4)]
-    if displacement is not None:
+    columns = [("", driven.position(limits), 9), ("squeeze_", driven.squeeze, 4)]
+    if (displacement := driven.displacement(limits)) is not None:
         columns.append(("d", displacement, 9))
     header = [f"{s}.{word}{axis}" for word, _, _ in columns for s in supports for axis in AXES]
     lines = [f"# {line}".rstrip() for line in notes]

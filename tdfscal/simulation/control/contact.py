@@ -71,14 +71,15 @@ class GearPair:
         """Largest tilt that the clearance allows when seated, rad."""
         return 2.0 * self.clearance / self.length
 
-    def stiffness_at_mouth_and_tip(self, centre: tuple[float, ...]) -> FloatArray:
-        """(6, 6), the stiffest that contact can be, about a point of the LCS (m): at full depth,
-        in touch at tip, mouth, teeth and shoulder.
+    @property
+    def stiffest(self) -> FloatArray:
+        """(6, 6), the stiffest that contact can be, about the LCS origin: at full depth, in touch
+        at tip, mouth, teeth and shoulder.
         """
         out = np.zeros((6, 6))
         k, ring = self.stiffness, self.seat_stiffness * self.radius**2 / 2
         for back in (0.0, self.length):
-            z = self.tip[2] - back - centre[2]
+            z = self.tip[2] - back
             for axis, way in ((0, (0.0, z)), (1, (-z, 0.0))):
                 row = np.zeros(6)
                 row[axis], row[3], row[4] = 1.0, way[0], way[1]

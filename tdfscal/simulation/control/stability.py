@@ -58,10 +58,9 @@ def sample_map(at: Body, controller: Controller, surroundings: FloatArray) -> Fl
     return np.concatenate([q, v, s, speed, d, rate, felt])
 
 
-def growth(at: Body, controller: Controller, surroundings: FloatArray | None = None) -> float:
+def growth(at: Body, controller: Controller, surroundings: FloatArray) -> float:
     """Largest factor by which an oscillation changes per sample; below 1 it dies out."""
-    around = np.zeros((_BLOCK, _BLOCK)) if surroundings is None else surroundings
-    return float(np.abs(np.linalg.eigvals(sample_map(at, controller, around))).max())
+    return float(np.abs(np.linalg.eigvals(sample_map(at, controller, surroundings))).max())
 
 
 def require_stable(rig: Rig, controller: Controller, gears: GearPair | None = None) -> None:
@@ -69,7 +68,7 @@ def require_stable(rig: Rig, controller: Controller, gears: GearPair | None = No
     at = nominal_body(rig, controller)
     cases = {"in free space": np.zeros((_BLOCK, _BLOCK))}
     if gears is not None:
-        cases["in contact"] = gears.stiffness_at_mouth_and_tip((0.0, 0.0, 0.0))
+        cases["in contact"] = gears.stiffest
     for where, around in cases.items():
         radius = growth(at, controller, around)
         if radius >= 1.0:
@@ -95,33 +94,25 @@ def real_mass(rig: Rig, controller: Controller) -> tuple[float, ...]:
     return (m,) * 3 + (trace / 3.0,) * 3
 
 
-def designed(
-    rig: Rig, controller: Controller, gears: GearPair, mass: tuple[float, ...] | None = None
-) -> Controller:
-    """Virtual mass as asked, or that of the real terminal, and the least damping, critical or more,
-    that is stable, free and in a contact up to `GAIN_MARGIN` times as stiff as the gears', at the
-    step and at half of it.
+def designed(rig: Rig, controller: Controller, gears: GearPair) -> Controller:
+    """Find the least damping, critical or more, that is stable, free and in a contact up to
+    `GAIN_MARGIN` times as stiff as the gears', at the step and at half of it.
 
     Raises UsageError where no damping is.
     """
-    own = mass or real_mass(rig, controller)
-    base = replace(controller, impedance=replace(controller.impedance, mass=own))
-    at = nominal_body(rig, base)
-    around = gears.stiffness_at_mouth_and_tip((0.0, 0.0, 0.0))
-
-    def stable(b: float) -> Controller | None:
-        value = (b,) * 3 + (_TURNS * b,) * 3
-        one = replace(base, impedance=replace(base.impedance, damping=value))
+    impedance = controller.impedance
+    at = nominal_body(rig, controller)
+    critical = 2.0 * np.sqrt(impedance.mass[0] * impedance.stiffness[0])
+    for b in critical * np.geomspace(1.0, 300.0, 41):
+        damping = float(f"{b:.1e}")
+        value = (damping,) * 3 + (_TURNS * damping,) * 3
+        one = replace(controller, impedance=replace(impedance, damping=value))
         halved = replace(one, step=0.5 * one.step)
         cases = ((c, k) for c in (one, halved) for k in (0.0, 0.5, 1.0, GAIN_MARGIN))
-        return one if all(growth(at, c, k * around) < 1.0 for c, k in cases) else None
-
-    critical = 2.0 * np.sqrt(own[0] * controller.impedance.stiffness[0])
-    for b in critical * np.geomspace(1.0, 300.0, 41):
-        if (found := stable(float(f"{b:.1e}"))) is not None:
-            return found
+        if all(growth(at, c, k * gears.stiffest) < 1.0 for c, k in cases):
+            return one
     raise UsageError(
-        f"no damping makes a loop with a virtual mass of {own[0]:g} kg on "
+        f"no damping makes a loop with a virtual mass of {impedance.mass[0]:g} kg on "
         f"{float(rig.mass.value):g} kg stable",
         hint="filter more, raise the virtual mass, or make servos faster",
     )

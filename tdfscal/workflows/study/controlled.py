@@ -92,13 +92,15 @@ def stable_controller(
     mass = _six("--virtual-mass", virtual_mass)
     if servo is not None:
         base = replace(base, servo=replace(base.servo, bandwidth=servo))
-    if stiff is not None:
-        base = replace(base, impedance=replace(base.impedance, stiffness=stiff))
+    chosen: dict[str, Any] = {
+        "stiffness": stiff,
+        "damping": damp,
+        "mass": mass or real_mass(rig, base),
+    }
+    chosen = {name: value for name, value in chosen.items() if value is not None}
+    base = replace(base, impedance=replace(base.impedance, **chosen))
     if damp is None:
-        base = designed(rig, base, gears, mass=mass)
-    else:
-        mass = mass or real_mass(rig, base)
-        base = replace(base, impedance=replace(base.impedance, mass=mass, damping=damp))
+        base = designed(rig, base, gears)
     require_stable(rig, base, gears)
     return base
 
