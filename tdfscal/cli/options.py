@@ -80,7 +80,4 @@ ALLOW_REJECTED = flag("--allow-rejected", "Write the file even if the gate rejec
 SALVAGE = flag("--salvage", "Read what is sound of a damaged log; never accepted.")
 SEED = option(int, 0, "Seed of all random numbers.", min=0)
 JSON = flag("--json", "Print one JSON object and nothing else.")
-PRINTED: Options = {
-    "json": JSON,
-    "quiet": flag("--quiet", "No progress on standard error.", "-q"),
-}
+PRINTED: Options = {"json": JSON, "quiet": flag("--quiet", "No progress on standard error.", "-q")}

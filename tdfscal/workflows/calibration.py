@@ -201,9 +201,7 @@ def read_sources(sources: Sequence[CalibrationSource]) -> list[tuple[str, Calibr
     return loaded
 
 
-def sources_of(
-    *given: CalibrationSource | Iterable[CalibrationSource],
-) -> list[CalibrationSource]:
+def sources_of(*given: CalibrationSource | Iterable[CalibrationSource]) -> list[CalibrationSource]:
     """Return calibrations that are named one by one, or as a list."""
     found: list[CalibrationSource] = []
     for item in given:

@@ -14,12 +14,7 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated_from
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.records import FloatArray, UncertainValue
-from tdfscal.workflows.calibration import (
-    Calibration,
-    CalibrationSource,
-    read_source,
-    unsealed,
-)
+from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source, unsealed
 from tdfscal.workflows.campaign import Campaign, resolve
 
 

@@ -163,9 +163,7 @@ def _date(text: str | None) -> float:
     return moment.timestamp() / (30.4375 * 86400.0)
 
 
-def _sorted_out(
-    sources: Sequence[CalibrationSource],
-) -> tuple[list[CalibrationSource], list[Path]]:
+def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationSource], list[Path]]:
     """Tell calibrations from campaign folders."""
     calibrations: list[CalibrationSource] = []
     folders: list[Path] = []

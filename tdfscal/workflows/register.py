@@ -91,12 +91,7 @@ def register(
     first = read_point_file(Path(measured), length_unit=unit)
     second = read_point_file(Path(reference), length_unit=unit)
     fit = trackercal.register(
-        first.points,
-        second.points,
-        instrument=instrument,
-        match=match,
-        groups=pairs,
-        scale=scale,
+        first.points, second.points, instrument=instrument, match=match, groups=pairs, scale=scale
     )
     return RegisterResult(fit, (*first.notes, *second.notes))
 

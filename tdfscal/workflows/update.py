@@ -27,12 +27,7 @@ from tdfscal.records import FloatArray, Measured, Rig
 from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, at_least, listed, one, window
-from tdfscal.workflows.calibration import (
-    Calibration,
-    CalibrationSource,
-    as_calibration,
-    paths_of,
-)
+from tdfscal.workflows.calibration import Calibration, CalibrationSource, as_calibration, paths_of
 from tdfscal.workflows.campaign import campaign_folders, inputs_read, resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings

@@ -144,13 +144,7 @@ def left_out(tally: Tally, use: InUse) -> list[str]:
 
 
 def summary_of(
-    use: InUse,
-    output: Path | None,
-    tally: Tally,
-    totals: Totals,
-    notes: list[str],
-    *,
-    moving: bool,
+    use: InUse, output: Path | None, tally: Tally, totals: Totals, notes: list[str], *, moving: bool
 ) -> dict[str, Any]:
     """Return the document of the command, SI units; rms of each component over the rows."""
     roots = {
