@@ -50,10 +50,7 @@ def check_room() -> None:
     take little, and those that would end the process later, when they find none, are loaded at
     once.
 
-    Raises
-    ------
-    MemoryShortError
-        It has not.
+    Raises MemoryShortError where it has not.
     """
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
@@ -84,8 +81,6 @@ def is_short(error: BaseException) -> bool:
 def is_short_for(path: Path, error: BaseException) -> bool | None:
     """Tell whether too little memory is to blame that a file cannot be read, or the file.
 
-    Returns
-    -------
     None where the error does not come of memory; False where it does, though there is more of it
     than a sound file of this size takes: then the file states lengths that it does not hold.
     """

@@ -43,7 +43,6 @@ def _common(
 
 
 def command(
-    name: str,
     purpose: str | None,
     example: str,
     text: str,
@@ -53,18 +52,17 @@ def command(
 ) -> None:
     """Make a command that calls the workflow of its name with its options.
 
-    Parameters
-    ----------
-    name : of the workflow; `study.accuracy` for a study.
-    purpose : its heading in the help.
-    example : of a command line, without the program's name.
-    text : what it does, in one sentence.
-    dash : options that take `-` for standard output, and the text of the result that it gets.
-    options : in the order of the help.
+    purpose : its heading in the help. example : a command line, which begins with its name.
+    text : what it does, in one sentence. dash : options that take `-` for standard output, and
+    the text of the result that it gets. options : in the order of the help.
     """
+    name, word = example.split()[:2]
+    place, workflow = app, name
+    if name == "study":
+        place, name, workflow = study, word, f"study.{word.replace('-', '_')}"
 
     def call(**asked: Any) -> int:
-        return perform(name, asked, dash or {})
+        return perform(workflow, asked, dash or {})
 
     call.__doc__ = text
     parameters = [
@@ -72,8 +70,4 @@ def command(
         for each, (kind, described) in options.items()
     ]
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-    _, of_studies, own = name.rpartition("study.")
-    register = (study if of_studies else app).command(
-        own.replace("_", "-"), rich_help_panel=purpose, epilog=f"Example: tdfscal {example}"
-    )
-    register(call)
+    place.command(name, rich_help_panel=purpose, epilog=f"Example: tdfscal {example}")(call)

@@ -42,7 +42,6 @@ SCENARIOS = (
 )
 
 command(
-    "apply",
     USE,
     "apply calibration.yaml assembly/log.csv -o wrench.csv",
     "Work out the contact force and torque over a whole log.",
@@ -65,7 +64,6 @@ command(
     **PRINTED,
 )
 command(
-    "calibrate",
     CALIBRATE,
     "calibrate campaign -o calibration.yaml --html report.html",
     "Calibrate the sensors of a rig from a recorded campaign.",
@@ -102,7 +100,6 @@ command(
     verbose=flag("--verbose", "Say which stretches of rest were left out.", "-v"),
 )
 command(
-    "compare",
     CHECK,
     "compare last-month.yaml calibration.yaml",
     "Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.",
@@ -110,7 +107,6 @@ command(
     **PRINTED,
 )
 command(
-    "export",
     USE,
     "export calibration.yaml --to urdf -o sensors.urdf",
     "Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate.",
@@ -128,7 +124,6 @@ command(
     **PRINTED,
 )
 command(
-    "info",
     CALIBRATE,
     "info campaign/log.csv",
     "Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.",
@@ -139,7 +134,6 @@ command(
     **PRINTED,
 )
 command(
-    "init",
     CALIBRATE,
     "init campaign/log.csv -o campaign/rig.yaml",
     "Write a complete, commented rig.yaml from a log; what to confirm is marked in it.",
@@ -150,7 +144,6 @@ command(
     **PRINTED,
 )
 command(
-    "monitor",
     CHECK,
     "monitor 2026-*.yaml --html history.html",
     "Watch a rig over time: control chart, alarms (status 1), when to calibrate next.",
@@ -163,7 +156,6 @@ command(
     **PRINTED,
 )
 command(
-    "plan",
     PLAN,
     "plan rig.yaml -o plan.csv --postures 24",
     "Choose the postures and squeezes, or the motion, to drive, and say what to expect of them.",
@@ -204,7 +196,6 @@ command(
     **PRINTED,
 )
 command(
-    "register",
     CALIBRATE,
     "register measured.csv drawing.csv --unit mm",
     "Fit the rigid transform from reference points to measured ones, with its uncertainty.",
@@ -224,7 +215,6 @@ command(
     **PRINTED,
 )
 command(
-    "report",
     CALIBRATE,
     "report calibration.yaml --html report.html",
     "Summarise a calibration file, or several side by side and over time.",
@@ -236,7 +226,6 @@ command(
     **PRINTED,
 )
 command(
-    "schema",
     USE,
     "schema schemas",
     "Write the JSON Schemas of the rig, calibration and point files.",
@@ -244,7 +233,6 @@ command(
     **PRINTED,
 )
 command(
-    "simulate",
     PLAN,
     "simulate campaign --scenario contact",
     "Write a synthetic campaign with its truth.yaml.",
@@ -268,7 +256,6 @@ command(
     **PRINTED,
 )
 command(
-    "update",
     CALIBRATE,
     "update calibration.yaml this-month -o updated.yaml",
     "Bring a calibration up to date with a new campaign: zeros, load, angles.",
@@ -287,7 +274,6 @@ command(
     quiet=PRINTED["quiet"],
 )
 command(
-    "validate",
     CHECK,
     "validate calibration.yaml check --html check.html",
     "Check a calibration on postures or on a motion without contact: valid, or what changed.",

@@ -20,21 +20,11 @@ if TYPE_CHECKING:
 def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> int:
     """Call `tdfscal.workflows.<name>` with a command's options and print its result.
 
-    Parameters
-    ----------
-    name : of the module and its function; `study.accuracy` for a study.
-    options : all of the command's, by name; None leaves one to the function. `json`, `quiet` and
-        `verbose` concern the printing only.
+    name : of the module and its function; `study.accuracy` for a study. options : all of the
+    command's; None leaves one to the function; `json`, `quiet`, `verbose` concern the printing.
     dash : options that take `-` for standard output, and the text of the result that it gets.
 
-    Returns
-    -------
-    Exit status.
-
-    Raises
-    ------
-    TdfscalError
-        By cause.
+    Raises TdfscalError by cause.
     """
     check_room()
     from tdfscal.files.outputs import Outputs, together

@@ -65,8 +65,7 @@ _DISTANCE: Options = {"distance": number(5.0, "M", "Tracker to rig, m.")}
 
 def _study(name: str, text: str, **options: Option) -> None:
     """Make a command of the study of this name; text : what it does."""
-    shown = name.replace("_", "-")
-    command(f"study.{name}", None, f"study {shown} rig.yaml -o {shown}", text, **_RIG, **options)
+    command(None, f"study {name} rig.yaml -o {name}", text, **_RIG, **options)
 
 
 _study(
@@ -93,7 +92,7 @@ _study(
     **PRINTED,
 )
 _study(
-    "free_space",
+    "free-space",
     "Deviation of the terminal in free space under impedance control (Table 4, Fig. 16).",
     **_COMPARED,
     moves=file("CSV of moves instead of the six stated."),

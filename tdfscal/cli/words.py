@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from typing import Any
 
@@ -22,6 +21,9 @@ _PLAIN = (
     (r"^Missing argument '([^']*)'", r"\1 is missing"),
     (r"^Missing option (.*)", r"the option \1 is missing"),
     (r"^Option '([^']*)' requires an argument", r"\1: its value is missing"),
+    (r"^(No such command '[^']*')\. Did you mean '([^']*)'.*", r"\1 (did you mean \2?)"),
+    (r"^No such (command|option):? ", r"there is no \1 "),
+    (r" \(Possible options: .*", ""),
 )
 
 
@@ -57,39 +59,21 @@ def plainly_typed(command: Any) -> None:
             param.display_type_rich = lambda ctx: "N"
 
 
-def mistake(error: Exception) -> str:
+def mistake(error: Any) -> str:
     """Say what is wrong with a command line, in one paragraph; the help where it is bare."""
-    said = str(error.format_message())  # type: ignore[attr-defined]
+    said = str(error.format_message())
     if said.startswith("Usage:"):
         return f"no command is given\n\n{said}"
-    context = getattr(error, "ctx", None)
-    said = " ".join(said.split()).rstrip(".").replace("'?", "'")
+    said = " ".join(said.split()).rstrip(".")
     for pattern, plain in _PLAIN:
         said = re.sub(pattern, plain, said)
-    said = _nearest(said, context)
+    if near := getattr(error, "possibilities", None):  # the nearest option first
+        said = f"{said} (did you mean {near[0]}?)"
+    context = getattr(error, "ctx", None)
     path = getattr(context, "command_path", "tdfscal")
     epilog = getattr(getattr(context, "command", None), "epilog", None) or ""
     shown = f" {epilog.rstrip('.')}." if "is missing" in said and epilog else ""
     return f"{said}.{shown} '{path} --help' lists what it takes."
-
-
-def _nearest(said: str, context: Any) -> str:
-    """Name the one option or command that was meant."""
-    option = re.match(r"No such option: (--\S+|\S+)", said)
-    if option:
-        params = getattr(getattr(context, "command", None), "params", ())
-        known = [name for p in params for name in (*p.opts, *p.secondary_opts) if name[:2] == "--"]
-        return f"there is no option {option[1]}{_meant(option[1], known)}"
-    command = re.match(r"No such command '([^']*)'", said)
-    if command:
-        known = context.command.list_commands(context)
-        return f"there is no command '{command[1]}'{_meant(command[1].lower(), known)}"
-    return said
-
-
-def _meant(typed: str, known: list[str]) -> str:
-    found = difflib.get_close_matches(typed, known, n=1)
-    return f" (did you mean {found[0]}?)" if found else ""
 
 
 def misuse() -> type[Exception]:

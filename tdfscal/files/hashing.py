@@ -20,15 +20,10 @@ _BLOCK = 1 << 22
 def input_file(path: Path, integrity: Integrity, note: str | None = None) -> InputFile:
     """Describe a file by its content, read in blocks.
 
-    Parameters
-    ----------
-    path : the file; its text goes into the record as it was given.
-    integrity : how far the reader could check the content.
-    note : what is odd about where it lies.
+    path : the file; its text goes into the record as it was given. integrity : how far the reader
+    could check the content. note : what is odd about where it lies.
 
-    Raises
-    ------
-    UsageError : the file is not there or cannot be opened.
+    Raises UsageError where the file is not there or cannot be opened.
     """
     digest, size = _sha256(path, lambda: False)
     return InputFile(printable(str(path)), digest, size, integrity, note)
@@ -48,12 +43,8 @@ def printable(text: str) -> str:
 def content_sha256(content: Mapping[str, Any], without: Iterable[str]) -> str:
     """SHA-256 of a document's values, whatever their order and notation.
 
-    It is that of the document as Python's JSON in UTF-8, its keys sorted.
-
-    Parameters
-    ----------
-    content : plain JSON values.
-    without : keys at its top that are left out.
+    It is that of the document as Python's JSON in UTF-8, its keys sorted. content : plain JSON
+    values. without : keys at its top that are left out.
     """
     left_out = set(without)
     values = {key: value for key, value in content.items() if key not in left_out}

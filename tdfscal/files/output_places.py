@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tdfscal.errors import UsageError
-from tdfscal.files.outputs import check_link, check_protection, identity, protect, replaces_input
+from tdfscal.files.outputs import check_link, check_target, identity, protect, replaces_input
 
 #: Of report pages.
 PAGE_SUFFIXES = (".html", ".htm")
@@ -18,17 +18,11 @@ def check_outputs(
 ) -> None:
     """Refuse places of output before the work, and keep the inputs from any that follows.
 
-    Parameters
-    ----------
     outputs : by option, the file, None where it is not asked for; and what its name may end in,
-        nothing where that is free.
-    inputs : every file that the command reads or would read.
+    nothing where that is free. inputs : every file that the command reads or would read.
 
-    Raises
-    ------
-    UsageError
-        A place cannot be written, is that of an input, is named twice, or the name ends in what
-        another kind of file has.
+    Raises UsageError where a place cannot be written, is that of an input, is named twice, or the
+    name ends in what another kind of file has.
     """
     protect(inputs)
     protected = {identity(path) for path in inputs} - {None}
@@ -66,9 +60,7 @@ def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
 def check_place(path: Path) -> None:
     """Raise UsageError where a file cannot be written."""
     folder = path.absolute().parent
-    check_link(path)
-    if path.is_dir():
-        raise UsageError("is a folder", where=str(path), hint="name a file in it")
+    check_target(path)
     if not folder.is_dir():
         raise UsageError(
             "the folder for the result does not exist", where=str(path), hint="create it first"
@@ -79,7 +71,6 @@ def check_place(path: Path) -> None:
             where=str(path),
             hint="choose another folder",
         )
-    check_protection(path)
 
 
 def check_folder(path: Path) -> None:

@@ -59,19 +59,15 @@ class Outputs:
     def stage(self, path: Path) -> _Staged:
         """Return where to write what shall appear at `path`. Raises UsageError."""
         try:
-            check_link(path)
+            check_target(path)
             target = Path(os.path.realpath(path))
-            check_protection(path)
             if identity(target) in self.protected:
                 raise replaces_input(path)
             if any(other.target == target for other in self.staged):
                 raise UsageError(
                     "two outputs go to one file", where=str(path), hint="choose another name"
                 )
-            direct = target.exists() and not target.is_file()
-            if direct and target.is_dir():
-                raise UsageError("is a folder", where=str(path), hint="name a file in it")
-            if direct:
+            if target.exists() and not target.is_file():
                 handle, name = tempfile.mkstemp(suffix=".part")
                 os.close(handle)
                 staged = _Staged(Path(name), None, target, path, direct=True)
@@ -87,13 +83,6 @@ class Outputs:
         """Take back a file that failed."""
         self.staged.remove(staged)
         _drop(staged)
-
-    def make_folder(self, path: Path) -> None:
-        """Make a folder with its parents; it goes again where the outputs do not appear."""
-        check_link(path)
-        missing = [p for p in (path, *path.parents) if not p.exists()]
-        path.mkdir(parents=True, exist_ok=True)
-        self.folders += missing
 
     def appear(self) -> None:
         """Put everything in its place. Raises UsageError; then nothing has changed."""
@@ -199,15 +188,19 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def make_folder(path: Path) -> Path:
-    """Make a folder with its parents, where it is not there yet. Raises UsageError."""
+    """Make a folder with its parents, which go again where the outputs do not appear.
+
+    Raises UsageError.
+    """
     outputs = _current.get()
     try:
-        if outputs is None:
-            path.mkdir(parents=True, exist_ok=True)
-        else:
-            outputs.make_folder(path)
+        check_link(path)
+        missing = [p for p in (path, *path.parents) if not p.exists()]
+        path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as fault:
         raise unwritable(path, fault) from fault
+    if outputs is not None:
+        outputs.folders += missing
     return path
 
 
@@ -233,8 +226,11 @@ def check_link(path: Path) -> None:
         raise UsageError("is a link that leads to itself", where=str(path), hint="remove the link")
 
 
-def check_protection(path: Path) -> None:
-    """Raise UsageError for a file that its mode protects, also from root."""
+def check_target(path: Path) -> None:
+    """Raise UsageError for what no file can replace; its mode protects a file also from root."""
+    check_link(path)
+    if path.is_dir():
+        raise UsageError("is a folder", where=str(path), hint="name a file in it")
     if path.is_file() and not path.stat().st_mode & 0o222:
         raise UsageError(
             "is write-protected",

@@ -275,11 +275,8 @@ def inputs_read(
 ) -> list[Path]:
     """Return the files behind a command's arguments.
 
-    Parameters
-    ----------
-    paths : campaign folders, logs, recordings; each with its rig and its survey.
-    rigs : rig files, or their folders; None for one that is not named.
-    files : all others.
+    paths : campaign folders, logs, recordings; each with its rig and its survey. rigs : rig files,
+    or their folders; None for one that is not named. files : all others.
     """
     found = list(files)
     for path in paths:

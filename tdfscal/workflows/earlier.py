@@ -23,8 +23,6 @@ from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_s
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.recordings import Recording
 
-_MONTH = 30.4375 * 86400.0
-
 
 @dataclass(frozen=True, slots=True)
 class Earlier:

@@ -18,7 +18,7 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.logs import is_log
-from tdfscal.records import ANGLES, Rig
+from tdfscal.records import ANGLES, Measured, Rig
 from tdfscal.reporting.layout import LISTED, Drawing, Report
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import Instant, one, window
@@ -27,7 +27,7 @@ from tdfscal.workflows.campaign import campaign_folders, inputs_read
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.recordings import Recording, refuse_repeated
+from tdfscal.workflows.recordings import Recording, refuse_repeated, stated
 from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.rig_life import life_of
 from tdfscal.workflows.several_campaigns import Read, read_campaign, require_one_rig
@@ -154,13 +154,12 @@ def _date(text: str | None) -> float:
     if text is None:
         return -np.inf
     try:
-        moment = datetime.fromisoformat(text)
+        begin = stated(text).begin
     except ValueError as error:
         raise UsageError(
             f"{text!r} is no date", where="--since", hint="write it as 2026-03-01"
         ) from error
-    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return moment.timestamp() / (30.4375 * 86400.0)
+    return Measured(begin, begin, "rig").month
 
 
 def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationSource], list[Path]]:
@@ -180,14 +179,13 @@ def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationS
 
 def _one_rig(known: Sequence[Earlier], reads: Sequence[Read]) -> Rig:
     """Return the latest rig; all must state the same constants."""
-    rigs = [(e.measured.month, e.rig, e.name) for e in known]
-    rigs += [(r.measured.month, r.rig, r.name) for r in reads]
-    if not rigs:
+    checks: list[Earlier | Read] = [*known, *reads]
+    if not checks:
         raise UsageError("nothing is named", hint="name calibrations or campaign folders")
-    _, latest, name = max(rigs, key=lambda entry: entry[0])
-    for _, rig, other in rigs:
-        require_one_rig(latest, rig, other, name)
-    return latest
+    latest = max(checks, key=lambda check: check.measured.month)
+    for check in checks:
+        require_one_rig(latest.rig, check.rig, check.name, latest.name)
+    return latest.rig
 
 
 def _papers(rig: Rig) -> tuple[str, ...]:
@@ -202,14 +200,8 @@ def _papers(rig: Rig) -> tuple[str, ...]:
 
 def _warnings(life: Life, known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[str, ...]:
     rejected = [e.name for e in known if not e.file.accepted]
-    dated = [
-        name
-        for name, source in [
-            *((e.name, e.measured.source) for e in known),
-            *((r.name, r.measured.source) for r in reads),
-        ]
-        if source == "file"
-    ]
+    checks: list[Earlier | Read] = [*known, *reads]
+    dated = [check.name for check in checks if check.measured.source == "file"]
     found = []
     if rejected:
         found.append(f"rejected by the quality gate: {_some(rejected)}")

@@ -28,10 +28,7 @@ _SAME = 0.02
 def measured(log: LogPass) -> Measured:
     """Tell when a campaign was recorded: by the log's clock, the rig file, or the file's date.
 
-    Raises
-    ------
-    DataError, RigError
-        The log's clock, or the rig file's date, lies in the future.
+    Raises DataError, RigError where the log's clock, or the rig file's date, lies in the future.
     """
     if by_wall_clock(log.begin, log.end):
         found = Measured(log.begin, log.end, "log")

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
+
+from pydantic import ConfigDict, create_model
 
 from tdfscal.errors import UsageError
-from tdfscal.files.model_errors import nearest
+from tdfscal.files.model_errors import checked
 from tdfscal.files.outputs import together
 from tdfscal.files.yaml.reading import read_document
 from tdfscal.simulation import Options
@@ -75,20 +78,7 @@ def cost(
 
 def read_assumptions(path: Path) -> Assumptions:
     """Numbers by the names of `Assumptions`; what is left out stays. Raises UsageError."""
-    content = read_document(path, UsageError).content
-    known = [f.name for f in fields(Assumptions)]
-    if not isinstance(content, dict):
-        raise UsageError(
-            "holds no keys", where=str(path), hint=f"write lines such as `{known[0]}: 4.0`"
-        )
-    for key, value in content.items():
-        if key not in known:
-            near = nearest(str(key), known, cutoff=0.0) or known[0]
-            raise UsageError(
-                f"unknown key {key!r}, the nearest known key is {near!r}",
-                where=str(path),
-                hint=f"use {', '.join(known)}",
-            )
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise UsageError(f"{value!r} is no number", where=f"{path}: {key}", hint="give one")
-    return Assumptions(**{key: float(value) for key, value in content.items()})
+    keys: Any = {f.name: (float, f.default) for f in fields(Assumptions)}
+    model = create_model("Assumptions", __config__=ConfigDict(extra="forbid", strict=True), **keys)
+    found = checked(model, read_document(path, UsageError), UsageError)
+    return Assumptions(**found.model_dump())
