@@ -1,19 +1,22 @@
-"""What every command does: call the workflow of its name, and print the result."""
+"""What every command does: call the workflow of its name, show progress, print the result."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from inspect import Parameter, signature
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tdfscal.cli.progress import on_stderr
 from tdfscal.cli.streams import Signalled, hand_over, leave_stdout, reporting, say
 from tdfscal.errors import UsageError, visible
 from tdfscal.memory import check_room
 
 if TYPE_CHECKING:
+    from tdfscal.workflows.progress import Progress
     from tdfscal.workflows.result import Result
 
 
@@ -107,7 +110,7 @@ def _call(name: str, asked: dict[str, Any]) -> Result:
     if "command" in parameters:  # as the user gave it
         line = " ".join(["tdfscal", *sys.argv[1:]])
         asked["command"] = line.encode("utf-8", "replace").decode()
-    asked["progress"] = on_stderr(quiet=asked.pop("quiet", False))
+    asked["progress"] = _on_stderr(quiet=asked.pop("quiet", False))
     # Files named one after the other, as `compare(a, b)` takes them.
     several = [key for key, p in parameters.items() if p.kind is Parameter.VAR_POSITIONAL]
     files = [file for key in several for file in asked.pop(key)]
@@ -119,3 +122,41 @@ def _to_json(document: Any) -> str:
     import json
 
     return json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def _on_stderr(*, quiet: bool) -> Progress:
+    """Return what shows progress to a user; each line is headed by the seconds since now."""
+    from tdfscal.workflows.progress import SILENT, Progress
+
+    if quiet:
+        return SILENT
+    started = time.monotonic()
+
+    def tell(text: str) -> None:
+        say(f"[{time.monotonic() - started:5.1f} s] {text}")
+
+    return Progress(stage=lambda stage: tell(f"{stage} …"), count=tell, reading=_reading_bar)
+
+
+@contextmanager
+def _reading_bar(paths: Sequence[Path]) -> Iterator[Callable[[float], None] | None]:
+    """Give what takes the share of the files that is read; None where nobody looks."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
+    from rich.progress import TransferSpeedColumn as SpeedColumn
+
+    size = sum(path.stat().st_size for path in paths if path.is_file())
+    with Progress(
+        "reading",
+        BarColumn(),
+        DownloadColumn(),
+        SpeedColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bar:
+        task = bar.add_task("reading", total=size)
+        yield lambda share: bar.update(task, completed=share * size)
