@@ -38,7 +38,7 @@ from tdfscal.workflows.arguments import (
     window,
 )
 from tdfscal.workflows.calibration import CalibrationSource, paths_of
-from tdfscal.workflows.calibration_in_use import InUse, take
+from tdfscal.workflows.calibration_in_use import InUse, take, zeros_since
 from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
@@ -52,7 +52,6 @@ from tdfscal.workflows.wrench_summary import (
     summary_of,
     zero_effect,
 )
-from tdfscal.workflows.zero_age import zeros_since
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered

@@ -44,9 +44,13 @@ class Earlier:
 
     def prior(self, rig: Rig, month: float) -> JointPrior:
         """What it says of a rig's constants at a time in months, its walk since included."""
-        gap = max(month - self.measured.month, 0.0)
-        known = self.information.walked(turned(rig, rig.drift.angle * float(np.sqrt(gap))))
+        known = self.information.walked(self.walk(rig, month))
         return joint_prior(rig, self.state, known, self.chi2, self.dof)
+
+    def walk(self, rig: Rig, month: float) -> FloatArray:
+        """Variance by which a rig's angles may have walked since, at a time in months."""
+        gap = max(month - self.measured.month, 0.0)
+        return turned(rig, rig.drift.angle * float(np.sqrt(gap)))
 
     @property
     def inputs(self) -> list[InputFile]:

@@ -11,15 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.comparison.control_chart import Alarm
-from tdfscal.comparison.history import Life
+from tdfscal.comparison.control_chart import Alarm, Check
+from tdfscal.comparison.eliminated import stated
+from tdfscal.comparison.history import Life, live
+from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.logs import is_log
-from tdfscal.records import ANGLES, Measured, Rig
+from tdfscal.model.earlier import free_constants
+from tdfscal.model.parameters import State, deviation
+from tdfscal.numerics.information import Information, without
+from tdfscal.records import ANGLES, BoolArray, Measured, Rig
 from tdfscal.reporting.layout import LISTED, Drawing, Report
+from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import Instant, one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
@@ -27,10 +33,9 @@ from tdfscal.workflows.campaign import campaign_folders, inputs_read
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.recordings import Recording, refuse_repeated, stated
+from tdfscal.workflows.recordings import Recording, refuse_repeated, stated_date
 from tdfscal.workflows.result import Result, by_column
-from tdfscal.workflows.rig_life import life_of
-from tdfscal.workflows.several_campaigns import Read, read_campaign, require_one_rig
+from tdfscal.workflows.several_campaigns import Read, read_campaign, recorded, require_one_rig
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -154,7 +159,7 @@ def _date(text: str | None) -> float:
     if text is None:
         return -np.inf
     try:
-        begin = stated(text).begin
+        begin = stated_date(text).begin
     except ValueError as error:
         raise UsageError(
             f"{text!r} is no date", where="--since", hint="write it as 2026-03-01"
@@ -225,3 +230,83 @@ def _some(names: Sequence[str]) -> str:
     """Names, the first ones of many."""
     more = len(names) - LISTED
     return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: float) -> Life:
+    """Go through calibrations and campaigns of a rig, at a rate of false alarms per year.
+
+    Raises UsageError where a calibration stands on another that is not among them.
+    """
+    checks: list[Check] = []
+    fits = [(e.chi2, e.dof) for e in known if not e.file.campaigns]
+    if reads:
+        pooled = pool([recorded(read) for read in reads])
+        reference, told = pooled.reference, _determined(rig, pooled, reads)
+        for m in pooled.members:
+            own = m.own if told.all() else _said(rig, m.own + pooled.prior, pooled.prior, told)
+            checks.append(Check(m.name, m.month, own))
+            fits.append(m.within)
+    else:
+        reference, told = known[0].state, np.zeros(rig.n, dtype=np.bool_)
+    reference = _common(reference, told, known)
+    prior = stated(Priors(rig), reference)
+    checks += [
+        Check(e.name, e.measured.month, _own(rig, e, known, reference, prior)) for e in known
+    ]
+    checks.sort(key=lambda check: check.month)
+    fit = (sum(chi2 for chi2, _ in fits), sum(dof for _, dof in fits))
+    return live(rig, reference, prior, checks, rate=rate, fit=fit)
+
+
+def _determined(rig: Rig, pooled: Pool, reads: Sequence[Read]) -> BoolArray:
+    """Sensors (n,) that campaigns together determine, or that lack no axis in any of them."""
+    whole = np.all([read.rig.axes.all(axis=1) for read in reads], axis=0)
+    last = pooled.posterior(rig, len(pooled.members) - 1)
+    std = np.sqrt(np.diagonal(last.covariance)[: 3 * rig.n]).reshape(-1, 3)
+    return np.asarray(whole | (std.max(axis=1) < rig.acceptance.identifiable))
+
+
+def _common(first: State, told: BoolArray, known: Sequence[Earlier]) -> State:
+    """Constants from which all checks count: each sensor's turns where something determines it.
+
+    told : (n,), those that the first state has from something.
+    """
+    rotation = first.rotation.copy()
+    for e in known:
+        new = e.file.determined & ~told
+        rotation[new], told = e.state.rotation[new], told | new
+    return replace(first, rotation=rotation)
+
+
+def _own(
+    rig: Rig, e: Earlier, known: Sequence[Earlier], reference: State, prior: Information
+) -> Information:
+    """What a calibration's own data say, without what was known before them."""
+    told, before = e.file.determined, prior
+    if e.file.history:
+        last = e.file.history[-1]
+        base = next((o for o in known if o.sha256 == last.sha256), None)
+        if base is not None:
+            step = base.walk(rig, e.measured.month)
+            told, before = told & base.file.determined, _about(rig, base, reference).walked(step)
+        elif min(o.measured.month for o in known) < e.measured.month:
+            raise UsageError(
+                f"stands on a calibration of {last.created[:10]} that is not named",
+                where=e.name,
+                hint="name every calibration since the first, or campaigns instead",
+            )
+    return _said(rig, _about(rig, e, reference), before, told)
+
+
+def _said(rig: Rig, now: Information, before: Information, told: BoolArray) -> Information:
+    """What was added to what was known before, but for turns of sensors (n,) that are not told."""
+    lost = np.zeros(int(free_constants(rig).sum()), dtype=np.bool_)
+    lost[: 3 * rig.n] = np.repeat(~told, 3)
+    return without(now.without(lost), before.without(lost))
+
+
+def _about(rig: Rig, e: Earlier, reference: State) -> Information:
+    """Information of a calibration, counted from a common reference."""
+    free = free_constants(rig)
+    away = deviation(e.state, reference)[: len(free)][free]
+    return Information(e.information.matrix, e.information.matrix @ away)

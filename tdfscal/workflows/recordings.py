@@ -43,7 +43,7 @@ def measured(log: LogPass) -> Measured:
     rig = log.campaign.rig
     date = rig.rig.campaign.date
     if date is not None:
-        found = stated(date)
+        found = stated_date(date)
         if found.begin > time.time() + _DAY:
             raise RigError(
                 f"the campaign's date, {date}, is in the future",
@@ -60,7 +60,7 @@ def by_wall_clock(*times: float) -> bool:
     return all(_WALL_CLOCK[0] <= time <= _WALL_CLOCK[1] for time in times)
 
 
-def stated(date: str) -> Measured:
+def stated_date(date: str) -> Measured:
     """Tell when a campaign was recorded by the date in its rig file."""
     begin = datetime.fromisoformat(date)
     begin = begin if begin.tzinfo else begin.replace(tzinfo=UTC)

@@ -21,13 +21,12 @@ from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
 from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, one, one_of, window
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
-from tdfscal.workflows.calibration_in_use import InUse, take
+from tdfscal.workflows.calibration_in_use import InUse, take, zero_age
 from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.samples import delay_of, moving_samples, neither, read_samples
-from tdfscal.workflows.zero_age import zero_age
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 Samples = Literal["static", "moving"]
