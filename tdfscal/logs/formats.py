@@ -12,7 +12,6 @@ from tdfscal.logs.bag.rosbag2 import Bag, has_metadata, read_bag
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.damage import placed
 from tdfscal.logs.common.request import Outcome, Piece, Reached, Reader, Request
-from tdfscal.records import LogMapping
 
 if TYPE_CHECKING:
     from tdfscal.logs.messages.buffer import Recording
@@ -85,7 +84,7 @@ def kind_of(path: Path) -> Kind:
     )
 
 
-def reader_of(path: Path, mapping: LogMapping | None, bag: Bag | None = None) -> Reader:
+def reader_of(path: Path, request: Request, bag: Bag | None = None) -> Reader:
     """Return the reader for a file, by its suffix; bag: the recording that it is part of.
 
     Raises
@@ -103,7 +102,7 @@ def reader_of(path: Path, mapping: LogMapping | None, bag: Bag | None = None) ->
         from tdfscal.logs.text.reader import read_text
 
         return read_text
-    if mapping is None:
+    if not request.declared:
         raise DataError(
             "a recording by topics needs a mapping that names them",
             where=str(path),

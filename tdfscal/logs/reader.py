@@ -94,9 +94,9 @@ def iter_log(
     if not files:
         raise UsageError("no log is given", hint="name a CSV, Parquet or MCAP file")
     if axes is not None and not axes.all():
-        _check_silent(files[0][0], make_request(mapping, supports), mapping, axes)
+        _check_silent(files[0][0], make_request(mapping, supports), axes)
     meter = _Meter(sum(path.stat().st_size for path, _ in files), progress)
-    pieces = _campaign(files, request, mapping, meter, seen, salvage=salvage)
+    pieces = _campaign(files, request, meter, seen, salvage=salvage)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 
@@ -147,7 +147,6 @@ class _Meter:
 def _campaign(
     files: Sequence[tuple[Path, Bag | None]],
     request: Request,
-    mapping: LogMapping | None,
     meter: _Meter,
     seen: dict[Path, Contents] | None,
     *,
@@ -156,10 +155,10 @@ def _campaign(
     reached = np.full(len(request.signals), -np.inf)
     row = 0
     bags = dict(files)
-    for path in _in_sequence([path for path, _ in files], request, mapping, salvage=salvage):
+    for path in _in_sequence([path for path, _ in files], request, salvage=salvage):
         bag = bags[path]
         streams = _Streams(request, reached, row)
-        reader = reader_of(path, mapping, bag)
+        reader = reader_of(path, request, bag)
         pieces = reader(path, request, salvage=salvage, reached=meter.reached)
         pending: Log | None = None
         with (
@@ -195,18 +194,18 @@ def _campaign(
 
 
 def _opening(
-    path: Path, request: Request, mapping: LogMapping | None, *, salvage: bool = False
+    path: Path, request: Request, *, salvage: bool = False
 ) -> Generator[Piece, None, None]:
     """The pieces of a file, of which the first few are taken."""
-    stream = reader_of(path, mapping)(path, request, salvage=salvage, reached=lambda _: None)
+    stream = reader_of(path, request)(path, request, salvage=salvage, reached=lambda _: None)
     with placed(path), closing(stream):
         yield from stream
 
 
-def _check_silent(path: Path, whole: Request, mapping: LogMapping | None, axes: BoolArray) -> None:
+def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:
     """Refuse a log whose beginning shows that an axis follows the load, measured or not."""
     try:
-        with closing(_opening(path, whole, mapping)) as stream:
+        with closing(_opening(path, whole)) as stream:
             log = _log(next(stream, ()), whole)
     except (DataError, RigError):  # such fields are not there, or hold no numbers
         return
@@ -217,14 +216,12 @@ def _check_silent(path: Path, whole: Request, mapping: LogMapping | None, axes: 
             axes,
             scatter=np.array([value.std(axis=0) for value in readings]),
             noise=np.array([np.diff(value, axis=0).std(axis=0) / np.sqrt(2) for value in readings])
-            if whole.rows == "timeseries"
+            if whole.mapping.rows == "timeseries"
             else np.zeros(axes.shape),
         )
 
 
-def _in_sequence(
-    paths: Sequence[Path], request: Request, mapping: LogMapping | None, *, salvage: bool
-) -> list[Path]:
+def _in_sequence(paths: Sequence[Path], request: Request, *, salvage: bool) -> list[Path]:
     """Order the files by their first time."""
     if len(paths) == 1:
         return list(paths)
@@ -232,7 +229,7 @@ def _in_sequence(
     untimed = 0
     for path in paths:
         starts[path] = np.inf
-        with closing(_opening(path, request, mapping, salvage=salvage)) as stream:
+        with closing(_opening(path, request, salvage=salvage)) as stream:
             for piece in stream:
                 untimed += any(block.clock == "row" for block in piece)
                 times = [float(block.time[0]) for block in piece if block.time.size]
@@ -279,7 +276,7 @@ class _Streams:
             block = replace(block, time=block.time + self._row)
         if block.clock not in self._clocks:
             before = max(float(self._reached[number]) for number in block.value)
-            self._clocks[block.clock] = Clock(block.clock, self._request.rows, before)
+            self._clocks[block.clock] = Clock(block.clock, self._request.mapping.rows, before)
             if block.time.size and block.time[0] < before:
                 raise DataError(
                     f"{block.clock} starts at {shown(block.time[0])} s, before the end of another "
@@ -337,5 +334,5 @@ def _log(piece: Piece | list[Block], request: Request) -> Log:
         position=tuple(series[0 : 2 * n : 2]),
         force=tuple(series[1 : 2 * n : 2]),
         temperature=tuple(series[2 * n :]),
-        rows=request.rows,
+        rows=request.mapping.rows,
     )

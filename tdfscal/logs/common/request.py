@@ -15,7 +15,7 @@ from tdfscal.errors import DataError, RigError
 from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common import units
 from tdfscal.logs.common.contents import Contents
-from tdfscal.records import BoolArray, FloatArray, IntArray, Integrity, LogMapping, Rows
+from tdfscal.records import BoolArray, FloatArray, IntArray, Integrity, LogMapping, Scale
 
 _FEW_ROWS = 16
 _OFTEN = 0.1
@@ -27,8 +27,8 @@ class Signal:
     """One vector signal of one support, as the file has it.
 
     fields : three names, or one that has the members x, y, z; of a temperature, one name thrice.
-    factor : from the file's unit and sign to SI and tdfscal's sign. scale : as `factor`, of each of
-        x, y, z, where the mapping states them in place of a unit.
+    factors : of x, y, z, from the file's unit and sign to SI and tdfscal's sign.
+    unit : of the file; None where the mapping states factors in its place.
     measured : which of x, y, z there are; where one is not, the field named is another that is read
         anyway, and its values mean nothing.
     """
@@ -36,24 +36,16 @@ class Signal:
     support: str
     quantity: Literal["position", "force", "temperature"]
     fields: tuple[str, ...]
-    unit: str
-    factor: float
-    scale: tuple[float, float, float] | None = None
+    factors: tuple[float, float, float]
+    unit: str | None = None
     measured: tuple[bool, bool, bool] = (True, True, True)
 
     @property
-    def factors(self) -> FloatArray:
-        """(3,), of x, y, z."""
-        return np.array(self.scale if self.scale is not None else (self.factor,) * 3)
-
-    @property
-    def components(self) -> tuple[str, str, str]:
+    def components(self) -> tuple[str, ...]:
         """The three fields by name."""
         if len(self.fields) == 1:
-            field = self.fields[0]
-            return f"{field}.x", f"{field}.y", f"{field}.z"
-        x, y, z = self.fields
-        return x, y, z
+            return tuple(f"{self.fields[0]}.{axis}" for axis in "xyz")
+        return self.fields
 
     @property
     def own(self) -> set[str]:
@@ -61,12 +53,12 @@ class Signal:
         pairs = zip(self.components, self.measured, strict=True)
         return {name for name, there in pairs if there}
 
-    def lacking(self, axes: Sequence[bool], instead: Signal) -> Signal:
+    def lacking(self, axes: BoolArray, instead: Signal) -> Signal:
         """The signal without axes: what is not measured is read from what is there instead."""
+        x, y, z = (bool(axis) for axis in axes)
         there = [name for name, axis in zip(self.components, axes, strict=True) if axis]
         other = (there or instead.components)[0]
         names = [name if axis else other for name, axis in zip(self.components, axes, strict=True)]
-        x, y, z = (bool(axis) for axis in axes)
         return replace(self, fields=tuple(names), measured=(x, y, z))
 
 
@@ -75,19 +67,15 @@ class Request:
     """What is wanted of a log: signal 2i is the position of support i, 2i + 1 its force.
 
     Those of the temperatures, one or one per support, come last.
+    declared : the rig has a `log` block; without one, a unit that the file names is honoured.
+    describe : the reader notes what else is in the file, too.
     """
 
     supports: tuple[str, ...]
     signals: tuple[Signal, ...]
-    rows: Rows
-    time_field: str
-    time_unit: str
-    time_source: Literal["header", "log", "publish"]
-    decimal: Literal[".", ","]
+    mapping: LogMapping
     declared: bool
-    """Whether the rig has a `log` block; without one, a unit that the file names is honoured."""
     describe: bool = False
-    """Whether the reader notes what else is in the file, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +137,7 @@ def make_request(
     _factor("time", mapping.time_unit, "time.unit")
     sign = -1.0 if mapping.force_on == "sensor" else 1.0
     signals: list[Signal] = []
-    for name in supports:
+    for number, name in enumerate(supports):
         if name not in mapping.supports:
             raise RigError(
                 f"the log block names no fields for support {name}",
@@ -157,28 +145,41 @@ def make_request(
                 hint=f"add {name} with its position and force",
             )
         i = mapping.supports.index(name)
-        moves, loads = _scale(mapping.position_scale, i), _scale(mapping.force_scale, i)
-        if loads is not None:
-            loads = (sign * loads[0], sign * loads[1], sign * loads[2])
-        three = _three(mapping.position[i], name)
-        signals.append(Signal(name, "position", three, mapping.length_unit, length, moves))
-        three = _three(mapping.force[i], name)
-        signals.append(Signal(name, "force", three, mapping.force_unit, sign * force, loads))
-        if axes is not None and not axes[len(signals) // 2 - 1].all():
-            signals[-1] = signals[-1].lacking(axes[len(signals) // 2 - 1], signals[-2])
+        moves = Signal(name, "position", mapping.position[i], (length,) * 3, mapping.length_unit)
+        loads = Signal(name, "force", mapping.force[i], (sign * force,) * 3, mapping.force_unit)
+        moves = _scaled(moves, mapping.position_scale[i : i + 1], 1.0)
+        loads = _scaled(loads, mapping.force_scale[i : i + 1], sign)
+        if axes is not None and not axes[number].all():
+            loads = loads.lacking(axes[number], moves)
+        signals += [moves, loads]
     for field, owner in zip(mapping.temperature, supports, strict=False):
         name = owner if len(mapping.temperature) > 1 else "the rig"
-        signals.append(Signal(name, "temperature", (field,) * 3, "°C", 1.0))
-    return Request(
-        supports=tuple(supports),
-        signals=tuple(signals),
-        rows=mapping.rows,
-        time_field=mapping.time_field,
-        time_unit=mapping.time_unit,
-        time_source=mapping.time_source,
-        decimal=mapping.decimal,
-        declared=declared,
-    )
+        signals.append(Signal(name, "temperature", (field,) * 3, (1.0,) * 3))
+    return Request(tuple(supports), tuple(signals), mapping, declared)
+
+
+def _factor(quantity: units.Quantity, unit: str, place: str) -> float:
+    if not units.measures(quantity, unit):
+        raise RigError(
+            f"unknown unit {unit!r}",
+            where=f"log.{place}",
+            hint=f"use one of {', '.join(units.known_units(quantity))}",
+        )
+    return units.factor(quantity, unit)
+
+
+def _scaled(signal: Signal, stated: Sequence[Scale | None], sign: float) -> Signal:
+    """The signal, checked, with factors where the mapping states them in place of its unit."""
+    if len(signal.fields) not in (1, 3):
+        raise RigError(
+            f"expected three fields, or one with members x, y, z, got {len(signal.fields)}",
+            where=f"log.supports.{signal.support}",
+        )
+    for scale in stated:
+        if scale is not None:
+            x, y, z = scale
+            return replace(signal, factors=(sign * x, sign * y, sign * z), unit=None)
+    return signal
 
 
 def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str) -> DataError:
@@ -215,8 +216,9 @@ def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
                     where="log.supports",
                 )
     wanted = dict.fromkeys(name for signal in request.signals for name in signal.components)
-    if request.rows == "timeseries" or request.time_field in present:
-        wanted = {request.time_field: None} | wanted
+    mapping = request.mapping
+    if mapping.rows == "timeseries" or mapping.time_field in present:
+        wanted = {mapping.time_field: None} | wanted
     if missing := [name for name in wanted if name not in present]:
         raise missing_fields(missing, present, kind="column")
     for name in wanted:
@@ -283,38 +285,28 @@ def join(pieces: Sequence[Piece]) -> Piece:
     )
 
 
-def _scale(
-    scales: Sequence[tuple[float, float, float] | None], i: int
-) -> tuple[float, float, float] | None:
-    return scales[i] if i < len(scales) else None
-
-
-def _factor(quantity: units.Quantity, unit: str, place: str) -> float:
-    if not units.measures(quantity, unit):
-        raise RigError(
-            f"unknown unit {unit!r}",
-            where=f"log.{place}",
-            hint=f"use one of {', '.join(units.known_units(quantity))}",
-        )
-    return units.factor(quantity, unit)
-
-
-def _three(fields: tuple[str, ...], support: str) -> tuple[str, ...]:
-    if len(fields) not in (1, 3):
-        raise RigError(
-            f"expected three fields, or one with members x, y, z, got {len(fields)}",
-            where=f"log.supports.{support}",
-        )
-    return fields
-
-
-def by_signal(
-    clock: str, time: FloatArray, value: Mapping[int, FloatArray], request: Request
+def table_piece(
+    request: Request,
+    vectors: FloatArray,
+    factors: Sequence[tuple[float, float, float]],
+    time: FloatArray | None,
+    row: int,
+    *,
+    sparse: bool,
 ) -> Piece:
-    """Give each signal the rows (N,) in which it has values; NaN stands where it has none.
+    """The next rows of a table.
 
-    So a table is taken apart whose streams have times of their own.
+    vectors : (signals, 3, N), as recorded; scaled in place. factors : of each signal, to SI.
+    time : (N,), s; None where rows are counted, from `row` on. sparse : streams have times of their
+    own, and NaN stands where a signal has no values.
     """
+    vectors *= np.array(factors)[:, :, None]
+    value = {number: vector.T for number, vector in enumerate(vectors)}
+    if time is None:
+        return (Block("row", np.arange(row, row + vectors.shape[2], dtype=np.float64), value),)
+    clock = f"column {request.mapping.time_field}"
+    if not sparse:
+        return (Block(clock, time, value),)
     parts = []
     for number, vector in value.items():
         there = ~np.isnan(vector[:, 0])

@@ -55,13 +55,18 @@ def sampled(parts: Sequence[tuple[int, Any]], most: int) -> Sampled | None:
     return Sampled(np.concatenate(rows), np.concatenate(values), np.asarray(opening))
 
 
+def is_number(kind: pa.DataType) -> bool:
+    """Whether cells of this type are numbers; times and truths are none."""
+    types = pa.types
+    return bool(types.is_floating(kind) or types.is_integer(kind) or types.is_decimal(kind))
+
+
 def _numbers(column: Any) -> FloatArray | None:
     """A column as float64 seconds or numbers; None where it holds neither."""
     kind, types = column.type, pa.types
     if types.is_timestamp(kind) or types.is_duration(kind):
         return as_numpy(column.cast(pa.int64()).cast(pa.float64(), safe=False)) / TICKS[kind.unit]
-    is_number = types.is_floating(kind) or types.is_integer(kind) or types.is_decimal(kind)
-    if is_number or types.is_null(kind):
+    if is_number(kind) or types.is_null(kind):
         return as_numpy(column.cast(pa.float64(), safe=False))
     return None
 

@@ -71,12 +71,12 @@ class Topics:
                 continue
             order, time, value = (np.concatenate(x) for x in zip(*parts, strict=True))
             # Channels of one topic take turns; logged messages need not be in order of time.
-            by_log = self.request.time_source == "log"
+            by_log = self.request.mapping.time_source == "log"
             if len(parts) > 1 or (by_log and (np.diff(time) < 0.0).any()):
                 ranks = np.argsort(time if by_log else order, kind="stable")
                 time, value = time[ranks], value[ranks]
             vectors = {
-                number: value[:, 3 * k : 3 * k + 3] * self.request.signals[number].factors
+                number: value[:, 3 * k : 3 * k + 3] * np.array(self.request.signals[number].factors)
                 for k, number in enumerate(signals)
             }
             blocks.append(Block(topic, time, vectors))
@@ -201,7 +201,7 @@ class Topics:
             paths = self._paths(channel.topic, encoding)
         except ValueError as error:
             raise DataError(str(error), where=where) from error
-        wanted = self.request.time_source == "header"
+        wanted = self.request.mapping.time_source == "header"
         if wanted and encoding.stamped is False:
             raise DataError(
                 f"{schema.name if schema else 'its type'} has no header with a time",
@@ -225,7 +225,7 @@ class Topics:
         return decode
 
     def _recorded_time(self, messages: Messages) -> FloatArray:
-        publish = self.request.time_source == "publish"
+        publish = self.request.mapping.time_source == "publish"
         ticks = messages.publish_time() if publish else messages.log_time()
         seconds: FloatArray = ticks / 1e9
         return seconds

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
+from tdfscal.files.hashing import printable
 from tdfscal.logs.parquet.pages import look_at_pages
 
 MAX_FOOTER: Final = 16 << 20
@@ -35,9 +36,7 @@ _BUFFER: Final = 1 << 20
 def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
     """Open a file such that checksums are verified and no absurd length is believed.
 
-    Raises
-    ------
-    ValueError : its footer is absurd, or contradicts itself.
+    Raises ValueError where its footer is absurd, or contradicts itself.
     """
     size = path.stat().st_size
     limits = {"thrift_string_size_limit": MAX_FOOTER, "thrift_container_size_limit": MAX_LIST}
@@ -49,8 +48,10 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
         if known.num_rows > _ROWS_PER_BYTE * size:
             raise ValueError(f"{known.num_rows} rows are stated in a file of {size} bytes")
         largest = max((group.total_byte_size for group in groups), default=0)
+        # Pyarrow takes no other names than UTF-8; Python opens any.
+        named = printable(str(path)) == str(path)
         with pq.ParquetFile(
-            path if _is_utf8(path) else stream,
+            path if named else stream,
             metadata=known,
             page_checksum_verification=True,
             pre_buffer=False,
@@ -63,9 +64,7 @@ def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
 def check_pages(path: Path, file: pq.ParquetFile, names: Sequence[str]) -> bool:
     """Tell whether every page of a file has a checksum; names : of the columns to be read.
 
-    Raises
-    ------
-    DataError : pages that need too much memory.
+    Raises DataError for pages that need too much memory.
     """
     known = file.metadata
     pages = look_at_pages(path)
@@ -80,15 +79,6 @@ def check_pages(path: Path, file: pq.ParquetFile, names: Sequence[str]) -> bool:
             hint="write the file again with row groups of a million rows at most",
         )
     return complete and pages.checked
-
-
-def _is_utf8(path: Path) -> bool:
-    """Pyarrow takes no other names; Python opens any."""
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 @dataclass(slots=True)
@@ -162,7 +152,7 @@ def stated_twice(file: pq.ParquetFile, names: Sequence[str]) -> str | None:
     return None
 
 
-def is_duration(file: pq.ParquetFile, time: str | None) -> bool:
+def is_duration(file: pq.ParquetFile, time: str) -> bool:
     """Whether the time's unit stands in the Arrow schema alone, which no checksum covers."""
     schema = file.schema_arrow
     return time in schema.names and pa.types.is_duration(schema.field(time).type)

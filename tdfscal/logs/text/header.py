@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -38,7 +39,7 @@ class Header:
     time : column of the time; None where rows are postures and the file has no time.
     dated : the time is written as date and time of day.
     components : per signal, the columns of x, y, z.
-    factors : per signal, to SI and tdfscal's sign; 1 where the mapping states a scale.
+    factors : per signal, of x, y, z, to SI and tdfscal's sign.
     time_factor : to s.
     sparse : streams take turns: a row holds the cells of some signals, those of others are empty.
     ends : the last line may say EOF.
@@ -51,7 +52,7 @@ class Header:
     time: int | None
     dated: bool
     components: tuple[tuple[int, int, int], ...]
-    factors: tuple[float, ...]
+    factors: tuple[tuple[float, float, float], ...]
     time_factor: float
     sparse: bool = False
     ends: bool = False
@@ -83,8 +84,8 @@ def find_header(text: str, request: Request) -> Header:
     """
     lines = text.splitlines()
     names = [name for signal in request.signals for name in signal.components]
-    wanted = {request.time_field, *names}
-    scope, best = _head(lines, names, wanted, request.decimal)
+    wanted = {request.mapping.time_field, *names}
+    scope, best = _head(lines, names, wanted, request.mapping.decimal)
     with placed(f"line {max(best.line, 0) + 1}"):
         labels = [split_label(cell, wanted) for cell in best.cells]
         column_of = columns_of(request, [name for name, _ in labels])
@@ -94,7 +95,7 @@ def find_header(text: str, request: Request) -> Header:
             row_units = _units_row(lines, best, list(column_of.values()))
             above = best.line + 1 + (1 if row_units else 0)
         stated = [unit or row_units.get(c) for c, (_, unit) in enumerate(labels)]
-        time = column_of.get(request.time_field)
+        time = column_of.get(request.mapping.time_field)
         first = next((line for line in lines[above:] if line.strip()), "")
         opening = split_cells(first, best.separator)
         dated = time is not None and time < len(opening) and is_date_time(opening[time])
@@ -103,12 +104,12 @@ def find_header(text: str, request: Request) -> Header:
         for signal in request.signals:
             x, y, z = (column_of[name] for name in signal.components)
             components.append((x, y, z))
-            factors.append(
-                _factor(signal, [(stated[c], best.cells[c]) for c in (x, y, z)], request)
-            )
+            named = [(stated[c], best.cells[c]) for c in (x, y, z)]
+            factors.append(_factors(signal, named, request))
         time_factor = 1.0
         if time is not None and not dated:
-            time_factor = _unit("time", request.time_unit, stated[time], request, best.cells[time])
+            unit = request.mapping.time_unit
+            time_factor = _unit("time", unit, stated[time], request, best.cells[time])
     return Header(
         separator=best.separator,
         lines=above,
@@ -159,17 +160,20 @@ def _takes_turns(
     return bool(cells) and takes_turns(np.array(filled))
 
 
-def _factor(signal: Signal, columns: Sequence[tuple[str | None, str]], request: Request) -> float:
-    """Factor of x, y, z of a signal to SI and tdfscal's sign; columns : stated unit, and header."""
-    if signal.quantity == "temperature" or signal.scale is not None:
-        return 1.0
+def _factors(
+    signal: Signal, columns: Sequence[tuple[str | None, str]], request: Request
+) -> tuple[float, float, float]:
+    """Factors of a signal's x, y, z; columns : the unit that the header states, and its cell."""
+    if signal.unit is None or signal.quantity == "temperature":
+        return signal.factors
     one = {_unit(signal.quantity, signal.unit, unit, request, cell) for unit, cell in columns}
     if len(one) > 1:
         raise DataError(
             f"the {signal.quantity} of {signal.support} is in different units",
             hint="record x, y and z in one unit",
         )
-    return one.pop() * (-1.0 if signal.factor < 0.0 else 1.0)
+    factor = math.copysign(one.pop(), signal.factors[0])
+    return factor, factor, factor
 
 
 def numbered_columns(lines: Sequence[str], decimal: str) -> _Candidate | None:
