@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import io
 import struct
+import sys
 import zlib
 from array import array
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import lz4.frame
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
+from mcap.records import Chunk
 
 from tdfscal.logs.messages.buffer import MESSAGE_HEAD, RECORD, Messages, gather
 from tdfscal.records import IntArray
@@ -24,77 +26,41 @@ from tdfscal.records import IntArray
 MAX_CHUNK: Final = 256 << 20
 """Largest chunk, in bytes when decompressed, that is read."""
 
-_CHUNK: Final = struct.Struct("<QQQII")
-
 Define = Callable[[int, bytes], None]
-
-
-class Chunk(NamedTuple):
-    """A chunk record as stored."""
-
-    size: int
-    crc: int
-    compression: str
-    data: memoryview
-
-
-def parse_chunk(content: bytes) -> Chunk:
-    """Split a chunk record into its parts.
-
-    Raises
-    ------
-    ValueError, struct.error : it does not add up.
-    """
-    _, _, size, crc, name_length = _CHUNK.unpack_from(content)
-    start = _CHUNK.size + name_length
-    if name_length > 64 or start + 8 > len(content):
-        raise ValueError("its header does not fit")
-    compression = content[_CHUNK.size : start].decode("ascii")
-    (length,) = struct.unpack_from("<Q", content, start)
-    if start + 8 + length > len(content):
-        raise ValueError("its length does not add up")
-    return Chunk(size, crc, compression, memoryview(content)[start + 8 : start + 8 + length])
 
 
 def decompressed(chunk: Chunk) -> bytes:
     """Return a chunk's records: never more bytes than it states, and its checksum checked.
 
-    Raises
-    ------
-    ValueError : too large, damaged, or compressed in a way that is not known.
+    Raises ValueError where it is too large, damaged, or compressed in a way that is not known.
     """
-    if chunk.size > MAX_CHUNK:
-        raise ValueError(f"it states {chunk.size} bytes, more than {MAX_CHUNK >> 20} MiB")
-    data = _decompress(chunk)
-    if len(data) != chunk.size:
-        raise ValueError(f"it states {chunk.size} bytes and holds {len(data)}")
-    if chunk.crc and zlib.crc32(data) != chunk.crc:
+    size = chunk.uncompressed_size
+    if size > MAX_CHUNK:
+        raise ValueError(f"it states {size} bytes, more than {MAX_CHUNK >> 20} MiB")
+    data = _decompress(chunk.compression, chunk.data, size)
+    if len(data) != size:
+        raise ValueError(f"it states {size} bytes and holds {len(data)}")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise ValueError("its checksum does not match")
     return data
 
 
-def _decompress(chunk: Chunk) -> bytes:
-    if chunk.compression == "":
-        return bytes(chunk.data)
-    if chunk.compression == "zstd":
-        try:
-            stated = zstandard.get_frame_parameters(chunk.data).content_size
+def _decompress(compression: str, data: bytes, size: int) -> bytes:
+    try:
+        if compression == "":
+            return data
+        if compression == "zstd":
             # The library allocates what the frame states: look before it does.
-            if stated not in (chunk.size, zstandard.CONTENTSIZE_UNKNOWN):
+            stated = zstandard.get_frame_parameters(data).content_size
+            if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
                 raise ValueError("its sizes contradict each other")
-            if chunk.size == 0:
-                return b""
-            return zstandard.ZstdDecompressor().decompress(chunk.data, chunk.size)
-        except zstandard.ZstdError as error:
-            raise ValueError(str(error)) from error
-    if chunk.compression == "lz4":
-        decoder = lz4.frame.LZ4FrameDecompressor()
-        try:
-            data: bytes = decoder.decompress(chunk.data, max_length=chunk.size + 1)
-        except (RuntimeError, EOFError) as error:
-            raise ValueError(str(error)) from error
-        return data
-    raise ValueError(f"its compression {chunk.compression!r} is not known")
+            return zstandard.ZstdDecompressor().decompress(data, size) if size else b""
+        if compression == "lz4":
+            found = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+            return bytes(found)
+    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+        raise ValueError(str(error)) from error
+    raise ValueError(f"its compression {compression!r} is not known")
 
 
 def index_offsets(records: Sequence[bytes]) -> IntArray | None:
@@ -124,16 +90,11 @@ def messages_of(
     The index only saves walking: the stretches between the messages that it names are walked,
     so that the messages found tile the buffer whether the index is whole, partial or missing.
 
-    Parameters
-    ----------
-    indexed : offsets of messages, ascending, or None.
-    define : takes the schemas and channels met, as (opcode, content).
-    stored : bytes that the buffer takes in the file, by default its own. No more records than
-        that are believed: a message that has a time of its own takes at least one.
+    indexed : offsets of messages, ascending, or None. define : takes the schemas and channels met,
+    as (opcode, content). stored : bytes that the buffer takes in the file, by default its own. No
+    more records than that are believed: a message that has a time of its own takes at least one.
 
-    Raises
-    ------
-    ValueError : records that do not tile the buffer.
+    Raises ValueError where the records do not tile the buffer.
     """
     walked = array("q")
     most = len(data) if stored is None else stored
@@ -195,7 +156,7 @@ class _Exact(io.BytesIO):
     """Bytes that never come short."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        data = super().read(size)
+        data = super().read(size if size is None else min(size, sys.maxsize))
         if size is not None and len(data) < size:
             raise ValueError("a record is shorter than it states")
         return data

@@ -7,7 +7,6 @@ messages as one that has them. https://mcap.dev/spec
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ from typing import ClassVar, Final
 
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Schema, Statistics
+from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
 
 from tdfscal.errors import DataError
 from tdfscal.logs.common.contents import Format
@@ -25,9 +24,15 @@ from tdfscal.logs.mcap.chunk import (
     exact,
     index_offsets,
     messages_of,
-    parse_chunk,
 )
-from tdfscal.logs.mcap.record_stream import HEAD, HINT, RecordStream, TruncatedError
+from tdfscal.logs.mcap.record_stream import (
+    HEAD,
+    HINT,
+    IN_SUMMARY,
+    RecordStream,
+    TruncatedError,
+    summary_crc,
+)
 from tdfscal.logs.mcap.summary import Summary, read_summary
 from tdfscal.logs.messages.buffer import Messages, Recording
 
@@ -37,10 +42,6 @@ _LOOSE_BYTES: Final = 4 << 20
 _IN_DATA: Final = frozenset(
     {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX}
     | {Opcode.ATTACHMENT, Opcode.METADATA, Opcode.DATA_END}
-)
-_IN_SUMMARY: Final = frozenset(
-    {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX}
-    | {Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
 )
 _DAMAGE: Final = (ValueError, McapError, struct.error)
 
@@ -82,8 +83,7 @@ class Container(Recording):
         pending: tuple[int, bytes] | None = None
         offsets: list[bytes] = []
         while True:
-            start, crc_before = stream.position, stream.crc
-            self.reached = start
+            self.reached = stream.position
             try:
                 opcode, content = stream.record(_IN_DATA)
             except TruncatedError:
@@ -92,6 +92,7 @@ class Container(Recording):
                     yield from self._chunk(*pending, offsets)
                 yield from self._flush(loose)
                 raise
+            start = stream.start
             if opcode == Opcode.MESSAGE_INDEX:
                 if pending is None:
                     self._fault("a message index follows no chunk", start)
@@ -117,18 +118,18 @@ class Container(Recording):
                 stated = 0
                 with self._noting("the end of the data section is damaged", start):
                     stated = DataEnd.read(exact(content)).data_section_crc
-                if stated and stated != crc_before:
+                if stated not in (0, stream.crc_before):
                     self._fault("the checksum of the data section does not match", start)
                 return int(stated)
 
     def _chunk(self, start: int, content: bytes, index: list[bytes]) -> Iterator[Messages]:
         try:
-            chunk = parse_chunk(content)
+            chunk = Chunk.read(exact(content))
             data = decompressed(chunk)
-            self._expanded += chunk.size
+            self._expanded += len(data)
             if self._expanded > _ALWAYS + _MAX_EXPANSION * (start + len(content)):
                 raise ValueError(f"the chunks so far hold {self._expanded} bytes, too many")
-            if chunk.crc == 0:
+            if chunk.uncompressed_crc == 0:
                 self.checked = False
             messages = messages_of(data, index_offsets(index), self._define, stored=len(content))
         except _DAMAGE as error:
@@ -201,9 +202,8 @@ class Container(Recording):
         indexed: list[tuple[int, int]] = []
         offsets_start = 0
         while True:
-            here = stream.position
-            crc_before = stream.crc
-            opcode, content = stream.record(_IN_SUMMARY)
+            opcode, content = stream.record(IN_SUMMARY)
+            here = stream.start
             if opcode == Opcode.FOOTER:
                 break
             if opcode == Opcode.STATISTICS:
@@ -216,7 +216,7 @@ class Container(Recording):
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._define(opcode, content)
         footer = Footer.read(exact(content))
-        self._check_footer(footer, start, here, offsets_start, crc_before, content)
+        self._check_footer(footer, start, here, offsets_start, stream.crc_before, content)
         stream.closing()
         if not stream.at_end():
             self._fault("bytes follow the end of the recording", stream.position)
@@ -236,10 +236,8 @@ class Container(Recording):
         stated = footer.summary_start if footer.summary_start else offsets or end
         if stated != start or footer.summary_offset_start not in (0, offsets, end):
             self._fault("the footer points to the wrong place", end)
-        if footer.summary_crc:
-            covered = HEAD.pack(Opcode.FOOTER, len(content)) + content[:16]
-            if zlib.crc32(covered, crc) != footer.summary_crc:
-                self._fault("the checksum of the summary does not match", end)
+        if footer.summary_crc not in (0, summary_crc(crc, content)):
+            self._fault("the checksum of the summary does not match", end)
 
     def _check_counts(self, statistics: Statistics) -> None:
         stated = {c: n for c, n in statistics.channel_message_counts.items() if n}

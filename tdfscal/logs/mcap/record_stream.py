@@ -17,8 +17,17 @@ _MAX_RECORD: Final = 128 << 20
 _PIECE: Final = 1 << 20
 _PRIVATE: Final = 0x80
 _PASSED: Final = frozenset({Opcode.ATTACHMENT, Opcode.METADATA})
+IN_SUMMARY: Final = frozenset(
+    {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX}
+    | {Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
+)
 _COMPRESSED: Final = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd"}
 HINT: Final = "copy the recording again; `calibrate --salvage` reads what is sound"
+
+
+def summary_crc(crc: int, footer: bytes) -> int:
+    """The checksum of a summary by that of the records before the footer; footer : its content."""
+    return zlib.crc32(HEAD.pack(Opcode.FOOTER, len(footer)) + footer[:16], crc)
 
 
 class TruncatedError(DataError):
@@ -26,18 +35,27 @@ class TruncatedError(DataError):
 
 
 class RecordStream:
-    """Records of a file one after the other, none longer than the file; keeps a running CRC."""
+    """Records of a file one after the other, none longer than the file; keeps a running CRC.
+
+    start : where the latest record begins. crc_before : of all before it.
+    """
 
     def __init__(self, file: BinaryIO, path: Path) -> None:
         self._file = file
         self._size = path.stat().st_size
-        self.position = 0
-        self.crc = 0
+        self.position = self.start = 0
+        self.crc = self.crc_before = 0
+
+    def seek(self, position: int) -> None:
+        """Go on from another place."""
+        self._file.seek(position)
+        self.position, self.crc = position, 0
 
     def record(self, allowed: frozenset[Opcode]) -> tuple[int, bytes]:
         """Return the next record's opcode and content; private records are passed over."""
         while True:
-            start = self.position
+            start = self.start = self.position
+            self.crc_before = self.crc
             opcode, length = HEAD.unpack(self._read(HEAD.size))
             if length > self._size - self.position:
                 raise self._cut(f"the file ends within a record that starts at byte {start}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -156,6 +157,19 @@ def test_messages_of_a_channel_that_is_not_defined(tmp_path: Path) -> None:
     path = write(tmp_path / "log.mcap", content[:channel] + content[channel + 9 + length :])
     with pytest.raises(DataError, match="belong to a channel that is not defined"):
         read_log([path], MAPPING, SUPPORTS)
+
+
+def test_private_records_are_passed_over(tmp_path: Path) -> None:
+    """They count in the checksum of the data, and not as the begin of the record behind them."""
+    content = mcap_bytes(make_truth(3), summary=False, index_types=IndexType.NONE, data_crc=True)
+    end = next(s for s in record_starts(content)[:-1] if content[s] == 0x0F)
+    data = content[:end] + struct.pack("<BQ", 0x90, 3) + b"own"
+    closing = struct.pack("<BQI", 0x0F, 4, zlib.crc32(data))
+    log = read_log(
+        [write(tmp_path / "log.mcap", data + closing + content[end + 13 :])], MAPPING, SUPPORTS
+    )
+    assert log.force[0].time.size == 12
+    assert log.inputs[0].integrity == "verified"
 
 
 def test_what_is_attached_is_passed_over(tmp_path: Path) -> None:
