@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
-
-import numpy as np
 
 from tdfscal.dwells import (
-    Offset,
     dwells_of_bins,
     find_dwells,
     motion_offset,
@@ -20,7 +16,7 @@ from tdfscal.dwells import (
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.hashing import printable
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.logs.common.clock import GAP
+from tdfscal.logs.common.clock import Clock
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.description.info import LogInfo, Signal, Source
@@ -28,7 +24,7 @@ from tdfscal.logs.description.mapping_guess import Guess, guess_mapping
 from tdfscal.logs.description.plausible_units import declared_time
 from tdfscal.logs.formats import contents_of, expand
 from tdfscal.logs.reader import iter_log
-from tdfscal.records import Dwells, InputFile, Log, LogMapping, Series
+from tdfscal.records import InputFile, Log, LogMapping
 
 
 def describe_logs(
@@ -56,148 +52,102 @@ def describe_logs(
     files = expand(paths)
     if not files:
         raise DataError("there is no log to look at", hint="name a CSV, Parquet or MCAP file")
+    known = rig.rig if rig else None
     opening = contents_of(files[0], opening=True)
     seen = {files[0]: opening} if opening.format == "parquet" else {}
 
-    def read(guess: Guess) -> _Reading:
-        return _read(paths, _mapping(guess, rig), window, progress, seen)
+    def read(guess: Guess) -> LogInfo:
+        return _read(paths, guess, rig, window, progress, seen)
 
-    guess = guess_mapping(opening, rig.rig if rig else None)
-    reading = read(guess)
+    info = read(guess_mapping(opening, known))
     # What the reading has not seen to its end is looked through now.
     contents = tuple(seen[path] if path in seen else contents_of(path) for path in files)
-    whole = guess_mapping(contents[0], rig.rig if rig else None)
-    if _mapping(whole, rig) != _mapping(guess, rig):
-        reading = read(whole)
-    mapping, _ = _mapping(whole, rig)
-    source: Source = "guessed" if mapping is whole.mapping else "rig"
+    guess = guess_mapping(contents[0], known)
+    if _mapping(guess, rig)[0] != info.mapping:
+        info = read(guess)
     problems = [f"{c.path}: {what}" for c in contents for what in c.problems]
-    problems += [f"{contents[0].path}: {what}" for what in whole.problems]
-    if mapping is not None and source == "rig":
+    problems += [f"{contents[0].path}: {what}" for what in guess.problems]
+    if info.mapping is not None and info.source == "rig":
+        mapping = info.mapping
         problems += [f"{c.path}: {what}" for c in contents for what in declared_time(c, mapping)]
-    problems += reading.problems if mapping is not None else whole.notes
-    return LogInfo(
-        contents,
-        whole,
-        mapping,
-        source,
-        reading.signals,
-        reading.inputs,
-        reading.dwells,
-        reading.offset,
-        tuple(dict.fromkeys(map(printable, problems))),
-    )
+    problems += info.problems if info.mapping is not None else guess.notes
+    unique = tuple(dict.fromkeys(map(printable, problems)))
+    return replace(info, contents=contents, guess=guess, problems=unique)
 
 
-def _mapping(guess: Guess, rig: LoadedRig | None) -> tuple[LogMapping | None, tuple[str, ...]]:
-    """What the logs are read with: the rig's own, or the guess; and the supports."""
+def _mapping(guess: Guess, rig: LoadedRig | None) -> tuple[LogMapping | None, Source]:
+    """What the logs are read with: the rig's own, or the guess."""
     if rig is not None and (rig.log is not None or guess.mapping is None):
-        return rig.log or LogMapping.default(rig.rig.supports), rig.rig.supports
-    return guess.mapping, guess.mapping.supports if guess.mapping else ()
-
-
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """What one reading of all logs has shown; without inputs and dwells where it failed."""
-
-    problems: tuple[str, ...] = ()
-    signals: tuple[Signal, ...] = ()
-    inputs: tuple[InputFile, ...] = ()
-    dwells: Dwells | None = None
-    offset: Offset | None = None
+        return rig.log or LogMapping.default(rig.rig.supports), "rig"
+    return guess.mapping, "guessed"
 
 
 def _read(
     paths: Sequence[Path],
-    read_with: tuple[LogMapping | None, tuple[str, ...]],
+    guess: Guess,
+    rig: LoadedRig | None,
     window: TimeWindow | None,
     progress: Callable[[float], None] | None,
     seen: dict[Path, Contents],
-) -> _Reading:
+) -> LogInfo:
     """Read the logs once, to their dwells; seen : takes what else is in them."""
-    mapping, supports = read_with
+    mapping, source = _mapping(guess, rig)
     if mapping is None:
-        return _Reading()
-    watch = _Watch(mapping, supports)
-    offset = None
+        return LogInfo((), guess, None, source)
+    supports = rig.rig.supports if rig is not None and source == "rig" else mapping.supports
+    names = [f"{name} {quantity}" for quantity in ("position", "force") for name in supports]
+    clocks = [Clock(name, "timeseries") for name in names]
+    inputs: list[InputFile] = []
+    problems: list[str] = []
+    dwells, offset = None, None
+
+    def passing(pieces: Iterator[Log]) -> Iterator[Log]:
+        for piece in pieces:
+            for clock, series in zip(clocks, (*piece.position, *piece.force), strict=True):
+                clock.ascending(series.time)
+            inputs.extend(piece.inputs)
+            problems.extend(piece.warnings)
+            yield piece
+
     try:
         log = iter_log(paths, mapping, supports, window=window, progress=progress, seen=seen)
         if mapping.rows == "postures":
-            dwells = find_dwells(watch.passing(log))
+            dwells = find_dwells(passing(log))
         else:
-            bins = reduce_to_bins(watch.passing(log))
+            bins = reduce_to_bins(passing(log))
             dwells = dwells_of_bins(bins)
             offset = motion_offset(bins, dwells)
+        problems += dwells.warnings
+        if not len(dwells):
+            absence = no_dwell(dwells)
+            problems.append(f"{absence.what}; {absence.hint}")
     except TdfscalError as error:
-        return _Reading((*watch.warnings, str(error)), watch.signals())
-    problems = [*watch.warnings, *dwells.warnings]
-    if not len(dwells):
-        absence = no_dwell(dwells)
-        problems.append(f"{absence.what}; {absence.hint}")
-    return _Reading(tuple(problems), watch.signals(), tuple(watch.inputs), dwells, offset)
+        problems.append(str(error))
+        dwells = None
+        inputs.clear()
+    signals = _signals(clocks, mapping, supports)
+    return LogInfo(
+        (), guess, mapping, source, signals, tuple(inputs), dwells, offset, tuple(problems)
+    )
 
 
-@dataclass(slots=True)
-class _Pace:
-    """Times of one stream, piece by piece."""
-
-    count: int = 0
-    start: float | None = None
-    end: float | None = None
-    period: float | None = None
-    gaps: int = 0
-    longest: float = 0.0
-
-    def note(self, series: Series) -> None:
-        time = series.time
-        if not time.size:
-            return
-        step = np.diff(time, prepend=self.end) if self.end is not None else np.diff(time)
-        if step.size:
-            if self.period is None:
-                self.period = float(np.median(step))
-            self.gaps += int((step > GAP * self.period).sum())
-            self.longest = max(self.longest, float(step.max()))
-        if self.start is None:
-            self.start = float(time[0])
-        self.end = float(time[-1])
-        self.count += time.size
-
-
-@dataclass(slots=True)
-class _Watch:
-    """Lets pieces pass and notes their clocks."""
-
-    mapping: LogMapping
-    supports: tuple[str, ...]
-    inputs: list[InputFile] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
-    paces: list[_Pace] = field(default_factory=list)
-
-    def passing(self, pieces: Iterator[Log]) -> Iterator[Log]:
-        for piece in pieces:
-            streams = (*piece.position, *piece.force)
-            self.paces = self.paces or [_Pace() for _ in streams]
-            for pace, series in zip(self.paces, streams, strict=True):
-                pace.note(series)
-            self.inputs += piece.inputs
-            self.warnings += piece.warnings
-            yield piece
-
-    def signals(self) -> tuple[Signal, ...]:
-        result = []
-        n = len(self.supports)
-        for k, pace in enumerate(self.paces):
-            name = self.supports[k % n]
-            index = self.mapping.supports.index(name)
-            quantity: Literal["position", "force"] = "position" if k < n else "force"
-            fields = self.mapping.position if k < n else self.mapping.force
-            span = 0.0 if pace.start is None or pace.end is None else pace.end - pace.start
-            rate = (pace.count - 1) / span if span > 0 else None
-            result.append(
-                Signal(
-                    name, quantity, fields[index], pace.count, pace.start, pace.end, rate,
-                    pace.gaps, pace.longest,
-                )
-            )  # fmt: skip
-        return tuple(result)
+def _signals(
+    clocks: Sequence[Clock], mapping: LogMapping, supports: Sequence[str]
+) -> tuple[Signal, ...]:
+    """What the clocks have counted; nothing where no piece has passed."""
+    result = []
+    for k, clock in enumerate(clocks):
+        position = k < len(supports)
+        name = supports[k % len(supports)]
+        fields = (mapping.position if position else mapping.force)[mapping.supports.index(name)]
+        start, end = clock.span or (None, None)
+        rate = None
+        if start is not None and end is not None and end > start:
+            rate = (clock.count - 1) / (end - start)
+        result.append(
+            Signal(
+                name, "position" if position else "force", fields, clock.count, start, end, rate,
+                clock.gaps, clock.longest[0],
+            )
+        )  # fmt: skip
+    return tuple(result) if any(clock.count for clock in clocks) else ()

@@ -53,6 +53,8 @@ class Clock:
     name : column or topic.
     rows : with "postures" nothing is left out: a time that does not ascend is refused.
     after : s, the end of the file before; -∞ without one. The pause between is no gap.
+
+    count : samples. longest : of the intervals, s, and where it begins.
     """
 
     def __init__(self, name: str, rows: Rows, after: float = -np.inf) -> None:
@@ -60,12 +62,12 @@ class Clock:
         self._last = after
         self._first = np.nan
         self._at_start = True
-        self._count = 0
+        self.count = 0
         self._duplicates = 0
         self._back = 0
         self._worst_back = 0.0
         self._intervals = np.zeros(_BINS, dtype=np.int64)
-        self._longest = (0.0, 0.0)
+        self.longest = (0.0, 0.0)
 
     def ascending(self, time: FloatArray) -> BoolArray | None:
         """Return which of the next samples (N,) are ahead of all before them; None where all are.
@@ -74,7 +76,7 @@ class Clock:
         """
         if time.size == 0:
             return None
-        self._count += time.size
+        self.count += time.size
         step = np.diff(time, prepend=self._last)
         if (step > 0.0).all():
             self._note(time, step)
@@ -89,7 +91,7 @@ class Clock:
         if back.any():
             self._back += int(np.count_nonzero(back))
             self._worst_back = max(self._worst_back, float((latest - time)[back].max()))
-        if self._duplicates + self._back > max(HOPELESS, self._count // 2):
+        if self._duplicates + self._back > max(HOPELESS, self.count // 2):
             raise self._too_many()
         kept = time[keep]
         self._note(kept, np.diff(kept, prepend=self._last))
@@ -101,7 +103,7 @@ class Clock:
         Raises DataError where more samples than MAX_DROPPED do not ascend.
         """
         dropped = self._duplicates + self._back
-        if dropped > max(1.0, MAX_DROPPED * self._count):
+        if dropped > max(1.0, MAX_DROPPED * self.count):
             raise self._too_many()
         found = [f"{self._found()}; they are left out"] if dropped else []
         return found + self._gaps()
@@ -112,7 +114,7 @@ class Clock:
             kinds.append(f"{self._duplicates} repeat the time of the sample before")
         if self._back:
             kinds.append(f"{self._back} step back by up to {self._worst_back:.3g} s")
-        return f"of {self._count} samples of {self.name}, {' and '.join(kinds)}"
+        return f"of {self.count} samples of {self.name}, {' and '.join(kinds)}"
 
     def _too_many(self) -> DataError:
         return DataError(
@@ -141,9 +143,9 @@ class Clock:
         if intervals.size == 0 or self._rows == "postures":
             return
         k = int(np.argmax(intervals))
-        if intervals[k] > self._longest[0]:
+        if intervals[k] > self.longest[0]:
             at = float(time[k + time.size - intervals.size]) - float(intervals[k])
-            self._longest = (float(intervals[k]), at)
+            self.longest = (float(intervals[k]), at)
         lowest, highest = _level(np.array([intervals.min(), intervals.max()]))
         if lowest == highest:  # as a rule, and much faster
             self._intervals[lowest] += intervals.size
@@ -170,14 +172,18 @@ class Clock:
             return None
         return int(np.searchsorted(np.cumsum(self._intervals), total / 2.0))
 
-    def _gaps(self) -> list[str]:
+    @property
+    def gaps(self) -> int:
+        """Intervals of more than GAP periods."""
         middle = self._middle()
         if middle is None:
+            return 0
+        return int(self._intervals[middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1 :].sum())
+
+    def _gaps(self) -> list[str]:
+        if not (count := self.gaps):
             return []
-        count = int(self._intervals[middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1 :].sum())
-        if count == 0:
-            return []
-        longest, at = self._longest
+        longest, at = self.longest
         return [
             f"{count} gap{'s' if count > 1 else ''} of more than {GAP:g} periods of "
             f"{self.period:.2g} s in {self.name}, the longest of {longest:.3g} s at {shown(at)} s"

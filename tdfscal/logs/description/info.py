@@ -58,7 +58,17 @@ class LogInfo:
 def as_document(info: LogInfo) -> dict[str, Any]:
     """One object: files, mapping (also as YAML text), signals, dwells, problems."""
     by_topic = info.contents[0].by_topic
-    guess = info.guess.mapping
+    guess, offset, dwells = info.guess.mapping, None, None
+    if info.offset is not None:
+        definition = "time of the forces less that of the positions"
+        offset = {**asdict(info.offset), "definition": definition}
+    if info.dwells is not None:
+        dwells = {
+            "count": len(info.dwells),
+            "start": np.asarray(info.dwells.start).tolist(),
+            "end": np.asarray(info.dwells.end).tolist(),
+            "left_out": [asdict(out) for out in info.dwells.left_out],
+        }
     return {
         "files": [_file(contents) for contents in info.contents],
         "read_with": info.source if info.mapping else None,
@@ -70,13 +80,8 @@ def as_document(info: LogInfo) -> dict[str, Any]:
             {"path": i.path, "sha256": i.sha256, "bytes": i.bytes, "integrity": i.integrity}
             for i in info.inputs
         ],
-        "time_offset": None
-        if info.offset is None
-        else {
-            **asdict(info.offset),
-            "definition": "time of the forces less that of the positions",
-        },
-        "dwells": None if info.dwells is None else _dwells(info.dwells),
+        "time_offset": offset,
+        "dwells": dwells,
         "problems": list(info.problems),
     }
 
@@ -103,45 +108,28 @@ def _file(contents: Contents) -> dict[str, Any]:
     }
 
 
-def _dwells(dwells: Dwells) -> dict[str, Any]:
-    return {
-        "count": len(dwells),
-        "start": np.asarray(dwells.start).tolist(),
-        "end": np.asarray(dwells.end).tolist(),
-        "left_out": [asdict(out) for out in dwells.left_out],
-    }
-
-
 def mapping_document(mapping: LogMapping, *, by_topic: bool) -> dict[str, Any]:
     """The block as plain values, without what says no more than the default."""
-    block: dict[str, Any] = {}
-    if mapping.rows != "timeseries":
-        block["rows"] = mapping.rows
-    block["time"] = (
-        {"source": mapping.time_source}
-        if by_topic
-        else {"field": mapping.time_field, "unit": mapping.time_unit}
-    )
-    block["length_unit"] = mapping.length_unit
-    block["force_unit"] = mapping.force_unit
-    block["force_on"] = mapping.force_on
-    if mapping.decimal != ".":
-        block["decimal"] = mapping.decimal
-    block["supports"] = {
-        name: {
-            "position": _fields(mapping.position[i]),
-            "force": _fields(mapping.force[i]),
-        }
-        for i, name in enumerate(mapping.supports)
+
+    def fields(names: tuple[str, ...]) -> str | list[str]:
+        return names[0] if len(names) == 1 else list(names)
+
+    each = zip(mapping.supports, mapping.position, mapping.force, strict=True)
+    timed = {"field": mapping.time_field, "unit": mapping.time_unit}
+    block: dict[str, Any] = {
+        "rows": mapping.rows,
+        "time": {"source": mapping.time_source} if by_topic else timed,
+        "length_unit": mapping.length_unit,
+        "force_unit": mapping.force_unit,
+        "force_on": mapping.force_on,
+        "decimal": mapping.decimal,
+        "supports": {n: {"position": fields(p), "force": fields(f)} for n, p, f in each},
     }
-    return {"log": block}
+    usual = {"rows": "timeseries", "decimal": "."}
+    return {"log": {key: value for key, value in block.items() if usual.get(key) != value}}
 
 
 def mapping_block(mapping: LogMapping, *, by_topic: bool) -> str:
     """The block as YAML, ready to paste into rig.yaml."""
     block = mapping_document(mapping, by_topic=by_topic)["log"]
     return "\n".join(log_lines(block)) + "\n"
-
-
-def _fields(names: tuple[str, ...]) -> str | list[str]:
-    return names[0] if len(names) == 1 else list(names)

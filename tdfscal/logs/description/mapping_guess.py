@@ -12,6 +12,7 @@ import numpy as np
 from tdfscal.logs.common import units
 from tdfscal.logs.common.contents import Column, Contents, Vector
 from tdfscal.logs.common.message_path import topic_of
+from tdfscal.logs.common.request import make_request
 from tdfscal.logs.description.plausible_units import (
     Finding,
     distances,
@@ -121,16 +122,13 @@ def sampled(contents: Contents, mapping: LogMapping) -> tuple[FloatArray, FloatA
 
     None where the log's description holds no samples of all of them.
     """
-    by_fields = {vector.fields: vector for vector in contents.vectors if vector.time.size}
-    wanted = (*mapping.position, *mapping.force)
-    if not all(fields in by_fields for fields in wanted):
+    signals = make_request(mapping, mapping.supports).signals[: 2 * len(mapping.supports)]
+    there = {vector.fields: vector for vector in contents.vectors if vector.time.size}
+    if not all(signal.fields in there for signal in signals):
         return None
-    value = resampled([by_fields[fields] for fields in wanted]).transpose(1, 0, 2)
-    n = len(mapping.supports)
-    length = units.factor("position", mapping.length_unit)
-    force = units.factor("force", mapping.force_unit)
-    sign = -1.0 if mapping.force_on == "sensor" else 1.0
-    return value[:, :n] * length, value[:, n:] * (sign * force)
+    value = resampled([there[signal.fields] for signal in signals])
+    value *= np.array([signal.factors for signal in signals])[:, None]
+    return value[0::2].transpose(1, 0, 2), value[1::2].transpose(1, 0, 2)
 
 
 def words(label: str) -> list[str]:
