@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -49,131 +49,115 @@ class Layout:
 
 
 def layout_of(
-    types: Definitions, name: str, paths: Sequence[Path], data: bytes, encoding: str = "cdr"
+    types: Definitions, name: str, paths: Sequence[Path], data: bytes, encoding: str
 ) -> Layout:
-    """Walk one message and note where the paths lead.
+    """Walk one message, encoded as cdr or ros1, and note where the paths lead.
 
-    encoding : cdr or ros1.
-
-    Raises
-    ------
-    ValueError, struct.error : the message is not of this type, or lacks a path.
+    Raises ValueError or struct.error where the message is not of this type, or lacks a path.
     """
-    walk = _walk(types, data, dict(enumerate(paths)), encoding)
-    walk.visit((Nodetype.NAME, full_name(name)), dict.fromkeys(walk.paths, 0), {}, 0)
-    padding = 3 if encoding == "cdr" else 0
-    if not walk.position <= len(data) <= walk.position + padding:
+    walk = _Walk(types, name, paths, data, encoding)
+    if not walk.position <= len(data) <= walk.position + (3 if walk.aligned else 0):
         raise ValueError(f"it has {len(data)} bytes where its type takes {walk.position}")
-    for k, path in walk.paths.items():
+    for k, path in enumerate(paths):
         if k not in walk.places:
             raise ValueError(f"it has no number at {shown(path)}")
     places = tuple(walk.places[k] for k in range(len(paths)))
-    guards = ((0, data[:2]), *walk.guards) if encoding == "cdr" else tuple(walk.guards)
-    return Layout(places, guards, len(data))
-
-
-def _walk(types: Definitions, data: bytes, paths: dict[int, Path], encoding: str) -> _Walk:
-    """Begin a walk; raises ValueError where a message does not begin as its encoding does."""
-    if encoding != "cdr":
-        return _Walk(types, data, "<", paths, position=0, aligned=False)
-    if len(data) < _ENCAPSULATION or data[:2] not in (b"\x00\x00", b"\x00\x01"):
-        raise ValueError("its encapsulation is not plain CDR")
-    return _Walk(types, data, "<" if data[1] else ">", paths)
+    return Layout(places, tuple(walk.guards), len(data))
 
 
 def element_names(types: Definitions, name: str, data: bytes, encoding: str) -> list[str]:
     """Names that a message gives to the elements of its lists, as JointState does.
 
-    Raises
-    ------
-    ValueError, struct.error : the message is not of this type.
+    Raises ValueError or struct.error where the message is not of this type.
     """
-    walk = _walk(types, data, {0: (Named(""),)}, encoding)
-    walk.visit((Nodetype.NAME, full_name(name)), {}, {}, 0)
-    return walk.names
+    return _Walk(types, name, [(Named(""),)], data, encoding).names
 
 
-@dataclass(slots=True)
 class _Walk:
-    types: Definitions
-    data: bytes
-    order: str
-    paths: dict[int, Path]
-    position: int = _ENCAPSULATION
-    aligned: bool = True
-    places: dict[int, tuple[int, str]] = field(default_factory=dict)
-    guards: list[tuple[int, bytes]] = field(default_factory=list)
-    visits: int = 0
-    names: list[str] = field(default_factory=list)
+    """One way through a message, from its begin to its end."""
 
-    def visit(
-        self, node: Any, wanted: Mapping[int, int], siblings: Mapping[str, int], depth: int
+    def __init__(
+        self, types: Definitions, name: str, paths: Sequence[Path], data: bytes, encoding: str
     ) -> None:
-        """Walk a field. wanted : path's number → how many of its steps lead here."""
-        self.visits += 1
-        if depth > _MAX_DEPTH or self.visits > _MAX_VISITS or len(self.guards) > _MAX_GUARDS:
+        self.aligned = encoding == "cdr"
+        begins = data[:2] in (b"\x00\x00", b"\x00\x01") and len(data) >= _ENCAPSULATION
+        if self.aligned and not begins:
+            raise ValueError("its encapsulation is not plain CDR")
+        self._types, self._data = types, data
+        self._order = ">" if self.aligned and not data[1] else "<"
+        self._by_name = any(isinstance(step, Named) for path in paths for step in path)
+        self._visits = 0
+        self.position = _ENCAPSULATION if self.aligned else 0
+        self.places: dict[int, tuple[int, str]] = {}
+        self.guards: list[tuple[int, bytes]] = [(0, data[:2])] if self.aligned else []
+        self.names: list[str] = []
+        self._visit((Nodetype.NAME, full_name(name)), dict(enumerate(paths)), {}, 0)
+
+    def _visit(
+        self, node: Any, wanted: Mapping[int, Path], siblings: Mapping[str, int], depth: int
+    ) -> None:
+        """Walk a field. wanted : path's number → the steps of it that are left."""
+        self._visits += 1
+        if depth > _MAX_DEPTH or self._visits > _MAX_VISITS or len(self.guards) > _MAX_GUARDS:
             raise ValueError("it has too many fields, or too deep ones")
         kind, detail = node
-        if kind == Nodetype.NAME:
-            if detail not in self.types:
-                raise ValueError(f"its type {detail} is not defined")
-            names: dict[str, int] = {}
-            for name, member in self.types[detail]:
-                inner = {k: d + 1 for k, d in wanted.items() if self._step(k, d) == name}
-                if name == "name" and self._is_list_of_strings(member):
-                    self._names(member, names)
-                else:
-                    self.visit(member, inner, names, depth + 1)
-        elif kind == Nodetype.BASE:
+        if kind == Nodetype.BASE:
             self._base(detail[0], wanted)
-        else:
+        elif kind != Nodetype.NAME:
             element, bound = detail
             count = bound if kind == Nodetype.ARRAY else self._count()
             self._elements(element, count, wanted, siblings, depth)
+        elif detail not in self._types:
+            raise ValueError(f"its type {detail} is not defined")
+        else:
+            names: dict[str, int] = {}
+            for name, member in self._types[detail]:
+                inner = {k: rest[1:] for k, rest in wanted.items() if rest and rest[0] == name}
+                if name == "name" and _is_list_of_strings(member):
+                    self._names(member, names)
+                else:
+                    self._visit(member, inner, names, depth + 1)
 
-    def _base(self, base: str, wanted: Mapping[int, int]) -> None:
+    def _base(self, base: str, wanted: Mapping[int, Path]) -> None:
         if base == "string":
             self._text()
-            return
-        if base not in _NUMBERS:
+        elif base in _NUMBERS:
+            self._numbers(base, 1, {0: wanted})
+        else:
             raise ValueError(f"its field type {base} is not supported")
-        dtype = np.dtype(self.order + _NUMBERS[base])
-        self._align(dtype.itemsize)
-        for k, depth in wanted.items():
-            if depth == len(self.paths[k]):
-                self.places[k] = (self.position, dtype.str)
-        self._advance(dtype.itemsize)
+
+    def _numbers(self, base: str, count: int, chosen: Mapping[int, Mapping[int, Path]]) -> None:
+        """Pass so many numbers; chosen : paths by the number that they lead to."""
+        dtype = np.dtype(self._order + _NUMBERS[base])
+        if count:
+            self._align(dtype.itemsize)
+        for index, wanted in chosen.items():
+            for k, rest in wanted.items():
+                if not rest:
+                    self.places[k] = (self.position + index * dtype.itemsize, dtype.str)
+        self._advance(count * dtype.itemsize)
 
     def _elements(
         self,
         element: Any,
         count: int,
-        wanted: Mapping[int, int],
+        wanted: Mapping[int, Path],
         siblings: Mapping[str, int],
         depth: int,
     ) -> None:
-        chosen: dict[int, dict[int, int]] = {}
-        for k, d in wanted.items():
-            step = self._step(k, d)
+        chosen: dict[int, dict[int, Path]] = {}
+        for k, (step, *rest) in ((k, path) for k, path in wanted.items() if path):
             index = siblings.get(step.name) if isinstance(step, Named) else step
             if isinstance(index, int) and 0 <= index < count:
-                chosen.setdefault(index, {})[k] = d + 1
+                chosen.setdefault(index, {})[k] = tuple(rest)
         kind, detail = element
         if kind == Nodetype.BASE and detail[0] in _NUMBERS:
-            dtype = np.dtype(self.order + _NUMBERS[detail[0]])
-            if count:
-                self._align(dtype.itemsize)
-            for index, here in chosen.items():
-                for k, d in here.items():
-                    if d == len(self.paths[k]):
-                        self.places[k] = (self.position + index * dtype.itemsize, dtype.str)
-            self._advance(count * dtype.itemsize)
+            self._numbers(detail[0], count, chosen)
             return
-        if count > len(self.data):
-            raise ValueError("a list is longer than the message")
+        self._check(count)
         for index in range(count):
             before = self.position
-            self.visit(element, chosen.get(index, {}), {}, depth + 1)
+            self._visit(element, chosen.get(index, {}), {}, depth + 1)
             if self.position == before:
                 raise ValueError("a list has elements without content")
 
@@ -181,14 +165,12 @@ class _Walk:
         """Walk a list of strings that names the elements of its siblings; guard its contents."""
         kind, (_, bound) = node
         count = bound if kind == Nodetype.ARRAY else self._count()
-        if count > len(self.data):
-            raise ValueError("a list is longer than the message")
-        by_name = any(isinstance(step, Named) for path in self.paths.values() for step in path)
+        self._check(count)
         if count > _MAX_GUARDS:
             raise ValueError(f"it names {count} elements")
         for index in range(count):
             start, text = self._text()
-            if by_name:
+            if self._by_name:
                 self.guards.append((start, text))
                 name = text.rstrip(b"\0").decode("utf-8")
                 if name in names:
@@ -196,19 +178,23 @@ class _Walk:
                 names[name] = index
                 self.names.append(name)
 
+    def _check(self, count: int) -> None:
+        if count > len(self._data):
+            raise ValueError("a list is longer than the message")
+
     def _text(self) -> tuple[int, bytes]:
         length = self._count()
         start = self.position
         self._advance(length)
-        return start, self.data[start : self.position]
+        return start, self._data[start : self.position]
 
     def _count(self) -> int:
         self._align(4)
         start = self.position
         self._advance(4)
-        raw = self.data[start : self.position]
+        raw = self._data[start : self.position]
         self.guards.append((start, raw))
-        (value,) = struct.unpack(self.order + "I", raw)
+        (value,) = struct.unpack(self._order + "I", raw)
         return int(value)
 
     def _align(self, size: int) -> None:
@@ -217,31 +203,18 @@ class _Walk:
 
     def _advance(self, size: int) -> None:
         self.position += size
-        if self.position > len(self.data):
+        if self.position > len(self._data):
             raise ValueError("it is shorter than its type")
 
-    def _step(self, k: int, depth: int) -> Any:
-        path = self.paths[k]
-        return path[depth] if depth < len(path) else None
 
-    @staticmethod
-    def _is_list_of_strings(node: Any) -> bool:
-        kind, detail = node
-        return kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) and detail[0] == (
-            Nodetype.BASE,
-            ("string", 0),
-        )
+def _is_list_of_strings(node: Any) -> bool:
+    kind, detail = node
+    is_list = kind in (Nodetype.ARRAY, Nodetype.SEQUENCE)
+    return is_list and detail[0] == (Nodetype.BASE, ("string", 0))
 
 
 class Gatherer:
-    """Reads the wanted numbers of one channel's messages.
-
-    Parameters
-    ----------
-    types, name : the channel's message definitions and type.
-    paths : the wanted numbers.
-    encoding : cdr or ros1.
-    """
+    """Reads the wanted numbers of one channel's messages, encoded as cdr or ros1."""
 
     def __init__(
         self, types: Definitions, name: str, paths: Sequence[Path], encoding: str = "cdr"
@@ -251,12 +224,7 @@ class Gatherer:
         self._recent: Layout | None = None
 
     def __call__(self, messages: Messages) -> FloatArray:
-        """Return (N, number of paths), float64.
-
-        Raises
-        ------
-        ValueError, struct.error : a message is not of its type.
-        """
+        """Return (N, number of paths); raises what `layout_of` does."""
         result = np.empty((messages.offset.size, len(self._paths)))
         left = np.arange(messages.offset.size)
         for _ in range(_MAX_LAYOUTS):
