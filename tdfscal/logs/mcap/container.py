@@ -30,10 +30,11 @@ from tdfscal.logs.mcap.record_stream import (
     HINT,
     IN_SUMMARY,
     RecordStream,
+    Summary,
     TruncatedError,
+    read_summary,
     summary_crc,
 )
-from tdfscal.logs.mcap.summary import Summary, read_summary
 from tdfscal.logs.messages.buffer import Messages, Recording
 
 _ALWAYS: Final = 1 << 30

@@ -1,15 +1,19 @@
-"""The records of an MCAP file, one after the other: marks, lengths, the file's end."""
+"""The records of an MCAP file, one after the other, and what it repeats of them at its end."""
 
 from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, NamedTuple
 
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.records import Channel, Footer, Schema, Statistics
 
 from tdfscal.errors import DataError
+from tdfscal.logs.mcap.chunk import exact
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 HEAD: Final = struct.Struct("<BQ")
@@ -21,6 +25,8 @@ IN_SUMMARY: Final = frozenset(
     {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX}
     | {Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET, Opcode.FOOTER}
 )
+_FOOTER_BYTES: Final = HEAD.size + 20 + 8  # with the mark at the end
+_LARGEST: Final = 64 << 20
 _COMPRESSED: Final = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd"}
 HINT: Final = "copy the recording again; `calibrate --salvage` reads what is sound"
 
@@ -110,3 +116,52 @@ class RecordStream:
 
     def _cut(self, what: str) -> TruncatedError:
         return TruncatedError(what, hint=HINT)
+
+
+class Summary(NamedTuple):
+    """Schemas and channels by id. complete : the file has no others. sound : no checksum denies it.
+
+    A name in a summary whose checksum does not match may be another one.
+    """
+
+    schemas: Mapping[int, Schema]
+    channels: Mapping[int, Channel]
+    complete: bool
+    sound: bool
+
+
+def read_summary(path: Path) -> Summary:
+    """Return what a file says at its end, before the rest is read; nothing where that is damaged.
+
+    So a wrong mapping is named at once, and definitions that are damaged in their place are known.
+    What is damaged is left to the reading of the file, which says where.
+    """
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    stated = 0
+    try:
+        with path.open("rb") as file:
+            end = path.stat().st_size - _FOOTER_BYTES
+            stream = RecordStream(file, path)
+            stream.seek(max(end, 0))
+            _, content = stream.record(frozenset({Opcode.FOOTER}))
+            footer = Footer.read(exact(content))
+            if not footer.summary_start:
+                return Summary({}, {}, complete=False, sound=True)
+            if end - footer.summary_start > _LARGEST:
+                raise ValueError("the footer points to the wrong place")
+            stream.seek(footer.summary_start)
+            while (record := stream.record(IN_SUMMARY))[0] != Opcode.FOOTER:
+                opcode, content = record
+                if opcode == Opcode.SCHEMA:
+                    schema = Schema.read(exact(content))
+                    schemas[schema.id] = schema
+                elif opcode == Opcode.CHANNEL:
+                    channel = Channel.read(exact(content))
+                    channels[channel.id] = channel
+                elif opcode == Opcode.STATISTICS:
+                    stated = Statistics.read(exact(content)).channel_count
+    except (OSError, ValueError, struct.error, McapError, TruncatedError):
+        return Summary({}, {}, complete=False, sound=False)
+    sound = footer.summary_crc in (0, summary_crc(stream.crc_before, record[1]))
+    return Summary(schemas, channels, complete=len(channels) == stated > 0, sound=sound)

@@ -19,8 +19,10 @@ from rosbags.interfaces import Nodetype
 
 from tdfscal.logs.common.message_path import Named, Path, shown
 from tdfscal.logs.messages.buffer import DATA, Messages, gather
-from tdfscal.logs.messages.ros_types import Definitions, full_name
 from tdfscal.records import BoolArray, FloatArray, IntArray
+
+Definitions = Mapping[str, Sequence[tuple[str, Any]]]
+"""Message type → its fields in order, each as (name, rosbags' description of its type)."""
 
 _ENCAPSULATION: Final = 4
 _MAX_DEPTH: Final = 32
@@ -91,7 +93,7 @@ class _Walk:
         self.places: dict[int, tuple[int, str]] = {}
         self.guards: list[tuple[int, bytes]] = [(0, data[:2])] if self.aligned else []
         self.names: list[str] = []
-        self._visit((Nodetype.NAME, full_name(name)), dict(enumerate(paths)), {}, 0)
+        self._visit((Nodetype.NAME, name), dict(enumerate(paths)), {}, 0)
 
     def _visit(
         self, node: Any, wanted: Mapping[int, Path], siblings: Mapping[str, int], depth: int

@@ -1,30 +1,33 @@
-"""Messages of ROS 1 and 2: what their types hold, and paths within them."""
+"""Messages of ROS 1 and 2: their definitions, what these hold, and paths within them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import functools
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from mcap.records import Schema
 from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
 
 from tdfscal.logs.common.message_path import Named, Path, shown
 from tdfscal.logs.messages.buffer import Messages
-from tdfscal.logs.messages.cdr import Gatherer, element_names
+from tdfscal.logs.messages.cdr import Definitions, Gatherer, element_names
 from tdfscal.logs.messages.encodings import MAX_DEPTH, Encoding, Leaf, Read, has_axes
-from tdfscal.logs.messages.ros_types import definitions, full_name
 from tdfscal.records import FloatArray
 
 _STAMP: Final[tuple[Path, Path]] = (("header", "stamp", "sec"), ("header", "stamp", "nanosec"))
 _SHOWN: Final = 12
+_LONGEST: Final = 1 << 18  # characters of a definition
 
 
 class Ros(Encoding):
     """Messages of a type by its definition; encoding : cdr or ros1."""
 
     def __init__(self, schema: Schema, encoding: str) -> None:
-        self._name, self._encoding = schema.name, encoding
+        self._name, self._encoding = full_name(schema.name), encoding
         self._types = definitions(schema.name, schema.encoding, schema.data.decode("utf-8"))
         try:
             self.stamped = all(map(self.checked, _STAMP))
@@ -33,7 +36,7 @@ class Ros(Encoding):
 
     def leaves(self, first: bytes) -> Iterator[Leaf]:
         """What there is in messages of the type."""
-        yield from self._leaves(full_name(self._name), (), 0)
+        yield from self._leaves(self._name, (), 0)
 
     def _leaves(self, name: str, path: Path, depth: int) -> Iterator[Leaf]:
         members = dict(self._types.get(name, ()))
@@ -59,7 +62,7 @@ class Ros(Encoding):
 
     def checked(self, path: Path) -> Path:
         """As `Encoding.checked`; a name that follows a list is that of one of its elements."""
-        node: Any = (Nodetype.NAME, full_name(self._name))
+        node: Any = (Nodetype.NAME, self._name)
         steps: list[str | int | Named] = []
         for k, step in enumerate(path):
             kind, detail = node
@@ -95,3 +98,50 @@ class Ros(Encoding):
             return numbers[:, 1:]
 
         return read
+
+
+@functools.lru_cache(maxsize=64)
+def definitions(name: str, encoding: str, text: str) -> Definitions:
+    """Parse a schema's text; the parser is slow, and channels share their schemas.
+
+    Raises ValueError where the text is no message definition, or of an unknown encoding.
+    """
+    if len(text) > _LONGEST:
+        raise ValueError(f"the definition of {name} has {len(text)} characters")
+    try:
+        if encoding == "ros2" and not text:
+            types = _standard()
+        elif encoding in ("ros2msg", "ros1msg"):
+            types = get_types_from_msg(text, name)
+        elif encoding == "ros2idl":
+            types = get_types_from_idl(text)
+        else:
+            raise ValueError(f"schema encoding {encoding!r} is not known")
+    except (TypesysError, KeyError, IndexError, AttributeError, RecursionError) as error:
+        raise ValueError(f"the definition of {name} cannot be read") from error
+    result: dict[str, Sequence[tuple[str, Any]]] = {
+        key: list(fields) for key, (_, fields) in types.items()
+    }
+    # What ROS 2 knows without a definition.
+    pair = [("sec", (Nodetype.BASE, ("int32", 0))), ("nanosec", (Nodetype.BASE, ("uint32", 0)))]
+    for known in ("Time", "Duration"):
+        result.setdefault(f"builtin_interfaces/msg/{known}", pair)
+    if full_name(name) not in result:
+        raise ValueError(f"the definition of {name} is of another message")
+    for key, fields in result.items():
+        names = [n for n, _ in fields]
+        if len(set(names)) < len(names):
+            raise ValueError(f"the definition of {key} has a field twice")
+    return result
+
+
+@functools.cache
+def _standard() -> Mapping[str, Any]:
+    """Definitions of the messages that ROS 2 brings along, for recorders that store none."""
+    return get_typestore(Stores.LATEST).fielddefs
+
+
+def full_name(name: str) -> str:
+    """geometry_msgs/Point → geometry_msgs/msg/Point."""
+    parts = name.split("/")
+    return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name

@@ -20,7 +20,7 @@ from tdfscal.logs import read_log
 from tdfscal.logs.common.message_path import Path as MessagePath
 from tdfscal.logs.mcap.chunk import messages_of
 from tdfscal.logs.messages.cdr import Gatherer
-from tdfscal.logs.messages.ros_types import definitions
+from tdfscal.logs.messages.ros import definitions
 from tdfscal.records import LogMapping
 from tests.files.logs.log_making import (
     JSON_MAPPING,
