@@ -23,7 +23,7 @@ import numpy as np
 from tdfscal.errors import TdfscalError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import (
@@ -226,7 +226,7 @@ def calibrated(rig: Rig, dwells: Dwells) -> SelfCalibration:
 
 def sound_calibration(dwells: Dwells) -> Calibrated:
     result = calibrated(RIG, rows_of(dwells, slice(0, USED)))
-    return from_fit(result.fit, result.uncertainty.covariance)
+    return joint_posterior(result.fit, result.uncertainty.covariance)
 
 
 def said_by_validate(given: Calibrated, dwells: Dwells) -> list[str]:

@@ -22,7 +22,7 @@ from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig, Series
-from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Options, Recorder
@@ -140,7 +140,7 @@ def main() -> None:
                 result = self_calibrate(rig, used, rng=np.random.default_rng(0), max_trials=0)
                 C = result.uncertainty.covariance
                 known = known_noise(result)
-                verdict = validate(from_fit(result.fit, C), held, rig=rig, known=known)
+                verdict = validate(joint_posterior(result.fit, C), held, rig=rig, known=known)
             except TdfscalError:
                 continue
             accepted += not result.reasons

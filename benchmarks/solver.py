@@ -24,7 +24,8 @@ from tdfscal.numerics.rotation_descent import stacked
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import information_root
 from tdfscal.selfcal.estimator import Fit, Priors, fit, solve_statistic, statistic
-from tdfscal.selfcal.monte_carlo import CHUNK, Sampler, covariance_root
+from tdfscal.selfcal.linear_method import covariance_root
+from tdfscal.selfcal.monte_carlo import CHUNK, Sampler
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.simulation import Options
 

@@ -26,7 +26,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Rig
 from tdfscal.selfcal.closure import frame_errors
-from tdfscal.selfcal.covariance import evaluate, information_root, quality
+from tdfscal.selfcal.covariance import estimate, information_root
 from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.score_tests import suspicions
@@ -122,9 +122,8 @@ def run(case: Case, runs: int) -> str:
         dwells = batch.dwells(trial)
         seen = postures(case.stated, dwells)
         result = fit(case.stated, seen, best_start(case.stated, seen).state)
-        parts = information_root(result)
-        stats = quality(result, parts)
-        found = evaluate(result, parts, stats.birge)
+        known = estimate(result)
+        found = known.uncertainty
         truth = batch.truth.rotation[trial]
         error.append(so3.log(truth @ np.swapaxes(result.state.rotation, 1, 2)).ravel())
         std.append(np.sqrt(np.diagonal(found.covariance)))
@@ -134,8 +133,7 @@ def run(case: Case, runs: int) -> str:
         half = np.repeat(found.coverage_factor.max(axis=1), 3) * std[-1]
         inside.append(np.abs(error[-1]) < half)
         held = (dwells.start + dwells.end) / 2
-        doubts = suspicions(result, parts, found, held, stats, dwells.temperature)
-        doubts = (*doubts, *frame_errors(result, parts, found))
+        doubts = (*suspicions(known, held, dwells.temperature), *frame_errors(known))
         named.append(any(case.cause in doubt.what for doubt in doubts))
     e, s, b, o = np.array(error), np.array(std), np.array(bound), np.array(own)
     known = (np.median(s, axis=0) < 0.05).reshape(-1, 3).all(axis=1).repeat(3)

@@ -3,7 +3,7 @@
 The error of the contact force is a vector with the calibration's covariance Σ; what is limited is
 its length. The expanded uncertainty U is the length that it stays below with the probability that
 k = 2 gives in one dimension, 95.45 %; for an error along one line it is 2σ. The decision rule is
-simple acceptance behind a guard band of width U: conforming where |deviation| + U ≤ limit.
+simple acceptance behind a guard band of width U: conforming where U ≤ limit.
 """
 
 from __future__ import annotations
@@ -33,22 +33,20 @@ class Limited:
     """One limited quantity, N or N·m.
 
     std : (3,), standard uncertainties of its components, LCS. expanded : U, of its length.
-    deviation : (3,), known error. limit : stated limit, or ∞.
-    exceeding : probability that the error's length exceeds the limit.
+    limit : stated limit, or ∞. exceeding : probability that the error's length exceeds it.
     """
 
     quantity: str
     unit: str
     std: FloatArray
     expanded: float
-    deviation: FloatArray
     limit: float
     exceeding: float
 
     @property
     def conforms(self) -> bool:
-        """|deviation| + U ≤ limit."""
-        return bool(np.linalg.norm(self.deviation) + self.expanded <= self.limit)
+        """U ≤ limit."""
+        return self.expanded <= self.limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,35 +83,21 @@ def assess_stated(given: Calibrated) -> Conformity | None:
     return assess(given)
 
 
-def assess(
-    given: Calibrated,
-    *,
-    rpy: tuple[float, float, float] | None = None,
-    force: float | None = None,
-    torque: float | None = None,
-    deviation: FloatArray | None = None,
-) -> Conformity:
-    """Judge the contact wrench's uncertainty at a posture against limits.
+def assess(given: Calibrated) -> Conformity:
+    """Judge the contact wrench's uncertainty at the posture of the rig file's limits.
 
-    rpy : posture of the terminal, rad; force, torque : limits, N and N·m; all default to the rig
-    file's `acceptance.contact`, a limit that is stated nowhere to ∞. deviation : (6,), known error
-    of the contact wrench there, such as the mean residual of a validation; default 0.
+    A limit that is stated nowhere is ∞.
     """
     stated = given.rig.acceptance
-    at = stated.contact_rpy if rpy is None else rpy
-    limits = (
-        stated.contact_force if force is None else force,
-        stated.contact_torque if torque is None else torque,
-    )
-    known = np.zeros(6) if deviation is None else deviation
-    cov = covariance(given, *_standing(given, at))[0]
-    parts = [
-        _limited(name, unit, cov[rows, rows], known[rows], np.inf if limit is None else limit)
-        for name, unit, rows, limit in zip(
-            ("force", "torque"), ("N", "N·m"), np.s_[:3, 3:], limits, strict=True
+    cov = covariance(given, *_standing(given, stated.contact_rpy))[0]
+    force, torque = (
+        _limited(quantity, unit, part, np.inf if limit is None else limit)
+        for quantity, unit, part, limit in (
+            ("force", "N", cov[:3, :3], stated.contact_force),
+            ("torque", "N·m", cov[3:, 3:], stated.contact_torque),
         )
-    ]
-    return Conformity(rpy=at, force=parts[0], torque=parts[1], covariance=cov)
+    )
+    return Conformity(stated.contact_rpy, force, torque, cov)
 
 
 def _standing(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:
@@ -129,19 +113,15 @@ def _standing(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[Float
     return (arm + state.datum)[None], reading[None]
 
 
-def _limited(name: str, unit: str, cov: FloatArray, deviation: FloatArray, limit: float) -> Limited:
+def _limited(quantity: str, unit: str, cov: FloatArray, limit: float) -> Limited:
     std = np.sqrt(np.diagonal(cov))
-    if not np.all(np.isfinite(std)):
-        return Limited(name, unit, std, np.inf, deviation, limit, 0.0 if limit == np.inf else 1.0)
-    return Limited(
-        quantity=name,
-        unit=unit,
-        std=std,
-        expanded=coverage_radius(cov),
-        deviation=deviation,
-        limit=limit,
-        exceeding=exceeding(cov, deviation, limit),
-    )
+    known = bool(np.isfinite(std).all())
+    expanded = coverage_radius(cov) if known else np.inf
+    if limit == np.inf:
+        exceeding = 0.0
+    else:
+        exceeding = min(1.0, max(0.0, 1.0 - within(cov, limit))) if known else 1.0
+    return Limited(quantity, unit, std, expanded, limit, exceeding)
 
 
 def coverage_radius(cov: FloatArray, coverage: float = EXPANDED_COVERAGE) -> float:
@@ -153,61 +133,45 @@ def coverage_radius(cov: FloatArray, coverage: float = EXPANDED_COVERAGE) -> flo
     most = np.sqrt(special.chdtri(3, 1 - coverage))  # three directions alike; any others need less
 
     def short(radius: float) -> float:
-        return within(unit, np.zeros(3), radius) - coverage
+        return within(unit, radius) - coverage
 
     from scipy.optimize import brentq  # slow to import, seldom needed
 
     return float(top * brentq(short, 0.0, 1.001 * most))
 
 
-def exceeding(cov: FloatArray, mean: FloatArray, limit: float) -> float:
-    """Probability that the length of a normal vector of covariance (3, 3) exceeds a limit."""
-    return 0.0 if limit == np.inf else min(1.0, max(0.0, 1.0 - within(cov, mean, limit)))
-
-
-def within(cov: FloatArray, mean: FloatArray, radius: float) -> float:
-    """Probability that a normal vector of covariance (3, 3) lies in the ball about 0.
+def within(cov: FloatArray, radius: float) -> float:
+    """Probability that a normal vector of covariance (3, 3) and mean 0 is no longer than this.
 
     Along the principal axes, by Gauss–Legendre quadrature over two of them; the third is exact.
     """
-    values, axes = np.linalg.eigh(cov)
-    std = np.sqrt(np.maximum(values, _FLAT * max(values[-1], 0.0)))
-    centre = axes.T @ mean
-    if std[-1] == 0.0:
-        return float(np.linalg.norm(mean) <= radius)
-    node, share = np.polynomial.legendre.leggauss(_NODES)
-    # The widest axis is the exact one.
-    x, wx = _axis(centre[0], std[0], np.array([radius]), node, share)
-    rest = np.sqrt(np.maximum(radius**2 - x**2, 0.0))
-    y, wy = _axis(centre[1], std[1], rest.ravel(), node, share)
-    half = np.sqrt(np.maximum(rest.reshape(-1, 1) ** 2 - y**2, 0.0))
-    inner = special.ndtr((half - centre[2]) / std[2]) - special.ndtr((-half - centre[2]) / std[2])
-    return float(np.sum(wx.reshape(-1, 1) * wy * inner))
+    values = np.linalg.eigvalsh(cov)
+    if values[-1] <= 0.0:
+        return 1.0
+    std = np.sqrt(np.maximum(values, _FLAT * values[-1]))
+    x, wx = _axis(std[0], np.array([radius]))
+    y, wy = _axis(std[1], np.sqrt(np.maximum(radius**2 - x**2, 0.0)).ravel())
+    half = np.sqrt(np.maximum(radius**2 - x.reshape(-1, 1) ** 2 - y**2, 0.0))
+    return float(np.sum(wx.reshape(-1, 1) * wy * special.erf(half / std[2] / np.sqrt(2))))
 
 
-def _axis(
-    centre: float, std: float, radius: FloatArray, node: FloatArray, share: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _axis(std: float, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights (m, nodes) of a normal density over [−radius, radius], radius (m,).
 
     x = r sin θ takes the square root out of the ends of the ball.
     """
-    low = np.clip((centre - _FAR * std) / np.maximum(radius, 1e-300), -1.0, 1.0)
-    high = np.clip((centre + _FAR * std) / np.maximum(radius, 1e-300), -1.0, 1.0)
-    a, b = np.arcsin(low)[:, None], np.arcsin(high)[:, None]
-    angle = (a + b) / 2 + (b - a) / 2 * node
-    x = radius[:, None] * np.sin(angle)
-    density = np.exp(-0.5 * ((x - centre) / std) ** 2) / (std * np.sqrt(2 * np.pi))
-    return x, density * radius[:, None] * np.cos(angle) * (b - a) / 2 * share
+    node, share = np.polynomial.legendre.leggauss(_NODES)
+    end = np.arcsin(np.minimum(_FAR * std / np.maximum(radius, 1e-300), 1.0))[:, None]
+    x = radius[:, None] * np.sin(end * node)
+    density = np.exp(-0.5 * (x / std) ** 2) / (std * np.sqrt(2 * np.pi))
+    return x, density * radius[:, None] * np.cos(end * node) * end * share
 
 
 def _reason(part: Limited, rpy: tuple[float, float, float]) -> str:
-    known = float(np.linalg.norm(part.deviation))
-    error = f"{known:.2g} {part.unit} and " if known else ""
     posture = ", ".join(f"{angle:g}" for angle in rpy)
     return (
-        f"the contact {part.quantity} at roll, pitch, yaw = {posture} rad has {error}an expanded "
-        f"uncertainty of {part.expanded:.2g} {part.unit} (95.45 %), together above the limit of "
+        f"the contact {part.quantity} at roll, pitch, yaw = {posture} rad has an expanded "
+        f"uncertainty of {part.expanded:.2g} {part.unit} (95.45 %), above the limit of "
         f"{part.limit:g} {part.unit}; its error exceeds the limit with a probability of "
         f"{part.exceeding:.1g}"
     )

@@ -36,7 +36,7 @@ from tdfscal.model.statics import Postures
 from tdfscal.numerics.information import Contrast, Information
 from tdfscal.records import FloatArray, JointPrior, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit, Priors, at_state
-from tdfscal.selfcal.outliers import Rejection, fit_robust
+from tdfscal.selfcal.outliers import fit_robust
 
 #: Largest step of the common constants, in standard uncertainties, that needs no further round.
 _SETTLED = 1e-4
@@ -75,7 +75,7 @@ class Member:
     misfit: Contrast
     fit: Fit | None
     state: State | None
-    rejected: tuple[Rejection, ...]
+    rejected: dict[int, str]
     chi2: float
     dof: int
     within: tuple[float, int]
@@ -212,10 +212,10 @@ def _fresh(known: Information, part: Eliminated) -> tuple[float, int]:
 
 def _first_round(
     ordered: Sequence[Recorded],
-) -> tuple[list[Fit | None], list[tuple[Rejection, ...]]]:
+) -> tuple[list[Fit | None], list[dict[int, str]]]:
     """Fit each campaign with what those with more postures know; outliers are left out here."""
     fits: list[Fit | None] = [None] * len(ordered)
-    rejected: list[tuple[Rejection, ...]] = [()] * len(ordered)
+    rejected: list[dict[int, str]] = [{} for _ in ordered]
     sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
     known: Information | None = None
     reference: State | None = None
@@ -233,7 +233,7 @@ def _first_round(
         if known is not None and reference is not None:
             rig = replace(rig, earlier=joint_prior(rig, reference, known))
         robust = fit_robust(loosened(rig), item.postures)
-        result, rejected[k] = robust.fit, robust.rejections
+        result, rejected[k] = robust.fit, robust.rejected
         fits[k] = result
         if reference is None or known is None:
             reference = with_motions(result.state, 0)

@@ -103,18 +103,13 @@ def independent(
     covariance[place["rotation"], place["rotation"]] = rotation_covariance
     return Calibrated(
         rig=rig,
-        state=State(
+        state=replace(
+            start,
             rotation=rotation,
             zero=zero.value,
             sensitivity=start.sensitivity if sensitivity is None else sensitivity,
             mass=mass.value,
             barycentre=barycentre.value,
-            hinge=start.hinge,
-            datum=start.datum,
-            tilt=start.tilt,
-            compliance=start.compliance,
-            friction=start.friction,
-            drift=start.drift,
         ),
         covariance=covariance,
         open=unknown,

@@ -9,7 +9,8 @@ parameters. State arrays may carry leading batch axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from math import prod
 
 import numpy as np
 
@@ -68,25 +69,29 @@ class State:
         return int(self.drift.shape[-3])
 
 
+def _shapes(n: int, motions: int) -> dict[str, tuple[int, ...]]:
+    """Shape of each field of a state without batch axes; the rotations' as steps."""
+    return {
+        "rotation": (n, 3),
+        "zero": (n, 3),
+        "sensitivity": (n, 6),
+        "mass": (),
+        "barycentre": (3,),
+        "hinge": (n, 3),
+        "datum": (n, 3),
+        "tilt": (2,),
+        "compliance": (2,),
+        "friction": (),
+        "drift": (motions, n, 3),
+    }
+
+
 def layout(n: int, motions: int = 0) -> dict[str, slice]:
     """Place of each parameter group in the parameter vector (P,); motions : G."""
-    sizes = {
-        "rotation": 3 * n,
-        "zero": 3 * n,
-        "sensitivity": 6 * n,
-        "mass": 1,
-        "barycentre": 3,
-        "hinge": 3 * n,
-        "datum": 3 * n,
-        "tilt": 2,
-        "compliance": 2,
-        "friction": 1,
-        "drift": 3 * n * motions,
-    }
     place, start = {}, 0
-    for name, size in sizes.items():
-        place[name] = slice(start, start + size)
-        start += size
+    for name, shape in _shapes(n, motions).items():
+        place[name] = slice(start, start + prod(shape))
+        start = place[name].stop
     return place
 
 
@@ -111,13 +116,6 @@ def with_motions(state: State, motions: int) -> State:
     return replace(state, drift=np.zeros((motions, state.n, 3)))
 
 
-def _shapes(n: int, motions: int) -> dict[str, tuple[int, ...]]:
-    """Shape of each field of a state without batch axes; the rotations' as steps."""
-    alone = {"mass": (), "barycentre": (3,), "tilt": (2,), "compliance": (2,), "friction": ()}
-    own = {"sensitivity": (n, 6), "drift": (motions, n, 3)}
-    return {field.name: (alone | own).get(field.name, (n, 3)) for field in fields(State)}
-
-
 def retract(state: State, step: FloatArray) -> State:
     """Move the state by step (..., P): rotations by exp([δ]×) on the left, the rest by addition."""
     n, motions = state.n, state.motions
@@ -132,7 +130,7 @@ def retract(state: State, step: FloatArray) -> State:
 
 def vector(state: State) -> FloatArray:
     """Parameters (P,) of a state without batch axes; the rotations' entries are 0."""
-    names = [field.name for field in fields(State)]
+    names = list(_shapes(state.n, state.motions))
     parts = [np.zeros(3 * state.n), *(getattr(state, name) for name in names[1:])]
     return np.concatenate([np.ravel(part) for part in parts])
 

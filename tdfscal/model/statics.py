@@ -35,6 +35,7 @@ from tdfscal.model.parameters import (
     parameter_count,
     sensing,
     unmixing,
+    with_motions,
 )
 from tdfscal.model.pose import register
 from tdfscal.model.postures import Postures, forces, postures, zeros
@@ -123,24 +124,83 @@ def wrench(arm: FloatArray) -> FloatArray:
 
 
 def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Balance:
-    """Linearise the postures' balance equations at state (no batch axes); g in m/s²."""
-    if not posture.measured.all():
-        posture = _filled(posture, state, centre, g)
-    n, K, motions = state.n, len(posture), posture.motions
-    eye = np.eye(3)
-    lean = _lean(posture, state, centre, g)
-    R, arm, F, A, P_turn = lean.rotation, lean.arm, lean.force, lean.by_turn, lean.turn
+    """Linearise the postures' balance equations at state (no batch axes); g in m/s².
+
+    Readings that no sensor gives are first put to what the balance demands. With these the
+    derivative of the projected rows by the rotations is exact (variable projection); their
+    covariance says how much noise stands in those levers.
+    """
+    missing = ~posture.measured
+    sensor, axis = np.nonzero(missing)
+    together = np.argwhere(sensor[:, None] == sensor[None])
+    for _ in range(_FILLINGS if missing.any() else 0):
+        at = _linearised(posture, state, centre, g)
+        e = at.design @ features(with_motions(state, posture.motions), at, g)
+        value, variance = free_forces.least_squares(at.cov, at.free, e)
+        force, force_cov = posture.force.copy(), posture.force_cov.copy()
+        force[:, missing] += value
+        for a, b in together:
+            force_cov[:, sensor[a], axis[a], axis[b]] = variance[:, a, b]
+        posture = replace(posture, force=force, force_cov=force_cov)
+    return _linearised(posture, state, centre, g)
+
+
+def _linearised(posture: Postures, state: State, centre: FloatArray, g: float) -> Balance:
+    n, K = state.n, len(posture)
+    F = np.einsum("nab,knb->kna", sensing(state), posture.force - zeros(state, posture))
+    give = state.compliance[[0, 0, 1]] * F
+    R, _ = register(state.hinge, posture.position - state.datum - give)
+    arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
+    arm_m = R @ (state.barycentre - centre)
+    weight = state.mass * gravity(state, g)
+    # Rotation of the registered pose for a displacement ε_i of the positions: δφ = Σ Pφ_i ε_i.
+    spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
+    all_spokes = spoke.reshape(K, 3 * n, 3)  # also of no posture at all
+    inertia = np.swapaxes(all_spokes, 1, 2) @ all_spokes
+    P_turn = np.linalg.inv(inertia)[:, None] @ spoke
+    # Turning the pose turns all arms: (δφ × ρ) × F = [F]× [ρ]× δφ.
+    A = (so3.hat(F) @ so3.hat(arm)).sum(axis=1) + so3.hat(weight) @ so3.hat(arm_m)
+
     B = wrench(arm)
-    design = np.zeros((K, 6, 18 * n + 15 + 3 * n * motions))
+    noise_force = B @ sensing(state)
+    noise_turn = np.zeros((K, 6, 3))
+    noise_turn[:, 3:] = A
+    turn_cov = (P_turn @ posture.position_cov @ np.swapaxes(P_turn, 2, 3)).sum(axis=1)
+    both = posture.measured[:, :, None] & posture.measured[:, None, :]
+    own = noise_force @ np.where(both, posture.force_cov, 0.0) @ np.swapaxes(noise_force, 2, 3)
+    cov = own.sum(axis=1)
+    cov += noise_turn @ turn_cov @ np.swapaxes(noise_turn, 1, 2)
+    cov[:, 3:, 3:] += posture.moment_var * np.eye(3)
+    return Balance(
+        seen=posture,
+        design=_design(posture, R, F, B, -A[:, None] @ P_turn),
+        noise_force=noise_force,
+        noise_turn=noise_turn,
+        turn_cov=turn_cov,
+        rotation=R,
+        arm=arm,
+        cov=cov,
+        centre=centre,
+        hinge=state.hinge,
+        datum=state.datum,
+        compliance=state.compliance,
+    )
+
+
+def _design(
+    posture: Postures, R: FloatArray, F: FloatArray, B: FloatArray, turned: FloatArray
+) -> FloatArray:
+    """Φ_k (K, 6, q); turned : (K, n, 3, 3), moment for a displacement of each position."""
+    K, n = F.shape[:2]
+    design = np.zeros((K, 6, 18 * n + 15 + 3 * n * posture.motions))
     of_forces = np.moveaxis(B, 1, 2)
     by_readings = of_forces[..., None] * posture.force[:, None, :, None]
     design[:, :, : 9 * n] = by_readings.reshape(K, 6, 9 * n)
     of_zeros = -of_forces.reshape(K, 6, 3 * n)
     design[:, :, 9 * n : 12 * n] = of_zeros
-    design[:, :3, 12 * n : 12 * n + 3] = eye
+    design[:, :3, 12 * n : 12 * n + 3] = np.eye(3)
     columns = np.swapaxes(so3.hat(np.swapaxes(R, 1, 2)), 1, 2)  # [:, :, a, b] = (R e_a) × e_b
     design[:, 3:, 12 * n + 3 : 12 * n + 12] = columns.reshape(K, 3, 9)
-    turned = -A[:, None] @ P_turn
     moved = -so3.hat(F) @ R[:, None] + turned @ R[:, None]
     design[:, 3:, 12 * n + 12 : 15 * n + 12] = np.moveaxis(moved, 1, 2).reshape(K, 3, 3 * n)
     design[:, 3:, 15 * n + 12 : 18 * n + 12] = np.moveaxis(turned, 1, 2).reshape(K, 3, 3 * n)
@@ -156,107 +216,12 @@ def balance(posture: Postures, state: State, centre: FloatArray, g: float) -> Ba
             * np.moveaxis(posture.motion.value, 1, 2)[:, None, :, :, None]
         )
         design[:, :, 18 * n + 15 :] = by_motion.reshape(K, 6, -1)
-
-    noise_force = B @ sensing(state)
-    noise_turn = np.zeros((K, 6, 3))
-    noise_turn[:, 3:] = A
-    turn_cov = (P_turn @ posture.position_cov @ np.swapaxes(P_turn, 2, 3)).sum(axis=1)
-    cov = _noise(posture, noise_force, noise_turn, turn_cov)
-    return Balance(
-        seen=posture,
-        design=design,
-        noise_force=noise_force,
-        noise_turn=noise_turn,
-        turn_cov=turn_cov,
-        rotation=R,
-        arm=arm,
-        cov=cov,
-        centre=centre,
-        hinge=state.hinge,
-        datum=state.datum,
-        compliance=state.compliance,
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class _Lean:
-    """How the terminal stands and is loaded in K postures.
-
-    rotation : (K, 3, 3). arm, force : (K, n, 3), BCS, m and N. weight : (3,), N.
-    turn : (K, n, 3, 3), rotation of the registered pose for a displacement of the positions.
-    by_turn : (K, 3, 3), moment for a rotation of the pose. arm_m : (K, 3), of the barycentre.
-    """
-
-    rotation: FloatArray
-    arm: FloatArray
-    force: FloatArray
-    weight: FloatArray
-    turn: FloatArray
-    by_turn: FloatArray
-    arm_m: FloatArray
-
-
-def _lean(posture: Postures, state: State, centre: FloatArray, g: float) -> _Lean:
-    load = posture.force - zeros(state, posture)
-    F = np.einsum("nab,knb->kna", sensing(state), load)
-    give = state.compliance[[0, 0, 1]] * F
-    R, _ = register(state.hinge, posture.position - state.datum - give)
-    arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
-    arm_m = R @ (state.barycentre - centre)
-    weight = state.mass * gravity(state, g)
-    # Rotation of the registered pose for a displacement ε_i of the positions: δφ = Σ Pφ_i ε_i.
-    spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
-    all_spokes = spoke.reshape(len(arm), 3 * arm.shape[1], 3)  # also of no posture at all
-    inertia = np.swapaxes(all_spokes, 1, 2) @ all_spokes
-    P_turn = np.linalg.inv(inertia)[:, None] @ spoke
-    # Turning the pose turns all arms: (δφ × ρ) × F = [F]× [ρ]× δφ.
-    A = (so3.hat(F) @ so3.hat(arm)).sum(axis=1) + so3.hat(weight) @ so3.hat(arm_m)
-    return _Lean(R, arm, F, weight, P_turn, A, arm_m)
-
-
-def _noise(
-    posture: Postures, noise_force: FloatArray, noise_turn: FloatArray, turn_cov: FloatArray
-) -> FloatArray:
-    """Covariance (K, 6, 6) of e by the noise of what is measured."""
-    both = posture.measured[:, :, None] & posture.measured[:, None, :]
-    own = noise_force @ np.where(both, posture.force_cov, 0.0) @ np.swapaxes(noise_force, 2, 3)
-    cov = own.sum(axis=1)
-    cov += noise_turn @ turn_cov @ np.swapaxes(noise_turn, 1, 2)
-    cov[:, 3:, 3:] += posture.moment_var * np.eye(3)
-    return np.asarray(cov)
+    return design
 
 
 def free(noise_force: FloatArray, measured: BoolArray) -> FloatArray:
     """Wrench (K, 6, m) of a unit force along each component that is not measured."""
     return np.asarray(np.moveaxis(noise_force, 2, 1)[:, :, ~measured])
-
-
-def _filled(posture: Postures, state: State, centre: FloatArray, g: float) -> Postures:
-    """Postures with the readings that are not measured as the balance demands them.
-
-    With these the derivative of the projected rows by the rotations is exact (variable
-    projection); their covariance says how much noise stands in those levers.
-    """
-    missing = ~posture.measured
-    sensor, axis = np.nonzero(missing)
-    together = sensor[:, None] == sensor[None]
-    for _ in range(_FILLINGS):
-        lean = _lean(posture, state, centre, g)
-        B = wrench(lean.arm)
-        e = (B @ lean.force[..., None])[..., 0].sum(axis=1)
-        e[:, :3] += lean.weight
-        e[:, 3:] += np.cross(lean.arm_m, lean.weight) - state.n * state.friction * posture.approach
-        noise_force = B @ sensing(state)
-        noise_turn = np.concatenate([np.zeros_like(lean.by_turn), lean.by_turn], axis=1)
-        turn_cov = np.einsum("kiab,kibc,kidc->kad", lean.turn, posture.position_cov, lean.turn)
-        cov = _noise(posture, noise_force, noise_turn, turn_cov)
-        value, variance = free_forces.least_squares(cov, free(noise_force, posture.measured), e)
-        force, force_cov = posture.force.copy(), posture.force_cov.copy()
-        force[:, missing] += value
-        for a, b in np.argwhere(together):
-            force_cov[:, sensor[a], axis[a], axis[b]] = variance[:, a, b]
-        posture = replace(posture, force=force, force_cov=force_cov)
-    return posture
 
 
 def features(state: State, at: Balance, g: float) -> FloatArray:
@@ -286,23 +251,23 @@ def features_jacobian(state: State, at: Balance, g: float) -> FloatArray:
     n, motions = state.n, state.motions
     place = layout(n, motions)
     jac = np.zeros((18 * n + 15 + 3 * n * motions, parameter_count(n, motions)))
-    M, each = sensing(state), np.arange(n)
+    M, h = sensing(state), 12 * n + 12
     turned = so3.hat(np.eye(3)) @ M[:, None]  # (n, 3, 3, 3): [e_j]× M
     strained = -M[:, None] @ SYMMETRIC @ unmixing(state.sensitivity)[:, None]  # (n, 6, 3, 3)
-    # Views of the block (features of the sensor, its parameters) with one axis per sensor.
-    m_rows = jac[: 9 * n].reshape(n, 9, -1)
-    b_rows = jac[9 * n : 12 * n].reshape(n, 3, -1)
-    for group, change in (("rotation", turned), ("sensitivity", strained)):
-        size = change.shape[1]
-        columns = place[group].start + size * each[:, None] + np.arange(size)
-        m_part = np.swapaxes(change.reshape(n, size, 9), 1, 2)
-        b_part = np.swapaxes((change @ state.zero[:, None, :, None])[..., 0], 1, 2)
-        np.put_along_axis(m_rows, np.repeat(columns[:, None], 9, axis=1), m_part, axis=2)
-        np.put_along_axis(b_rows, np.repeat(columns[:, None], 3, axis=1), b_part, axis=2)
-    columns = place["zero"].start + 3 * each[:, None] + np.arange(3)
-    np.put_along_axis(b_rows, np.repeat(columns[:, None], 3, axis=1), M, axis=2)
+    # Rows of M_i Z, Z the zero and then the amplitudes by which it moves.
+    starts = [9 * n, *(h + 6 * n + 3 + 3 * n * k for k in range(motions))]
+    groups = [place["zero"].start, *(place["drift"].start + 3 * n * k for k in range(motions))]
+    for i in range(n):
+        for group, change in (("rotation", turned[i]), ("sensitivity", strained[i])):
+            size = len(change)
+            columns = slice(place[group].start + size * i, place[group].start + size * (i + 1))
+            jac[9 * i : 9 * i + 9, columns] = change.reshape(size, 9).T
+            for start, Z in zip(starts, (state.zero, *state.drift), strict=True):
+                jac[start + 3 * i : start + 3 * i + 3, columns] = (change @ Z[i]).T
+        for start, first in zip(starts, groups, strict=True):
+            jac[start + 3 * i : start + 3 * i + 3, first + 3 * i : first + 3 * i + 3] = M[i]
 
-    w, wr = slice(12 * n, 12 * n + 3), slice(12 * n + 3, 12 * n + 12)
+    w, wr = slice(12 * n, 12 * n + 3), slice(12 * n + 3, h)
     gvec, lever = gravity(state, g), state.barycentre - at.centre
     tilt = np.array([*state.tilt, 0.0])
     d_tilt = -so3.hat(gvec) @ so3.left_jacobian(tilt)[:, :2]  # d(exp(t) g₀) = (J dt) × g
@@ -311,26 +276,8 @@ def features_jacobian(state: State, at: Balance, g: float) -> FloatArray:
     jac[w, place["tilt"]] = state.mass * d_tilt
     jac[wr, place["tilt"]] = state.mass * np.einsum("a,bj->abj", lever, d_tilt).reshape(9, 2)
     jac[wr, bary] = state.mass * np.einsum("aj,b->abj", np.eye(3), gvec).reshape(9, 3)
-    h = 12 * n + 12
-    jac[h : h + 3 * n, place["hinge"]] = np.eye(3 * n)
-    jac[h + 3 * n : h + 6 * n, place["datum"]] = np.eye(3 * n)
-    h += 6 * n
-    jac[h : h + 2, place["compliance"]] = np.eye(2)
-    jac[h + 2, place["friction"]] = 1.0
-    _drift_jacobian(jac[h + 3 :], state, M, turned, strained)
+    for group in ("hinge", "datum", "compliance", "friction"):
+        size = place[group].stop - place[group].start
+        jac[h : h + size, place[group]] = np.eye(size)
+        h += size
     return jac
-
-
-def _drift_jacobian(
-    rows: FloatArray, state: State, M: FloatArray, turned: FloatArray, strained: FloatArray
-) -> None:
-    """Fill the rows (3 n G, P) of M_i Z_gi; turned, strained : ∂M by rotation and sensitivity."""
-    n, place = state.n, layout(state.n, state.motions)
-    for g, amplitude in enumerate(state.drift):
-        for i in range(n):
-            row = slice(3 * (n * g + i), 3 * (n * g + i) + 3)
-            for group, change in (("rotation", turned[i]), ("sensitivity", strained[i])):
-                first = place[group].start + len(change) * i
-                rows[row, first : first + len(change)] = (change @ amplitude[i]).T
-            first = place["drift"].start + row.start
-            rows[row, first : first + 3] = M[i]

@@ -16,9 +16,8 @@ from tdfscal.model.statics import features
 from tdfscal.motioncal.covariance import MovingUncertainty, faked_information
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.numerics import so3
-from tdfscal.numerics.propagation import propagate
+from tdfscal.numerics.propagation import MonteCarlo, propagate
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Spectra drawn, which the trials share, and trials at most unless asked otherwise.
@@ -130,7 +129,6 @@ def simulate(
     followed = np.ones((fit.rig.n, 1)) if known is None else known[:, None].astype(np.float64)
     linear, base = uncertainty.turns, fit.state.still.rotation
     sampler = Sampler(fit, uncertainty, rng, followed)
-    estimate = so3.to_rpy(base)
 
     def draw(size: int) -> FloatArray:
         parts = [min(_CHUNK, size - start) for start in range(0, size, _CHUNK)]
@@ -138,4 +136,4 @@ def simulate(
 
     found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
     half = followed * linear.coverage_factor * linear.rpy_std
-    return MonteCarlo.of(found, estimate, half)
+    return found.about(so3.to_rpy(base), half)

@@ -34,10 +34,10 @@ from tdfscal.motioncal.score_tests import suspicions, undeclared
 from tdfscal.motioncal.start import first_fit, moments
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import BoolArray, FloatArray, InputFile, Rig, Rotations, UncertainValue
 from tdfscal.selfcal import observability
 from tdfscal.selfcal.covariance import Quality
-from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
@@ -208,7 +208,7 @@ def _determined(fit: MovingFit, verdict: Observability, evidence: UndeterminedMo
     if not verdict.determined.any() or not verdict.identified:
         raise NotIdentifiableError(
             f"the motion does not determine {verdict.unseen}",
-            hint=(*verdict.weak, *verdict.lacking)[0].advice,
+            hint=verdict.weak[0].advice,
             evidence=evidence,
         )
     if not fit.converged:

@@ -22,21 +22,16 @@ from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.score_tests import (
     MADE_OF_READINGS,
     Asked,
+    Suspect,
     ask,
     lean_of,
-    likeliest,
-    rounded_up,
     stated_suspects,
-    suspicion,
-    worst_zero,
 )
-from tdfscal.selfcal.suspicion import OF_THE_RIG, WORDS, Suspicion
+from tdfscal.selfcal.suspicion import Suspicion, likeliest, suspicion, worst_zero
 from tdfscal.significance import UNDECLARED_ERROR, UNDECLARED_GRAVITY_SHARE
 
 #: Share of the largest variance of an amount below which it is rounding.
 _ROUNDING = 1e-12
-#: Group, support, whitened columns (rows, g), and what they are per unit.
-Suspect = tuple[str, int, FloatArray, float | FloatArray]
 
 
 def suspicions(
@@ -45,9 +40,7 @@ def suspicions(
     """Ask for every suspect, and return the likeliest with those that are about as likely."""
     residual, jacobian = fit.whitened()
     parts, turns, p = spectrum(jacobian), uncertainty.turns, int(fit.active.sum())
-    suspects = [*_stated(fit), *_drifts(fit)]
-    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
-    std, worth = np.sqrt(np.diagonal(turns.covariance)), float(np.log(2 * len(fit.rows.bins.count)))
+    suspects, rows = [*_stated(fit), *_drifts(fit)], 2 * len(fit.rows.bins.count)
     bias = noise_scores(fit, fit.slope_at(fit.state))
     found = []
     for group, index, columns, unit in suspects:
@@ -58,29 +51,19 @@ def suspicions(
         if group in MADE_OF_READINGS:
             lean = lean_of(bias, fit.active, fit.state.still, group, index)
         asked = ask(apart, columns, residual, lean)
-        if asked is None or asked.p_value(stats) > level:
+        if asked.p_value(stats) > level:
             continue
         asked = by_spectrum(fit, columns, lean, asked)
-        if asked.p_value(stats) > level:
+        p_value = asked.p_value(stats)
+        if p_value > level:
             continue
         # The other parameters, angles among them, give way to the suspect's amount.
         move = -parts.root[:p] @ (known @ asked.amount)
-        size = rounded_up(float(np.abs(asked.amount * unit).max()))
-        what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
-        doubt = suspicion(fit, what, advice, asked.p_value(stats), move[angles] / std)
-        zero_shift, zero = worst_zero(fit, move, turns)
-        found.append(
-            replace(
-                doubt,
-                kind=group,
-                support=None if group in OF_THE_RIG else index,
-                weight=asked.statistic - asked.unknowns * worth,
-                zero_shift=zero_shift,
-                zero=zero,
-                move=move,
-            )
-        )
-    return likeliest(found) if found else ()
+        size, weight = float(np.abs(asked.amount * unit).max()), asked.weight(rows)
+        doubt = suspicion(fit.rig, turns, group, index, size, move, p_value, weight)
+        zero_shift, zero = worst_zero(fit.rig, turns, fit.active, move)
+        found.append(replace(doubt, zero_shift=zero_shift, zero=zero, move=move))
+    return likeliest(found)
 
 
 def undeclared(doubts: tuple[Suspicion, ...]) -> FloatArray | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,12 +14,14 @@ BLOCK = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class Propagated:
-    """Averages over the blocks; each of the quantity's own shape.
+class MonteCarlo:
+    """What trials show of a quantity; mean to tolerance have its own shape.
 
     low, high : probabilistically symmetric coverage interval. tolerance : δ of 7.9.2.
     stable : twice the standard deviations of all averages fell below δ/5 before the trials ran
-    out; a fifth of δ is what clause 8 asks of a validation. sample : (≤ BLOCK, …), first block.
+    out; a fifth of δ is what clause 8 asks of a validation. sample : (≤ BLOCK, …), first block, as
+    deviations from the estimate. validated : the linear interval agrees with that of the trials.
+    unsettled : trials whose iteration did not settle; they count where they ended.
     """
 
     trials: int
@@ -30,11 +32,23 @@ class Propagated:
     tolerance: FloatArray
     stable: bool
     sample: FloatArray
+    validated: bool = False
+    unsettled: int = 0
 
     def validates(self, low: FloatArray, high: FloatArray) -> bool:
         """Both ends of another interval agree with this one within δ (clause 8)."""
         off = np.maximum(np.abs(self.low - low), np.abs(self.high - high))
         return bool((off <= self.tolerance).all())
+
+    def about(self, estimate: FloatArray, half: FloatArray) -> MonteCarlo:
+        """The trials of deviations from an estimate, whose linear interval has this half width."""
+        return replace(
+            self,
+            mean=estimate + self.mean,
+            low=estimate + self.low,
+            high=estimate + self.high,
+            validated=self.validates(-half, half),
+        )
 
 
 def numerical_tolerance(std: FloatArray, digits: int = 1) -> FloatArray:
@@ -51,7 +65,7 @@ def propagate(
     coverage: float,
     max_trials: int,
     digits: int = 1,
-) -> Propagated:
+) -> MonteCarlo:
     """Draw blocks of outputs until their averages are stable or the trials run out (7.9.4).
 
     draw : returns (size, …) independent values of the output. std : (…), its standard
@@ -72,4 +86,4 @@ def propagate(
             spread = np.std(summaries, axis=0, ddof=1) / np.sqrt(len(summaries))
             stable = bool((2 * spread < tolerance / 5).all())
     mean, found, low, high = np.mean(summaries, axis=0)
-    return Propagated(trials, mean, found, low, high, tolerance, stable, sample)
+    return MonteCarlo(trials, mean, found, low, high, tolerance, stable, sample)

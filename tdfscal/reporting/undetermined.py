@@ -22,7 +22,7 @@ from tdfscal.reporting.figures.style import Drawing
 from tdfscal.reporting.figures.timeline import DwellLog
 from tdfscal.reporting.layout import Facts, Items, Report, Row, Section, Table, illustrated
 from tdfscal.reporting.phrases import chi_squared, inputs_table, not_shown, postures, stretches, utc
-from tdfscal.selfcal.undetermined import Undetermined
+from tdfscal.selfcal.result import Undetermined
 
 Seen = Undetermined | UndeterminedMotion
 
@@ -119,7 +119,7 @@ def _advice(attempt: Attempt) -> Iterator[str]:
         yield _sentence(told)
     if seen is None:
         return
-    open_turns = (*seen.observability.weak, *seen.observability.lacking)
+    open_turns = seen.observability.weak
     # One cure for several turns differs by its numbers only, which stand in brackets.
     cures = {weakness.advice.split(" (")[0]: weakness.advice for weakness in open_turns}
     yield from (_sentence(advice) for cure, advice in cures.items() if cure not in told)
@@ -158,7 +158,7 @@ def _tiles(seen: Seen) -> tuple[Row, ...]:
 def _turns(seen: Seen) -> tuple[Table | Items, ...]:
     """What each weak turn lacks, and how far the loads on each sensor point apart."""
     causes: dict[str, list[str]] = {}
-    for weakness in (*seen.observability.weak, *seen.observability.lacking):
+    for weakness in seen.observability.weak:
         causes.setdefault(weakness.cause, []).append(weakness.angle.name)
     said = tuple(f"{', '.join(names)}: {cause}" for cause, names in causes.items())
     spread = np.degrees(seen.observability.spread)

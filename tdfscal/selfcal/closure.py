@@ -17,15 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.model.parameters import layout
 from tdfscal.model.pose import register
 from tdfscal.model.statics import forces, wrench
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import Uncertainty
+from tdfscal.selfcal.covariance import Estimate
 from tdfscal.selfcal.estimator import Fit
-from tdfscal.selfcal.score_tests import largest_move
-from tdfscal.selfcal.suspicion import Suspicion
+from tdfscal.selfcal.score_tests import Asked, ask
+from tdfscal.selfcal.suspicion import Suspicion, worst_angle
 from tdfscal.significance import CAUSES_APART, FRAME_MISFIT
 
 #: Positions are not known better than this, m: rounding, and a terminal that bends.
@@ -48,171 +49,111 @@ _WAYS: dict[str, dict[str, tuple[tuple[int, int, float], ...]]] = {
         "x to y": ((1, 0, 1.0), (0, 1, 1.0)),
     },
 }
-_ROUNDING = 1e-10
 #: Share of a component that must stand out of the nuisances to be seen.
 _SEEN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Closure:
-    """Normal equations of the used postures' closure, in whitened units, all nuisances eliminated.
+class _Tried:
+    """One way of being wrong, `asked` by how much. error : (3, 3), E."""
 
-    whole : (n, 9, 9), of each frame by itself. information : (n, 9, 9), score : (n, 9), of each
-    frame once the nuisances give way. chi2, dof : with the nuisances fitted.
-    """
-
-    whole: FloatArray
-    information: FloatArray
-    score: FloatArray
-    chi2: float
-    dof: int
+    frame: int
+    way: str
+    asked: Asked
+    error: FloatArray
 
 
-def frame_errors(fit: Fit, parts: Spectrum, uncertainty: Uncertainty) -> tuple[Suspicion, ...]:
+def frame_errors(of: Estimate) -> tuple[Suspicion, ...]:
     """Name the NCP whose frame is turned, scaled or not square, if there is one."""
-    n, closed = fit.rig.n, _closure(fit)
-    if closed.dof <= 3:
+    fit = of.fit
+    dof, chi2, tried = _tried(fit)
+    if dof <= 3:
         return ()
-    tried = [_score(closed, i, way) for i in range(n) for way in _WAYS]
-    best = max(tried, key=lambda score: score.gain)
-    rest = max(1.0, (closed.chi2 - best.gain) / max(closed.dof - best.size, 1))
-    p_value = float(chi2_sf(best.gain / rest, best.size)) if best.size else 1.0
+    best = max(tried, key=lambda each: each.asked.statistic)
+    gain, size = best.asked.statistic, best.asked.unknowns
+    rest = max(1.0, (chi2 - gain) / max(dof - size, 1))
+    p_value = float(chi2_sf(gain / rest, size)) if size else 1.0
     if p_value > FRAME_MISFIT / len(tried):
         return ()
-    alike = [score for score in tried if (best.gain - score.gain) / rest < CAUSES_APART]
-    used = fit.weight > 0
+    alike = [each for each in tried if (gain - each.asked.statistic) / rest < CAUSES_APART]
     away = fit.postures.position[:, best.frame]
-    moved = (away - away[used].mean(axis=0)) @ best.error.T
-    datum = 15 * n + 12 + 3 * best.frame
-    columns = fit.at.design[:, :, datum : datum + 3] @ moved[..., None]
+    moved = (away - away[fit.weight > 0].mean(axis=0)) @ best.error.T
+    datum = layout(fit.rig.n, fit.state.motions)["datum"].start + 3 * best.frame
+    white = (fit.slopes[:, :, datum : datum + 3] @ moved[..., None]).ravel()
+    # The angles give way to what the wrong frame adds to the balance.
+    move = of.parts.root @ (of.parts.left[: len(white)].T @ white)
     return (
-        largest_move(
-            fit,
-            parts,
-            uncertainty,
-            columns[..., 0],
-            what=_named(fit.rig.supports, best, alike, rest),
-            advice="align it, or calibrate the positioner; hinge distances show no error that all "
+        Suspicion(
+            _named(fit.rig.supports, best, alike, rest),
+            "align it, or calibrate the positioner; hinge distances show no error that all "
             "positioners share",
-            p_value=min(1.0, len(tried) * p_value),
+            min(1.0, len(tried) * p_value),
+            *worst_angle(fit.rig, of.uncertainty, move),
         ),
     )
 
 
-def _closure(fit: Fit) -> Closure:
-    """Fit the closure's nuisances: datums, hinges, compliance."""
+def _tried(fit: Fit) -> tuple[int, float, list[_Tried]]:
+    """Degrees of freedom and χ² of the closure of the used postures, and every way of every frame.
+
+    All that is no frame's error is fitted beside: datums, hinges, compliance.
+    """
     used, n = fit.weight > 0, fit.rig.n
     p = fit.postures.position[used] - fit.state.datum
     R, T = register(fit.state.hinge, p)
     arm = np.einsum("kab,nb->kna", R, fit.state.hinge)
-    off = (p - arm - T[:, None]).reshape(len(p), -1)
-    rigid = _orthonormal(np.swapaxes(wrench(arm - arm.mean(axis=1, keepdims=True)), 2, 3), n)
-
-    F = forces(fit.state, fit.postures.force[used])
+    spokes = np.swapaxes(wrench(arm - arm.mean(axis=1, keepdims=True)), 2, 3)
+    K, eye = len(p), np.eye(3)
+    rigid = np.linalg.qr(spokes.reshape(K, 3 * n, 6))[0]
     variance = np.trace(fit.postures.position_cov[used], axis1=2, axis2=3).mean(axis=1) / 3
     scale = 1 / np.sqrt(variance + _FLOOR**2)
-    away = p - p.mean(axis=0)
-    K, eye = len(p), np.eye(3)
+
+    def white(columns: FloatArray) -> FloatArray:
+        """Rows (3nK, c) of columns (K, n, 3, c), in whitened units across the rigid motions."""
+        flat = columns.reshape(K, 3 * n, -1)
+        across = flat - rigid @ (np.swapaxes(rigid, 1, 2) @ flat)
+        return np.asarray((across * scale[:, None, None]).reshape(3 * n * K, -1))
+
+    F = forces(fit.state, fit.postures.force[used])
     nuisances = np.zeros((K, n, 3, 6 * n + 2))
     for i in range(n):
         nuisances[:, i, :, 3 * i : 3 * i + 3] = eye
         nuisances[:, i, :, 3 * (n + i) : 3 * (n + i) + 3] = R
     nuisances[:, :, :2, 6 * n] = F[..., :2]
     nuisances[:, :, 2, 6 * n + 1] = F[..., 2]
-
-    def white(columns: FloatArray) -> FloatArray:
-        """Rows (3nK, c) of columns (K, 3n, c) across the rigid motions."""
-        across = columns - rigid @ (np.swapaxes(rigid, 1, 2) @ columns)
-        return np.asarray((across * scale[:, None, None]).reshape(3 * n * K, -1))
-
-    rows = white(nuisances.reshape(K, 3 * n, -1))
-    normal, right = rows.T @ rows, rows.T @ (off := (off * scale[:, None]).ravel())
+    # Where hinges are exact a hinge's error cannot be told from a datum's.
     hinge = fit.rig.declared.hinge
-    if hinge > 0:  # else a hinge's error cannot be told from a datum's
-        place = np.arange(3 * n, 6 * n)
-        normal[place, place] += hinge**-2
-    inverse, rank = _inverse(normal)
-    whole, information, score = np.empty((n, 9, 9)), np.empty((n, 9, 9)), np.empty((n, 9))
+    prior = np.eye(3 * n, 6 * n + 2, 3 * n) / hinge if hinge > 0 else np.zeros((0, 6 * n + 2))
+    below = np.zeros((len(prior), 3))
+    left = spectrum(np.concatenate([white(nuisances), prior])).left
+    off = np.concatenate([white((p - arm - T[:, None])[..., None])[:, 0], below[:, 0]])
+    off -= left @ (left.T @ off)
+    tried, away = [], p - p.mean(axis=0)
     for i in range(n):
-        frame = np.zeros((K, n, 3, 9))
-        frame[:, i] = np.einsum("ab,kc->kabc", eye, away[:, i]).reshape(K, 3, 9)
-        own = white(frame.reshape(K, 3 * n, 9))
-        cross, whole[i] = rows.T @ own, own.T @ own
-        information[i] = whole[i] - cross.T @ inverse @ cross
-        score[i] = own.T @ off - cross.T @ (inverse @ right)
-    chi2 = float(off @ off - right @ inverse @ right)
-    dof = K * (3 * n - 6) - rank + (3 * n if hinge > 0 else 0)
-    return Closure(whole, information, score, chi2, dof)
+        for way, components in _WAYS.items():
+            basis = np.zeros((3, 3, 3))
+            for column, entries in enumerate(components.values()):
+                for a, b, weight in entries:
+                    basis[a, b, column] = weight
+            frame = np.zeros((K, n, 3, 3))
+            frame[:, i] = np.einsum("abc,kb->kac", basis, away[:, i])
+            columns = np.concatenate([white(frame), below])
+            asked = ask(columns - left @ (left.T @ columns), columns, -off, seen_from=_SEEN)
+            tried.append(_Tried(i, way, asked, basis @ asked.amount))
+    dof = K * (3 * n - 6) + len(prior) - left.shape[1]
+    return dof, float(off @ off), tried
 
 
-def _orthonormal(blocks: FloatArray, n: int) -> FloatArray:
-    """Orthonormal basis (K, 3n, 6) of the rigid motions, of blocks (K, n, 3, 6)."""
-    return np.linalg.qr(blocks.reshape(len(blocks), 3 * n, 6))[0]
-
-
-def _inverse(normal: FloatArray) -> tuple[FloatArray, int]:
-    """Pseudo-inverse of normal equations, and their rank."""
-    size = np.sqrt(np.diagonal(normal))
-    size = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
-    keep = values > _ROUNDING * max(values.max(initial=0.0), 1e-300)
-    half = vectors[:, keep] / np.sqrt(values[keep]) / size[:, None]
-    return half @ half.T, int(keep.sum())
-
-
-@dataclass(frozen=True, slots=True)
-class _Score:
-    """What one way of being wrong explains: fall of χ² with `size` unknowns.
-
-    value, std : (3,), the components; std ∞ where closure does not see one. error : (3, 3), E.
-    """
-
-    frame: int
-    way: str
-    gain: float
-    size: int
-    value: FloatArray
-    std: FloatArray
-    error: FloatArray
-
-
-def _score(closed: Closure, frame: int, way: str) -> _Score:
-    """Free the three components of one way of one frame, all nuisances given way."""
-    basis = np.zeros((9, 3))
-    for column, entries in enumerate(_WAYS[way].values()):
-        for a, b, weight in entries:
-            basis[3 * a + b, column] = weight
-    whole = basis.T @ closed.whole[frame] @ basis
-    information = basis.T @ closed.information[frame] @ basis
-    score = basis.T @ closed.score[frame]
-    values, vectors = np.linalg.eigh(information)
-    seen = values > _SEEN * max(float(np.trace(whole)), 1e-300)
-    half = vectors[:, seen] / np.sqrt(values[seen])
-    value = half @ (half.T @ score)
-    blind = np.abs(vectors[:, ~seen]).max(axis=1, initial=0.0) > _SEEN
-    return _Score(
-        frame=frame,
-        way=way,
-        gain=float(np.sum((half.T @ score) ** 2)),
-        size=int(seen.sum()),
-        value=value,
-        std=np.where(blind, np.inf, np.linalg.norm(half, axis=1)),
-        error=(basis @ value).reshape(3, 3),
-    )
-
-
-def _named(supports: tuple[str, ...], best: _Score, alike: list[_Score], scale: float) -> str:
+def _named(supports: tuple[str, ...], best: _Tried, alike: list[_Tried], scale: float) -> str:
     """Whose frame is wrong, how, by how much, and what looks the same."""
     parts = [
         f"{words} by {1e3 * value:.2g} ± {1e3 * std * np.sqrt(scale):.1g} mrad"
-        for words, value, std in zip(_WAYS[best.way], best.value, best.std, strict=True)
+        for words, value, std in zip(
+            _WAYS[best.way], best.asked.amount, best.asked.std, strict=True
+        )
         if np.isfinite(std)
     ]
-    others = [
-        f"{other.way} {supports[other.frame]}"
-        for other in alike
-        if (other.frame, other.way) != (best.frame, best.way)
-    ]
+    others = [f"{other.way} {supports[other.frame]}" for other in alike if other is not best]
     text = f"the frame of the positioner of {supports[best.frame]} is {best.way}"
     if parts:
         text += f" ({', '.join(parts)})"

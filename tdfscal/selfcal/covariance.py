@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.parameters import EVEN_TURN, layout, sensing
+from tdfscal.model.calibrated import Calibrated, with_rotations
+from tdfscal.model.parameters import (
+    EVEN_TURN,
+    layout,
+    parameter_count,
+    retract,
+    sensing,
+    with_motions,
+)
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum, spectrum, triangular
@@ -79,6 +87,27 @@ class Uncertainty:
         return np.sqrt(np.diagonal(self.rpy_covariance, axis1=1, axis2=2))
 
 
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A fit and what is known of it before it is doubted.
+
+    parts : the whitened Jacobian of postures and priors, decomposed.
+    """
+
+    fit: Fit
+    parts: Spectrum
+    quality: Quality
+    uncertainty: Uncertainty
+
+
+def estimate(fit: Fit, *, noise_from_residuals: bool = False) -> Estimate:
+    """Judge a fit by its own residuals; see `evaluate`."""
+    parts = information_root(fit)
+    stats = quality(fit, parts)
+    known = evaluate(fit, parts, stats.birge, noise_from_residuals=noise_from_residuals)
+    return Estimate(fit, parts, stats, known)
+
+
 def information_root(fit: Fit) -> Spectrum:
     """Decompose the whitened Jacobian of the used postures and the priors."""
     return spectrum(_whitened_jacobian(fit))
@@ -91,7 +120,7 @@ def factored_information(fit: Fit) -> Spectrum:
 
 
 def _whitened_jacobian(fit: Fit) -> FloatArray:
-    J = (np.sqrt(fit.weight)[:, None, None] * fit.whitener) @ fit.jacobian
+    J = fit.root @ fit.jacobian
     return np.concatenate([J.reshape(-1, J.shape[-1]), fit.prior_jacobian])
 
 
@@ -246,3 +275,35 @@ def _effective_dof(
     noise = np.sum([contributions[name] for name in NOISE], axis=0)
     share = np.maximum(noise / np.maximum(total, np.finfo(float).tiny), _NO_SHARE)
     return np.asarray(dof / share**2)
+
+
+def joint_posterior(
+    fit: Fit, rotation_covariance: FloatArray, rotation: FloatArray | None = None
+) -> Calibrated:
+    """All parameters of a self-calibration with their joint posterior covariance.
+
+    rotation_covariance : (3n, 3n), rad², as published; it may differ from the fit's own (Birge
+    ratio, noise that fakes information, a tracker's share). rotation : (n, 3, 3), as published,
+    where it is not the fit's. The other parameters keep their distribution given the rotations.
+    Combinations that no posture sees (theory, section 4) carry no variance: they do not show in
+    any contact wrench at rest either.
+    """
+    size, turns = len(fit.active), 3 * fit.rig.n
+    parts = factored_information(fit)
+    free = np.flatnonzero(fit.active)
+    posterior = np.zeros((size, size))
+    posterior[np.ix_(free, free)] = parts.root @ parts.root.T
+    # How zeros moved belongs to this campaign alone.
+    size = parameter_count(fit.rig.n)
+    posterior, state = posterior[:size, :size], with_motions(fit.state, 0)
+    if rotation is not None:
+        turn = so3.log(rotation @ np.swapaxes(state.rotation, 1, 2)).ravel()
+        along = np.linalg.solve(posterior[:turns, :turns], turn)
+        state = replace(retract(state, posterior[:, :turns] @ along), rotation=rotation)
+    return Calibrated(
+        rig=fit.rig,
+        state=state,
+        covariance=with_rotations(posterior, turns, rotation_covariance),
+        open=np.zeros(size, dtype=np.bool_),
+        joint=True,
+    )

@@ -71,6 +71,23 @@ class Fit:
         return self.at.whitener
 
     @property
+    def root(self) -> FloatArray:
+        """The whitener (K, 6, 6) with the posture's weight in it: 0 where it is left out."""
+        return np.asarray(np.sqrt(self.weight)[:, None, None] * self.at.whitener)
+
+    @property
+    def white(self) -> FloatArray:
+        """Whitened residual (6 K + m,): the postures', then the priors'."""
+        postures = (self.root @ self.residual[..., None]).ravel()
+        return np.concatenate([postures, self.prior_residual])
+
+    @property
+    def slopes(self) -> FloatArray:
+        """Whitened derivative (K, 6, P) of the residual by all parameters, active or not."""
+        by_state = features_jacobian(self.state, self.at, self.rig.gravity)
+        return self.root @ (self.at.design @ by_state)
+
+    @property
     def rows(self) -> int:
         """Number of residuals of the used postures that no free force reaches."""
         return int(self.at.rows[self.weight > 0].sum())
@@ -83,8 +100,7 @@ class Fit:
     @property
     def dof(self) -> int:
         """Degrees of freedom of `cost`, all free parameters taken as determined."""
-        used = int(np.sum(self.at.rows[self.weight > 0]))
-        return used + len(self.prior_residual) - int(self.jacobian.shape[-1])
+        return self.rows + len(self.prior_residual) - int(self.jacobian.shape[-1])
 
     @property
     def cost(self) -> float:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.model.parameters import State, layout
-from tdfscal.model.statics import features_jacobian
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import BoolArray, FloatArray
@@ -65,10 +64,8 @@ _CROSSTALK = np.sqrt(0.5)
 
 def exact_quantities(fit: Fit) -> tuple[ExactQuantity, ...]:
     """Each quantity of a self-calibration that has no uncertainty of its own."""
-    parts = information_root(fit)
-    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
-    white = root @ (fit.at.design @ features_jacobian(fit.state, fit.at, fit.rig.gravity))
-    return of_columns(white.reshape(-1, white.shape[2]), parts, fit.active, fit.state)
+    columns = fit.slopes.reshape(-1, len(fit.active))
+    return of_columns(columns, information_root(fit), fit.active, fit.state)
 
 
 def of_columns(
@@ -80,7 +77,6 @@ def of_columns(
     whose first rows these are. active : (P,) or more.
     """
     n, left = state.n, parts.left[: len(columns)]
-    angles = np.flatnonzero(np.flatnonzero(active) < 3 * n)
     place = layout(n, state.motions)
     found = []
     for group, name, error, unit in _TYPICAL:
@@ -97,7 +93,7 @@ def of_columns(
         moved[active] = (parts.root @ known)[: int(active.sum())]
         shows = np.sum(wrong**2, axis=0) - np.sum(known**2, axis=0)
         found.append(
-            ExactQuantity(name, error, unit, moved[active][angles], moved[place["zero"]], shows)
+            ExactQuantity(name, error, unit, moved[place["rotation"]], moved[place["zero"]], shows)
         )
     return tuple(found)
 

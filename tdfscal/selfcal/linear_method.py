@@ -1,26 +1,99 @@
-"""The paper's linear method, corrected, as a calibration with its covariance by Monte Carlo."""
+"""The paper's linear method, corrected: the published baseline, and a start value."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.model.parameters import layout, nominal, prior_std, symmetric
+from tdfscal.model.parameters import State, gravity, layout, nominal, prior_std, symmetric
+from tdfscal.model.pose import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.estimator import Fit, at_state
-from tdfscal.selfcal.initial_guess import LinearData, linear_data, linear_rotations
-from tdfscal.selfcal.monte_carlo import covariance_root
 from tdfscal.significance import INTERVAL_COVERAGE
 
 #: The budget's only source: the method has no covariance of its own to split.
 SOURCE = "all inputs"
 _CHUNK = 200
+
+
+@dataclass(frozen=True, slots=True)
+class LinearData:
+    """What the linear method takes as given; every array may carry leading batch axes.
+
+    load : (..., K, n, 3), f_i − z_i, N. pose : (..., K, 3, 3), R. weight : (..., 3), G, N, BCS.
+    hinge : (..., n, 3), barycentre : (..., 3), m, LCS. moment : (..., K, 3), N·m, LCS, of what else
+    acts on the terminal; 0 where nothing is known of it.
+    """
+
+    load: FloatArray
+    pose: FloatArray
+    weight: FloatArray
+    hinge: FloatArray
+    barycentre: FloatArray
+    moment: FloatArray
+
+
+def linear_data(rig: Rig, postures: Postures) -> LinearData:
+    """Take mass, barycentre and zeros as the rig file states them."""
+    state = nominal(rig)
+    return LinearData(
+        load=postures.force - rig.zero.value,
+        pose=register(rig.hinge, postures.position)[0],
+        weight=state.mass * gravity(state, rig.gravity),
+        hinge=rig.hinge,
+        barycentre=rig.barycentre.value,
+        moment=np.zeros((len(postures), 3)),
+    )
+
+
+def moment_rows(data: LinearData) -> tuple[FloatArray, FloatArray]:
+    """Rows of Σ_i (r̂_i Rᵀ ⊗ f_iᵀ) vec X_i = −r̂_m Rᵀ G, vec by rows (Eq. 21–24 corrected).
+
+    Returns (..., 3K, 9n) and (..., 3K), moments about the LCS origin.
+    """
+    Rt = np.swapaxes(data.pose, -1, -2)
+    lever = so3.hat(data.hinge)[..., None, :, :, :] @ Rt[..., None, :, :]  # r̂_i Rᵀ
+    rows = np.einsum("...knac,...knd->...kancd", lever, data.load)
+    down = Rt @ data.weight[..., None, :, None]  # Rᵀ G
+    right = -(so3.hat(data.barycentre)[..., None, :, :] @ down)[..., 0] - data.moment
+    batch, (K, n) = rows.shape[:-5], data.load.shape[-3:-1]
+    return rows.reshape(*batch, 3 * K, 9 * n), right.reshape(*batch, 3 * K)
+
+
+def linear_rotations(data: LinearData) -> FloatArray:
+    """Rotations (..., n, 3, 3) by the paper's method (theory, section 3).
+
+    Moment equations only, least squares for 9n unknowns, each block projected on SO(3). Needs 9
+    postures for three sensors; biased by noise in the readings, and ill-conditioned.
+    """
+    rows, right = moment_rows(data)
+    Q, R = np.linalg.qr(rows)
+    vec = np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ right[..., None])
+    return so3.project(vec.reshape(*rows.shape[:-2], -1, 3, 3))
+
+
+def linear_start(rig: Rig, postures: Postures) -> State:
+    """Start value: moment and force rows together, least squares, projected on SO(3).
+
+    Where the postures are too few to determine all 9n entries the least-squares correction to
+    the nominal mounting is the smallest one.
+    """
+    data = linear_data(rig, postures)
+    moment, m_right = moment_rows(data)
+    # Σ_i (I ⊗ f_iᵀ) vec X_i = −G
+    force = np.einsum("ac,knd->kancd", np.eye(3), data.load).reshape(-1, 9 * rig.n)
+    radius = np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean()
+    rows = np.concatenate([moment / radius, force])  # both in N
+    right = np.concatenate([m_right / radius, np.tile(-data.weight, len(postures))])
+    guess = nominal(rig).rotation
+    step = np.linalg.lstsq(rows, right - rows @ guess.ravel(), rcond=None)[0]
+    return replace(nominal(rig), rotation=so3.project(guess + step.reshape(rig.n, 3, 3)))
 
 
 def fit_linear(rig: Rig, observed: Postures) -> Fit:
@@ -129,3 +202,9 @@ def _turn_by_position(fit: Fit) -> FloatArray:
     spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
     inertia = np.einsum("knca,kncb->kab", spoke, spoke)
     return np.linalg.solve(inertia[:, None], spoke)
+
+
+def covariance_root(cov: FloatArray) -> FloatArray:
+    """Square root of covariances (..., 3, 3), zero variances included."""
+    values, vectors = np.linalg.eigh(cov)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])

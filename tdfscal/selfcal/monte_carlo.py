@@ -11,17 +11,17 @@ what is quadratic, and costs the same for ten postures as for ten thousand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.propagation import Propagated, propagate
+from tdfscal.numerics.propagation import MonteCarlo, propagate
 from tdfscal.numerics.rotation_descent import descend, gradients
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.selfcal.covariance import Uncertainty
+from tdfscal.selfcal.covariance import Estimate
 from tdfscal.selfcal.estimator import Fit, Priors, statistic
 from tdfscal.selfcal.profile import Profile, profile
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -38,50 +38,6 @@ _NOISE = np.float32
 _ALIKE = 0.02
 #: A direction with turns less certain than this is that of a sensor which lacks an axis, rad.
 _UNMEASURED = 0.3 * EVEN_TURN
-
-
-@dataclass(frozen=True, slots=True)
-class MonteCarlo:
-    """What the trials show, per angle; all (n, 3) in rad.
-
-    mean, std : of roll, pitch, yaw. low, high : probabilistically symmetric 95 % interval.
-    tolerance, stable : as `Propagated`. validated : the linear interval agrees with the trials'
-    within the tolerance (JCGM 101, clause 8). sample : (trials, n, 3), deviations of some trials
-    from the estimate. unsettled : trials whose iteration did not settle; they count where they
-    ended.
-    """
-
-    trials: int
-    mean: FloatArray
-    std: FloatArray
-    low: FloatArray
-    high: FloatArray
-    tolerance: FloatArray
-    stable: bool
-    validated: bool
-    sample: FloatArray
-    unsettled: int = 0
-
-    @classmethod
-    def of(
-        cls, found: Propagated, estimate: FloatArray, half: FloatArray, unsettled: int = 0
-    ) -> MonteCarlo:
-        """Say what deviations from an estimate (n, 3), rad, show.
-
-        half : (n, 3), rad, half width of the linear interval that they are held against.
-        """
-        return cls(
-            trials=found.trials,
-            mean=estimate + found.mean,
-            std=found.std,
-            low=estimate + found.low,
-            high=estimate + found.high,
-            tolerance=found.tolerance,
-            stable=found.stable,
-            validated=found.validates(-half, half),
-            sample=found.sample,
-            unsettled=unsettled,
-        )
 
 
 class Sampler:
@@ -196,12 +152,6 @@ def _root_of(covariance: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
 
 
-def covariance_root(cov: FloatArray) -> FloatArray:
-    """Square root of covariances (..., 3, 3), zero variances included."""
-    values, vectors = np.linalg.eigh(cov)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
-
-
 def _loose(matrix: FloatArray, variance: FloatArray, axes: FloatArray) -> FloatArray:
     """Rows (m, 9) of Σ_k matrix_k ⊗ noise_k beyond what is the same for every rotation.
 
@@ -226,22 +176,14 @@ def _block_rows(blocks: list[FloatArray]) -> FloatArray:
 
 
 def simulate(
-    fit: Fit,
-    parts: Spectrum,
-    linear: Uncertainty,
-    birge: float,
-    rng: np.random.Generator,
-    max_trials: int,
-    *,
-    known: BoolArray | None = None,
+    of: Estimate, rng: np.random.Generator, max_trials: int, known: BoolArray
 ) -> MonteCarlo:
     """Perturb and solve until the averages are stable or the trials run out.
 
     known : (n,), sensors whose angles the data determine; those of the others are not followed.
     """
-    followed = np.ones((fit.rig.n, 1)) if known is None else known[:, None].astype(np.float64)
-    sampler = Sampler(fit, parts, birge)
-    estimate = so3.to_rpy(fit.state.rotation)
+    linear, base, followed = of.uncertainty, of.fit.state.rotation, known[:, None].astype(float)
+    sampler = Sampler(of.fit, of.parts, of.quality.birge)
     unsettled = 0
 
     def draw(size: int) -> FloatArray:
@@ -250,9 +192,9 @@ def simulate(
         for start in range(0, size, CHUNK):
             rotation, settled = sampler.solve(sampler.draw(rng, min(CHUNK, size - start)))
             unsettled += int(np.sum(~settled))
-            chunks.append(followed * so3.deviations(rotation, fit.state.rotation))
+            chunks.append(followed * so3.deviations(rotation, base))
         return np.concatenate(chunks)
 
     found = propagate(draw, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
     half = followed * linear.coverage_factor * linear.rpy_std
-    return MonteCarlo.of(found, estimate, half, unsettled)
+    return replace(found.about(so3.to_rpy(base), half), unsettled=unsettled)

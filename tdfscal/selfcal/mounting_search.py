@@ -31,7 +31,7 @@ from tdfscal.selfcal.estimator import (
     spread,
     statistic,
 )
-from tdfscal.selfcal.initial_guess import linear_start
+from tdfscal.selfcal.linear_method import linear_start
 from tdfscal.selfcal.profile import profile
 from tdfscal.significance import AMBIGUOUS_MOUNTING
 

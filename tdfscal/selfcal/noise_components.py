@@ -18,9 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.model.statics import Postures
-from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.covariance import Estimate
+from tdfscal.selfcal.estimator import ROWS, Fit
+from tdfscal.selfcal.scatter import by_readings, chance
 from tdfscal.significance import UNEQUAL_NOISE
 
 #: Weight of the stated variance of a channel, in degrees of freedom.
@@ -61,46 +62,26 @@ class ChannelNoise:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Model:
-    """Residuals of the K used postures as e = J δ + noise.
-
-    channel : (K, 6, 3n), columns of one stated standard deviation. rest : (K, 6, 6), covariance
-    of all other noise. moment : (K, 6, 3), columns of a moment along each axis.
-    """
-
-    residual: FloatArray
-    jacobian: FloatArray
-    prior_residual: FloatArray
-    prior_jacobian: FloatArray
-    channel: FloatArray
-    rest: FloatArray
-    moment: FloatArray
-
-
-def channel_noise(fit: Fit) -> ChannelNoise | None:
-    """Noise of each channel where one scatters more than the others; else None.
+def channel_noise(of: Estimate) -> ChannelNoise | None:
+    """Noise of each channel where one scatters more than the others do; else None.
 
     A scatter that moments explain better (friction of the hinges) is left to those who ask for it.
     """
+    fit, parts = of.fit, of.parts
     if not fit.postures.measured.all():
         return None
-    model = _model(fit)
-    theta = np.ones(model.channel.shape[2])
-    birge2 = max(1.0, fit.cost / max(1, fit.dof))
-    K, n = len(model.residual), fit.rig.n
-    by_sensor = model.channel.reshape(K, 6, n, 3)
-    p = np.concatenate(  # each channel, all of a sensor, the same axis of all sensors
-        [
-            _p_values(model, theta, group, birge2)
-            for group in (model.channel[..., None], by_sensor, np.swapaxes(by_sensor, 2, 3))
-        ]
-    )
-    friction = _p_values(model, theta, model.moment[:, :, None, :], birge2)[0]
-    if p.min() * len(p) > UNEQUAL_NOISE or friction < p.min():
+    std = np.sqrt(np.diagonal(fit.postures.force_cov, axis1=2, axis2=3))  # (K, n, 3)
+    by_sensor = np.moveaxis(by_readings(fit) * std[:, :, None, :], 1, 2)  # (K, 6, n, 3)
+    channel = by_sensor.reshape(*by_sensor.shape[:2], -1)
+    groups = [channel[:, :, [c]] for c in range(channel.shape[2])]
+    groups += [by_sensor[:, :, i] for i in range(fit.rig.n)]
+    groups += [by_sensor[..., a] for a in range(3)]
+    usual = fit.white / np.sqrt(max(1.0, fit.cost / max(1, fit.dof)))  # by the Birge ratio
+    p = [chance(columns, parts, usual) for columns in groups]
+    if min(p) * len(p) > UNEQUAL_NOISE or chance(fit.root[:, :, 3:], parts, usual) < min(p):
         return None
-    factor = np.sqrt(np.maximum(_restricted(model, theta), 1.0))
-    return ChannelNoise(factor.reshape(-1, 3))
+    theta = _restricted(channel, parts.left, fit.white)
+    return ChannelNoise(np.sqrt(np.maximum(theta, 1.0)).reshape(-1, 3))
 
 
 def scaled(postures: Postures, noise: ChannelNoise) -> Postures:
@@ -109,69 +90,26 @@ def scaled(postures: Postures, noise: ChannelNoise) -> Postures:
     return replace(postures, force_cov=postures.force_cov * grown)
 
 
-def _model(fit: Fit) -> _Model:
-    used = fit.weight > 0
-    at, seen = fit.at, fit.at.seen
-    std = np.sqrt(np.diagonal(seen.force_cov[used], axis1=2, axis2=3))  # (K, n, 3)
-    channel = at.noise_force[used] * std[:, :, None, :]  # (K, n, 6, 3)
-    channel = np.moveaxis(channel, 1, 2).reshape(len(std), 6, -1)
-    moment = np.zeros((len(std), 6, 3))
-    moment[:, 3:] = np.eye(3)
-    return _Model(
-        residual=fit.residual[used],
-        jacobian=fit.jacobian[used],
-        prior_residual=fit.prior_residual,
-        prior_jacobian=fit.prior_jacobian,
-        channel=channel,
-        rest=at.cov[used] - channel @ np.swapaxes(channel, 1, 2),
-        moment=moment,
-    )
+def _restricted(channel: FloatArray, left: FloatArray, white: FloatArray) -> FloatArray:
+    """Variances (3n,) by restricted maximum likelihood, each shrunk towards 1.
 
-
-def _projected(model: _Model, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """W (K, 6, 6), W r (K, 6) at the estimate by these variances, and W J root (K, 6, p)."""
-    cov = model.rest + (model.channel * theta) @ np.swapaxes(model.channel, 1, 2)
-    W = np.linalg.inv(cov)
-    WJ = W @ model.jacobian
-    P = model.prior_jacobian
-    information = np.einsum("kap,kaq->pq", model.jacobian, WJ) + P.T @ P
-    values, vectors = np.linalg.eigh(information)
-    keep = values > values[-1] * len(values) * np.finfo(float).eps
-    root = vectors[:, keep] / np.sqrt(values[keep])
-    pull = np.einsum("kap,ka->p", WJ, model.residual) + P.T @ model.prior_residual
-    rest = model.residual - model.jacobian @ (root @ (root.T @ pull))
-    return np.asarray(W), np.asarray((W @ rest[..., None])[..., 0]), np.asarray(WJ @ root)
-
-
-def _p_values(model: _Model, theta: FloatArray, columns: FloatArray, birge2: float) -> FloatArray:
-    """Probability (c,) that noise alone scatters so much along columns (K, 6, c, m).
-
-    The score is a sum of χ², held against the gamma distribution of its mean and variance
-    (Satterthwaite, Biometrics 2, 1946), all noise scaled by the Birge ratio.
+    channel : (K, 6, 3n), whitened columns of one stated standard deviation. left : (m, r), what the
+    parameters do to the whitened residual white (m,), orthonormal; postures first, then priors.
     """
-    W, Wr, half = _projected(model, theta)
-    found = []
-    for c in range(columns.shape[2]):
-        H = columns[:, :, c]  # (K, 6, m)
-        score = float(np.sum(np.einsum("kam,ka->km", H, Wr) ** 2)) / birge2
-        own = np.swapaxes(H, 1, 2) @ W @ H
-        seen = np.einsum("kap,kam->pkm", half, H).reshape(half.shape[2], -1)
-        known = seen @ seen.T
-        mean = float(np.trace(own, axis1=1, axis2=2).sum() - np.trace(known))
-        blocks = seen.reshape(len(seen), len(H), -1)
-        overlap = float(np.einsum("kab,pka,pkb->", own, blocks, blocks, optimize=True))
-        square = max(float(np.sum(own**2)) - 2 * overlap + float(np.sum(known**2)), 1e-300)
-        found.append(float(chi2_sf(score * mean / square, mean**2 / square)))
-    return np.array(found)
-
-
-def _restricted(model: _Model, theta: FloatArray) -> FloatArray:
-    """Variances (3n,) by restricted maximum likelihood, each shrunk towards 1."""
+    K, rows = len(channel), channel.shape[1] * len(channel)
+    J, e = left[:rows].reshape(K, ROWS, -1), white[:rows].reshape(K, ROWS)
+    prior = left[rows:].T @ left[rows:]
+    prior_pull = left[rows:].T @ white[rows:]
+    theta = np.ones(channel.shape[2])
     for _ in range(_ROUNDS):
-        W, Wr, half = _projected(model, theta)
-        score = np.sum(np.einsum("kac,ka->kc", model.channel, Wr) ** 2, axis=0)
-        mean = np.einsum("kac,kab,kbc->c", model.channel, W, model.channel, optimize=True)
-        mean -= np.sum(np.einsum("kac,kap->ckp", model.channel, half) ** 2, axis=(1, 2))
+        W = np.linalg.inv(np.eye(ROWS) + (channel * (theta - 1.0)) @ np.swapaxes(channel, 1, 2))
+        WJ = W @ J
+        root = np.linalg.inv(np.linalg.cholesky(np.einsum("kap,kaq->pq", J, WJ) + prior))
+        pull = np.einsum("kap,ka->p", WJ, e) + prior_pull
+        rest = (W @ (e - J @ (root.T @ (root @ pull)))[..., None])[..., 0]
+        score = np.sum(np.einsum("kac,ka->kc", channel, rest) ** 2, axis=0)
+        mean = np.einsum("kac,kab,kbc->c", channel, W, channel, optimize=True)
+        mean -= np.sum(np.einsum("kac,kap->ckp", channel, WJ @ root.T) ** 2, axis=(1, 2))
         ratio = (score + _STATED / theta**2) / (np.maximum(mean, 0.0) + _STATED / theta)
         new: FloatArray = theta * np.sqrt(ratio)
         if np.max(np.abs(np.log(new / theta))) < _SETTLED:

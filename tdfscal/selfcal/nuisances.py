@@ -6,73 +6,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.model.parameters import layout
+from tdfscal.model.parameters import layout, vector
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.records import FloatArray, IntArray
+from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import Uncertainty
 from tdfscal.selfcal.estimator import Fit
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class Nuisance:
     """A group of parameters beside the angles.
 
-    kind : time, temperature, parabola, walk; lateral, vertical. value, std : (n, 3) per channel in
-    N/s, N/K, N/s², or () in m/N; of a walk None. share : (n, 3), part of the variance of roll,
-    pitch, yaw that would be gone if the group were known.
+    kind : time, temperature, parabola, walk; lateral, vertical. value, std : (m,), per channel in
+    N/s, N/K, N/s², of a walk's modes in N; or (1,) in m/N. share : (n, 3), part of the variance of
+    roll, pitch, yaw that would be gone if the group were known.
     """
 
     kind: str
-    value: FloatArray | None
-    std: FloatArray | None
+    value: FloatArray
+    std: FloatArray
     share: FloatArray
 
 
-def drift_estimates(fit: Fit, parts: Spectrum, found: Uncertainty) -> tuple[Estimate, ...]:
-    """Estimate of each kind of drift that the rig file declares."""
+def nuisances(fit: Fit, parts: Spectrum, known: Uncertainty) -> tuple[Nuisance, ...]:
+    """Estimate of each kind of drift, and of each compliance, that the rig file declares."""
     motion, n = fit.postures.motion, fit.rig.n
-    if motion is None:
-        return ()
-    place = layout(n, fit.state.motions)["drift"]
-    std = found.parameter_std[place].reshape(-1, n, 3)
-    estimates = []
-    for kind in dict.fromkeys(motion.kind):
-        which = np.flatnonzero([other == kind for other in motion.kind])
-        rows = (place.start + 3 * n * which[:, None] + np.arange(3 * n)).ravel()
-        alone = kind != "walk"  # a walk's modes say nothing one by one
-        estimates.append(
-            Estimate(
-                kind,
-                fit.state.drift[which[0]] if alone else None,
-                std[which[0]] if alone else None,
-                _share(fit, parts, rows),
-            )
-        )
-    return tuple(estimates)
-
-
-def compliance_estimates(fit: Fit, parts: Spectrum, found: Uncertainty) -> tuple[Estimate, ...]:
-    """Estimate of each compliance that the rig file declares."""
-    place = layout(fit.rig.n)["compliance"]
-    return tuple(
-        Estimate(
-            kind,
-            fit.state.compliance[j],
-            found.parameter_std[place][j],
-            _share(fit, parts, np.array([place.start + j])),
-        )
-        for j, kind in enumerate(("lateral", "vertical"))
-        if fit.active[place.start + j]
-    )
-
-
-def _share(fit: Fit, parts: Spectrum, rows: IntArray) -> FloatArray:
-    """C_ad C_dd⁺ C_da over C_aa, for roll, pitch, yaw (n, 3); rows : places of the parameters d."""
-    columns = np.flatnonzero(fit.active)
-    turns, own = parts.root[columns < 3 * fit.rig.n], parts.root[np.isin(columns, rows)]
-    cross = turns @ own.T
-    gone = cross @ np.linalg.pinv(own @ own.T, hermitian=True) @ cross.T
+    kind, place = np.full(len(fit.active), "", dtype="U11"), layout(n, fit.state.motions)
+    if motion is not None:
+        kind[place["drift"]] = np.repeat(motion.kind, 3 * n)
+    give = place["compliance"]
+    kind[give] = np.where(fit.active[give], ["lateral", "vertical"], "")
+    turns, columns = parts.root[: 3 * n], kind[fit.active]
     R = fit.state.rotation
-    whole = so3.rpy_variance(R, turns @ turns.T)
-    return np.asarray(so3.rpy_variance(R, gone) / np.maximum(whole, np.finfo(float).tiny))
+    whole = np.maximum(so3.rpy_variance(R, turns @ turns.T), np.finfo(float).tiny)
+    found = []
+    for name in dict.fromkeys(kind[kind != ""].tolist()):
+        # C_ad C_dd⁺ C_da over C_aa, a the angles, d the group.
+        own = parts.root[columns == name]
+        cross = turns @ own.T
+        gone = cross @ np.linalg.pinv(own @ own.T, hermitian=True) @ cross.T
+        share = so3.rpy_variance(R, gone) / whole
+        which = kind == name
+        found.append(Nuisance(name, vector(fit.state)[which], known.parameter_std[which], share))
+    return tuple(found)

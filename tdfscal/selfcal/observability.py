@@ -60,8 +60,8 @@ class Observability:
     """The verdict: every angle, the weak ones with cause and advice, and close couples.
 
     undetermined : sensors that lack an axis and have an angle that the data do not determine;
-    they go without a number. lacking : their weaknesses. weak : those of all other sensors.
-    spread : (n,), rad, angle about the mean load within which the loads on each sensor stay.
+    they go without a number. weak : their weaknesses last. spread : (n,), rad, angle about the mean
+    load within which the loads on each sensor stay.
     """
 
     angles: tuple[Angle, ...]
@@ -69,7 +69,6 @@ class Observability:
     correlations: tuple[Correlation, ...]
     spread: FloatArray
     undetermined: tuple[str, ...] = ()
-    lacking: tuple[Weakness, ...] = ()
 
     @property
     def determined(self) -> BoolArray:
@@ -80,7 +79,7 @@ class Observability:
     @property
     def identified(self) -> bool:
         """All angles are determined by the data, but those of sensors that lack an axis."""
-        return not self.weak
+        return not self._open
 
     @property
     def weakest(self) -> Angle:
@@ -94,11 +93,15 @@ class Observability:
 
         There is one.
         """
-        weak = (*self.weak, *self.lacking)
-        names = ", ".join(weakness.angle.name for weakness in self.weak)
-        if len(weak) == len(self.angles):
+        names = ", ".join(self._open)
+        if len(self.weak) == len(self.angles):
             names = "any angle of any sensor"
-        return f"{names}; for {weak[0].angle.name}, {weak[0].cause}"
+        return f"{names}; for {self.weak[0].angle.name}, {self.weak[0].cause}"
+
+    @property
+    def _open(self) -> list[str]:
+        """Names of the weak angles of sensors that have to be determined."""
+        return [w.angle.name for w in self.weak if w.angle.support not in self.undetermined]
 
     @property
     def caveats(self) -> list[str]:
@@ -119,8 +122,7 @@ class Observability:
             if self.undetermined:
                 every = f"every angle of a sensor but {', '.join(self.undetermined)}"
             return f"{every} is determined by the data; the weakest is {w.name}, {_mrad(w.std)}"
-        names = ", ".join(weakness.angle.name for weakness in self.weak)
-        return f"the data do not determine {names}"
+        return f"the data do not determine {', '.join(self._open)}"
 
 
 def _mrad(std: float) -> str:
@@ -171,11 +173,10 @@ def verdict(
     lacks = {name for name, axes in zip(rig.supports, rig.axes, strict=True) if not axes.all()}
     return Observability(
         angles,
-        tuple(w for w in weak if w.angle.support not in lacks),
+        tuple(sorted(weak, key=lambda w: w.angle.support in lacks)),
         _couples(angles, covariance),
         spread,
         undetermined=tuple(n for n in rig.supports if n in {w.angle.support for w in weak} & lacks),
-        lacking=tuple(w for w in weak if w.angle.support in lacks),
     )
 
 

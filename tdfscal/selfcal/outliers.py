@@ -8,7 +8,7 @@ postures that pass a χ² test whose false alarms are set for the campaign as a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,33 +28,14 @@ _MOVES = 3
 
 @dataclass(frozen=True, slots=True)
 class RobustFit:
-    """A fit, the postures that it leaves out, and the mountings that come near, likeliest first."""
+    """A fit, the postures that it leaves out, and the mountings that come near, likeliest first.
 
-    fit: Fit
-    rejections: tuple[Rejection, ...]
-    rivals: tuple[Rival, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Rejection:
-    """A posture that the fit leaves out.
-
-    index : its place in the dwells. force, moment : its unexplained wrench, N and N·m.
-    ratio : its residual in units of the one expected.
+    rejected : posture → its evidence in words.
     """
 
-    index: int
-    force: float
-    moment: float
-    ratio: float
-
-    @property
-    def reason(self) -> str:
-        """The evidence in words."""
-        return (
-            f"unexplained force {self.force:.3g} N and moment {self.moment:.3g} N·m, "
-            f"{self.ratio:.0f} times what is expected: contact, a hand, or a jolt"
-        )
+    fit: Fit
+    rejected: dict[int, str] = field(default_factory=dict)
+    rivals: tuple[Rival, ...] = ()
 
 
 def sound(result: Fit, used: BoolArray) -> BoolArray:
@@ -96,7 +77,7 @@ def fit_robust(rig: Rig, postures: Postures, start: State | None = None) -> Robu
         if other.cost / max(1, other.dof) >= result.cost / max(1, result.dof):
             break
         result, near = other, rivals(other)
-    return RobustFit(result, rejections(result), tuple(near))
+    return RobustFit(result, _rejected(result), tuple(near))
 
 
 def _fit_from(rig: Rig, postures: Postures, start: State) -> Fit:
@@ -127,18 +108,15 @@ def _reweighted(rig: Rig, postures: Postures, start: State) -> Fit:
     return result
 
 
-def rejections(result: Fit) -> tuple[Rejection, ...]:
+def _rejected(result: Fit) -> dict[int, str]:
     """Name the postures of weight 0 with their residual wrench (moment about the barycentre)."""
     scale = spread(result.distance[result.weight > 0], result.at.rows)
-    found = []
+    found = {}
     for k in np.flatnonzero(result.weight == 0):
-        e = result.residual[k]
-        found.append(
-            Rejection(
-                index=int(k),
-                force=float(np.linalg.norm(e[:3])),
-                moment=float(np.linalg.norm(e[3:])),
-                ratio=float(np.sqrt(result.distance[k] / (result.at.rows[k] * scale))),
-            )
+        force, moment = (np.linalg.norm(part) for part in np.split(result.residual[k], 2))
+        ratio = np.sqrt(result.distance[k] / (result.at.rows[k] * scale))
+        found[int(k)] = (
+            f"unexplained force {force:.3g} N and moment {moment:.3g} N·m, {ratio:.0f} times what "
+            "is expected: contact, a hand, or a jolt"
         )
-    return tuple(found)
+    return found

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.parameters import State
+from tdfscal.model.parameters import State, parameter_count, retract
 from tdfscal.model.statics import Balance, features, features_jacobian
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
@@ -38,15 +38,11 @@ class Profile:
 
 def linear_in_rotations(state: State, at: Balance, g: float) -> FloatArray:
     """Features as a linear map (q, 9n + 1) of y, the other parameters those of the state."""
-    none = replace(state, rotation=np.zeros_like(state.rotation))
-    fixed = features(none, at, g)
-    columns = []
-    for entry in range(9 * state.n):
-        unit = np.zeros(9 * state.n)
-        unit[entry] = 1.0
-        unit_state = replace(state, rotation=unit.reshape(state.n, 3, 3))
-        columns.append(features(unit_state, at, g) - fixed)
-    return np.stack([*columns, fixed], axis=1)
+    n = state.n
+    many = retract(state, np.zeros((9 * n + 1, parameter_count(n, state.motions))))
+    units = np.eye(9 * n + 1)[:, :-1].reshape(-1, n, 3, 3)  # one entry of a rotation; last none
+    *each, fixed = features(replace(many, rotation=units), at, g)
+    return np.stack([*(one - fixed for one in each), fixed], axis=1)
 
 
 def turns_from(state: State) -> FloatArray:

@@ -8,8 +8,8 @@ uncertainty), or a zero that drifts over the campaign. Friction of the hinges is
 scatter, of the moments alone; it is asked for by the variance of the residuals along them.
 
 One fault makes many suspects. Those that a test has spoken for are held against each other, against
-all kinds of noise (`scatter`) and zeros that wander (`wandering`), by how far −2 ln L falls less
-q ln N for q unknowns and N residuals (Schwarz, Ann. Stat. 6, 1978); the likeliest is named, and
+all kinds of noise and zeros that wander (`scatter`), by how far −2 ln L falls less q ln N for q
+unknowns and N residuals (Schwarz, Ann. Stat. 6, 1978); the likeliest is named, and
 those that are about as likely.
 """
 
@@ -17,155 +17,141 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from tdfscal.model.parameters import State, layout, prior_std
-from tdfscal.model.statics import features_jacobian
+from tdfscal.model.statics import balance, features_jacobian
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
-from tdfscal.selfcal.covariance import Quality, Uncertainty
+from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.selfcal.covariance import Estimate, Quality
 from tdfscal.selfcal.estimator import Fit
-from tdfscal.selfcal.noise_bias import noise_scores
-from tdfscal.selfcal.scatter import Scatter, scatters
-from tdfscal.selfcal.suspicion import OF_THE_RIG, WORDS, Suspicion
-from tdfscal.selfcal.wandering import wanderings
+from tdfscal.selfcal.scatter import chance, scatters, wandering
+from tdfscal.selfcal.suspicion import Suspicion, likeliest, suspicion, worst_zero
 from tdfscal.significance import (
-    CAUSES_APART,
     MISFIT,
     UNDECLARED_ERROR,
     UNDECLARED_FRICTION_SHARE,
     UNDECLARED_GRAVITY_SHARE,
 )
 
-_NOISE_ONLY = 1e-9
+#: Share of the columns' size below which what stands out of the fit's is rounding, and of a
+#: component below which no direction that stands out has it.
+_NOISE_ONLY, _BLIND = 1e-9, 1e-6
 #: Groups whose columns are made of the noisy readings themselves, beside the turns.
 MADE_OF_READINGS = ("sensitivity", "gain", "compliance")
 _HOUR = 3600.0
+#: Group, support, whitened columns (rows, g), and what they are per unit of the rig file.
+Suspect = tuple[str, int, FloatArray, float | FloatArray]
 
 
 def suspicions(
-    fit: Fit,
-    parts: Spectrum,
-    uncertainty: Uncertainty,
-    time: FloatArray,
-    stats: Quality,
-    temperature: FloatArray | None = None,
+    of: Estimate, time: FloatArray, temperature: FloatArray | None = None
 ) -> tuple[Suspicion, ...]:
     """Ask for every suspect, and return the likeliest with those that are about as likely.
 
     time : (K,), s, when each posture was held. temperature : (K, n), °C, where it is known.
     """
-    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener  # rows of postures left out are 0
-    residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
-    suspects = list(_suspects(fit, root, time, temperature))
+    fit, parts, residual = of.fit, of.parts, of.fit.white
+    suspects = list(_suspects(fit, time, temperature))
     others = (1 - UNDECLARED_GRAVITY_SHARE - UNDECLARED_FRICTION_SHARE) / max(1, len(suspects) - 1)
-    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
-    std = np.sqrt(np.diagonal(uncertainty.covariance))
-    found, worth = list[Suspicion](), float(np.log(max(fit.rows, 2)))
-    bias: FloatArray | None = None
+    found, bias = list[Suspicion](), None
     for group, index, columns, unit in suspects:
+        level = UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
         known = parts.left.T @ columns
         apart = columns - parts.left @ known
-        share = UNDECLARED_GRAVITY_SHARE if group == "tilt" else others
-        asked = ask(apart, columns, residual, np.zeros(columns.shape[1]))
-        if asked is None or asked.p_value(stats) > UNDECLARED_ERROR * share:
-            continue
-        if group in MADE_OF_READINGS:
-            bias = noise_scores(fit, root) if bias is None else bias
+        asked = ask(apart, columns, residual)
+        if group in MADE_OF_READINGS and asked.p_value(of.quality) <= level:
+            bias = noise_scores(fit) if bias is None else bias
             lean = lean_of(bias, fit.active, fit.state, group, index)
             asked = ask(apart, columns, residual, lean)
-            if asked is None or asked.p_value(stats) > UNDECLARED_ERROR * share:
-                continue
-        amount, p_value = asked.amount, asked.p_value(stats)
+        p_value = asked.p_value(of.quality)
+        if p_value > level:
+            continue
         # The other parameters, angles among them, give way to the suspect's amount.
-        move = -parts.root @ (known @ amount)
-        size = rounded_up(float(np.abs(amount * unit).max()))
-        what, advice = (words.format(fit.rig.supports[index], size) for words in WORDS[group])
-        doubt = suspicion(fit, what, advice, p_value, move[angles] / std)
-        support = None if group in OF_THE_RIG else index
-        zero_shift, zero = worst_zero(fit, move, uncertainty)
-        doubt = replace(doubt, zero_shift=zero_shift, zero=zero)
-        weight = asked.statistic - asked.unknowns * worth
-        found.append(replace(doubt, kind=group, support=support, weight=weight))
-    p_value = _friction(parts, root, residual)
-    if p_value <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE or stats.p_value < MISFIT:
-        noises = scatters(fit, parts, root, residual)
-        found += [_scattered(fit, uncertainty, scatter) for scatter in noises]
+        move = -parts.root @ (known @ asked.amount)
+        size, weight = float(np.abs(asked.amount * unit).max()), asked.weight(fit.rows)
+        doubt = suspicion(fit.rig, of.uncertainty, group, index, size, move, p_value, weight)
+        zero_shift, zero = worst_zero(fit.rig, of.uncertainty, fit.active, move)
+        found.append(replace(doubt, zero_shift=zero_shift, zero=zero))
+    if (
+        chance(fit.root[:, :, 3:], parts, residual) <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE
+        or of.quality.p_value < MISFIT
+    ):
+        found += scatters(of)
     if found:
-        found += wandering(fit, parts, uncertainty, time)
+        found += wandering(of, time)
     return likeliest(found)
-
-
-def wandering(
-    fit: Fit, parts: Spectrum, uncertainty: Uncertainty, time: FloatArray
-) -> tuple[Suspicion, ...]:
-    """Return the zeros that seem to wander, where something has spoken that a walk may be behind.
-
-    time : (K,), s, when each posture was held.
-    """
-    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
-    residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
-    walks = wanderings(fit, parts, root, residual, time)
-    return tuple(
-        _scattered(fit, uncertainty, walk, float(np.sqrt(_HOUR))) for walk in walks if walk.gain > 0
-    )
-
-
-def _scattered(
-    fit: Fit, uncertainty: Uncertainty, scatter: Scatter, unit: float = 1.0
-) -> Suspicion:
-    """Put a variance that the residuals ask for into words; unit : of the rig file, in SI."""
-    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
-    std = np.sqrt(np.diagonal(uncertainty.covariance))
-    name, size = fit.rig.supports[scatter.support or 0], rounded_up(unit * scatter.size)
-    what, advice = (words.format(name, size) for words in WORDS[scatter.kind])
-    p_value = float(chi2_sf(scatter.gain, 1)) / 2  # without it θ stands at its bound
-    doubt = suspicion(fit, what, advice, p_value, scatter.effect[angles] / std)
-    weight = scatter.gain - float(np.log(max(fit.rows, 2)))
-    return replace(doubt, kind=scatter.kind, support=scatter.support, weight=weight)
-
-
-class Asking(Protocol):
-    """What a score test needs of a fit: its rig, and which parameters were free (P,)."""
-
-    @property
-    def rig(self) -> Rig:
-        """The rig."""
-
-    @property
-    def active(self) -> BoolArray:
-        """Which parameters were free."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """How far the residuals go to meet a suspect: fall of χ², unknowns seen, their amount."""
+    """How far the residuals go to meet a suspect: fall of χ², unknowns seen, their amount.
+
+    std : (g,), of the amount; ∞ where it is not seen.
+    """
 
     statistic: float
     unknowns: int
     amount: FloatArray
+    std: FloatArray
 
     def p_value(self, stats: Quality) -> float:
         """Held against the scatter that remains without the suspect, or it would excuse itself."""
+        if not self.unknowns:
+            return 1.0
         rest = (stats.chi2 - self.statistic) / max(stats.dof - self.unknowns, 1)
         return float(chi2_sf(self.statistic / max(1.0, rest), self.unknowns))
 
+    def weight(self, rows: int) -> float:
+        """Fall of −2 ln L less what the unknowns are worth among so many residuals."""
+        return self.statistic - self.unknowns * float(np.log(max(rows, 2)))
+
 
 def ask(
-    apart: FloatArray, columns: FloatArray, residual: FloatArray, lean: FloatArray
-) -> Asked | None:
-    """Score of columns, `apart` of them beyond the fit's; lean : the score that noise makes."""
+    apart: FloatArray,
+    columns: FloatArray,
+    residual: FloatArray,
+    lean: FloatArray | float = 0.0,
+    seen_from: float = _NOISE_ONLY,
+) -> Asked:
+    """Score of columns, `apart` of them beyond the fit's; lean : the score that noise makes.
+
+    seen_from : share of the columns' size that has to stand out of the fit's.
+    """
     score, information = apart.T @ residual - lean, apart.T @ apart
     values, vectors = np.linalg.eigh(information)
-    seen = values > _NOISE_ONLY * max(float(np.sum(columns**2)), np.finfo(float).tiny)
-    if not seen.any():
-        return None
-    along = vectors[:, seen].T @ score
-    amount = -vectors[:, seen] @ (along / values[seen])
-    return Asked(float(np.sum(along**2 / values[seen])), int(seen.sum()), amount)
+    seen = values > seen_from * max(float(np.sum(columns**2)), np.finfo(float).tiny)
+    half = vectors[:, seen] / np.sqrt(values[seen])
+    blind = np.abs(vectors[:, ~seen]).max(axis=1, initial=0.0) > _BLIND
+    return Asked(
+        statistic=float(np.sum((half.T @ score) ** 2)),
+        unknowns=int(seen.sum()),
+        amount=-half @ (half.T @ score),
+        std=np.where(blind, np.inf, np.linalg.norm(half, axis=1)),
+    )
+
+
+def noise_scores(fit: Fit) -> FloatArray:
+    """Expected scores (P,) of all parameters by the noise of the readings alone.
+
+    A column c(f) of the model, made of readings f with noise ν, has the expected score
+    E[cᵀ W e] = Σ_a σ_a² (∂c/∂f_a)ᵀ W (∂e/∂f_a) although its parameter is 0. The turns of the
+    sensors are free of it where the noise is isotropic (theory, section 3); gains and the
+    compliance are not, and with many noisy postures it passes for one.
+    """
+    state, g, root, seen = fit.state, fit.rig.gravity, fit.root, fit.at.seen
+    by_state = features_jacobian(state, fit.at, g)
+    std = np.sqrt(np.diagonal(seen.force_cov, axis1=2, axis2=3))  # (K, n, 3)
+    total = np.zeros(by_state.shape[1])
+    for i, a in np.argwhere(seen.measured):
+        force = seen.force.copy()
+        force[:, i, a] += std[:, i, a]
+        moved = balance(replace(seen, force=force), state, fit.at.centre, g)
+        change = root @ ((moved.design - fit.at.design) @ by_state)
+        shift = root @ (fit.at.noise_force[:, i, :, a] * std[:, i, a, None])[..., None]
+        total += np.einsum("kap,ka->p", change, shift[..., 0])
+    return np.asarray(total * fit.dof / max(fit.rows, 1))
 
 
 def lean_of(
@@ -173,94 +159,18 @@ def lean_of(
 ) -> FloatArray:
     """Score that noise alone makes of a suspect's columns; none where it has a prior."""
     place = layout(state.n, state.motions)
-    if group == "compliance":
-        part = place["compliance"]
-    else:
+    part = place["compliance"]
+    if group != "compliance":
         start = place["sensitivity"].start + 6 * index
         part = slice(start, start + 6)
     own = np.where(active[part], 0.0, bias[part])
     return np.asarray(own[:3].sum(keepdims=True) if group == "gain" else own)
 
 
-def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
-    """The likeliest suspicion, and those that are about as likely."""
-    ranked = sorted(found, key=lambda doubt: -doubt.weight)
-    near = [doubt for doubt in ranked if ranked[0].weight - doubt.weight < CAUSES_APART]
-    return tuple(replace(doubt, tied=k > 0) for k, doubt in enumerate(near))
-
-
-def rounded_up(size: float) -> str:
-    """One significant digit, upwards."""
-    step = 10.0 ** np.floor(np.log10(max(size, np.finfo(float).tiny)))
-    return f"{float(f'{np.ceil(size / step) * step:.1g}'):g}"
-
-
-def suspicion(fit: Asking, what: str, advice: str, p_value: float, shift: FloatArray) -> Suspicion:
-    """Name the angle that moves most; shift (3n,), in its standard uncertainties."""
-    worst = int(np.argmax(np.abs(shift)))
-    angle = f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}"
-    return Suspicion(what, advice, p_value, float(np.abs(shift[worst])), angle)
-
-
-def worst_zero(fit: Asking, move: FloatArray, uncertainty: Uncertainty) -> tuple[float, str]:
-    """Largest move of a zero in its standard uncertainties, by free parameters; and which one."""
-    place, full = layout(fit.rig.n)["zero"], np.zeros(len(fit.active))
-    full[fit.active] = move
-    std = uncertainty.parameter_std[place]
-    known = np.isfinite(std) & (std > 0)
-    size = np.where(known, np.abs(full[place]) / np.where(known, std, 1.0), 0.0)
-    worst = int(np.argmax(size))
-    return float(size[worst]), f"{'xyz'[worst % 3]} of {fit.rig.supports[worst // 3]}"
-
-
-def largest_move(
-    fit: Fit,
-    parts: Spectrum,
-    uncertainty: Uncertainty,
-    wrench: FloatArray,
-    *,
-    what: str,
-    advice: str,
-    p_value: float,
-) -> Suspicion:
-    """Suspicion of what adds a wrench (K, 6) to the balance; the angles give way to it."""
-    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
-    white = (root @ wrench[..., None]).ravel()
-    move = parts.root @ (parts.left[: len(white)].T @ white)
-    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * fit.rig.n)
-    std = np.sqrt(np.diagonal(uncertainty.covariance))
-    return suspicion(fit, what, advice, p_value, move[angles] / std)
-
-
-def _friction(parts: Spectrum, root: FloatArray, residual: FloatArray) -> float:
-    """Probability that noise as stated makes the moments scatter as they do.
-
-    The score r' H H' r of a variance component, whitened columns H, is a sum of χ²; it is held
-    against the gamma distribution of its mean and variance (Satterthwaite, Biometrics 2, 1946).
-    """
-    half = root[:, :, 3:]  # H's blocks, one per posture
-    rows = 6 * len(root)
-    seen = np.einsum("kap,kab->pkb", parts.left[:rows].reshape(*root.shape[:2], -1), half)
-    own = np.swapaxes(half, 1, 2) @ half
-    known = np.einsum("pkb,qkb->pq", seen, seen)
-    # M = H'H − (U'H)'(U'H): its trace, and that of its square.
-    mean = float(np.sum(half**2) - np.trace(known))
-    overlap = np.einsum("kab,kab->", own, np.einsum("pka,pkb->kab", seen, seen))
-    square = float(np.sum(own**2) - 2 * overlap + np.sum(known**2))
-    if square <= _NOISE_ONLY * np.sum(own**2):
-        return 1.0
-    score = float(np.sum(np.einsum("kab,ka->kb", half, residual[:rows].reshape(-1, 6)) ** 2))
-    return float(chi2_sf(score * mean / square, mean**2 / square))
-
-
-def _suspects(
-    fit: Fit, root: FloatArray, time: FloatArray, temperature: FloatArray | None
-) -> Iterator[tuple[str, int, FloatArray, float | FloatArray]]:
-    """Group, support, whitened columns (rows, g) of each suspect, and what they are per unit."""
-    rig, n = fit.rig, fit.rig.n
-    motion = fit.postures.motion
-    std, place = prior_std(rig, motion), layout(n, fit.state.motions)
-    J = root @ (fit.at.design @ features_jacobian(fit.state, fit.at, rig.gravity))
+def _suspects(fit: Fit, time: FloatArray, temperature: FloatArray | None) -> Iterator[Suspect]:
+    """What the rig file states, and zeros that move."""
+    rig, n, J = fit.rig, fit.rig.n, fit.slopes
+    std, place = prior_std(rig, fit.postures.motion), layout(n, fit.state.motions)
     data, exact, held = J.reshape(-1, J.shape[-1]), std == 0, np.isfinite(std) & (std > 0)
     below = np.zeros((len(fit.prior_residual), data.shape[1]))
     for row, parameter in enumerate(np.flatnonzero(held)):  # a value moved by one standard dev.
@@ -277,7 +187,7 @@ def _suspects(
 
 def stated_suspects(
     rig: Rig, columns: FloatArray, std: FloatArray, motions: int
-) -> Iterator[tuple[str, int, FloatArray, float | FloatArray]]:
+) -> Iterator[Suspect]:
     """What a rig file states, group by group: columns (rows, P), prior's std (P,)."""
     place, held = layout(rig.n, motions), np.isfinite(std) & (std > 0)
     for group, where in place.items():

@@ -27,12 +27,11 @@ import numpy as np
 from scipy.special import fdtrc
 
 from tdfscal.model.parameters import layout
-from tdfscal.model.statics import features_jacobian
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
-from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray
-from tdfscal.selfcal.covariance import Uncertainty, factored_information
+from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
+from tdfscal.selfcal.covariance import Estimate, factored_information
 from tdfscal.selfcal.estimator import ROWS, Fit
-from tdfscal.selfcal.suspicion import Suspicion
+from tdfscal.selfcal.suspicion import Suspicion, worst_angle
 from tdfscal.significance import CAUSES_APART, OUTLYING_POSTURE, WITHIN_CAMPAIGN
 
 #: Postures on either side of a split: one alone is an outlier, not a part of the campaign.
@@ -62,24 +61,21 @@ class _Step:
 class _Normal:
     """Normal equations of the fit about its estimate, the postures in the order of time.
 
-    shape : (K,), 1 where a posture counts.
+    counts : (K,), in that order, which of them count.
     """
 
     def __init__(self, fit: Fit, order: IntArray, counts: BoolArray) -> None:
-        fit = replace(fit, weight=counts.astype(np.float64))
-        root = (fit.whitener * fit.weight[:, None, None])[order]
+        fit = replace(fit, weight=counts[np.argsort(order)].astype(np.float64))
         self.fit = fit
-        self.design = (
-            root @ (fit.at.design @ features_jacobian(fit.state, fit.at, fit.rig.gravity))[order]
-        )
+        self.design = fit.slopes[order]
         self.active = self.design[..., fit.active]
-        self.residual = (root @ fit.residual[order, :, None])[..., 0]
+        white = fit.white
+        self.residual = white[: ROWS * len(order)].reshape(-1, ROWS)[order]
         self.root = factored_information(fit).root
         gradient = np.einsum("kra,kr->a", self.active, self.residual)
         gradient += fit.prior_jacobian.T @ fit.prior_residual
-        self.gradient = gradient
-        step = self.root.T @ gradient
-        self.chi2 = float(np.sum(self.residual**2) + np.sum(fit.prior_residual**2) - step @ step)
+        self.step = self.root.T @ gradient
+        self.chi2 = float(white @ white - self.step @ self.step)
         rows = ROWS * int(counts.sum()) + len(fit.prior_residual)
         self.dof = rows - self.root.shape[1]
 
@@ -94,7 +90,7 @@ class _Normal:
         known = (shapes @ cross).reshape(len(shapes), 3, -1) @ self.root
         whole = ((shapes**2) @ own).reshape(-1, 3, 3)
         information = whole - known @ np.swapaxes(known, 1, 2)
-        score = shapes @ score - known @ (self.root.T @ self.gradient)
+        score = shapes @ score - known @ self.step
         values, vectors = np.linalg.eigh(information)
         scale = np.trace(whole, axis1=1, axis2=2)[:, None]
         seen = values > _NOISE_ONLY * np.maximum(scale, np.finfo(float).tiny)
@@ -103,7 +99,7 @@ class _Normal:
         for k, shape in enumerate(shapes):
             if seen[k].any():
                 amount = -vectors[k] @ gain[k]
-                pull = self.root.T @ self.gradient + known[k].T @ amount
+                pull = self.step + known[k].T @ amount
                 yield _Step(
                     group, sensor, int(np.argmax(shape > 0)), float(gain[k] @ along[k]),
                     int(seen[k].sum()), amount, -self.root @ pull,
@@ -132,19 +128,13 @@ class _Normal:
 
 
 def find_slip(
-    fit: Fit,
-    uncertainty: Uncertainty,
-    time: FloatArray,
-    number: IntArray,
-    *,
-    noise_from_residuals: bool = False,
+    of: Estimate, time: FloatArray, number: IntArray, *, noise_from_residuals: bool = False
 ) -> Suspicion | None:
     """Look for a sensor that turned, or whose zero jumped, between two postures.
 
     Parameters
     ----------
-    fit : the estimate; postures that it leaves out are taken in again where a step explains them.
-    uncertainty : of that estimate, by which the harm is measured.
+    of : the estimate; postures that it leaves out are taken in again where a step explains them.
     time, number : (K,), s, when each posture was held, and the number that it goes by.
     noise_from_residuals : the noise level itself comes from this fit.
 
@@ -153,10 +143,10 @@ def find_slip(
     The step that explains most, or None where noise, an outlier or a drift does as well.
     """
     order = np.argsort(time, kind="stable")
-    used = (fit.weight > 0)[order]
+    used = (of.fit.weight > 0)[order]
     best: tuple[float, _Step, _Step | None] | None = None
     for counts in [used] if used.all() else [used, np.ones_like(used)]:
-        normal = _Normal(fit, order, counts[np.argsort(order)])
+        normal = _Normal(of.fit, order, counts)
         found = _most_likely(normal, counts, time[order])
         if found is None:
             continue
@@ -169,7 +159,7 @@ def find_slip(
             continue
         if best is None or p_value < best[0]:
             best = p_value, step, rival
-    return None if best is None else _suspicion(fit, uncertainty, number[order], *best)
+    return None if best is None else _suspicion(of, number[order], *best)
 
 
 def _most_likely(
@@ -225,41 +215,33 @@ def _spread(among: IntArray) -> IntArray:
 
 
 def _suspicion(
-    fit: Fit,
-    uncertainty: Uncertainty,
-    number: IntArray,
-    p_value: float,
-    step: _Step,
-    rival: _Step | None,
+    of: Estimate, number: IntArray, p_value: float, step: _Step, rival: _Step | None
 ) -> Suspicion:
     """Name the step, and the angle that it spoils most, before or after it."""
-    n = fit.rig.n
-    angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
-    std = np.sqrt(np.diagonal(uncertainty.covariance))
-    shift = np.zeros(len(angles))
-    for each in (step, rival) if rival is not None else (step,):
-        before = each.move[angles]
+    rig, moves = of.fit.rig, []
+    for each in (step,) if rival is None else (step, rival):
+        before = each.move[: 3 * rig.n]
         after = before.copy()
         if each.group == "rotation":
             after[3 * each.sensor : 3 * each.sensor + 3] += each.amount
-        shift = np.maximum(shift, np.maximum(np.abs(before), np.abs(after)) / std)
-    worst = int(np.argmax(shift))
-    what = _words(fit, step) + (f", or {_words(fit, rival)}" if rival else "")
+        moves += [np.abs(before), np.abs(after)]
+    what = _words(rig, step) + (f", or {_words(rig, rival)}" if rival else "")
+    shift, angle = worst_angle(rig, of.uncertainty, np.max(moves, axis=0))
     return Suspicion(
         what=f"{what} before posture {number[step.first]}",
-        advice=f"fasten the sensor of {fit.rig.supports[step.sensor]}, look at its cable, let it "
+        advice=f"fasten the sensor of {rig.supports[step.sensor]}, look at its cable, let it "
         "settle, and record the campaign again",
         p_value=p_value,
-        shift=float(shift[worst]),
-        angle=f"{ANGLES[worst % 3]} of {fit.rig.supports[worst // 3]}",
+        shift=shift,
+        angle=angle,
         kind="slip" if step.group == "rotation" else "jump",
         support=step.sensor,
-        weight=step.statistic - step.size * float(np.log(max(fit.rows, 2))),
+        weight=step.statistic - step.size * float(np.log(max(of.fit.rows, 2))),
     )
 
 
-def _words(fit: Fit, step: _Step) -> str:
-    support = fit.rig.supports[step.sensor]
+def _words(rig: Rig, step: _Step) -> str:
+    support = rig.supports[step.sensor]
     if step.group == "rotation":
         turn = ", ".join(f"{1e3 * value:.2g}" for value in step.amount)
         return f"the sensor of {support} turned by ({turn}) mrad about the BCS's axes"

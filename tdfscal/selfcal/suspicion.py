@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import FloatArray
-from tdfscal.significance import CERTAIN_SHIFT, CERTAINLY_UNDECLARED, HARMFUL_SHIFT
-
-#: Groups without an entry per support.
-OF_THE_RIG = (
-    "mass", "barycentre", "tilt", "compliance", "friction",
-    "all drift", "all temperature", "all parabola", "all walk",
-)  # fmt: skip
+from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
+from tdfscal.selfcal.covariance import Uncertainty
+from tdfscal.significance import (
+    CAUSES_APART,
+    CERTAIN_SHIFT,
+    CERTAINLY_UNDECLARED,
+    HARMFUL_SHIFT,
+)
 
 #: What is wrong with {0}, and its cure; {1} is the size that the residuals ask for.
 WORDS = {
@@ -167,3 +170,54 @@ class Suspicion:
     def text(self) -> str:
         """The finding with its cure."""
         return f"{self.finding}: {self.advice}"
+
+
+def suspicion(
+    rig: Rig,
+    known: Uncertainty,
+    kind: str,
+    index: int,
+    size: float,
+    move: FloatArray,
+    p_value: float,
+    weight: float,
+) -> Suspicion:
+    """Put a suspect into words.
+
+    kind, index : key of `WORDS`, and the support where it is of one. size : that the residuals ask
+    for, in the rig file's unit. move : (p,), of the free parameters with it, rotations first.
+    """
+    step = 10.0 ** np.floor(np.log10(max(size, np.finfo(float).tiny)))
+    up = f"{float(f'{np.ceil(size / step) * step:.1g}'):g}"  # one significant digit, upwards
+    what, advice = (words.format(rig.supports[index], up) for words in WORDS[kind])
+    support = index if "{0}" in WORDS[kind][0] else None
+    shift = worst_angle(rig, known, move)
+    return Suspicion(what, advice, p_value, *shift, kind=kind, support=support, weight=weight)
+
+
+def worst_angle(rig: Rig, known: Uncertainty, move: FloatArray) -> tuple[float, str]:
+    """Largest move of an angle in its standard uncertainties, and which; move as in `suspicion`."""
+    std = np.sqrt(np.diagonal(known.covariance))
+    shift = np.abs(move[: len(std)]) / std
+    worst = int(np.argmax(shift))
+    return float(shift[worst]), f"{ANGLES[worst % 3]} of {rig.supports[worst // 3]}"
+
+
+def worst_zero(
+    rig: Rig, known: Uncertainty, active: BoolArray, move: FloatArray
+) -> tuple[float, str]:
+    """Largest move of a zero in its standard uncertainties, and which; active : (P,)."""
+    place, full = layout(rig.n)["zero"], np.zeros(len(active))
+    full[active] = move
+    std = known.parameter_std[place]
+    free = np.isfinite(std) & (std > 0)
+    size = np.where(free, np.abs(full[place]) / np.where(free, std, 1.0), 0.0)
+    worst = int(np.argmax(size))
+    return float(size[worst]), f"{'xyz'[worst % 3]} of {rig.supports[worst // 3]}"
+
+
+def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
+    """The likeliest suspicion, and those that are about as likely."""
+    ranked = sorted(found, key=lambda doubt: -doubt.weight)
+    near = [doubt for doubt in ranked if ranked[0].weight - doubt.weight < CAUSES_APART]
+    return tuple(replace(doubt, tied=k > 0) for k, doubt in enumerate(near))

@@ -13,7 +13,7 @@ from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, FloatArray, IntArray, Rig
 from tdfscal.selfcal.covariance import evaluate, information_root
-from tdfscal.selfcal.initial_guess import linear_data, linear_rotations
+from tdfscal.selfcal.linear_method import linear_data, linear_rotations
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.significance import BIASED
 from tdfscal.simulation import Options, SurveyOptions, simulate_dwells

@@ -10,9 +10,8 @@ import numpy as np
 from tdfscal.numerics import so3
 from tdfscal.numerics.alignment import align
 from tdfscal.numerics.distributions import coverage_factor
-from tdfscal.numerics.propagation import propagate
+from tdfscal.numerics.propagation import MonteCarlo, propagate
 from tdfscal.records import FloatArray, Instrument
-from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.trackercal.instrument import observe
 from tdfscal.trackercal.judged_registration import INSTRUMENT, SurveyFit
@@ -61,7 +60,7 @@ def simulate_inputs(
     scatter = np.abs(same_draws.std(axis=0) / rpy_std - 1)
     consistent = bool(np.all(scatter < 5 / np.sqrt(2 * found.trials)))
     return replace(
-        MonteCarlo.of(found, so3.to_rpy(estimate), half),
+        found.about(so3.to_rpy(estimate), half),
         validated=consistent and found.validates(low, high),
     )
 

@@ -16,9 +16,9 @@ import numpy as np
 from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
 from tdfscal.selfcal.exact_quantities import ExactQuantity
-from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import MOST_REJECTED
 from tdfscal.trackercal.caveats import survey_warnings
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey, point_noise

@@ -23,7 +23,7 @@ from tdfscal.files.saving import write_text
 from tdfscal.model.calibrated import independent
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import InputFile, Rig, Rotations
-from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.arguments import (
@@ -237,7 +237,7 @@ def _both(
     """Combine two calibrations; the contact wrench is judged with both, not with either."""
     mine = Rotations(rig.supports, own.fit.state.rotation, own.uncertainty.covariance)
     both = combine(mine, tracker.rotations)
-    given = from_fit(own.fit, both.rotations.covariance, both.rotations.rotation)
+    given = joint_posterior(own.fit, both.rotations.covariance, both.rotations.rotation)
     alone = own.conformity.reasons if own.conformity else ()
     reasons = [reason for reason in own.reasons if reason not in alone]
     reasons += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))

@@ -24,7 +24,7 @@ from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.information import contrast
 from tdfscal.records import FloatArray, Measured, Rig
-from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, at_least, listed, one, window
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, as_calibration, paths_of
@@ -164,7 +164,10 @@ def _contribution(rig: Rig, own: Own, read: Read) -> tuple[Misfit, dict[str, Any
     else:
         part = eliminate(own.fit, reference)
         chi2, dof = own.quality.chi2, max(own.quality.dof, 0)
-        given, std = from_fit(own.fit, own.uncertainty.covariance), own.uncertainty.parameter_std
+        given, std = (
+            joint_posterior(own.fit, own.uncertainty.covariance),
+            own.uncertainty.parameter_std,
+        )
         postures = int(sum(own.fit.weight > 0))
     published = _as_state(given.state, published_std(given, std))
     this = campaign_document(

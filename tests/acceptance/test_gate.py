@@ -100,8 +100,17 @@ def exact() -> Rig:
 def test_all_reasons_stand_in_their_order() -> None:
     std = np.full((3, 3), 1e-3)
     std[1, 1] = 1.0
-    calibrated = independent(exact(), LEVEL, 1e-6 * np.eye(9))
-    loose, tight = (assess(calibrated, force=limit) for limit in (1e4, 1e-3))
+    rig = exact()
+    loose, tight = (
+        assess(
+            independent(
+                replace(rig, acceptance=replace(rig.acceptance, contact_force=limit)),
+                LEVEL,
+                1e-6 * np.eye(9),
+            )
+        )
+        for limit in (1e4, 1e-3)
+    )
     damaged = InputFile("a.csv", "0", 1, "salvaged")
     found = judge(
         RIG,

@@ -22,7 +22,7 @@ from tdfscal.reporting.figures.style import to_svg
 from tdfscal.reporting.html import render
 from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
 from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.undetermined import Undetermined
+from tdfscal.selfcal.result import Undetermined
 from tdfscal.simulation import Options, reference_rig, simulate_campaign, simulate_dwells
 from tests.reporting.samples import rig_of, run
 from tests.reporting.test_page import read

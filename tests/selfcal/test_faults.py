@@ -107,19 +107,17 @@ def test_white_noise_is_not_called_a_walk() -> None:
 def test_a_walks_likelihood_is_the_restricted_one_of_its_covariance() -> None:
     """Against the dense covariance on the complement of what the parameters follow."""
     from tdfscal.model.parameters import layout
-    from tdfscal.model.statics import features_jacobian
-    from tdfscal.selfcal.covariance import information_root
-    from tdfscal.selfcal.wandering import wanderings
+    from tdfscal.selfcal.covariance import estimate
+    from tdfscal.selfcal.scatter import wandering
 
     walks = with_faults(Faults(walks=(Walk(0, 2.0),)), replace(SQUEEZED, postures=10))
     batch = simulation.simulate_dwells(RIG, walks, np.random.default_rng(13), 1)
     fit = calibrated(batch, RIG, 0).fit
     time = np.arange(10.0) ** 1.2
-    root, parts = fit.whitener * np.sqrt(fit.weight)[:, None, None], information_root(fit)
-    residual = np.concatenate([(root @ fit.residual[..., None]).ravel(), fit.prior_residual])
-    first = next(w for w in wanderings(fit, parts, root, residual, time) if w.support is None)
-    J = root @ fit.at.design @ features_jacobian(fit.state, fit.at, RIG.gravity)
-    H = J[:, :, layout(3)["zero"]]
+    known = estimate(fit)
+    parts, residual, H = known.parts, fit.white, fit.slopes[:, :, layout(3)["zero"]]
+    first = next(walk for walk in wandering(known, time) if walk.support is None)
+    gain = first.weight + np.log(fit.rows)
     walk = np.minimum.outer(time, time)
     C = np.zeros((len(residual), len(residual)))
     C[:60, :60] = np.einsum("kaj,kl,lbj->kalb", H, walk, H).reshape(60, 60)
@@ -130,10 +128,15 @@ def test_a_walks_likelihood_is_the_restricted_one_of_its_covariance() -> None:
         whole = np.eye(len(own)) + variance * own
         return float(np.linalg.slogdet(whole)[1] + seen @ np.linalg.solve(whole, seen))
 
-    best = cost(first.size**2)
-    assert cost(0.0) - best == pytest.approx(first.gain, rel=1e-6)
-    assert first.gain > 1.0
-    assert best <= min(cost((first.size * ratio) ** 2) for ratio in (0.5, 0.9, 1.1, 2.0)) + 1e-3
+    assert gain > 1.0
+    tried = [cost(0.0) - cost(intensity**2) for intensity in np.geomspace(1e-3, 10.0, 400)]
+    assert gain == pytest.approx(max(tried), abs=0.02)
+    said = re.search(r"`drift.walk: ([0-9.]+)`", first.advice)
+    assert said is not None
+    hours = float(said[1])
+    best = 60 * np.geomspace(1e-3, 10.0, 400)[np.argmax(tried)]
+    assert best <= hours * 1.02
+    assert hours < 2.1 * best
 
 
 def test_friction_of_the_hinges_is_named_with_its_size() -> None:

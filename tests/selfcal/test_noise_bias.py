@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from tdfscal.model.parameters import layout
-from tdfscal.model.statics import features_jacobian
 from tdfscal.selfcal.covariance import information_root
-from tdfscal.selfcal.noise_bias import noise_scores
 from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.score_tests import noise_scores
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_dwells
 
 RUNS = 24
@@ -26,15 +25,13 @@ def test_scores_have_the_mean_that_noise_gives_them() -> None:
     for run in range(RUNS):
         dwells = batch.dwells(run)
         fit = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0).fit
-        root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
-        white = root @ (fit.at.design @ features_jacobian(fit.state, fit.at, rig.gravity))
-        columns = white.reshape(-1, white.shape[2])[:, asked]
+        columns = fit.slopes.reshape(-1, len(fit.active))[:, asked]
         left = information_root(fit).left[: len(columns)]
         apart = columns - left @ (left.T @ columns)
-        score = apart.T @ (root @ fit.residual[..., None]).ravel()
+        score = apart.T @ fit.white[: len(columns)]
         std = np.linalg.norm(apart, axis=0)
         raw.append(score / std)
-        corrected.append((score - noise_scores(fit, root)[asked]) / std)
+        corrected.append((score - noise_scores(fit)[asked]) / std)
     # The mean of RUNS numbers of standard deviation 1; of 20 components the largest.
     limit = 3.7 / np.sqrt(RUNS)
     assert np.abs(np.mean(corrected, axis=0)).max() < limit

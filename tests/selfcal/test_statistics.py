@@ -10,7 +10,7 @@ from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.model.statics import postures
-from tdfscal.selfcal.initial_guess import linear_data, linear_rotations
+from tdfscal.selfcal.linear_method import linear_data, linear_rotations
 from tdfscal.simulation import Faults, Gain, Options, Recorder
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study, turns
 

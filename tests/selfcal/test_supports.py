@@ -18,10 +18,10 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
 from tdfscal.selfcal.closure import frame_errors
-from tdfscal.selfcal.covariance import evaluate, information_root, quality
+from tdfscal.selfcal.covariance import estimate, evaluate, information_root, quality
 from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.selfcal.mounting_search import apart, best_start
-from tdfscal.selfcal.nuisances import drift_estimates
+from tdfscal.selfcal.nuisances import nuisances
 from tdfscal.selfcal.observability import verdict
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, Recorder
@@ -172,8 +172,7 @@ def test_a_turned_frame_is_named() -> None:
         options = replace(OPTIONS, faults=faults)
         dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(5), 1).dwells(0)
         result = fit(rig, postures(rig, dwells), nominal(rig))
-        parts = information_root(result)
-        doubts = frame_errors(result, parts, evaluate(result, parts, 1.0))
+        doubts = frame_errors(estimate(result))
         assert bool(doubts) is named
         if named:
             assert "ncp2 is turned" in doubts[0].what
@@ -202,7 +201,7 @@ def test_share_of_a_drift_is_the_variance_that_knowing_it_takes_away() -> None:
     there = replace(fit(rig, seen, nominal(rig)).state, drift=np.zeros((1, 3, 3)))
     result = at_state(rig, seen, there, np.ones(len(seen)))
     parts = information_root(result)
-    (slopes,) = drift_estimates(result, parts, evaluate(result, parts, 1.0))
+    (slopes,) = nuisances(result, parts, evaluate(result, parts, 1.0))
     assert slopes.kind == "time"
     still = replace(rig, drift=Drift())
     state = replace(result.state, drift=np.zeros((0, 3, 3)))

@@ -14,7 +14,7 @@ from tdfscal.model.statics import balance, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.rotation_descent import descend
 from tdfscal.records import DeclaredUncertainty, FloatArray, UncertainValue
-from tdfscal.selfcal.covariance import evaluate, information_root
+from tdfscal.selfcal.covariance import estimate, evaluate, information_root
 from tdfscal.selfcal.estimator import Fit, Priors, fit
 from tdfscal.selfcal.monte_carlo import Sampler, simulate
 from tdfscal.selfcal.outliers import fit_robust
@@ -167,14 +167,15 @@ def test_trials_of_the_weakest_rigs_are_finite() -> None:
 
 
 def test_adaptive_stop_and_validation() -> None:
-    parts = information_root(RESULT.fit)
-    spread = evaluate(RESULT.fit, parts, 1.0)
-    found = simulate(RESULT.fit, parts, spread, 1.0, np.random.default_rng(0), 20_000)
+    known, every = estimate(RESULT.fit), np.ones(3, dtype=np.bool_)
+    spread = known.uncertainty
+    found = simulate(known, np.random.default_rng(0), 20_000, every)
     assert found.trials == 20_000
     assert found.validated
     assert np.abs(found.std / spread.rpy_std - 1).max() < 5 / np.sqrt(2 * 20_000)
     narrow = replace(spread, rpy_covariance=spread.rpy_covariance / 4)
-    again = simulate(RESULT.fit, parts, narrow, 1.0, np.random.default_rng(0), 10_000)
+    narrowed = replace(known, uncertainty=narrow)
+    again = simulate(narrowed, np.random.default_rng(0), 10_000, every)
     assert not again.validated
 
 

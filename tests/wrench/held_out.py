@@ -11,8 +11,7 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.covariance import evaluate, information_root, quality
-from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.covariance import evaluate, information_root, joint_posterior, quality
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.simulation import Batch, Faults, Options, make_rig, simulate_dwells
 
@@ -67,7 +66,7 @@ def calibrate(rig: Rig, dwells: Dwells) -> Calibrated:
     """Calibrate from the first USED dwells."""
     fit = best_start(rig, postures(rig, part(dwells, np.arange(USED))))
     parts = information_root(fit)
-    return from_fit(fit, evaluate(fit, parts, quality(fit, parts).birge).covariance)
+    return joint_posterior(fit, evaluate(fit, parts, quality(fit, parts).birge).covariance)
 
 
 def turned(world: World, trial: int, sensor: int, turn: FloatArray) -> Dwells:

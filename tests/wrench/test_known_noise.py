@@ -10,7 +10,7 @@ import pytest
 from tdfscal.files.calibration.document import dump_calibration, parse_calibration
 from tdfscal.files.calibration.from_results import from_self
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.joint_posterior import from_fit
+from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip, simulate_dwells
@@ -54,7 +54,7 @@ def calibrated(dwells: Dwells) -> SelfCalibration:
 
 
 def judged(result: SelfCalibration, dwells: Dwells, known: KnownNoise) -> Validation:
-    given = from_fit(result.fit, result.uncertainty.covariance)
+    given = joint_posterior(result.fit, result.uncertainty.covariance)
     return validate(given, part(dwells, np.arange(USED, USED + HELD)), known=known)
 
 

@@ -27,9 +27,9 @@ from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import coverage_factor
+from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, Rig
 from tdfscal.selfcal.exact_quantities import ExactQuantity
-from tdfscal.selfcal.monte_carlo import MonteCarlo
 from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Bins of a quarter of a standard uncertainty; normally one trial in 16 000 lies beyond.

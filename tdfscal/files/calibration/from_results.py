@@ -19,9 +19,8 @@ from tdfscal.motioncal.exact_quantities import exact_quantities as exact_in_moti
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.covariance import Uncertainty, factored_information
+from tdfscal.selfcal.covariance import Uncertainty, factored_information, joint_posterior
 from tdfscal.selfcal.exact_quantities import ExactQuantity, exact_quantities
-from tdfscal.selfcal.joint_posterior import from_fit
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 
@@ -33,7 +32,7 @@ def from_self(
     found, std = result.uncertainty, result.uncertainty.parameter_std
     joint: dict[str, Any] = {}
     if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
-        given = from_fit(result.fit, found.covariance)
+        given = joint_posterior(result.fit, found.covariance)
         joint = {"parameters": parameters_document(given, _unscaled(result))}
         std = published_std(given, std)
     return assembled(
@@ -102,7 +101,7 @@ def from_joint(
     the rotations that the tracker has moved.
     """
     R, C = both.rotations.rotation, both.rotations.covariance
-    given = from_fit(own.fit, C, R)
+    given = joint_posterior(own.fit, C, R)
     determined = np.all(both.rpy_std < own.rig.acceptance.identifiable, axis=1)
     test = {
         "consistency_p_value": both.test.p_value,

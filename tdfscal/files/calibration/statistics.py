@@ -22,10 +22,9 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, Dwells, FloatArray, InputFile, Measured
 from tdfscal.selfcal.covariance import factored_information
 from tdfscal.selfcal.cross_validation import CrossValidation
-from tdfscal.selfcal.nuisances import Estimate, compliance_estimates, drift_estimates
+from tdfscal.selfcal.nuisances import nuisances as nuisance_estimates
 from tdfscal.selfcal.observability import Observability, load_directions
-from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.selfcal.undetermined import Undetermined
+from tdfscal.selfcal.result import SelfCalibration, Undetermined
 from tdfscal.trackercal import TrackerCalibration
 
 #: Dwells that a file keeps for a figure, at most.
@@ -91,9 +90,7 @@ def observability(seen: Observability) -> dict[str, Any]:
             | ({"std": None} if a.support in seen.undetermined else {})
             for a in seen.angles
         ],
-        "weak": [
-            {"name": w.angle.name, "cause": w.cause, "advice": w.advice} for w in seen.lacking
-        ],
+        "weak": [{"name": w.angle.name, "cause": w.cause, "advice": w.advice} for w in seen.weak],
         "correlations": seen.correlations,
     }
 
@@ -108,8 +105,9 @@ def validation(check: CrossValidation | HeldOut | None) -> dict[str, Any] | None
         columns = (check.before, check.after, check.before_max, check.after_max)
     else:
         method, count = "leave one posture out", len(check.index)
-        before, after = check.before, check.after
-        columns = (before.rms(), after.rms(), before.largest(), after.largest())
+        lengths = [np.linalg.norm(e.reshape(-1, 2, 3), axis=2) for e in (check.before, check.after)]
+        columns = [np.sqrt(np.mean(length**2, axis=0)) for length in lengths]
+        columns += [length.max(axis=0) for length in lengths]
     names = ("rms_before", "rms_after", "max_before", "max_after")
     force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
     return {"method": method, "postures": count, "force": force, "moment": moment}
@@ -166,10 +164,10 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
         "index": used,
         "start": dwells.start[used],
         "end": dwells.end[used],
-        "force_before": _in_lcs(stated, check.before.force),
-        "force_after": _in_lcs(found, check.after.force),
-        "moment_before": _in_lcs(stated, check.before.moment),
-        "moment_after": _in_lcs(found, check.after.moment),
+        "force_before": _in_lcs(stated, check.before[:, :3]),
+        "force_after": _in_lcs(found, check.after[:, :3]),
+        "moment_before": _in_lcs(stated, check.before[:, 3:]),
+        "moment_after": _in_lcs(found, check.after[:, 3:]),
         "force_std": _std_in_lcs(found, check.cov[:, :3, :3]),
         "moment_std": _std_in_lcs(found, check.cov[:, 3:, 3:]),
         "left_out": dwells.left_out,
@@ -243,26 +241,21 @@ def campaign_document(
 
 def nuisances(result: SelfCalibration) -> dict[str, Any]:
     """The blocks `drift` and `compliance`, each None where the rig file declares none."""
-    fit, found = result.fit, result.uncertainty
-    parts, determined = factored_information(fit), result.observability.determined
-    return {
-        block: {one.kind: _estimate(one, fit.rig.axes, determined) for one in estimates} or None
-        for block, estimates in (
-            ("drift", drift_estimates(fit, parts, found)),
-            ("compliance", compliance_estimates(fit, parts, found)),
-        )
-    }
-
-
-def _estimate(one: Estimate, axes: BoolArray, determined: BoolArray) -> dict[str, Any]:
-    share = {"share": measured_only(one.share, determined[:, None])}
-    if one.value is None or one.std is None:
-        return share
-    unit = HOUR ** _POWERS_OF_TIME.get(one.kind, 0)
-    values = {"value": unit * one.value, "std": unit * one.std}
-    if one.value.ndim:
-        values = {name: measured_only(each, axes) for name, each in values.items()}
-    return values | share
+    axes, determined = result.rig.axes, result.observability.determined
+    parts = factored_information(result.fit)
+    blocks: dict[str, dict[str, Any]] = {"drift": {}, "compliance": {}}
+    for one in nuisance_estimates(result.fit, parts, result.uncertainty):
+        unit = HOUR ** _POWERS_OF_TIME.get(one.kind, 0)
+        values: dict[str, Any] = {"value": unit * one.value, "std": unit * one.std}
+        block = "compliance" if one.kind in ("lateral", "vertical") else "drift"
+        if block == "compliance":
+            values = {name: each[0] for name, each in values.items()}
+        elif one.kind == "walk":  # its modes say nothing one by one
+            values = {}
+        else:
+            values = {n: measured_only(each.reshape(-1, 3), axes) for n, each in values.items()}
+        blocks[block][one.kind] = values | {"share": measured_only(one.share, determined[:, None])}
+    return {name: block or None for name, block in blocks.items()}
 
 
 def motion(result: MotionCalibration) -> dict[str, Any]:
