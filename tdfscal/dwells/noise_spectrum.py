@@ -15,7 +15,7 @@ the band (`slow_noise`), that is carried on.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -68,44 +68,48 @@ def spectrum(bins: Bins, rows: slice) -> Spectrum | None:
     return Spectrum(order / (2.0 * length), amplitude, np.stack(lags), length)
 
 
-def _autocovariance(raw: FloatArray, length: float) -> FloatArray:
-    """Autocovariances (3 lags, 3) of the noise from those of detrended dwells of mean length."""
+def _shape(raw: FloatArray, length: float, frequency: FloatArray) -> FloatArray:
+    """(S, 3, F), the spectrum that autocovariances (3 lags, S, 3) tell, relative to that at 0.
+
+    raw : of dwells of mean length, bins, without their lines.
+    """
     covariance = raw
     for _ in range(3):
         # A fitted line takes two ordinates of the lowest frequencies out of each dwell.
-        lost = 2.0 * _rational_spectrum(covariance, np.zeros(1))[0] / length
+        lost = 2.0 * _rational_spectrum(covariance, np.zeros(1))[..., 0] / length
         covariance = raw + np.minimum(lost, 0.5 * raw[0])
-    return covariance
+    shape = _rational_spectrum(covariance, np.append(0.0, frequency))
+    one = np.ones_like(shape[..., 1:])
+    return np.asarray(np.divide(shape[..., 1:], shape[..., :1], out=one, where=shape[..., :1] > 0))
 
 
 def _rational_spectrum(covariance: FloatArray, frequency: FloatArray) -> FloatArray:
-    """(F, 3), spectrum of white noise plus a first-order autoregression, from lags 0, 1, 2.
+    """(S, 3, F), spectrum of white noise plus a first-order autoregression, from lags 0, 1, 2.
 
     Also that of an autoregression averaged over bins, which is of the same form (the white part is
     then negative). White where lag 1 says nothing of a pole.
     """
-    zero, one, two = covariance
-    pole = np.divide(two, one, out=np.zeros(3), where=(one > 0) & (two > 0))
+    zero, one, two = covariance[..., None]
+    pole = np.divide(two, one, out=np.zeros_like(one), where=(one > 0) & (two > 0))
     pole = np.minimum(pole, 0.98)
-    red = np.divide(one, pole, out=np.zeros(3), where=pole > 0)
+    red = np.divide(one, pole, out=np.zeros_like(one), where=pole > 0)
     red = np.minimum(red, 2.0 * zero)
-    turn = 1 - 2 * pole * np.cos(2 * np.pi * frequency[:, None]) + pole**2
-    spectrum = zero - red + red * (1 - pole**2) / turn
-    return np.asarray(np.maximum(spectrum, 1e-3 * zero))
+    turn = 1 - 2 * pole * np.cos(2 * np.pi * frequency) + pole**2
+    return np.asarray(np.maximum(zero - red + red * (1 - pole**2) / turn, 1e-3 * zero))
 
 
 @dataclass(frozen=True, slots=True)
 class Ordinates:
     """Spectra of several runs together, in the order of frequency.
 
-    frequency : (F,). amplitude : (S, 3, F). covariance : (3, S, 3), weighted by the runs' lengths.
-    length : mean of those, bins. slow : (S, 3), where the noise is slower than a run.
+    frequency : (F,). amplitude : (S, 3, F). shape : (S, 3, F), the spectrum that the runs'
+    autocovariances tell, relative to that at 0. slow : (S, 3), where the noise is slower than a
+    run.
     """
 
     frequency: FloatArray
     amplitude: FloatArray
-    covariance: FloatArray
-    length: float
+    shape: FloatArray
     slow: list[list[SlowNoise | None]]
 
 
@@ -115,25 +119,31 @@ def together(spectra: Sequence[Spectrum]) -> Ordinates | None:
         return None
     frequency = np.concatenate([one.frequency for one in spectra])
     order = np.argsort(frequency, kind="stable")
+    frequency = frequency[order]
     amplitude = np.concatenate([one.amplitude for one in spectra], axis=2)[..., order]
-    length = np.array([one.length for one in spectra])
-    covariance = np.average([one.covariance for one in spectra], axis=0, weights=length)
-    whole = Ordinates(frequency[order], amplitude, covariance, float(length.mean()), [])
+    lengths = np.array([one.length for one in spectra])
+    covariance = np.average([one.covariance for one in spectra], axis=0, weights=lengths)
+    length = float(lengths.mean())
+    shape = _shape(covariance, length, frequency)
     half = len(amplitude) // 2  # positions, then forces
-    return replace(whole, slow=[*_slow(whole, 0, half), *_slow(whole, half, len(amplitude))])
+    slow: list[list[SlowNoise | None]] = []
+    for kind in (slice(half), slice(half, None)):
+        slow += _slow(frequency, amplitude[kind], shape[kind], length)
+    return Ordinates(frequency, amplitude, shape, slow)
 
 
-def _slow(found: Ordinates, begin: int, end: int) -> list[list[SlowNoise | None]]:
+def _slow(
+    frequency: FloatArray, amplitude: FloatArray, shape: FloatArray, length: float
+) -> list[list[SlowNoise | None]]:
     """Noise slower than a run, of each axis of streams of one kind, (S, 3)."""
-    if found.length < _CREST:
-        return [[None] * 3 for _ in range(begin, end)]
-    low = slice(int(np.searchsorted(found.frequency, _UNBINNED)))
-    frequency = found.frequency[low]
-    power = (found.amplitude[begin:end, :, low] ** 2).reshape(3 * (end - begin), -1)
-    rival = np.concatenate([_shape(found, stream)[low].T for stream in range(begin, end)])
-    slow = slow_noise(frequency, power, rival, found.length)
+    if length < _CREST:
+        return [[None] * 3 for _ in amplitude]
+    low = int(np.searchsorted(frequency, _UNBINNED))
+    frequency = frequency[:low]
+    power, rival = (x[..., :low].reshape(-1, low) for x in (amplitude**2, shape))
+    slow = slow_noise(frequency, power, rival, length)
     flat = [
-        _widest_flat_band(frequency, own / one.spectrum(frequency))[1] == len(frequency)
+        _widest_flat_band(frequency, own / one.spectrum(frequency))[1] == low
         for own, one in zip(power, slow, strict=True)
         if one is not None
     ]
@@ -152,11 +162,14 @@ def density(
     """
     if found is None:
         return np.broadcast_to(np.diag(pooled), (len(length), 3, 3))
-    amplitude, shape = found.amplitude[stream], _shape(found, stream)
+    amplitude = found.amplitude[stream]
     level, width = np.zeros((len(length), 3)), np.zeros(3, dtype=np.int64)
     for axis, slow in enumerate(found.slow[stream]):
+        # The level at 0, from as many ordinates as are flat, as they are or less their shape.
         power = amplitude[axis] ** 2
-        level[:, axis], width[axis] = _zero_frequency(found.frequency, power, shape[:, axis])
+        plain = _widest_flat_band(found.frequency, power)
+        whitened = _widest_flat_band(found.frequency, power / found.shape[stream, axis])
+        level[:, axis], width[axis] = whitened if whitened[1] > plain[1] else plain
         if slow is not None:
             level[:, axis] = slow.of_mean(length, campaign)
     band = amplitude[:, : int(width.min())]
@@ -167,26 +180,6 @@ def density(
     )
     root = np.sqrt(level)
     return np.asarray(correlation * root[:, :, None] * root[:, None, :])
-
-
-def _shape(found: Ordinates, stream: int) -> FloatArray:
-    """(F, 3), the spectrum that a stream's autocovariances tell, relative to its value at 0."""
-    covariance = _autocovariance(found.covariance[:, stream], found.length)
-    shape = _rational_spectrum(covariance, np.concatenate([[0.0], found.frequency]))
-    one = np.ones_like(shape[1:])
-    return np.asarray(np.divide(shape[1:], shape[0], out=one, where=shape[0] > 0))
-
-
-def _zero_frequency(
-    frequency: FloatArray, power: FloatArray, shape: FloatArray
-) -> tuple[float, int]:
-    """Level of the spectrum at 0 and the number of ordinates behind it.
-
-    shape : the fitted spectrum relative to its value at frequency 0.
-    """
-    plain = _widest_flat_band(frequency, power)
-    whitened = _widest_flat_band(frequency, power / shape)
-    return whitened if whitened[1] > plain[1] else plain
 
 
 def _widest_flat_band(frequency: FloatArray, power: FloatArray) -> tuple[float, int]:

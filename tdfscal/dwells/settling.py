@@ -83,7 +83,7 @@ class Stretch:
         """With the prefix sums of value."""
         origin = value.mean(axis=1)
         total = np.zeros((value.shape[1] + 1, len(value)))
-        np.cumsum(value.T - origin, axis=0, out=total[1:])
+        total[1:] = np.cumsum(value - origin[:, None], axis=1).T
         scale = np.abs(total).max(axis=0) + np.abs(origin)
         tolerance = 1.001 * noise.quantum + 64 * np.finfo(np.float64).eps * scale
         return cls(start, value, total, noise, forces, long_run, width, tolerance)
