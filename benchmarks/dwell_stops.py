@@ -221,6 +221,9 @@ FAULTS: dict[str, Callable[[Random], Recorded]] = {
         _usual(rng, force_quantum=1.0, force_noise=1.0 / _log(rng, 3.0, 6.0))
     ),
     "ringing, four stops": _few_ringing,
+    "short stops, noise correlated over 0.02 to 0.2 s": lambda rng: record(
+        _usual(rng, force_tau=_log(rng, 0.02, 0.2), stops=_stops(rng, 0.6, 1.2, 25), rate=200.0)
+    ),
     "settling of 1 s in stops of 1 s": lambda rng: record(
         _usual(rng, settle=(20.0, 1.0, 0.0), stops=(1.0,) * 8, force_noise=1.0, rate=200.0)
     ),

@@ -28,7 +28,6 @@ from tdfscal.records import BoolArray, FloatArray, LeftOut
 
 _SHORTEST = 0.2  # s
 _SHORTEST_BINS = 5
-_MODES = 3  # of ringing
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +49,7 @@ class Field:
     visible: FloatArray
     shortest: int
     rate: FloatArray
-    ringing: tuple[Ringing, ...]
+    ringing: Ringing | None
     settle: int | None
 
     @property
@@ -84,14 +83,11 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         forces = replace(forces, value=forces.value - rate[:, None] * time)
     noisier = noisier_stops(forces, moving)
     disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold, noisier)
-    ringing: list[Ringing] = []
-    while options.settle_time is None and len(ringing) < _MODES:
-        found = find_ringing(forces.value, force_noise.of_mean(1), *rests, bins.width)
-        if found is None:
-            break
-        ringing.append(found)
-        forces = replace(forces, value=found.removed(forces.value))
-    if ringing:
+    ringing = None
+    if options.settle_time is None:
+        ringing = find_ringing(forces.value, force_noise.of_mean(1), *rests, bins.width)
+    if ringing is not None:
+        forces = replace(forces, value=ringing.removed(forces.value))
         noisier = noisier_stops(forces, moving)
         disturbed, force_noise = segment(
             forces, moving, bins.width, options.force_threshold, noisier
@@ -112,7 +108,7 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         visible=threshold(positions, position_noise)[0],
         shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
         rate=rate,
-        ringing=tuple(ringing),
+        ringing=ringing,
         settle=None if settle is None else int(np.ceil(settle / bins.width)),
     )
 

@@ -26,7 +26,7 @@ from tdfscal.records import FloatArray, IntArray
 _SHORTEST_RUN = 6  # bins; shorter pieces of a dwell carry no spectrum
 _BASE_ORDINATES = 40  # in the narrowest band
 _UNBINNED = 0.125  # cycles per bin up to which means over bins have the spectrum of the noise
-_CREST = 64  # bins; in shorter runs what is left of ringing looks like slow noise
+_SHOWS_SLOW = 64  # bins; in shorter runs what is left of ringing looks like slow noise
 _LEPSKI = 2.8  # standard deviations of disagreement that end the widening
 
 
@@ -102,9 +102,9 @@ def _rational_spectrum(covariance: FloatArray, frequency: FloatArray) -> FloatAr
 class Ordinates:
     """Spectra of several runs together, in the order of frequency.
 
-    frequency : (F,). amplitude : (S, 3, F). shape : (S, 3, F), the spectrum that the runs'
-    autocovariances tell, relative to that at 0. slow : (S, 3), where the noise is slower than a
-    run.
+    frequency : (F,). amplitude : (S, 3, F). shape : (S, 3, F), of short runs the spectrum that
+    their autocovariances tell, relative to that at 0. slow : (S, 3), of longer ones the fitted
+    spectrum where the noise is slower than a run.
     """
 
     frequency: FloatArray
@@ -124,24 +124,24 @@ def together(spectra: Sequence[Spectrum]) -> Ordinates | None:
     lengths = np.array([one.length for one in spectra])
     covariance = np.average([one.covariance for one in spectra], axis=0, weights=lengths)
     length = float(lengths.mean())
-    shape = _shape(covariance, length, frequency)
+    if length < _SHOWS_SLOW:
+        none: list[list[SlowNoise | None]] = [[None] * 3 for _ in amplitude]
+        return Ordinates(frequency, amplitude, _shape(covariance, length, frequency), none)
     half = len(amplitude) // 2  # positions, then forces
-    slow: list[list[SlowNoise | None]] = []
-    for kind in (slice(half), slice(half, None)):
-        slow += _slow(frequency, amplitude[kind], shape[kind], length)
-    return Ordinates(frequency, amplitude, shape, slow)
+    slow = [
+        *_slow(frequency, amplitude[:half], length),
+        *_slow(frequency, amplitude[half:], length),
+    ]
+    return Ordinates(frequency, amplitude, np.ones_like(amplitude), slow)
 
 
 def _slow(
-    frequency: FloatArray, amplitude: FloatArray, shape: FloatArray, length: float
+    frequency: FloatArray, amplitude: FloatArray, length: float
 ) -> list[list[SlowNoise | None]]:
     """Noise slower than a run, of each axis of streams of one kind, (S, 3)."""
-    if length < _CREST:
-        return [[None] * 3 for _ in amplitude]
     low = int(np.searchsorted(frequency, _UNBINNED))
-    frequency = frequency[:low]
-    power, rival = (x[..., :low].reshape(-1, low) for x in (amplitude**2, shape))
-    slow = slow_noise(frequency, power, rival, length)
+    frequency, power = frequency[:low], (amplitude[..., :low] ** 2).reshape(-1, low)
+    slow = slow_noise(frequency, power, length)
     flat = [
         _widest_flat_band(frequency, own / one.spectrum(frequency))[1] == low
         for own, one in zip(power, slow, strict=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
@@ -139,7 +139,7 @@ def settled_part(
     origin: int,
     shortest: int,
     *,
-    left: Sequence[Left],
+    left: Left | None,
     rough: bool,
 ) -> Settled | None:
     """Cut both ends of [begin, end) until they fit the rest; None where nothing is left.
@@ -191,14 +191,14 @@ def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
 
 
 def _without_decay(
-    stretch: Stretch, part: Settled, visible: int, shortest: int, left: Sequence[Left]
+    stretch: Stretch, part: Settled, visible: int, shortest: int, left: Left | None
 ) -> Settled:
     """Cut further until what remains of a decay shifts no mean by more than a fraction of its se.
 
     A tail too small to see in itself still shifts a long mean, so the decay is measured where it
     is visible: y = c + a e^{−t/τ} from bin `visible` on, one τ for all axes, and extrapolated.
     """
-    if part.decay is None and not left:
+    if part.decay is None and left is None:
         return part
     long_run = stretch.long_run[stretch.force]
     start = np.arange(part.begin, max(part.end - shortest, part.begin) + 1)
@@ -211,8 +211,8 @@ def _without_decay(
         # Σ e^{−t/τ} over [start, end), over the standard error of a sum of as many bins.
         decay = np.exp(-(start - visible) / tau) * -np.expm1(-length / tau) / -np.expm1(-1.0 / tau)
         square += (worst * decay) ** 2 / length
-    for bias_of in left:
-        bias = bias_of(start, part.end)
+    if left is not None:
+        bias = left(start, part.end)
         relative = np.divide(bias, long_run, out=np.zeros_like(bias), where=long_run > 0)
         square += relative.max(axis=1) ** 2 * length
     ratio = np.sqrt(square)

@@ -54,20 +54,18 @@ class SlowNoise:
         return np.asarray((self.white + self.slow * reach) @ self.weight)
 
 
-def slow_noise(
-    frequency: FloatArray, power: FloatArray, rival: FloatArray, length: float
-) -> list[SlowNoise | None]:
+def slow_noise(frequency: FloatArray, power: FloatArray, length: float) -> list[SlowNoise | None]:
     """Fit squared ordinates (A, F) of axes of one kind at ascending frequencies, each axis alone.
 
     Axes share what is slow, and how it compares with the white noise unless far likelier otherwise.
-    None where white noise is about as likely, or the rival spectra (A, F), known but for a factor
-    each, far likelier. length : of a stop, bins; what relaxes slower looks like this or 1/f noise.
+    None where white noise is about as likely. length : of a stop, bins; what relaxes slower looks
+    like this or 1/f noise.
     """
     alive = power.any(axis=1)
     found: list[SlowNoise | None] = [None] * len(power)
     if power.shape[1] < _FEWEST or not alive.any():
         return found
-    power, rival = power[alive], rival[alive]
+    power = power[alive]
     octave = np.floor(_PER_OCTAVE * np.log2(frequency / frequency[0]))
     first = np.flatnonzero(np.diff(octave, prepend=-1.0))
     count = np.diff(np.append(first, power.shape[1]))
@@ -80,9 +78,8 @@ def slow_noise(
     white = np.einsum("ab,mrb->mra", mean * share, 1.0 / shape)
     cost = power.shape[1] * (np.log(white) + (np.log(shape) @ share)[..., None])
     plain = float(power.shape[1] * np.log(mean @ share).sum())
-    known = np.log(np.mean(power / rival, axis=1)) + np.log(rival).mean(axis=1)
     least = float(cost.min(axis=1).sum(axis=1).min())
-    if plain - least <= SLOW_NOISE or least - power.shape[1] * float(known.sum()) > SLOW_NOISE:
+    if plain - least <= SLOW_NOISE:
         return found
     weight = _weights(cost, float(np.log(power.size)))
     for axis, place in enumerate(np.flatnonzero(alive)):

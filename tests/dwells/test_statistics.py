@@ -178,7 +178,7 @@ def test_means_over_a_campaign_scatter_as_the_fitted_noise_says() -> None:
         order = np.argsort(np.tile(frequency, stops), kind="stable")
         low = order[: int((frequency < 0.125).sum()) * stops]
         f_low, power = np.tile(frequency, stops)[low], power.reshape(3, -1)[:, low]
-        found = slow_noise(f_low, power, np.ones_like(power), float(length))
+        found = slow_noise(f_low, power, float(length))
         flicker = [one.weight[np.isinf(one.relaxation)].sum() for one in found if one is not None]
         assert flicker == pytest.approx([float(tau is None)] * 3, abs=0.05)
         true = [np.array([x]) for x in (0.3, 0.5, np.inf if tau is None else tau, 1.0)]
@@ -192,4 +192,4 @@ def test_means_over_a_campaign_scatter_as_the_fitted_noise_says() -> None:
 def test_white_noise_is_not_slow() -> None:
     frequency = np.sort(np.tile(np.arange(2, 100) / 200.0, 10))
     power = np.random.default_rng(0).standard_normal((20, 3, len(frequency))) ** 2
-    assert not any(any(slow_noise(frequency, one, np.ones_like(one), 100.0)) for one in power)
+    assert not any(any(slow_noise(frequency, one, 100.0)) for one in power)
