@@ -24,6 +24,7 @@ from tdfscal.records import Dwells, FloatArray, LeftOut, Log
 from tdfscal.significance import DRIFT_PER_LOG
 
 _SETTLING = 10.0  # s; a change that lasts longer is drift, not settling
+_SAMPLE = 60  # rests that the first two rounds look at
 _MANY = 10  # dwells that show what is common
 _VIBRATION = 3.0  # largest factor that vibration may add to the noise of a line or bow
 
@@ -66,20 +67,21 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
 def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
     """The same from bins.
 
-    The search runs twice. A rough look at some of the stops shows the drift common to all dwells,
-    which is told from settling, and the noise of long means, which is weighed against the bias that
-    settling leaves.
+    The search runs three times: the first round shows the drift common to all dwells, which the
+    second tells from settling; this shows the noise of long means, which the third weighs against
+    the bias that settling leaves. A sample of the stops is enough for the first two.
     """
     field = prepare(bins, options or DwellOptions())
     rate, long_run = field.rate, field.long_run
-    extents, left_out = search(field, rate, long_run, rough=True)
-    if extents:
-        field = within(field, extents)
-        moments = dwell_moments(bins, extents)
-        rate = _common_drift(field, extents, moments)
-        found = _long_run(bins, moments)
-        long_run = np.where(found > 0, found, field.long_run)
-    extents, left_out = search(field, rate, long_run)
+    extents, left_out = search(field, rate, long_run, rough=True, some=_SAMPLE)
+    for some in (_SAMPLE, None):
+        if extents:
+            field = within(field, extents)
+            moments = dwell_moments(bins, extents)
+            rate = _common_drift(field, extents, moments)
+            found = _long_run(bins, moments)
+            long_run = np.where(found > 0, found, field.long_run)
+        extents, left_out = search(field, rate, long_run, some=some)
     dwells = _with_statistics(field, extents, left_out)
     if not len(dwells):
         return replace(dwells, absence=explain(bins, field.moving, field.shortest * bins.width))

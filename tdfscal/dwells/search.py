@@ -27,18 +27,24 @@ _UNSETTLED = 1.0  # bias / standard error that a dwell may not exceed
 _TRANSIENT = 0.6  # s; a level held for less, and left again, is the crest of an oscillation
 _CLEAR = 0.1  # largest share of a rest that is kept clear of each neighbouring move
 _ONSET = 25  # bins looked at to see how a move begins
-_SAMPLE = 60  # rests that a rough search looks at
 _NEIGHBOURS = 32  # stretches of rest whose sums are taken at once
 
 
 def search(
-    field: Field, rate: FloatArray, long_run: FloatArray, *, rough: bool = False
+    field: Field,
+    rate: FloatArray,
+    long_run: FloatArray,
+    *,
+    rough: bool = False,
+    some: int | None = None,
 ) -> tuple[list[Extent], list[LeftOut]]:
     """Dwells of all stretches of rest, and what is left out.
 
+    some : look at so many rests at most, evenly over the log.
+    rough : take what may still be biased by the end of settling, for a first look at the noise.
+
     rate : (3n,), N/s, drift of the forces to take out before levels are compared.
     long_run : (6n,), positions first; see `Stretch`.
-    rough : of some rests, evenly over the log, and with what may be biased by the end of settling.
     """
     axes = len(field.positions.value)
     extents: list[Extent] = []
@@ -47,7 +53,7 @@ def search(
     first, last = runs(~field.moving)
     named = (last - first) * field.bins.width >= _MENTIONED
     first, last = first[named], last[named]
-    chosen = evenly(len(first), _SAMPLE if rough else len(first))
+    chosen = evenly(len(first), some or len(first))
     first, last = first[chosen], last[chosen]
     clear = first + _kept_clear(field, first, last, after=True)
     latest = last - _kept_clear(field, first, last, after=False)
