@@ -12,7 +12,7 @@ import numpy as np
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
-from tdfscal.records import Dwells, FloatArray
+from tdfscal.records import BoolArray, Dwells, FloatArray
 
 _LEVELS = np.array([0.25, 0.5, 0.75])
 _CLEAR = 40.0  # change / noise of a bin's mean, from which a move shows its time
@@ -61,15 +61,27 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
     bins : of the whole log. dwells : found in it.
     """
     n = len(bins.supports)
+    mean = bins.mean.transpose(1, 2, 0).reshape(6 * n, -1)  # (6n, B), positions first
+    kinds = (
+        (mean[: 3 * n], bins.count[:, :n], dwells.position.reshape(-1, 3 * n)),
+        (mean[3 * n :], bins.count[:, n:], dwells.force.reshape(-1, 3 * n)),
+    )
     found = []
     for k in evenly(max(len(dwells) - 1, 0), _MOST):
-        if dwells.start[k + 1] - dwells.end[k] > _LONGEST:
+        end, start = dwells.end[k], dwells.start[k + 1]
+        if start - end > _LONGEST:
             continue
-        position = _passing(
-            bins, slice(0, n), dwells.position[k : k + 2], dwells.end[k], dwells.start[k + 1]
-        )
-        force = _passing(
-            bins, slice(n, 2 * n), dwells.force[k : k + 2], dwells.end[k], dwells.start[k + 1]
+        part = slice(*np.searchsorted(bins.start, [end - _MARGIN, start + _MARGIN]))
+        time = bins.start[part] + 0.5 * bins.width
+        position, force = (
+            _passing(
+                value[:, part],
+                np.asarray((count[part] > 0).all(axis=1)),
+                time,
+                level[k : k + 2],
+                end,
+            )
+            for value, count, level in kinds
         )
         if position is not None and force is not None:
             found.append(float(np.mean(force - position)))
@@ -82,23 +94,20 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
 
 
 def _passing(
-    bins: Bins, streams: slice, level: FloatArray, end: float, start: float
+    value: FloatArray, known: BoolArray, time: FloatArray, level: FloatArray, end: float
 ) -> FloatArray | None:
-    """Times (3,), s, at which the streams pass the levels on the way; None where it is unclear.
+    """Times (3,), s, at which streams pass the levels on the way; None where it is unclear.
 
-    level : (2, n, 3), before and after. end, start : s, of the dwells about the move.
+    value : (3n, T), known in some bins (T,), at times (T,), s. level : (2, 3n), before and after.
+    end : s, of the dwell before.
     """
-    first, last = np.searchsorted(bins.start, [end - _MARGIN, start + _MARGIN])
-    mean = bins.mean[first:last, streams]
-    known = (bins.count[first:last, streams] > 0).all(axis=1)
-    if known.sum() < 4:
-        return None
     change = level[1] - level[0]
-    size = float((change**2).sum())
-    if size == 0.0:
+    size = float(change @ change)
+    if known.sum() < 4 or size == 0.0:
         return None
-    share = ((mean[known] - level[0]) * change).sum(axis=(1, 2)) / size
-    time = bins.start[first:last][known] + 0.5 * bins.width
+    if not known.all():
+        value, time = value[:, known], time[known]
+    share = change @ (value - level[0][:, None]) / size
     still = time < end
     noise = float(np.std(share[still])) if still.sum() > 3 else np.inf
     if noise * _CLEAR > 1.0:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -47,7 +48,7 @@ class Signals:
     quantum: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Noise:
     """Standard deviation of the difference of neighbouring window means, (scales, A).
 
@@ -73,22 +74,26 @@ class Noise:
         ratio = np.sqrt(2.0**level / (2.0 * n))
         return np.asarray(self.difference[level] * ratio[..., None])
 
-    def of_part(self, length: IntArray, whole: IntArray) -> FloatArray:
+    @cached_property
+    def _apart(self) -> FloatArray:
+        """V of windows of 1, 2, 4 … bins less what the longest have in common, (scales + 1, A)."""
+        square = 0.25 * self.difference**2
+        return np.cumsum(np.concatenate([square, square[-1:]])[::-1], axis=0)[::-1]
+
+    def of_part(self, length: IntArray, whole: int) -> FloatArray:
         """Variance by which means of windows depart from that of a neighbour (..., A), in bins.
 
         length : of a window within a stretch, whole : of that and of the neighbour, no shorter.
         With D² the variance of a difference of neighbours and V that of a mean, V(W) − V(2W) =
         D²(W) / 4 whatever the autocorrelation; added is D² of the stretch and its neighbour.
+        V goes with 1/W between the lengths that were measured.
         """
-        square = 0.25 * self.difference**2
-        # V less what the longest windows have in common, at lengths 1, 2, 4 …, and 1/W between.
-        V = np.cumsum(np.concatenate([square, square[-1:]])[::-1], axis=0)[::-1]
-        size = np.maximum([length, whole], 1.0)
-        level = np.minimum(np.log2(size).astype(np.int64), len(square) - 1)
-        share = (2.0 ** (level + 1) / size - 1.0)[..., None]
-        own = V[level + 1] + share * (V[level] - V[level + 1])
-        own = np.where(share < 0.0, V[level + 1] * (1.0 + share), own)
-        return np.asarray(own[0] - own[1] + 2.0 * self.of_mean(whole) ** 2)
+        size = np.maximum([*length, whole], 1.0)
+        level = np.minimum(np.log2(size).astype(np.int64), len(self.difference) - 1)
+        share = (2.0 ** (level + 1) / size - 1.0)[:, None]
+        short, long = self._apart[level], self._apart[level + 1]
+        own = np.where(share < 0.0, long * (1.0 + share), long + share * (short - long))
+        return np.asarray(own[:-1] - own[-1] + 2.0 * self.of_mean(whole) ** 2)
 
 
 def signals(bins: Bins, streams: slice) -> Signals:

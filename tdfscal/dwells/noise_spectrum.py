@@ -4,12 +4,12 @@ Each run's bin means (each weighted by √samples, so that white noise has ordin
 whatever the bins hold) are cosine-transformed, which gives independent ordinates of the spectrum.
 Orders 0 and 1 are the mean and the drift; the others are averaged from the lowest frequency
 upwards, by octaves, as long as a wider band agrees with all narrower ones (Lepski's rule). White
-noise uses the whole band, correlated noise only where its spectrum is flat. The same is tried after
-dividing by the shape of white noise plus a first-order autoregression, fitted to the first
-autocovariances, and the wider band wins.
+noise uses the whole band, correlated noise only where its spectrum is flat. Of short stops the same
+is tried after dividing by the shape of white noise plus a first-order autoregression, fitted to the
+first autocovariances, and the wider band wins.
 
-Noise that is slower than a stop has no flat band there; where its fitted spectrum is flat over all
-the band (`slow_noise`), that is carried on.
+Noise that is slower than a stop has no flat band there; where its fitted spectrum fits all the band
+(`slow_noise`), that is carried on.
 """
 
 from __future__ import annotations

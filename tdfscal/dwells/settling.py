@@ -179,15 +179,15 @@ def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
     many = len(lengths)
     at = np.concatenate([begin + lengths, end - lengths, (begin, middle, end)]) - stretch.start
     total = stretch.total[at]
-    windows, (first, half, last) = total[: 2 * many].reshape(2, many, -1), total[2 * many :]
-    windows[0] -= first
-    np.subtract(last, windows[1], out=windows[1])
-    windows /= lengths[:, None]
-    halves = np.stack([(last - half) / (end - middle), (half - first) / (middle - begin)])
-    variance = stretch.noise.of_part(lengths, np.full(many, middle - begin))
-    misfit = stretch.misfit(windows - halves[:, None], variance, SETTLING_CUT)
-    first = np.where(misfit.any(axis=1), lengths[misfit.argmax(axis=1)], 0)
-    return int(first[0]), int(first[1])
+    first, half, last = total[2 * many :]
+    windows = np.empty((2, many, len(first)))
+    windows[0] = (total[:many] - first) / lengths[:, None] - (last - half) / (end - middle)
+    windows[1] = (last - total[many : 2 * many]) / lengths[:, None]
+    windows[1] -= (half - first) / (middle - begin)
+    variance = stretch.noise.of_part(lengths, middle - begin)
+    misfit = stretch.misfit(windows, variance, SETTLING_CUT)
+    head, tail = np.where(misfit.any(axis=1), lengths[misfit.argmax(axis=1)], 0).tolist()
+    return head, tail
 
 
 def _without_decay(
