@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from tdfscal.simulation import (
     Options,
     Recorder,
     Run,
-    Survey,
     SurveyOptions,
     reference_rig,
     run,
@@ -32,28 +31,17 @@ from tdfscal.simulation.months import simulate_months
 
 LogFormat = Literal["csv", "parquet", "mcap"]
 
-#: What writes a log, and the rig file's `log` block that reads it.
-_FORMATS: dict[
-    LogFormat, tuple[Callable[[Path, Log], None], Callable[[Log], dict[str, Any] | None]]
-] = {
-    "csv": (table_log.write_csv, table_log.csv_block),
-    "parquet": (table_log.write_parquet, table_log.parquet_block),
-    "mcap": (mcap_log.write_mcap, mcap_log.mcap_block),
+#: What writes a log, and returns the rig file's `log` block that reads it.
+_FORMATS: dict[LogFormat, Callable[[Path, Log], dict[str, Any]]] = {
+    "csv": table_log.write_csv,
+    "parquet": table_log.write_parquet,
+    "mcap": mcap_log.write_mcap,
 }
 #: What the rig file of a campaign in motion says of the delay, s.
 STATED_DELAY = {"value": 0.0, "std": 0.02}
 #: What `simulate` writes; the first says the SHA-256 of the others.
-_OURS = (
-    "truth.yaml",
-    "rig.yaml",
-    "log.csv",
-    "log.parquet",
-    "log.mcap",
-    "tracker/nominal.csv",
-    "tracker/targets.csv",
-    "tracker/servo.csv",
-    "tracker/moves.csv",
-)
+_TRUTH = "truth.yaml"
+_OURS = ("rig.yaml", "log.csv", "log.parquet", "log.mcap", *documents.TRACKER_FILES)
 
 
 def simulate_to_folder(
@@ -83,7 +71,10 @@ def simulate_to_folder(
     Raises UsageError for an unknown scenario or format, impossible numbers, or a folder that is
     not empty (unless overwrite); RigError and NotConvergedError as `simulate_campaign`.
     """
-    _check_format(format)
+    if format not in _FORMATS:
+        raise UsageError(
+            f"there is no log format {format!r}", hint=f"choose from {', '.join(_FORMATS)}"
+        )
     _check_folder(folder, overwrite)
     options = Options(
         postures=postures,
@@ -125,15 +116,21 @@ def _months(
     if months < 1:
         raise UsageError(f"{months} months asked for", hint="ask for one or more")
     played = simulate_months(rig, options, np.random.default_rng(seed), months)
-    story = {"name": "months", "seed": seed}
+    runs = [Run("months", rig, c.truth, c, None) for c in played.campaigns]
     with together():
         make_folder(folder)
-        for date, campaign in zip(played.dates, played.campaigns, strict=True):
+        for date, of_month in zip(played.dates, runs, strict=True):
             place = folder / date[:7]
-            write_campaign(campaign, place, format=format, scenario=story, overwrite=overwrite)
-        documents.write_yaml(folder / "truth.yaml", documents.months_document(played, story))
-    last = played.campaigns[-1]
-    return Run("months", rig, last.truth, last, None)
+            write_run(of_month, place, format=format, seed=seed, overwrite=overwrite)
+        story = {"name": "months", "seed": seed}
+        documents.write_yaml(folder / _TRUTH, documents.months_document(played, story))
+    return runs[-1]
+
+
+def write_campaign(campaign: Campaign, folder: Path, *, format: LogFormat) -> tuple[Path, ...]:
+    """Write a campaign without a tracker session; see `write_run`."""
+    played = Run("self", campaign.rig, campaign.truth, campaign, None)
+    return write_run(played, folder, format=format)
 
 
 def write_run(
@@ -144,42 +141,48 @@ def write_run(
     seed: int | None = None,
     overwrite: bool = False,
 ) -> tuple[Path, ...]:
-    """Write a played scenario; see `write_campaign`. Of one in motion a delay's std is stated."""
-    story: dict[str, Any] = {"name": played.scenario} | ({} if seed is None else {"seed": seed})
-    campaign, moving, survey = played.campaign, played.moving, played.survey
-    if campaign is not None:
-        return write_campaign(
-            campaign, folder, format=format, session=survey, scenario=story, overwrite=overwrite
-        )
-    if moving is None:
-        truth = documents.truth_document(played.rig, played.truth, story, survey)
-        return _write_folder(folder, format, played.rig, None, survey, truth, overwrite)
-    truth = documents.moving_truth_document(moving, story, survey)
-    return _write_folder(
-        folder, format, moving.rig, moving.log, survey, truth, overwrite, delay=STATED_DELAY
-    )
+    """Write rig.yaml, log.csv | .parquet | .mcap, truth.yaml and, with a survey, tracker/*.csv.
 
+    The log holds the campaign's doubles to the last bit (CSV: positions in mm, to one rounding);
+    of one in motion a delay's std is stated. Nothing appears before all of it is written. With
+    overwrite, a campaign that stands in the folder is replaced and other files are left alone.
+    Returns the files.
 
-def write_campaign(
-    campaign: Campaign,
-    folder: Path,
-    *,
-    format: LogFormat,
-    session: Survey | None = None,
-    scenario: Mapping[str, Any] | None = None,
-    overwrite: bool = False,
-) -> tuple[Path, ...]:
-    """Write rig.yaml, log.csv | .parquet | .mcap, truth.yaml and, with a session, tracker/*.csv.
-
-    The log holds the campaign's doubles to the last bit (CSV: positions in mm, to one rounding).
-    Nothing appears before all of it is written. With overwrite, a campaign that stands in the
-    folder is replaced and other files are left alone. Returns the files.
-
-    Raises UsageError for an unknown format, signals that do not fit it, or a folder that is not
-    empty.
+    Raises UsageError for signals that do not fit the format, or a folder that is not empty.
     """
-    truth = documents.posture_truth_document(campaign, scenario or {}, session)
-    return _write_folder(folder, format, campaign.rig, campaign.log, session, truth, overwrite)
+    _check_folder(folder, overwrite)
+    recorded, survey = played.campaign or played.moving, played.survey
+    rig = played.rig if recorded is None else recorded.rig
+    story = {"name": played.scenario} | ({} if seed is None else {"seed": seed})
+    block: dict[str, Any] = {}
+    tracker = None
+    try:
+        with together() as outputs:
+            make_folder(folder)
+            if recorded is not None:
+                block = _write_log(folder / f"log.{format}", recorded.log, format)
+            if played.moving is not None:
+                block["delay"] = STATED_DELAY
+            if survey is not None:
+                point_files.write_session(folder / "tracker", survey.session)
+                tracker = documents.tracker_block(survey)
+            rig_file = documents.rig_document(rig, block or None, tracker)
+            documents.write_yaml(folder / "rig.yaml", rig_file)
+            beside = {staged.target: staged.beside for staged in outputs.staged}
+            files = {}
+            for name in _OURS:
+                place = Path(os.path.realpath(folder / name))
+                if place in beside:
+                    files[name] = _sha256(beside[place])
+                else:
+                    outputs.removed.append(folder / name)
+            truth = documents.truth_document(played, rig, story)
+            documents.write_yaml(folder / _TRUTH, truth | {"files": files})
+    except OSError as error:
+        raise UsageError(
+            f"the campaign cannot be written ({error.strerror or error})", where=str(folder)
+        ) from error
+    return tuple(folder / name for name in (*files, _TRUTH))
 
 
 def write_control_logs(
@@ -191,24 +194,14 @@ def write_control_logs(
     """
     make_folder(folder)
     blocks = [_write_log(folder / f"{name}.{form}", log, form) for name, log in logs]
-    documents.write_yaml(folder / "rig.yaml", documents.rig_document(rig, blocks[0]))
+    documents.write_yaml(folder / "rig.yaml", documents.rig_document(rig, blocks[0] or None))
     return [*(f"{name}.{form}" for name, _ in logs), "rig.yaml"]
 
 
-def _write_log(path: Path, log: Log, form: LogFormat) -> dict[str, Any] | None:
-    """Write a log; returns the rig file's block that reads it."""
-    write, block = _FORMATS[form]
+def _write_log(path: Path, log: Log, form: LogFormat) -> dict[str, Any]:
+    """Write a log; returns the rig file's `log` block that reads it."""
     with replacing(path) as beside:
-        write(beside, log)
-    return block(log)
-
-
-def _check_format(format: str) -> None:
-    if format not in get_args(LogFormat):
-        raise UsageError(
-            f"there is no log format {format!r}",
-            hint=f"choose from {', '.join(get_args(LogFormat))}",
-        )
+        return _FORMATS[form](beside, log)
 
 
 def _check_folder(folder: Path, overwrite: bool) -> None:
@@ -224,7 +217,7 @@ def _check_folder(folder: Path, overwrite: bool) -> None:
             hint="name a new folder, or replace what is in it with --force",
         )
     written = _written_before(folder)
-    for name in _OURS[1:]:
+    for name in _OURS:
         path = folder / name
         if path.is_file() and written.get(name) != _sha256(path):
             raise UsageError(
@@ -236,7 +229,7 @@ def _check_folder(folder: Path, overwrite: bool) -> None:
 
 def _written_before(folder: Path) -> dict[str, Any]:
     """SHA-256 of what `simulate` wrote into a folder, by name."""
-    truth = folder / _OURS[0]
+    truth = folder / _TRUTH
     if not truth.is_file():
         return {}
     content = read_document(truth, DataError).content
@@ -253,46 +246,3 @@ def _written_before(folder: Path) -> dict[str, Any]:
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _write_folder(
-    folder: Path,
-    format: LogFormat,
-    rig: Rig,
-    log: Log | None,
-    survey: Survey | None,
-    truth: dict[str, Any],
-    overwrite: bool,
-    **stated: Any,
-) -> tuple[Path, ...]:
-    """Write a folder; its files appear together, and what `simulate` left there before goes.
-
-    stated : further keys of the rig file's `log` block.
-    """
-    _check_format(format)
-    _check_folder(folder, overwrite)
-    block = tracker = None
-    try:
-        with together() as outputs:
-            make_folder(folder)
-            if log is not None:
-                block = _write_log(folder / f"log.{format}", log, format)
-            if survey is not None:
-                point_files.write_session(folder / "tracker", survey.session)
-                tracker = documents.tracker_block(survey)
-            rig_file = documents.rig_document(rig, {**(block or {}), **stated} or None, tracker)
-            documents.write_yaml(folder / "rig.yaml", rig_file)
-            beside = {staged.target: staged.beside for staged in outputs.staged}
-            files = {}
-            for name in _OURS[1:]:
-                place = Path(os.path.realpath(folder / name))
-                if place in beside:
-                    files[name] = _sha256(beside[place])
-                else:
-                    outputs.removed.append(folder / name)
-            documents.write_yaml(folder / _OURS[0], truth | {"files": files})
-    except OSError as error:
-        raise UsageError(
-            f"the campaign cannot be written ({error.strerror or error})", where=str(folder)
-        ) from error
-    return tuple(folder / name for name in (*files, _OURS[0]))

@@ -12,14 +12,14 @@ import numpy as np
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.records import CampaignInfo, Drift, Rig, SensorInfo, UncertainValue
-from tdfscal.simulation import Campaign, MovingCampaign, Survey, Truth
+from tdfscal.simulation import Run, Survey
 from tdfscal.simulation.months import Months
 
-TRACKER_BLOCK = {
-    "length_unit": "mm",
+_TRACKER: dict[str, Any] = {
     "targets": {"nominal": "tracker/nominal.csv", "measured": "tracker/targets.csv"},
     "moves": {"servo": "tracker/servo.csv", "measured": "tracker/moves.csv"},
 }
+TRACKER_FILES = tuple(path for block in _TRACKER.values() for path in block.values())
 #: Of the truth, what each support has of its own.
 _OF_A_SUPPORT = ("rotation", "rpy", "zero", "sensitivity", "hinge", "datum", "stiffness")
 
@@ -53,10 +53,8 @@ def rig_document(
         document["campaign"] = campaign
     if rig.serial is not None:
         document["serial"] = rig.serial
-    if log is not None:
-        document["log"] = dict(log)
-    if tracker is not None:
-        document["tracker"] = dict(tracker)
+    blocks = {"log": log, "tracker": tracker}
+    document |= {name: dict(block) for name, block in blocks.items() if block is not None}
     document["acceptance"] = _acceptance(rig)
     return document
 
@@ -69,7 +67,7 @@ def tracker_block(survey: Survey) -> dict[str, Any]:
     }
     if survey.misalignment > 0.0:
         block["misalignment"] = survey.misalignment
-    return {**block, **TRACKER_BLOCK}
+    return {**block, "length_unit": "mm", **_TRACKER}
 
 
 def _known(known: UncertainValue) -> dict[str, Any]:
@@ -121,15 +119,19 @@ def _acceptance(rig: Rig) -> dict[str, Any]:
     return block
 
 
-def truth_document(
-    rig: Rig, truth: Truth, scenario: Mapping[str, Any], survey: Survey | None = None
-) -> dict[str, Any]:
-    """truth.yaml: what an estimate is to be judged by, and how the campaign was made."""
+def truth_document(played: Run, rig: Rig, scenario: Mapping[str, Any]) -> dict[str, Any]:
+    """truth.yaml: what an estimate is to be judged by, and how the campaign was made.
+
+    Of postures: dwells (s), forces (N, BCS), commanded rotations.
+    """
+    truth, campaign, moving = played.truth, played.campaign, played.moving
+    recorded = campaign or moving
+    options = {} if recorded is None else {"options": plain(asdict(recorded.options))}
     document: dict[str, Any] = {
         "format": "tdfscal-truth/1",
         "convention": "F_bcs = rotation · (I + sensitivity)⁻¹ (F_sensor − zero); "
         "rotation = Rz(yaw)·Ry(pitch)·Rx(roll); hinge centre = servo + datum + deflection",
-        "scenario": dict(scenario),
+        "scenario": {**scenario, **options},
         "supports": [
             {"name": name, **{key: getattr(truth, key)[i].tolist() for key in _OF_A_SUPPORT}}
             for i, name in enumerate(rig.supports)
@@ -137,47 +139,26 @@ def truth_document(
         "terminal": {"mass": float(truth.mass), "barycenter": truth.barycentre.tolist()},
         "gravity": truth.gravity.tolist(),
     }
-    if survey is not None:
+    if played.survey is not None:
         keys = ("rotation", "translation", "body", "offset")
-        document["tracker"] = {key: getattr(survey, key).tolist() for key in keys}
-    return document
-
-
-def _with_options(
-    campaign: Campaign | MovingCampaign, scenario: Mapping[str, Any], survey: Survey | None
-) -> dict[str, Any]:
-    story = {**scenario, "options": plain(asdict(campaign.options))}
-    return truth_document(campaign.rig, campaign.truth, story, survey)
-
-
-def posture_truth_document(
-    campaign: Campaign, scenario: Mapping[str, Any], survey: Survey | None
-) -> dict[str, Any]:
-    """truth.yaml of a campaign of postures: dwells (s), forces (N, BCS), commanded rotations."""
-    document = _with_options(campaign, scenario, survey)
-    rotation = campaign.postures.pose.rotation
-    columns = (campaign.start, campaign.end, campaign.force, rotation)
-    document["postures"] = [
-        dict(zip(("start", "end", "force", "rotation"), row, strict=True))
-        for row in zip(*(column.tolist() for column in columns), strict=True)
-    ]
-    return document
-
-
-def moving_truth_document(
-    campaign: MovingCampaign, scenario: Mapping[str, Any], survey: Survey | None
-) -> dict[str, Any]:
-    """truth.yaml of a campaign without a stop."""
-    document = _with_options(campaign, scenario, survey)
-    document["terminal"]["inertia"] = campaign.inertia.tolist()
-    document["motion"] = {
-        "delay": campaign.options.delay,
-        "friction": campaign.options.friction,
-        "contacts": [
-            {"begin": touch.begin, "end": touch.end, "force": list(touch.force)}
-            for touch in campaign.options.touches
-        ],
-    }
+        document["tracker"] = {key: getattr(played.survey, key).tolist() for key in keys}
+    if campaign is not None:
+        rotation = campaign.postures.pose.rotation
+        columns = (campaign.start, campaign.end, campaign.force, rotation)
+        document["postures"] = [
+            dict(zip(("start", "end", "force", "rotation"), row, strict=True))
+            for row in zip(*(column.tolist() for column in columns), strict=True)
+        ]
+    if moving is not None:
+        document["terminal"]["inertia"] = moving.inertia.tolist()
+        document["motion"] = {
+            "delay": moving.options.delay,
+            "friction": moving.options.friction,
+            "contacts": [
+                {"begin": touch.begin, "end": touch.end, "force": list(touch.force)}
+                for touch in moving.options.touches
+            ],
+        }
     return document
 
 

@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.files.writers.ros2_messages import POINT, TEMPERATURE, WRENCH, definition, stamped
+from tdfscal.files.writers.ros2_messages import (
+    POINT,
+    TEMPERATURE,
+    WRENCH,
+    definition,
+    recorder,
+    stamped,
+)
 from tdfscal.files.writers.table_log import rows_of
 from tdfscal.records import Log, Series
 
@@ -17,8 +24,31 @@ LATENCY_NS = 400_000
 """From a message's stamp to its arrival at the recorder."""
 
 
-def mcap_block(log: Log) -> dict[str, Any]:
-    """The rig file's `log` block that reads what `write_mcap` writes."""
+def write_mcap(path: Path, log: Log) -> dict[str, Any]:
+    """Topics `/ncpN/position` (m), `/tdfsN/wrench` (N), N from 1, and `/hall/temperature` (°C).
+
+    Messages come in order of time. Returns the rig file's `log` block that reads them.
+    """
+    topics: list[tuple[str, str, str, int, Series]] = []
+    for i, (position, force) in enumerate(zip(log.position, log.force, strict=True), 1):
+        topics.append((f"/tdfs{i}/wrench", f"tdfs{i}", WRENCH, 6, force))
+        topics.append((f"/ncp{i}/position", "bcs", POINT, 3, position))
+    for series in log.temperature:
+        warmth = Series(series.time, series.value[:, :1])
+        topics.append(("/hall/temperature", "hall", TEMPERATURE, 2, warmth))
+    with recorder(path, "tdfscal") as writer:
+        kinds = dict.fromkeys(kind for _, _, kind, _, _ in topics)
+        schema = {kind: writer.register_schema(kind, "ros2msg", definition(kind)) for kind in kinds}
+        channels = [writer.register_channel(t, "cdr", schema[kind]) for t, _, kind, _, _ in topics]
+        streams = [_serialise(series, frame, size) for _, frame, _, size, series in topics]
+        stamp = np.concatenate([stamps for stamps, _ in streams])
+        source = np.repeat(np.arange(len(streams)), [len(s) for s, _ in streams])
+        sequence = np.concatenate([np.arange(len(s)) for s, _ in streams])
+        order = np.lexsort((source, stamp))
+        columns = (column[order].tolist() for column in (stamp, source, sequence))
+        for at, s, q in zip(*columns, strict=True):
+            data = streams[s][1][q]
+            writer.add_message(channels[s], at + LATENCY_NS, data, publish_time=at, sequence=q)
     return {
         **rows_of(log),
         "time": {"source": "header"},
@@ -34,51 +64,6 @@ def mcap_block(log: Log) -> dict[str, Any]:
             for i, name in enumerate(log.supports, 1)
         },
     }
-
-
-def write_mcap(path: Path, log: Log) -> None:
-    """Topics `/ncpN/position` (m), `/tdfsN/wrench` (N), N from 1, and `/hall/temperature` (°C).
-
-    Messages come in order of time.
-    """
-    from mcap.writer import CompressionType, Writer
-
-    with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
-        writer.start(profile="ros2", library="tdfscal")
-        schema = {
-            name: writer.register_schema(name, "ros2msg", definition(name))
-            for name in (WRENCH, POINT, *([TEMPERATURE] if log.temperature else []))
-        }
-        channels: list[int] = []
-        streams: list[tuple[np.ndarray[Any, Any], list[bytes]]] = []
-        for i, (position, force) in enumerate(zip(log.position, log.force, strict=True), 1):
-            for topic, frame, name, series in (
-                (f"/tdfs{i}/wrench", f"tdfs{i}", WRENCH, force),
-                (f"/ncp{i}/position", "bcs", POINT, position),
-            ):
-                channels.append(writer.register_channel(topic, "cdr", schema[name]))
-                streams.append(_serialise(series, frame, 6 if name == WRENCH else 3))
-        for series in log.temperature:
-            channels.append(
-                writer.register_channel("/hall/temperature", "cdr", schema[TEMPERATURE])
-            )
-            streams.append(_serialise(Series(series.time, series.value[:, :1]), "hall", 2))
-        stamp = np.concatenate([stamps for stamps, _ in streams])
-        source = np.repeat(np.arange(len(streams)), [len(s) for s, _ in streams])
-        sequence = np.concatenate([np.arange(len(s)) for s, _ in streams])
-        order = np.lexsort((source, stamp))
-        for at, s, q in zip(
-            stamp[order].tolist(), source[order].tolist(), sequence[order].tolist(), strict=True
-        ):
-            writer.add_message(
-                channels[s],
-                log_time=at + LATENCY_NS,
-                publish_time=at,
-                data=streams[s][1][q],
-                sequence=q,
-            )
-        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _serialise(

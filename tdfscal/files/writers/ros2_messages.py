@@ -1,12 +1,18 @@
-"""ROS 2 messages with a header as CDR, many at once."""
+"""ROS 2 messages with a header as CDR, many at once, and the recording that they stand in."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdfscal.records import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
 
 WRENCH, POINT = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PointStamped"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
@@ -18,6 +24,18 @@ def definition(name: str) -> bytes:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     return store.generate_msgdef(name, ros_version=2)[0].encode()
+
+
+@contextmanager
+def recorder(path: Path, library: str) -> Iterator[Writer]:
+    """A recording to be written; library : names the writer in its first record."""
+    from mcap.writer import CompressionType, Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library=library)
+        yield writer
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def stamped(stamp: IntArray, frame: str, value: FloatArray) -> list[bytes]:

@@ -15,45 +15,26 @@ AXES = ("x", "y", "z")
 _HALL = "T_hall_degC"
 
 
-def csv_block(log: Log) -> dict[str, Any]:
-    """The rig file's `log` block that reads what `write_csv` writes."""
-    return {
-        **rows_of(log),
-        "time": {"field": "t_s", "unit": "s"},
-        "length_unit": "mm",
-        "force_unit": "N",
-        "force_on": "terminal",
-        **({"temperature": _HALL} if log.temperature else {}),
-        "supports": {
-            name: {
-                "position": [f"NCP{i}_ActPos{a.upper()}" for a in AXES],
-                "force": [f"TDFS{i}_F{a}" for a in AXES],
-            }
-            for i, name in enumerate(log.supports, 1)
-        },
-    }
-
-
-def parquet_block(log: Log) -> dict[str, Any] | None:
-    """The rig file's `log` block for `write_parquet`: none where the defaults say it all."""
-    block = {**rows_of(log), **({"temperature": "temperature"} if log.temperature else {})}
-    return block or None
-
-
 def rows_of(log: Log) -> dict[str, Any]:
     """What a `log` block says of its rows where these are postures."""
     return {"rows": "postures"} if log.rows == "postures" else {}
 
 
-def write_csv(path: Path, log: Log) -> None:
+def write_csv(path: Path, log: Log) -> dict[str, Any]:
     """Positions in mm, forces in N, time in s; shortest decimals that read back as they are.
 
-    Raises UsageError where the signals do not share one clock.
+    Returns the rig file's `log` block. Raises UsageError where the signals do not share one clock.
     """
-    block = csv_block(log)["supports"]
+    supports = {
+        name: {
+            "position": [f"NCP{i}_ActPos{a.upper()}" for a in AXES],
+            "force": [f"TDFS{i}_F{a}" for a in AXES],
+        }
+        for i, name in enumerate(log.supports, 1)
+    }
     names = ["t_s"]
-    for support in log.supports:
-        names += [*block[support]["position"], *block[support]["force"]]
+    for fields in supports.values():
+        names += [*fields["position"], *fields["force"]]
     names += [_HALL] * len(log.temperature)
     scale = np.tile([MM] * 3 + [1.0] * 3, len(log.supports))
     warmth = [series.value[:, 0] for series in log.temperature]
@@ -61,12 +42,22 @@ def write_csv(path: Path, log: Log) -> None:
     with path.open("w", encoding="ascii", newline="\n") as file:
         file.write(",".join(names) + "\n")
         file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+    return {
+        **rows_of(log),
+        "time": {"field": "t_s", "unit": "s"},
+        "length_unit": "mm",
+        "force_unit": "N",
+        "force_on": "terminal",
+        **({"temperature": _HALL} if log.temperature else {}),
+        "supports": supports,
+    }
 
 
-def write_parquet(path: Path, log: Log) -> None:
+def write_parquet(path: Path, log: Log) -> dict[str, Any]:
     """SI units and default names (`time`, `<name>.x` … `<name>.fz`), page checksums on.
 
-    Raises UsageError where the signals do not share one clock.
+    Returns the rig file's `log` block: empty where the defaults say it all. Raises UsageError
+    where the signals do not share one clock.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -79,6 +70,7 @@ def write_parquet(path: Path, log: Log) -> None:
     names += ["temperature"] * len(log.temperature)
     table = pa.table(dict(zip(["time", *names], map(as_arrow, columns), strict=True)))
     pq.write_table(table, path, compression="zstd", write_page_checksum=True)
+    return {**rows_of(log), **({"temperature": "temperature"} if log.temperature else {})}
 
 
 def _clock(log: Log) -> FloatArray:

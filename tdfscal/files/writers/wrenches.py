@@ -16,7 +16,7 @@ import numpy as np
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.output_places import check_suffix
 from tdfscal.files.outputs import replacing
-from tdfscal.files.writers.ros2_messages import WRENCH, definition, stamped
+from tdfscal.files.writers.ros2_messages import WRENCH, definition, recorder, stamped
 from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.stream import WrenchPiece
@@ -107,24 +107,16 @@ def _table(beside: Path, about: Mapping[str, str], *, text: bool) -> Iterator[Ap
     import pyarrow as pa
     from pyarrow import csv, parquet
 
-    from tdfscal.files.arrow import as_arrow
-
     schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
     writer: Any
     if text:
         writer = csv.CSVWriter(beside, schema, write_options=csv.WriteOptions(quoting_style="none"))
     else:
-        writer = parquet.ParquetWriter(
-            beside,
-            schema,
-            compression="zstd",
-            use_dictionary=False,
-            write_statistics=False,
-            write_page_checksum=True,
-        )
+        compact = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
+        writer = parquet.ParquetWriter(beside, schema, write_page_checksum=True, **compact)
 
     def append(piece: WrenchPiece) -> None:
-        arrays = [as_arrow(v, _unknown(v)) for v in columns_of(piece).values()]
+        arrays = [pa.array(v, from_pandas=True) for v in columns_of(piece).values()]
         writer.write_table(pa.table(arrays, schema=schema))
 
     with writer:
@@ -137,11 +129,7 @@ def recording(path: Path, about: Mapping[str, str], frame: str) -> Iterator[Appe
 
     A piece of which a time has no place in a ROS stamp raises DataError.
     """
-    from mcap.writer import CompressionType, Writer
-
-    with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
-        writer.start(profile="ros2", library=LIBRARY)
+    with recorder(path, LIBRARY) as writer:
         schema = writer.register_schema(WRENCH, "ros2msg", definition(WRENCH))
         # rosbag2 asks for the profiles; empty stands for its defaults.
         qos = {"offered_qos_profiles": ""}
@@ -168,28 +156,26 @@ def recording(path: Path, about: Mapping[str, str], frame: str) -> Iterator[Appe
                     writer.add_message(channel, at, data=data, publish_time=at, sequence=k)
 
         yield append
-        writer.finish()  # type: ignore[no-untyped-call]
-
-
-def _unknown(values: FloatArray) -> Any:
-    finite = np.isfinite(values)
-    return None if finite.all() else ~finite
 
 
 def read_recording(path: Path) -> dict[str, FloatArray]:
-    """Read columns by their names in a table from what `WrenchRecording` wrote."""
+    """Read columns by their names in a table from what `recording` wrote."""
     from mcap.reader import make_reader
 
     columns: dict[str, FloatArray] = {}
+    messages: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
     with path.open("rb") as file:
-        messages: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
         for _, channel, message in make_reader(file).iter_messages():
             messages[channel.topic].append(message.data)
     for topic, prefix in TOPICS.items():
-        data = np.frombuffer(b"".join(messages[topic]), np.uint8).reshape(len(messages[topic]), -1)
-        values = np.ascontiguousarray(data[:, -48:]).view("<f8")
-        if not columns:
-            stamp: Any = np.ascontiguousarray(data[:, 4:12]).view([("s", "<i4"), ("ns", "<u4")])
-            columns["time"] = stamp["s"][:, 0] + stamp["ns"][:, 0] * 1e-9
-        columns |= {f"{prefix}{name}": values[:, k] for k, name in enumerate(COMPONENTS)}
+        size = len(messages[topic][0])
+        layout: Any = {
+            "names": ["sec", "nanosec", "wrench"],
+            "formats": ["<i4", "<u4", "6<f8"],
+            "offsets": [4, 8, size - 48],
+            "itemsize": size,
+        }
+        rows: Any = np.frombuffer(b"".join(messages[topic]), np.dtype(layout))
+        columns["time"] = rows["sec"] + rows["nanosec"] * 1e-9
+        columns |= {f"{prefix}{c}": rows["wrench"][:, k] for k, c in enumerate(COMPONENTS)}
     return columns
