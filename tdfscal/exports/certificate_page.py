@@ -5,11 +5,10 @@ from __future__ import annotations
 from tdfscal.exports.certificate import BLANK, DRAFT, ambient, days
 from tdfscal.exports.words import origin
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.records import ANGLES
 from tdfscal.reporting.html import render
-from tdfscal.reporting.layout import Facts, Report, Section, Table
+from tdfscal.reporting.layout import Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.phrases import inputs_table
-from tdfscal.reporting.traceability import provenance
+from tdfscal.reporting.traceability import decision_rule
 from tdfscal.significance import COVERAGE_FACTOR, EXPANDED_COVERAGE
 
 _K = f"U, k = {COVERAGE_FACTOR:g}"
@@ -38,7 +37,7 @@ def certificate_report(c: Calibration) -> Report:
         f"U is the expanded uncertainty with the coverage factor k = {COVERAGE_FACTOR:g}, which "
         f"covers {EXPANDED_COVERAGE:.1%} of a normal distribution (JCGM 100)."
     )
-    _, rule = next(row for row in _facts(provenance(c)) if row[0] == "Decision rule")
+    stated = (*origin(c), f"Command: {c.command}", f"Decision rule: {decision_rule(c)}.")
     return Report(
         title="Calibration certificate (draft)",
         subtitle=c.rig.name,
@@ -48,15 +47,10 @@ def certificate_report(c: Calibration) -> Report:
         sections=(
             Section("Object and measurement", (Facts(facts), _sensors(c))),
             Section("Results", (_angles(c), _zeros(c), statement)),
-            Section("Method and statements", (*origin(c), f"Command: {c.command}",
-                                              f"Decision rule: {rule}.", inputs_table(c.inputs))),
+            Section("Method and statements", (*stated, inputs_table(c.inputs))),
         ),
         created=c.created,
-    )  # fmt: skip
-
-
-def _facts(section: Section) -> tuple[tuple[str, str], ...]:
-    return next(block.rows for block in section.blocks if isinstance(block, Facts))
+    )
 
 
 def _sensors(c: Calibration) -> Table:
@@ -69,10 +63,12 @@ def _sensors(c: Calibration) -> Table:
 
 
 def _angles(c: Calibration) -> Table:
-    rows = tuple(
-        (s.name, angle, f"{1e3 * s.rpy[k]:.3f}", f"{1e3 * COVERAGE_FACTOR * s.rpy_std[k]:.3f}")
-        for s in c.mounted
-        for k, angle in enumerate(ANGLES)
+    rows = by_angle(
+        [s.name for s in c.mounted],
+        lambda i, k: (
+            f"{1e3 * c.mounted[i].rpy[k]:.3f}",
+            f"{1e3 * COVERAGE_FACTOR * c.mounted[i].rpy_std[k]:.3f}",
+        ),
     )
     return Table("Installation angles, mrad", ("sensor", "angle", "value", _K), rows, left=2)
 

@@ -148,7 +148,7 @@ def provenance(c: Calibration) -> Section:
         ("Seed", str(c.seed)),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
         ("Taken as exact", ", ".join(_exact(c)) or "nothing"),
-        ("Decision rule", _rule(c)),
+        ("Decision rule", decision_rule(c)),
         ("Convention", c.convention),
         ("Covariance", c.covariance.definition),
     )
@@ -172,7 +172,7 @@ def _exact(c: Calibration) -> list[str]:
     return exact
 
 
-def _rule(c: Calibration) -> str:
+def decision_rule(c: Calibration) -> str:
     """When a result is accepted (ISO/IEC 17025, 7.8.6)."""
     limits = c.rig.acceptance
     rule = (

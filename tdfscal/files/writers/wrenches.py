@@ -107,6 +107,8 @@ def _table(beside: Path, about: Mapping[str, str], *, text: bool) -> Iterator[Ap
     import pyarrow as pa
     from pyarrow import csv, parquet
 
+    from tdfscal.files.arrow import as_arrow
+
     schema = pa.schema([(name, pa.float64()) for name in COLUMNS], metadata=dict(about))
     writer: Any
     if text:
@@ -116,7 +118,7 @@ def _table(beside: Path, about: Mapping[str, str], *, text: bool) -> Iterator[Ap
         writer = parquet.ParquetWriter(beside, schema, write_page_checksum=True, **compact)
 
     def append(piece: WrenchPiece) -> None:
-        arrays = [pa.array(v, from_pandas=True) for v in columns_of(piece).values()]
+        arrays = [as_arrow(v, ~np.isfinite(v)) for v in columns_of(piece).values()]
         writer.write_table(pa.table(arrays, schema=schema))
 
     with writer:
