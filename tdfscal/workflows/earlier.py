@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
@@ -13,7 +13,6 @@ import numpy as np
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.parts import measured_document
-from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.model.calibrated import with_rotations
 from tdfscal.model.earlier import free_constants, joint_prior, turned
 from tdfscal.model.parameters import State
@@ -137,21 +136,15 @@ def _measured(file: CalibrationFile) -> Measured:
 
 def _alone(earlier: Earlier) -> dict[str, Any]:
     """The one campaign of a calibration, as a file with several lists it."""
-    file, std = earlier.file, earlier.state
-    mass, bary = file.terminal.mass, file.terminal.barycenter
-    stds = {
-        "zero": file.zero_std,
-        "mass": np.array(np.inf if mass.std is None else mass.std),
-        "barycentre": np.array([np.inf if s is None else s for s in bary.std]),
+    file = earlier.file
+    return {
+        "name": earlier.name,
+        "measured": measured_document(earlier.measured),
+        "inputs": file.inputs,
+        "zero": [support.zero for support in file.supports],
+        "zero_std": [support.zero_std for support in file.supports],
+        "terminal": file.terminal,
+        "postures": 0 if file.fit is None else file.fit.postures,
+        "chi2": earlier.chi2,
+        "dof": earlier.dof,
     }
-    return campaign_document(
-        earlier.name,
-        earlier.measured,
-        earlier.inputs,
-        earlier.state,
-        replace(std, **stds),
-        earlier.rig.axes,
-        postures=0 if file.fit is None else file.fit.postures,
-        chi2=earlier.chi2,
-        dof=earlier.dof,
-    )
