@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.files.calibration.log_time import origin_of
+from tdfscal.files.calibration.log_time import clock_from
 from tdfscal.records import FloatArray
 from tdfscal.validation.causes import Cause, Kind
 from tdfscal.validation.residual_wrench import Validation
@@ -87,7 +87,7 @@ def _pairs(value: FloatArray, std: FloatArray) -> str:
 
 def start_of(v: Validation, k: int) -> str:
     """Seconds at which a dwell begins; those of a date count from the first dwell."""
-    return f"{v.dwells.start[k] - origin_of(float(v.dwells.start[0])):.1f}"
+    return f"{v.dwells.start[k] - clock_from(float(v.dwells.start[0])).origin:.1f}"
 
 
 def lengths(wrench: FloatArray) -> FloatArray:

@@ -35,7 +35,6 @@ _LISTED = 8
 #: unknowns do so by chance in about one case of a thousand at six degrees of freedom.
 _BETTER = 3.0
 _LEAST_DOF = 6
-_INSTEAD = ("the uncertainties stated in the file stand in place of the instrument's",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +109,14 @@ def register(
             fewer = fit.dof / (fit.dof - 1) if fit.sigma is not None else 1.0
             covariance, ratio_std = beside.rigid_covariance * fewer, ratio_std * fewer**0.5
     scale_p = float(chi2_sf((ratio / ratio_std) ** 2, 1))
+    beside_it = []
+    if scale_p < SCALE_DIFFERS and not scale:
+        beside_it.append(
+            f"a scale of {ratio * 1e6:+.0f} ± {ratio_std * 1e6:.0f} ppm fits significantly better: "
+            "check temperature and units, or let --scale estimate it"
+        )
+    if instrument is not None and MEASURED_FILE in noise.measured:
+        beside_it.append("the uncertainties stated in the file stand in place of the instrument's")
     J = so3.rpy_jacobian(fit.rotation)
     return PointRegistration(
         names=survey.points.names,
@@ -136,8 +143,7 @@ def register(
         warnings=(
             *describe_unmatched(matched),
             *_doubts(matched, noise, survey),
-            *(_scale_doubt(ratio, ratio_std) if scale_p < SCALE_DIFFERS and not scale else ()),
-            *(_INSTEAD if instrument is not None and MEASURED_FILE in noise.measured else ()),
+            *beside_it,
         ),
     )
 
@@ -157,13 +163,6 @@ def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator
         yield apart
     if relabellings(survey.points.measured, survey.points.reference, survey.sigma):
         yield "the points are symmetric: they would fit under other names too"
-
-
-def _scale_doubt(ratio: float, std: float) -> tuple[str]:
-    return (
-        f"a scale of {ratio * 1e6:+.0f} ± {std * 1e6:.0f} ppm fits significantly better: check "
-        "temperature and units, or let --scale estimate it",
-    )
 
 
 def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit]:

@@ -109,6 +109,6 @@ def test_temperatures_are_one_for_all_or_one_each() -> None:
         with pytest.raises(PydanticCustomError) as refused:
             check_temperature(names, wrong)
         assert refused.value.context is not None
-        assert refused.value.context["place"] == ("log", "temperature")
+        assert refused.value.context["place"][:2] == ("log", "temperature")
         if odd:
             assert f"`{odd}`" in refused.value.context["said"]

@@ -188,18 +188,15 @@ class Calibration(Strict):
 
         An axis that is not measured has none: 0.
         """
-        return np.array(
-            [
-                [0.0 if z is None else np.inf if s is None else s for z, s in pairs]
-                for pairs in (zip(s.zero, s.zero_std, strict=True) for s in self.supports)
-            ]
-        )
+        measured = np.array([[z is not None for z in support.zero] for support in self.supports])
+        std = np.array([support.zero_std for support in self.supports], dtype=np.float64)
+        return np.where(measured, np.nan_to_num(std, nan=np.inf, posinf=np.inf), 0.0)
 
     @property
     def sensitivity(self) -> FloatArray:
         """(n, 3, 3), I + S; the identity where none was estimated."""
-        identity = tuple(map(tuple, np.eye(3).tolist()))
-        return np.array([support.sensitivity or identity for support in self.supports])
+        stated = (support.sensitivity for support in self.supports)
+        return np.array([np.eye(3) if scale is None else scale for scale in stated])
 
     def rotations(self) -> Rotations:
         """Return the rotations with their covariance as a record."""

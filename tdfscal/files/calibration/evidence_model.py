@@ -52,12 +52,7 @@ class Stretch(Strict):
 
 
 class PostureTable(Strict):
-    """The postures in the fit, column by column.
-
-    index counts all dwells from 0; start, end in s as the log counts them. left_out: stretches
-    that the search for dwells refused. force_std, moment_std: standard uncertainties of force_after
-    and moment_after, each axis, by what is stated.
-    """
+    """The postures in the fit, column by column."""
 
     definition: PosturesDefinition = key("what the columns are")
     index: Counts = key("number of the dwell, from 0")
@@ -85,10 +80,7 @@ class PostureTable(Strict):
 
 
 class DwellTable(Strict):
-    """All dwells, column by column: start, end in s as the log counts them, and the mean readings.
-
-    force: per support, per dwell; N, sensor frame, as tdfscal's sign has it. temperature: °C.
-    """
+    """All dwells, column by column, and their mean readings, as tdfscal's sign has them."""
 
     start: Numbers = key("s: begin of each dwell, as the log counts")
     end: Numbers = key("s: end of each dwell")
@@ -107,11 +99,7 @@ class DwellTable(Strict):
 
 
 class SensorLoad(Strict):
-    """Where the loads on a sensor point.
-
-    axis: mean line of action in the BCS, a unit vector. spread: angle in rad about it within which
-    the loads stay (quadratic mean). across: quadratic mean of the load across it, N.
-    """
+    """Where the loads on a sensor point; quadratic means of what lies about it."""
 
     support: Name = key("name of the support")
     axis: Vector = key("mean line of action, unit vector, BCS")
@@ -210,12 +198,7 @@ class InertiaValue(Strict):
 
 
 class MotionSpectrum(Strict):
-    """Residual of the balance: square roots of two-sided spectral densities.
-
-    frequency in Hz; before, after : N/√Hz, of the three forces together, with the nominal mounting
-    and with the calibration; force_noise : N/√Hz, of a force component, and position_noise :
-    m/√Hz, of a servo coordinate, as the estimate weighs by them.
-    """
+    """Residual of the balance, its three forces together: roots of two-sided densities."""
 
     frequency: Density = key("Hz")
     before: Density = key("N/√Hz: residual force with the nominal mounting")
@@ -228,11 +211,7 @@ Course = Annotated[tuple[Number, ...], BeforeValidator(from_numpy), Field(min_le
 
 
 class MotionResidual(Strict):
-    """Lengths of the residual wrench over time, in means of a second or more.
-
-    time : s, in the log's time, of their middles. force in N, moment about the barycentre in N·m;
-    before with the nominal mounting and the stated zeros, after with the calibration.
-    """
+    """Lengths of the residual wrench over time, in means of a second or more."""
 
     time: Course = key("s in the log's time: middles of the means")
     force_before: Course = key("N: with the nominal mounting and the stated zeros")
@@ -242,12 +221,7 @@ class MotionResidual(Strict):
 
 
 class MotionResult(Strict):
-    """Samples in motion: from when, how long, what was left out, and what they tell besides.
-
-    begin : s, in the log's time. seconds : of the log that went in. dwells : rests that
-    were found in it. delay : s, force stamps minus position stamps. friction : N·m, of each hinge.
-    halves_p_value : that the halves of the log differ by chance as they do.
-    """
+    """Samples in motion: from when, how long, what was left out, and what they tell besides."""
 
     begin: Number = key("s in the log's time: first sample")
     seconds: Positive = key("s: length of what went in")

@@ -47,12 +47,7 @@ def log_clock(
 
 
 def clock_from(first: float) -> Clock:
-    """The clock of a log whose first time is this."""
-    origin = origin_of(first)
-    since = "since the log's start" if origin else "in the log"
-    return Clock(origin, f"time {since}, s", "s")
-
-
-def origin_of(first: float) -> float:
-    """Return what to subtract from a log's times: nothing, or the whole seconds of a date."""
-    return 0.0 if abs(first) < _DATE else float(int(first))
+    """The clock of a log whose first time is this; of a date whole seconds are subtracted."""
+    if abs(first) < _DATE:
+        return Clock(0.0, "time in the log, s", "s")
+    return Clock(float(int(first)), "time since the log's start, s", "s")

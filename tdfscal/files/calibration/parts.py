@@ -163,17 +163,17 @@ class SupportResult(Strict):
     @property
     def mounting(self) -> Mounting | None:
         """Its angles, where the data determine them."""
-        if self.rotation is None or self.rpy_interval is None or self.quaternion_xyzw is None:
+        if not self.determined:
             return None
-        rpy, std = ([v for v in values if v is not None] for values in (self.rpy, self.stated_std))
+        own: Any = self  # nothing of it is missing then
         return Mounting(
-            self.name,
-            self.rotation,
-            (rpy[0], rpy[1], rpy[2]),
-            (std[0], std[1], std[2]),
-            None if self.turn_std is None else tuple(v for v in self.turn_std if v is not None),
-            self.rpy_interval,
-            self.quaternion_xyzw,
+            name=own.name,
+            rotation=own.rotation,
+            rpy=own.rpy,
+            rpy_std=own.stated_std,
+            turn_std=own.turn_std,
+            interval=own.rpy_interval,
+            quaternion=own.quaternion_xyzw,
         )
 
     @model_validator(mode="after")
@@ -226,11 +226,7 @@ class RejectedPosture(Strict):
 
 
 class FitResult(Strict):
-    """How the model fits: rms_force in N, rms_moment in N·m.
-
-    channel_noise : of each channel over what is stated, where the residuals show it unequal.
-    kurtosis : of leave-one-out residuals over that of normal ones; more: heavy tails.
-    """
+    """How the model fits: its residuals against what is stated."""
 
     postures: Count = key("number of postures used")
     rejected: tuple[RejectedPosture, ...] = key("postures left out, with the reason", ())
@@ -245,14 +241,13 @@ class FitResult(Strict):
     channel_noise: Vectors | None = key(
         "of each channel over the stated one, where they are unequal", None
     )
-    kurtosis: NotNegative | None = key("of leave-one-out residuals over that of normal ones", None)
+    kurtosis: NotNegative | None = key(
+        "of leave-one-out residuals over that of normal ones; more: heavy tails", None
+    )
 
 
 class AngleSeen(Strict):
-    """What the data say of one angle, rad; prior_std None where there is no prior.
-
-    std None of an angle of a sensor that lacks an axis and stays undetermined.
-    """
+    """What the data say of one angle."""
 
     support: Name = key("name of the support")
     angle: Turn = key("roll, pitch or yaw")
@@ -416,10 +411,7 @@ class ConformityResult(Strict):
 
 
 class QualityResult(Strict):
-    """Why the gate rejects the result; no reason where it accepts.
-
-    advice: cures of what the residuals say, harmful or not, that of the surest finding first.
-    """
+    """Why the gate rejects the result, and cures of what the residuals say, harmful or not."""
 
     reasons: Texts = key("why the gate rejects; empty where it accepts", ())
     advice: Texts = key("cures of what the residuals say, the surest finding first", ())
@@ -469,15 +461,12 @@ class MeasuredResult(Strict):
 
 
 class CampaignResult(Strict):
-    """One of several campaigns: zeros in N and load are its own; χ² and dof that it added.
-
-    Zeros are null for axes that its sensors did not measure.
-    """
+    """One of several campaigns: its own zeros and load, and what it added to χ²."""
 
     name: Text = key("its folder")
     measured: MeasuredResult | None = key("when it was recorded", None)
     inputs: tuple[Input, ...] = key("its files")
-    zero: OpenRows = key("N: its own zeros, per sensor")
+    zero: OpenRows = key("N: its own zeros, per sensor; null where not measured")
     zero_std: OpenStdRows = key("N: their standard uncertainties; null where open")
     terminal: TerminalResult = key("its own mass and barycentre")
     postures: Count = key("number of postures used")

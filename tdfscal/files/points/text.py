@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError
 from tdfscal.files.points.columns import is_column_name
 from tdfscal.files.points.numbers import to_metres, unit_of
+from tdfscal.files.yaml.reading import unreadable
 
 _AXES = re.compile(r"AXES\s*=\s*(?P<kind>[A-Za-z]+)(?P<rest>.*)", re.IGNORECASE)
 _PARENTHESES = re.compile(r"\(\s*(?:in\s+)?([^()]+?)\s*\)")
@@ -54,9 +55,7 @@ def read_text(path: Path) -> str:
     try:
         raw = path.read_bytes()
     except OSError as error:
-        raise UsageError(
-            f"cannot be read: {error.strerror or error}", where=str(path), hint="check the path"
-        ) from error
+        raise unreadable(path, error) from error
     wide = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
     for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
         try:

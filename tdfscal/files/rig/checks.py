@@ -71,17 +71,7 @@ def check_mapping(names: Sequence[str], fields: Mapping[tuple[str, str], tuple[s
     fields : by support and quantity (`position` or `force`), the fields of the log.
     """
     place = ("log", "supports")
-    given = [name for name, _ in fields]
-    for name in given:
-        if name not in names:
-            unused = [other for other in names if other not in given]
-            near = nearest(name, unused or list(names), cutoff=0.0)
-            raise fault(
-                f"`{name}` is no support of this rig", *place, name, hint=f"write `{near}` perhaps"
-            )
-    for name in names:
-        if name not in given:
-            raise fault(f"lacks the support `{name}`", *place, hint=f"add `{name}: ...`")
+    _check_each(names, [name for name, _ in fields], *place)
     taken: dict[str, str] = {}
     for (name, what), used in fields.items():
         for field in used:
@@ -106,7 +96,18 @@ def check_temperature(names: Sequence[str], fields: Sequence[str] | Mapping[str,
                 *place,
                 hint="name one field for all, or one per support",
             )
-    elif set(fields) != set(names):
-        odd = sorted(set(fields) ^ set(names))[0]
-        what = "lacks the support" if odd in names else "is for no support of this rig:"
-        raise fault(f"{what} `{odd}`", *place, hint="name a field for each support")
+    else:
+        _check_each(names, list(fields), *place)
+
+
+def _check_each(names: Sequence[str], given: Sequence[str], *place: str) -> None:
+    """Refuse what is stated for other supports than the rig's, or not for all of them."""
+    for name in given:
+        if name not in names:
+            unused = [other for other in names if other not in given]
+            near = nearest(name, unused or list(names), cutoff=0.0)
+            hint = f"write `{near}` perhaps"
+            raise fault(f"`{name}` is no support of this rig", *place, name, hint=hint)
+    for name in names:
+        if name not in given:
+            raise fault(f"lacks the support `{name}`", *place, hint=f"add `{name}: ...`")

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import yaml
 
 from tdfscal.errors import visible
@@ -19,18 +18,16 @@ from tdfscal.records import FloatArray
 CONFIRM: Final = "confirm"
 _WIDTH: Final = 90
 _KEY: Final = re.compile(r"^(?P<indent>\s*)(?P<item>-\s+)?(?P<key>[\w.]+):(?P<rest>.*)$")
+#: What is said behind the keys of the log block.
 _MARKS: Final = {
-    key: f"  # {CONFIRM}: {what}".removesuffix(": ")
-    for key, what in {
-        "rows": "each row is one averaged posture",
-        "time": "which field is the clock",
-        "length_unit": "of the positions",
-        "force_unit": "of the forces",
-        "force_on": "or sensor, where the reading is the reaction",
-        "decimal": "",
-        "delay": "s, force minus position stamps; in motion",
-        "supports": "these fields are this support's",
-    }.items()
+    "rows": f"  # {CONFIRM}: each row is one averaged posture",
+    "time": f"  # {CONFIRM}: which field is the clock",
+    "length_unit": f"  # {CONFIRM}: of the positions",
+    "force_unit": f"  # {CONFIRM}: of the forces",
+    "force_on": f"  # {CONFIRM}: or sensor, where the reading is the reaction",
+    "decimal": f"  # {CONFIRM}",
+    "delay": f"  # {CONFIRM}: s, force minus position stamps; in motion",
+    "supports": f"  # {CONFIRM}: these fields are this support's",
 }
 _MARK: Final = re.compile(rf"#.*\b{CONFIRM}\b")
 
@@ -76,7 +73,7 @@ def draft(
                 "gravity: {magnitude: 9.80665, tilt_std: 0.0005}"),
         "terminal:",
         *_entry(f"kg, {notes['mass']}; weigh the terminal with all it carries",
-                f"  mass: {{value: {mass:.6g}, std: {_round(0.02 * mass):g}}}"),
+                f"  mass: {{value: {mass:.6g}, std: {float(f'{0.02 * mass:.0e}'):g}}}"),
         *_entry("m, LCS, x and y from the shares of the load; the height from the drawing, where "
                 ".inf says that it is unknown",
                 f"  barycenter: {{value: [{barycentre[0]:.3f}, {barycentre[1]:.3f}, 0.0], "
@@ -178,7 +175,3 @@ def _flow(value: Any) -> str:
         value, Dumper=_OneLine, default_flow_style=True, sort_keys=False, width=1_000_000
     )
     return text.removesuffix("...\n").strip()
-
-
-def _round(value: float) -> float:
-    return float(np.format_float_positional(value, 1, unique=False, fractional=False))

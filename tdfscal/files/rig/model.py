@@ -229,11 +229,7 @@ class Uncertainty(Strict):
 
 
 class Drift(Strict):
-    """Zeros that move within a campaign, per channel, and angles that do between campaigns.
-
-    time in N/h and temperature in N/K: standard uncertainties of a slope, `unknown` for any;
-    walk in N/√h and angle in rad/√month: intensities of random walks.
-    """
+    """Zeros that move within a campaign, per channel, and angles that do between campaigns."""
 
     time: Std = key("N/h: standard uncertainty of a slope in time", 0.0)
     temperature: Std = key("N/K: standard uncertainty of a slope against log.temperature", 0.0)

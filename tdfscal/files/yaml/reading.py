@@ -58,7 +58,7 @@ def read_document(path: Path, error: type[TdfscalError]) -> Document:
     try:
         raw = _content(path)
     except (OSError, ValueError) as fault:
-        raise _unreadable(path, fault) from fault
+        raise unreadable(path, fault) from fault
     return parse_document(
         raw, str(path), error, "json" if path.suffix.lower() == ".json" else "yaml"
     )
@@ -113,7 +113,8 @@ def parse_document(
     return Document(builder.build(text), builder.lines, source, digest)
 
 
-def _unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
+def unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
+    """Say why a file cannot be read."""
     where = shorten(str(path), 300)
     if isinstance(fault, FileNotFoundError):
         return UsageError("there is no such file", where=where, hint="check the path")
