@@ -30,15 +30,15 @@ def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> i
     Raises TdfscalError by cause.
     """
     check_room()
-    from tdfscal.files.outputs import Outputs, together
+    from tdfscal.files.outputs import together
 
     asked = {option: value for option, value in options.items() if value is not None}
     json, verbose = asked.pop("json"), asked.pop("verbose", False)
     carried = _carried(asked, dash, json=json)
-    outputs = Outputs()
+    outputs = None
     try:
         # Where standard output carries the result, it is an output like any other: all or none.
-        with together(outputs):
+        with together() as outputs:
             result = _call(name, asked)
             # What the quality gate rejects is not written, unless asked for.
             written = result.exit_status == 0 or asked.get("allow_rejected", True)
@@ -53,7 +53,7 @@ def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> i
         for text in result.notes:
             say(f"tdfscal: warning: {text}")
     except (KeyboardInterrupt, Signalled):
-        if not outputs.appeared:
+        if outputs is None or not outputs.appeared:
             raise
         leave_stdout()  # the files are there: only the rest of the report is cut off
     for text in result.details if verbose else ():

@@ -145,16 +145,16 @@ _current: ContextVar[Outputs | None] = ContextVar("outputs", default=None)
 
 
 @contextlib.contextmanager
-def together(outputs: Outputs | None = None) -> Iterator[Outputs]:
+def together() -> Iterator[Outputs]:
     """Let all files that are written inside appear at its end; at an exception none does.
 
-    Inside another one it is a part of that. outputs : where to keep them, for a look afterwards.
+    Inside another one it is a part of that.
     """
     outer = _current.get()
     if outer is not None:
         yield outer
         return
-    outputs = Outputs() if outputs is None else outputs
+    outputs = Outputs()
     token = _current.set(outputs)
     try:
         yield outputs

@@ -11,15 +11,6 @@ from pathlib import Path
 Share = Callable[[float], None]
 
 
-def _silent(text: str) -> None:
-    del text
-
-
-def _unseen(paths: Sequence[Path]) -> AbstractContextManager[Share | None]:
-    del paths
-    return nullcontext()
-
-
 @dataclass(frozen=True, slots=True)
 class Progress:
     """Called while a command works.
@@ -28,9 +19,11 @@ class Progress:
     reading : with the log files that are read; gives what takes the share of them, or None.
     """
 
-    stage: Callable[[str], None] = _silent
-    count: Callable[[str], None] = _silent
-    reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = _unseen
+    stage: Callable[[str], None] = lambda stage: None
+    count: Callable[[str], None] = lambda line: None
+    reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = lambda paths: (
+        nullcontext()
+    )
 
 
 SILENT = Progress()
