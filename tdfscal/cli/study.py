@@ -12,18 +12,14 @@ _RIG: opt.Options = {
     "rig": opt.RIG,
     "output": opt.output("Folder for tables and figures.", metavar="DIR"),
 }
-_GIVEN: opt.Options = {
-    "calibration": opt.option(
-        list[Path] | None, None, "What it is worth; may be repeated.", metavar="FILE"
-    )
-}
-_RUNS: opt.Options = {"runs": opt.count(20, "Runs per calibration.")}
-_COMPARED: opt.Options = _GIVEN | {
+_GIVEN = opt.option(list[Path] | None, None, "What it is worth; may be repeated.", metavar="FILE")
+_RUNS = opt.count(20, "Runs per calibration.")
+_LENGTH = opt.number(None, "MM", "Length of the engagement, default 333 mm.")
+_DISTANCE = opt.number(5.0, "M", "Tracker to rig, m.")
+_COMPARED: opt.Options = {
+    "calibration": _GIVEN,
     "truth": opt.file("Calibration that is the truth; default all combined."),
-    **_RUNS,
-}
-_LENGTH: opt.Options = {
-    "engagement": opt.number(None, "MM", "Length of the engagement, default 333 mm.")
+    "runs": _RUNS,
 }
 _MACHINES: opt.Options = {
     "perfect": opt.option(
@@ -57,7 +53,6 @@ _SHARED: opt.Options = {
     "seed": opt.SEED,
     "workers": opt.count(None, "Processes; default one per core."),
 }
-_DISTANCE: opt.Options = {"distance": opt.number(5.0, "M", "Tracker to rig, m.")}
 
 
 def _study(name: str, text: str, **options: opt.Option) -> None:
@@ -68,7 +63,7 @@ def _study(name: str, text: str, **options: opt.Option) -> None:
 _study(
     "sensitivity",
     "Contact force and torque error against each installation angle (Fig. 4).",
-    **_GIVEN,
+    calibration=_GIVEN,
     rpy=opt.text("R,P,Y", "A posture beside the aligned one, rad."),
     squeeze=opt.number(200.0, "N", "Internal forces, standard deviation, N.", min=0),
     span=opt.number(0.05, "RAD", "Sweep by ± this."),
@@ -78,13 +73,13 @@ _study(
 _study(
     "accuracy",
     "Monte Carlo of self-calibration and laser tracker (Figs. 7–9, 12–14, Table 2).",
-    **_GIVEN,
+    calibration=_GIVEN,
     runs=opt.count(1000, "Simulated campaigns per method.", 2),
     postures=opt.count(24, "Postures of a campaign."),
     tilt=opt.number(5.0, "DEG", "Largest tilt, degrees."),
     squeeze=opt.number(200.0, "N", "Commanded internal forces, N."),
     stiffness=opt.number(20.0e6, "N/M", "Of an NCP."),
-    **_DISTANCE,
+    distance=_DISTANCE,
     **_SHARED,
     **opt.PRINTED,
 )
@@ -102,7 +97,7 @@ _study(
     "docking",
     "Contact force and torque while the gears are docked (Figs. 17 and 18).",
     **_COMPARED,
-    **_LENGTH,
+    engagement=_LENGTH,
     **_MACHINES,
     **_IMPEDANCE,
     **_GEARS,
@@ -123,9 +118,9 @@ _study(
 _study(
     "paper",
     "Paper against here: Figs. 4, 7–9, 12–14, 16–18, Tables 2 and 3, in one table.",
-    **_RUNS,
+    runs=_RUNS,
     campaigns=opt.count(200, "Simulated campaigns for the accuracy.", 2),
-    **_LENGTH,
+    engagement=_LENGTH,
     **_SHARED,
     **opt.PRINTED,
 )
@@ -135,7 +130,7 @@ _study(
     assumptions=opt.file("YAML of times and rates that differ from the usual."),
     runs=opt.count(10, "Simulated rigs of each."),
     squeeze=opt.number(200.0, "N", "Commanded internal forces, N.", min=0),
-    **_DISTANCE,
+    distance=_DISTANCE,
     seed=opt.SEED,
     **opt.PRINTED,
 )

@@ -170,7 +170,7 @@ def apply(
     """
     target, files = one(output), listed(paths)
     one_of("--filter", filter, get_args(Kind))
-    reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
+    reads = inputs_read(files, one(rig), files=paths_of([calibration]))
     check_outputs({"--output": (target, SUFFIXES)}, reads)
     walk = checked_walk(filter, walk)
     point = np.array(triple("--at", at))

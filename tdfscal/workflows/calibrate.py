@@ -105,7 +105,7 @@ def calibrate(
     at_least("--seed", seed, 0)
     check_outputs(
         {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
-        inputs_read(files, rigs=[rig_file]),
+        inputs_read(files, rig_file),
     )
     settings = Settings(progress, window(from_, to), salvage, trials, seed, command)
     groups = campaign_folders(files, rig_file)

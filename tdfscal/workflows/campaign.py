@@ -271,19 +271,18 @@ def is_own_result(path: Path) -> bool:
 
 
 def inputs_read(
-    paths: Iterable[Path] = (), *, rigs: Iterable[Path | None] = (), files: Iterable[Path] = ()
+    paths: Iterable[Path] = (), rig: Path | None = None, files: Iterable[Path] = ()
 ) -> list[Path]:
     """Return the files behind a command's arguments.
 
-    paths : campaign folders, logs, recordings; each with its rig and its survey. rigs : rig files,
-    or their folders; None for one that is not named. files : all others.
+    paths : campaign folders, logs, recordings; each with its rig and its survey. rig : a rig file
+    that is named, or its folder. files : all others.
     """
     found = list(files)
     for path in paths:
         found += _of_campaign(path)
-    for rig in rigs:
-        if rig is not None:
-            found += _of_campaign(rig) if rig.is_dir() else _of_rig(rig)
+    if rig is not None:
+        found += _of_campaign(rig) if rig.is_dir() else _of_rig(rig)
     return found
 
 

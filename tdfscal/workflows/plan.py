@@ -194,7 +194,7 @@ def plan(
     at_least("--postures", postures, 1)
     at_least("--candidates", candidates, 1)
     at_least("--seed", seed, 0)
-    reads = inputs_read(listed(given), rigs=[Path(rig)])
+    reads = inputs_read(listed(given), Path(rig))
     check_outputs({"--output": (file, [".csv"]), "--waypoints": (spline, [".csv"])}, reads)
     known = rig_named(rig)
     limits = Limits(

@@ -34,7 +34,7 @@ def measured(log: LogPass) -> Measured:
         found = Measured(log.begin, log.end, "log")
         if found.end > time.time() + _DAY:
             raise DataError(
-                f"the log's clock says {_day(found.end)}, which is in the future",
+                f"the log's clock says {day(found.end)}, which is in the future",
                 where=", ".join(map(str, log.campaign.logs)),
                 hint="set the recorder's clock; or let its time count from 0, and state "
                 "campaign.date in rig.yaml",
@@ -68,7 +68,8 @@ def stated_date(date: str) -> Measured:
     return Measured(begin.timestamp(), end.timestamp(), "rig")
 
 
-def _day(moment: float) -> str:
+def day(moment: float) -> str:
+    """Return the date of a moment in s since 1970."""
     return f"{datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
 

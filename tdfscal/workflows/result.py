@@ -100,7 +100,7 @@ class Result(ABC):
 
     def save_figures(
         self, folder: PathLike | None, progress: Progress = SILENT, page: Path | None = None
-    ) -> tuple[Path, ...]:
+    ) -> None:
         """Write every figure as PNG, SVG and PDF into a folder, and the page; None writes none.
 
         Raises UsageError where they cannot be written.
@@ -109,12 +109,12 @@ class Result(ABC):
         if page is not None:
             progress.stage("drawing the report")
             write_text(page, self._rendered(drawings))
-        if folder is None:
-            return ()
-        from tdfscal.reporting.figures.style import save
+        if folder is not None:
+            from tdfscal.reporting.figures.style import save
 
-        progress.stage("drawing the figures")
-        return tuple(path for drawing in drawings for path in save(drawing, Path(folder)))
+            progress.stage("drawing the figures")
+            for drawing in drawings:
+                save(drawing, Path(folder))
 
     @property
     def notes(self) -> tuple[str, ...]:

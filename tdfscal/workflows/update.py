@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from tdfscal.model.parameters import State, retract, starting_state
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.information import contrast
-from tdfscal.records import FloatArray, Measured, Rig
+from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, at_least, listed, one, window
@@ -32,7 +31,7 @@ from tdfscal.workflows.campaign import campaign_folders, inputs_read, resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.progress import SILENT, Progress
-from tdfscal.workflows.recordings import refuse_repeated
+from tdfscal.workflows.recordings import day, refuse_repeated
 from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
     Read,
@@ -90,7 +89,7 @@ def update(
     at_least("--seed", seed, 0)
     check_outputs(
         {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
-        inputs_read(files, rigs=[rig_file], files=paths_of([calibration])),
+        inputs_read(files, rig_file, files=paths_of([calibration])),
     )
     settings = Settings(progress, window(from_, to), salvage, trials, seed, command)
     earlier = read_earlier(calibration)
@@ -123,8 +122,8 @@ def _check(earlier: Earlier, campaigns: Sequence[Read]) -> None:
         told = "file" not in (read.measured.source, earlier.measured.source)
         if told and read.measured.end < earlier.measured.begin:
             raise UsageError(
-                f"was recorded on {_day(read.measured)}, before the calibration "
-                f"({_day(earlier.measured)})",
+                f"was recorded on {day(read.measured.end)}, before the calibration "
+                f"({day(earlier.measured.end)})",
                 where=read.name,
                 hint="update in the order of time, or give all campaigns to calibrate",
             )
@@ -199,7 +198,3 @@ def _as_state(state: State, std: FloatArray) -> State:
     step = std.copy()
     step[: 3 * state.n] = 0.0
     return retract(State(**empty), step)
-
-
-def _day(measured: Measured) -> str:
-    return f"{datetime.fromtimestamp(measured.end, UTC):%Y-%m-%d}"

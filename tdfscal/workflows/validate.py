@@ -148,7 +148,7 @@ def validate(
     """
     files, page = listed(paths), one(html)
     one_of("--samples", samples, get_args(Samples))
-    reads = inputs_read(files, rigs=[one(rig)], files=paths_of([calibration]))
+    reads = inputs_read(files, one(rig), files=paths_of([calibration]))
     check_outputs({"--html": (page, PAGE_SUFFIXES)}, reads)
     settings = Settings(progress, window(from_, to))
     use = take(calibration, files, one(rig))

@@ -93,7 +93,7 @@ def start(
     Raises UsageError, RigError.
     """
     folder = one(output)
-    protect(inputs_read(rigs=[Path(rig)], files=[file for file in files if file is not None]))
+    protect(inputs_read(rig=Path(rig), files=[file for file in files if file is not None]))
     loaded = rig_named(rig)
     if folder is not None:
         check_folder(folder)
