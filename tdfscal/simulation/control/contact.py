@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import FloatArray
 from tdfscal.simulation import rotations
 
 _TEETH = 8
@@ -28,9 +28,9 @@ _EDGE = 0.01
 #: Lean of the axis by a turn about y and x: (θy, −θx).
 _LEAN = np.array([1.0, -1.0])
 
-#: Rings of teeth in touch: radial and axial force (L, R, J), N, and each ring's place up the shaft
-#: from its tip, (L, R, 1), m.
-_Rings = tuple[FloatArray, FloatArray, FloatArray]
+#: A ring of teeth in touch: radial and axial force (L, J), N, and its place up the shaft from the
+#: tip, (L, 1), m.
+_Ring = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -119,20 +119,15 @@ class GearPair:
         """
         out = np.zeros_like(q)
         reach = self.radius * np.abs(q[:, 3:5]).sum(axis=1)
-        outside = q[:, 2] < -reach
-        if outside.all():
+        if np.all(q[:, 2] < -reach):
             return out
-        inside = q[:, 2] > self.chamfer + _EDGE + reach
-        if np.all(inside | outside):
-            rings = self._walls(q, outside)
-        else:
-            rings = _together(self._tip(q), self._mouth(q))
+        rings = [self._tip(q), self._mouth(q)]
         if q[:, 2].max() > self.length - 0.1 * self.radius:
-            rings = _together(rings, self._seat(q))
-        radial, axial, up = rings
+            rings.append(self._seat(q))
+        radial, axial, up = (np.stack(part, axis=1) for part in zip(*rings, strict=True))
         force = np.zeros((*radial.shape[:2], 3, _TEETH))
         if rate is not None and self.friction > 0.0:
-            self._rub(force, rate, rings)
+            self._rub(force, rate, radial, axial, up)
         force[:, :, 0] -= radial
         force[:, :, 2] -= axial
         # The mouth's axial part stems from the lean of its normal, and has no lever.
@@ -145,20 +140,7 @@ class GearPair:
         self._flanks(q, rate, out)
         return out
 
-    def _walls(self, q: FloatArray, outside: BoolArray) -> _Rings:
-        """Tip and mouth of shafts that are well inside, where only walls are near, or outside."""
-        up = np.zeros((len(q), 2, 1))
-        up[:, 1, 0] = self.chamfer - q[:, 2]
-        lean = (q[:, 4:2:-1] * _LEAN)[:, None, :]
-        gap = (q[:, None, :2] + up * lean) @ self._rim
-        gap -= self.clearance
-        gap[outside] = 0.0
-        radial = self.stiffness * np.maximum(gap, 0.0)
-        axial = -radial * (lean @ self._rim)
-        axial[:, 0] = 0.0
-        return radial, axial, up
-
-    def _tip(self, q: FloatArray) -> _Rings:
+    def _tip(self, q: FloatArray) -> _Ring:
         """Teeth at the tip: on the bore's face, its lead-in or its wall, whichever is nearest."""
         tan, cos = np.tan(self.chamfer_angle), np.cos(self.chamfer_angle)
         k, face = self.stiffness, self.seat_stiffness / _TEETH
@@ -173,9 +155,9 @@ class GearPair:
         by_cone &= ~by_face
         radial = k * (by_wall * wall + by_cone * (cone * cos))
         axial = by_face * (face * depth) + by_cone * (k * tan * cos * cone)
-        return _ring(radial, axial, np.zeros(len(q)))
+        return radial, axial, np.zeros((len(q), 1))
 
-    def _mouth(self, q: FloatArray) -> _Rings:
+    def _mouth(self, q: FloatArray) -> _Ring:
         """The bore's edge on the shaft's flank, behind the tip."""
         back = q[:, 2] - self.chamfer
         share = np.clip(back / _EDGE, 0.0, 1.0)[:, None]
@@ -183,13 +165,13 @@ class GearPair:
         gap = np.maximum((q[:, :2] - back[:, None] * lean) @ self._rim - self.clearance, 0.0)
         radial = self.stiffness * share * gap
         grows = (share < 1.0) * (share > 0.0) * (0.5 * self.stiffness / _EDGE) * gap**2
-        return _ring(radial, grows - radial * (lean @ self._rim), -back)
+        return radial, grows - radial * (lean @ self._rim), -back[:, None]
 
-    def _seat(self, q: FloatArray) -> _Rings:
+    def _seat(self, q: FloatArray) -> _Ring:
         """The shoulder on the bore's face."""
         pressed = np.maximum(q[:, 2:3] + q[:, 3:5] @ self._rise - self.length, 0.0)
         axial = self.seat_stiffness / _TEETH * pressed
-        return _ring(np.zeros_like(axial), axial, np.full(len(q), -self.length))
+        return np.zeros_like(axial), axial, np.full((len(q), 1), -self.length)
 
     def _flanks(self, q: FloatArray, rate: FloatArray | None, out: FloatArray) -> None:
         """Twist of the teeth against each other, with friction along the axis."""
@@ -211,9 +193,15 @@ class GearPair:
             normal = torque / self.radius
             out[:, 2] -= self.friction * normal * v / np.sqrt(v * v + self.slip**2)
 
-    def _rub(self, force: FloatArray, rate: FloatArray, rings: _Rings) -> None:
+    def _rub(
+        self,
+        force: FloatArray,
+        rate: FloatArray,
+        radial: FloatArray,
+        axial: FloatArray,
+        up: FloatArray,
+    ) -> None:
         """Regularised Coulomb friction: force (L, R, 3, J) outwards, around and along."""
-        radial, axial, up = rings
         normal = np.sqrt(radial * radial + axial * axial)
         at_tip, per_metre = self._flow
         v = ((rate @ at_tip)[:, None] + up * (rate @ per_metre)[:, None]).reshape(force.shape)
@@ -226,15 +214,6 @@ class GearPair:
         force[:, :, 1] = drag * around
         drag *= slide
         force[:, :, 0], force[:, :, 2] = drag * n_along, -drag * n_out
-
-
-def _ring(radial: FloatArray, axial: FloatArray, up: FloatArray) -> _Rings:
-    return radial[:, None], axial[:, None], up[:, None, None]
-
-
-def _together(a: _Rings, b: _Rings) -> _Rings:
-    radial, axial, up = (np.concatenate(both, axis=1) for both in zip(a, b, strict=True))
-    return radial, axial, up
 
 
 def coordinates(mouth: FloatArray, tip: FloatArray, R: FloatArray) -> FloatArray:

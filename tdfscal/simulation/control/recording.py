@@ -50,15 +50,15 @@ class Book:
     def contact(self, active: BoolArray, wrench: FloatArray) -> None:
         """Note the true contact wrench (L, 6)."""
         size = np.abs(wrench)
-        size[~active] = 0.0
-        np.maximum(self._now[:, :6], size, out=self._now[:, :6])
-        np.maximum(self._now[:, 6:8], (size * size) @ _HALVES, out=self._now[:, 6:8])
+        self._note(active, slice(0, 8), np.hstack([size, (size * size) @ _HALVES]))
 
     def measured(self, active: BoolArray, wrench: FloatArray) -> None:
         """Note the controller's wrench (L, 6)."""
-        size = np.abs(wrench)
+        self._note(active, slice(8, 14), np.abs(wrench))
+
+    def _note(self, active: BoolArray, columns: slice, size: FloatArray) -> None:
         size[~active] = 0.0
-        np.maximum(self._now[:, 8:], size, out=self._now[:, 8:])
+        np.maximum(self._now[:, columns], size, out=self._now[:, columns])
 
     def stop(self, k: int, reached: BoolArray, deep: BoolArray) -> None:
         """Note lanes that stop at a threshold, and which of all are deep enough to be seated."""
