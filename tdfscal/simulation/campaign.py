@@ -18,6 +18,7 @@ from tdfscal.simulation.time_course import (
     draw_timeline,
     sensor_noise,
     shaking,
+    streams,
 )
 from tdfscal.simulation.truth import Truth
 
@@ -79,7 +80,7 @@ def simulate_campaign(
         options=options,
         truth=stage.truth.trial(0),
         log=log,
-        postures=_first(stage),
+        postures=stage.postures.trial(0),
         servo=stage.servo[0],
         force=stage.rest.force[0],
         start=start,
@@ -87,25 +88,14 @@ def simulate_campaign(
     )
 
 
-def _first(stage: Stage) -> Postures:
-    pose = stage.postures.pose
-    return Postures(
-        type(pose)(pose.rotation[0], pose.translation[0]), stage.postures.displacement[0]
-    )
-
-
-def _series(time: FloatArray, value: FloatArray) -> tuple[Series, ...]:
-    return tuple(Series(time, np.ascontiguousarray(value[:, i])) for i in range(value.shape[1]))
-
-
 def _record_positions(
     rig: Rig, options: Options, stage: Stage, timeline: Timeline, rng: np.random.Generator
 ) -> tuple[Series, ...]:
     time = timeline.samples(options.recorder.position_rate)
-    target = between(_first(stage), timeline.at(time)).target(rig.hinge)
+    target = between(stage.postures.trial(0), timeline.at(time)).target(rig.hinge)
     servo, _ = stand(stage.truth.trial(0), options, target, np.zeros_like(target))
     noise = options.recorder.encoder_sd * rng.standard_normal(servo.shape)
-    return _series(time, servo + noise)
+    return streams(time, servo + noise)
 
 
 def _record_forces(
@@ -127,7 +117,7 @@ def _record_forces(
         + faults.zero_walk(options.faults, rig.n, place.progress, walk_rng)
         + sensor_noise(sd, recorder.noise_correlation, recorder.force_rate, len(time), noise_rng)
     )
-    return _series(time, faults.recorded(options.faults, signal, place, rig))
+    return streams(time, faults.recorded(options.faults, signal, place, rig))
 
 
 def _true_forces(
@@ -146,7 +136,7 @@ def _true_forces(
     if np.any(solve):
         part = Moment(moment.index[solve], moment.share[solve], moment.speed[solve])
         truth = stage.truth.trial(0)
-        postures = between(_first(stage), part)
+        postures = between(stage.postures.trial(0), part)
         _, where = stand(truth, options, postures.target(rig.hinge), part.blend(stage.repeat[0]))
         contact = part.blend(stage.load.contact[0])
         contact[:, 0] += blow[solve]

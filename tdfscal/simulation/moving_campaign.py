@@ -6,17 +6,18 @@ them quasi-statically: at every instant springs, weight, inertia and friction ba
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.records import FloatArray, Log, Rig, Series
+from tdfscal.records import FloatArray, Log, Rig
 from tdfscal.simulation import faults, hinge_friction, rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle
 from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.options import Options
 from tdfscal.simulation.postures import internal_part, reading
-from tdfscal.simulation.time_course import correlated
+from tdfscal.simulation.time_course import correlated, streams
 from tdfscal.simulation.trajectories import Trajectory, draw_trajectory
 from tdfscal.simulation.truth import Truth, draw_truths
 
@@ -94,8 +95,8 @@ def simulate_moving(
         shown = options.quantum * np.round(shown / options.quantum)
     log = Log(
         supports=rig.supports,
-        position=tuple(Series(stamp, np.ascontiguousarray(shown[:, i])) for i in range(rig.n)),
-        force=tuple(Series(stamp, np.ascontiguousarray(signal[:, i])) for i in range(rig.n)),
+        position=streams(stamp, shown),
+        force=streams(stamp, signal),
         temperature=faults.thermometer(options.faults, stamp, place),
     )
     return MovingCampaign(rig, options, truth, inertia, log, stamp, force)
@@ -187,31 +188,21 @@ def _touched(
     return out
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorField:
-    """A stationary Gaussian field per support: squared-exponential correlation, by random waves.
+def draw_field(
+    n: int, std: float, correlation: float, rng: np.random.Generator
+) -> Callable[[FloatArray], FloatArray]:
+    """Draw stationary Gaussian fields, one per support and axis, by random waves.
 
-    wave : (n, 3, W, 3), 1/m. phase : (n, 3, W). std : m per component.
+    Takes servo coordinates (N, n, 3), m, to errors of this standard deviation, m, with correlation
+    exp(−d²/2ℓ²) over the distance d, ℓ = correlation in m.
     """
+    wave = rng.standard_normal((n, 3, _WAVES, 3)) / correlation
+    phase = rng.uniform(-np.pi, np.pi, (n, 3, _WAVES))
 
-    wave: FloatArray
-    phase: FloatArray
-    std: float
-
-    def __call__(self, servo: FloatArray) -> FloatArray:
-        """Errors (N, n, 3), m, at servo coordinates (N, n, 3), m."""
+    def error(servo: FloatArray) -> FloatArray:
         out = np.empty(servo.shape)
-        for i, (wave, phase) in enumerate(zip(self.wave, self.phase, strict=True)):
-            for a in range(3):
-                angle = servo[:, i] @ wave[a].T + phase[a]
-                out[:, i, a] = np.cos(angle).sum(axis=1)
-        return np.asarray(self.std * np.sqrt(2.0 / _WAVES) * out)
+        for i, a in np.ndindex(n, 3):
+            out[:, i, a] = np.cos(servo[:, i] @ wave[i, a].T + phase[i, a]).sum(axis=1)
+        return np.asarray(std * np.sqrt(2.0 / _WAVES) * out)
 
-
-def draw_field(n: int, std: float, correlation: float, rng: np.random.Generator) -> ErrorField:
-    """Draw a field with correlation exp(−d²/2ℓ²) over the distance d, ℓ = correlation in m."""
-    return ErrorField(
-        rng.standard_normal((n, 3, _WAVES, 3)) / correlation,
-        rng.uniform(-np.pi, np.pi, (n, 3, _WAVES)),
-        std,
-    )
+    return error

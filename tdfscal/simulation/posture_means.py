@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from tdfscal.simulation.equilibrium import settle
 from tdfscal.simulation.faults import Place
 from tdfscal.simulation.options import Options
 from tdfscal.simulation.postures import Stage, reading, set_stage, stand
+from tdfscal.simulation.time_course import streams
 from tdfscal.simulation.truth import Truth
 
 
@@ -19,69 +20,36 @@ from tdfscal.simulation.truth import Truth
 class Batch:
     """Independent campaigns, axis B, each of K dwells.
 
-    truth : (B,). true_force : (B, K, n, 3), N, BCS, of each NCP on the terminal.
-    position : (B, K, n, 3), m, BCS, mean servo coordinates. force : (B, K, n, 3), N, sensor
-    frames, mean readings. start, end : (B, K), s. sample_sd : (B, n), N, of one force sample.
-    mean_sd : (B, K, n), N, of a mean force, without `force_noise`, which no averaging removes.
-    position_sd : (B, K), m, of a mean position. count : (B, K), force samples per dwell.
-    effective : (B, K), effective sample size. temperature : (K,), °C, where it is logged.
+    truth : (B,). true_force : (B, K, n, 3), N, BCS, of each NCP on the terminal. means : the dwells
+    of all, a leading axis B before every other, with their exact covariances. mean_sd : (B, K, n),
+    N, of a mean force, without `force_noise`, which no averaging removes.
     """
 
-    supports: tuple[str, ...]
     truth: Truth
     true_force: FloatArray
-    position: FloatArray
-    force: FloatArray
-    start: FloatArray
-    end: FloatArray
-    sample_sd: FloatArray
+    means: Dwells
     mean_sd: FloatArray
-    position_sd: FloatArray
-    count: FloatArray
-    effective: FloatArray
-    temperature: FloatArray | None = None
 
     def __len__(self) -> int:
-        return len(self.force)
+        return len(self.true_force)
 
     def dwells(self, trial: int) -> Dwells:
-        """One campaign as the dwell finder would hand it on, with the exact covariances."""
-        eye = np.eye(3)
-        force = self.force[trial]
-        K, n = force.shape[:2]
-        spread = (self.sample_sd[trial] * np.sqrt(2.0 * np.log(self.count[trial]))[:, None])[
-            ..., None
-        ]
-        position_var = np.repeat(self.position_sd[trial, :, None] ** 2, n, axis=1)
-        return Dwells(
-            supports=self.supports,
-            start=self.start[trial],
-            end=self.end[trial],
-            position=self.position[trial],
-            position_cov=position_var[..., None, None] * eye,
-            force=force,
-            force_cov=self.mean_sd[trial][..., None, None] ** 2 * eye,
-            force_min=force - spread,
-            force_max=force + spread,
-            count=np.repeat(self.count[trial, :, None], n, axis=1).astype(np.int64),
-            effective=np.array(np.broadcast_to(self.effective[trial, :, None], (K, n))),
-            temperature=None
-            if self.temperature is None
-            else np.repeat(self.temperature[:, None], n, axis=1),
-        )
+        """One campaign as the dwell finder would hand it on."""
+        own = {f.name: getattr(self.means, f.name) for f in fields(Dwells)}
+        arrays = {name: v[trial] for name, v in own.items() if isinstance(v, np.ndarray)}
+        return replace(self.means, **arrays)
 
     def log(self, trial: int) -> Log:
         """One campaign as a log of static postures, one row each."""
-        row = np.arange(self.force.shape[1], dtype=np.float64)
-        n = len(self.supports)
+        mean = self.dwells(trial)
+        row = np.arange(len(mean.force), dtype=np.float64)
+        hall = mean.temperature
         return Log(
-            supports=self.supports,
-            position=tuple(Series(row, self.position[trial, :, i].copy()) for i in range(n)),
-            force=tuple(Series(row, self.force[trial, :, i].copy()) for i in range(n)),
+            supports=mean.supports,
+            position=streams(row, mean.position),
+            force=streams(row, mean.force),
             rows="postures",
-            temperature=()
-            if self.temperature is None
-            else (Series(row, np.repeat(self.temperature[:, None], 3, axis=1)),),
+            temperature=() if hall is None else (Series(row, np.repeat(hall[:, :1], 3, axis=1)),),
         )
 
 
@@ -131,23 +99,25 @@ def record_means(rig: Rig, options: Options, stage: Stage, rng: np.random.Genera
         + mean_sd[..., None] * rng.standard_normal((trials, K, n, 3))
     )
     noise = position_sd[..., None, None] * rng.standard_normal((trials, K, n, 3))
-    return Batch(
+    recorded = faults.recorded(options.faults, signal, place, rig)
+    extreme = (sample_sd[:, None] * np.sqrt(2.0 * np.log(count))[..., None])[..., None]
+    each, eye = np.ones((trials, K, n)), np.eye(3)
+    warm = options.faults.warming is not None
+    means = Dwells(
         supports=rig.supports,
-        truth=stage.truth,
-        true_force=stage.rest.force,
-        position=stage.servo + noise,
-        force=faults.recorded(options.faults, signal, place, rig),
         start=end - dwell,
         end=end,
-        sample_sd=sample_sd,
-        mean_sd=mean_sd,
-        position_sd=position_sd,
-        count=count,
-        effective=effective,
-        temperature=None
-        if options.faults.warming is None
-        else faults.temperature(options.faults, place),
+        position=stage.servo + noise,
+        position_cov=((position_sd**2)[..., None] * each)[..., None, None] * eye,
+        force=recorded,
+        force_cov=mean_sd[..., None, None] ** 2 * eye,
+        force_min=recorded - extreme,
+        force_max=recorded + extreme,
+        count=(count[..., None] * each).astype(np.int64),
+        effective=effective[..., None] * each,
+        temperature=faults.temperature(options.faults, place)[:, None] * each if warm else None,
     )
+    return Batch(stage.truth, stage.rest.force, means, mean_sd)
 
 
 def _mean_forces(rig: Rig, options: Options, stage: Stage, dwell: FloatArray) -> FloatArray:

@@ -24,6 +24,11 @@ class Postures:
     pose: Pose
     displacement: FloatArray
 
+    def trial(self, index: int) -> Postures:
+        """One trial of several."""
+        pose = Pose(self.pose.rotation[index], self.pose.translation[index])
+        return Postures(pose, self.displacement[index])
+
     def target(self, hinge: FloatArray) -> FloatArray:
         """Places for the carriages, (..., K, n, 3), m, BCS; hinge : (n, 3), nominal, LCS."""
         return self.pose.place(hinge) + self.displacement

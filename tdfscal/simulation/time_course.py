@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.records import FloatArray, IntArray
+from tdfscal.records import FloatArray, IntArray, Series
 from tdfscal.simulation import rotations
 from tdfscal.simulation.equilibrium import Pose
 from tdfscal.simulation.faults import Place
@@ -116,6 +116,11 @@ def sensor_noise(
     if correlation > 0.0:
         white = correlated(white, correlation, rate)
     return np.asarray(sd[:, None] * white, dtype=np.float64)
+
+
+def streams(time: FloatArray, value: FloatArray) -> tuple[Series, ...]:
+    """What is logged at times (N,), s: a stream per support of value (N, n, 3)."""
+    return tuple(Series(time, np.ascontiguousarray(value[:, i])) for i in range(value.shape[1]))
 
 
 def correlated(white: FloatArray, time: float, rate: float) -> FloatArray:

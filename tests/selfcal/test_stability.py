@@ -19,7 +19,9 @@ RIG = simulation.reference_rig()
 
 def returning(faults: Faults) -> simulation.Batch:
     """A campaign of 18 postures whose first six are visited again at the end."""
-    planned = simulation.simulate_dwells(RIG, SQUEEZED, np.random.default_rng(1), 1).position[0]
+    planned = simulation.simulate_dwells(RIG, SQUEEZED, np.random.default_rng(1), 1).means.position[
+        0
+    ]
     command = np.concatenate([planned[:18], planned[:6]])
     options = replace(SQUEEZED, squeeze=0.0, command=command, faults=faults)
     return simulation.simulate_dwells(RIG, options, np.random.default_rng(2), 5)

@@ -224,7 +224,7 @@ def test_dwell_means_have_the_stated_scatter() -> None:
     batch = simulate_dwells(
         rig, Options(recorder=recorder, rpy=np.zeros((3, 3))), np.random.default_rng(16), 50
     )
-    error = batch.force - batch.true_force
+    error = batch.means.force - batch.true_force
     assert plausible(chi2_p(error / np.hypot(0.3, 0.4)))
 
 
@@ -240,5 +240,5 @@ def test_noise_of_a_mean_follows_from_its_samples() -> None:
     np.testing.assert_allclose(dwells.force_cov[0, 0], expected**2 * np.eye(3), rtol=1e-12)
     np.testing.assert_allclose(dwells.effective, 4.0 / expected**2)
     assert dwells.count.tolist() == [[N] * 3] * 24
-    np.testing.assert_array_equal(dwells.force, batch.force[1])
+    np.testing.assert_array_equal(dwells.force, batch.means.force[1])
     assert np.all(dwells.end[:-1] < dwells.start[1:])

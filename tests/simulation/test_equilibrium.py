@@ -144,7 +144,7 @@ def test_batch_and_single_campaigns_share_their_physics() -> None:
     single = simulate_campaign(rig, options, np.random.default_rng(9))
     batch = simulate_dwells(rig, options, np.random.default_rng(9), 1)
     np.testing.assert_array_equal(single.force, batch.true_force[0])
-    np.testing.assert_array_equal(single.servo, batch.position[0])
+    np.testing.assert_array_equal(single.servo, batch.means.position[0])
 
 
 def test_rig_too_soft_to_stand_is_refused() -> None:

@@ -113,9 +113,9 @@ def test_jolt_in_dwell_means_is_its_mean() -> None:
     rig, rng = reference_rig(), np.random.default_rng
     plain = simulate_dwells(rig, Options(postures=3, recorder=SILENT), rng(3), 4)
     hit = simulate_dwells(rig, Options(postures=3, recorder=SILENT, faults=jolt), rng(3), 4)
-    moved = np.einsum("bnij,bknj->bki", plain.truth.rotation, hit.force - plain.force)
+    moved = np.einsum("bnij,bknj->bki", plain.truth.rotation, hit.means.force - plain.means.force)
     np.testing.assert_allclose(moved[:, [0, 2]], 0.0, atol=1e-6)
-    dwell = (plain.end - plain.start)[:, 1]
+    dwell = (plain.means.end - plain.means.start)[:, 1]
     np.testing.assert_allclose(moved[:, 1, 2], 200.0 * 0.8 / np.pi / dwell, rtol=1e-2)
 
 
