@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,23 +47,38 @@ class MovingUncertainty:
 
 
 def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:
-    """Covariance (p, p) of the active parameters at the spectrum, and what its error adds.
+    """Covariance (p, p) of the active parameters at the spectrum, and what its error adds."""
+    C, equations = parts.root @ parts.root.T, fit.normal_equations()
+
+    def at(log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
+        step, root = equations.solved(log_density)
+        return step, root @ root.T
+
+    added = by_spectrum(fit, C, at)
+    # The second difference may dip below zero by rounding and by curvature: it never helps.
+    values, axes = np.linalg.eigh(added)
+    return C, (axes * np.maximum(values, 0.0)) @ axes.T
+
+
+def by_spectrum(
+    fit: MovingFit,
+    here: FloatArray,
+    at: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+) -> FloatArray:
+    """What the spectrum's own uncertainty adds to a covariance (g, g).
+
+    here : that at the estimated spectrum. at : estimate (g,) and covariance at another one.
 
     By the law of total covariance over the spectrum's parameters θ, E[C(θ)] + Cov[x̂(θ)], to the
     second order along the principal axes of their covariance.
     """
-    C = parts.root @ parts.root.T
-    added = np.zeros_like(C)
+    added = np.zeros_like(here)
     values, axes = np.linalg.eigh(fit.noise.covariance)
-    equations, here = fit.normal_equations(), fit.noise.log_density
     for value, axis in zip(values, axes.T, strict=True):
         step = np.sqrt(value) * axis
-        (x_up, up), (x_down, down) = (equations.solved(here + s * step) for s in (1.0, -1.0))
-        shift = (x_up - x_down) / 2
-        added += (up @ up.T + down @ down.T) / 2 - C + np.outer(shift, shift)
-    # The second difference may dip below zero by rounding and by curvature: it never helps.
-    values, axes = np.linalg.eigh(added)
-    return C, (axes * np.maximum(values, 0.0)) @ axes.T
+        (a, up), (b, down) = (at(fit.noise.log_density + s * step) for s in (1.0, -1.0))
+        added += (up + down) / 2 - here + np.outer(a - b, a - b) / 4
+    return added
 
 
 def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUncertainty:

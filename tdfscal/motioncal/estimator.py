@@ -19,9 +19,8 @@ from tdfscal.motioncal import noise
 from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.design import BlockDesign, block_design, drifting
 from tdfscal.motioncal.noise import NoiseModel
-from tdfscal.motioncal.normal_equations import NormalEquations
 from tdfscal.motioncal.rests import rests as find_rests
-from tdfscal.motioncal.rows import Rows, bins_of, gather, independent
+from tdfscal.motioncal.rows import NormalEquations, Rows, bins_of, gather, independent
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import (
     Solution,

@@ -12,11 +12,12 @@ Thompson, Biometrika 58, 1971), whose curves are not too low.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray, IntArray
 
 #: Ratio of neighbouring knots.
 _KNOT_RATIO = 2.5
@@ -45,6 +46,19 @@ class Bins:
     frequency: FloatArray
     ratio: FloatArray
     count: FloatArray
+
+    def some(self, which: BoolArray | IntArray) -> Bins:
+        """Some of the rows."""
+        return Bins(self.frequency[which], self.ratio[which], self.count[which])
+
+    @classmethod
+    def stacked(cls, parts: Sequence[Bins]) -> Bins:
+        """Rows of all parts."""
+        return cls(
+            np.concatenate([part.frequency for part in parts]),
+            np.concatenate([part.ratio for part in parts]),
+            np.concatenate([part.count for part in parts]),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +90,17 @@ class NoiseModel:
         self, bins: Bins, log_density: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Parts (M,) of the variance: of the forces, of the poses."""
-        value = self.log_density if log_density is None else log_density
-        H, h = len(self.knot), self.basis(bins.frequency)
-        return np.exp(h @ value[:H]), bins.ratio * np.exp(h @ value[H:])
+        force, place = self.density(bins.frequency, log_density)
+        return force, bins.ratio * place
 
-    def density(self, frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def density(
+        self, frequency: FloatArray, log_density: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """S_F (N²/Hz) and S_P (m²/Hz) at frequencies (M,)."""
-        H, h = len(self.knot), self.basis(frequency)
-        return np.exp(h @ self.log_density[:H]), np.exp(h @ self.log_density[H:])
+        value = self.log_density if log_density is None else log_density
+        force, place = np.split(value, 2)
+        h = self.basis(frequency)
+        return np.exp(h @ force), np.exp(h @ place)
 
 
 #: Before a first look.

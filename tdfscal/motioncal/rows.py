@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from tdfscal.motioncal.blocks import ComplexArray
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.noise import Bins, NoiseModel
-from tdfscal.numerics.least_squares import triangular
+from tdfscal.numerics.least_squares import gram_root, triangular
 from tdfscal.records import FloatArray
 
 #: Ratio of the frequencies of neighbouring bands.
@@ -116,43 +117,30 @@ def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
     if len(designs) == 1 and 2 * lines * (1 - 1 / _BAND) <= columns:
         return next(parts)
     low = min(float(item.block.frequency[1]) for item in designs) / 2
-    bands: dict[tuple[int, int], _Band] = {}
+    bands: dict[int, _Band] = {}
     for part in parts:
         for key, own in _banded(part, len(designs[0].seen), low):
-            bands.setdefault(key, _Band(columns)).add(own, model)
-    return _stacked([band.rows(model) for _, band in sorted(bands.items())])
+            bands.setdefault(key, _Band(columns, model)).add(own)
+    return _stacked([band.rows() for _, band in sorted(bands.items())])
 
 
-def _banded(part: Rows, r: int, low: float) -> Iterator[tuple[tuple[int, int], Rows]]:
-    """Band and one of r components, and the rows of both; bands count from a frequency, Hz."""
+def _banded(part: Rows, r: int, low: float) -> Iterator[tuple[int, Rows]]:
+    """A number for each band and each of r components, and the rows of both; low : Hz."""
     bins, parts = part.bins, part.design.reshape(2, part.complex, -1)
-    band = np.floor(np.log(bins.frequency[::r] / low) / np.log(_BAND) + 1e-9).astype(int)
-    first = np.flatnonzero(np.diff(band, prepend=-1))
-    for begin, end in zip(first, [*first[1:], len(band)], strict=True):
-        for a in range(r):
-            own = slice(r * begin + a, r * end, r)
-            yield (
-                (int(band[begin]), a),
-                Rows(
-                    np.concatenate(parts[:, own]),
-                    Bins(bins.frequency[own], bins.ratio[own], bins.count[own]),
-                ),
-            )
+    band = np.floor(np.log(bins.frequency / low) / np.log(_BAND) + 1e-9).astype(int)
+    number = r * band + np.arange(len(band)) % r
+    for k in np.unique(number):
+        own = number == k
+        yield int(k), Rows(np.concatenate(parts[:, own]), bins.some(own))
 
 
 def _stacked(parts: Sequence[Rows]) -> Rows:
     """Rows together, complex ones first."""
     parts = sorted(parts, key=lambda part: part.complex == 0)
-    bins = [part.bins for part in parts]
     real = [part.design[: len(part.bins.count)] for part in parts]
-    return Rows(
-        np.concatenate([*real, *(part.design[len(part.bins.count) :] for part in parts)]),
-        Bins(
-            np.concatenate([b.frequency for b in bins]),
-            np.concatenate([b.ratio for b in bins]),
-            np.concatenate([b.count for b in bins]),
-        ),
-    )
+    imaginary = [part.design[len(part.bins.count) :] for part in parts]
+    bins = Bins.stacked([part.bins for part in parts])
+    return Rows(np.concatenate([*real, *imaginary]), bins)
 
 
 @dataclass(slots=True)
@@ -160,6 +148,7 @@ class _Band:
     """Rows of one band and one component, as they come."""
 
     columns: int
+    model: NoiseModel | None
     parts: list[Rows] = field(default_factory=list)
     waiting: int = 0
     #: Triangular factor of what was joined, per unit of the reference's variance.
@@ -167,39 +156,72 @@ class _Band:
     #: Sums over what was joined: of the counts, and of these times log f and times λ.
     sums: FloatArray = field(default_factory=lambda: np.zeros(3))
 
-    def add(self, part: Rows, model: NoiseModel | None) -> None:
+    def add(self, part: Rows) -> None:
         """Add rows of a block."""
         self.parts.append(part)
         self.waiting += len(part.design)
         if self.waiting > max(_GATHERED, 2 * self.columns):
-            self._join(model)
+            self._join()
 
-    def rows(self, model: NoiseModel | None) -> Rows:
+    def rows(self) -> Rows:
         """Rows as they came, or one triangular factor where they are more than columns."""
         if self.factor is None and self.waiting <= self.columns:
             return _stacked(self.parts)
         if self.parts:
-            self._join(model)
+            self._join()
         assert self.factor is not None
         count, log_frequency, ratio = self.sums
         size = len(self.factor)
-        bins = Bins(
-            np.full(size, np.exp(log_frequency / count)),
-            np.full(size, ratio / count),
-            np.full(size, count / size),
-        )
-        scale = np.sqrt(_variance(bins, model) / bins.count)
-        return Rows(self.factor * scale[:, None], bins)
+        each = np.exp(log_frequency / count), ratio / count, count / size
+        bins = Bins(*(np.full(size, value) for value in each))
+        return Rows(self.factor * np.sqrt(self._variance(bins) / bins.count)[:, None], bins)
 
-    def _join(self, model: NoiseModel | None) -> None:
+    def _join(self) -> None:
         part = _stacked(self.parts)
-        count = part.bins.count
-        own = part.weighted(part.design, _variance(part.bins, model))
+        own = part.weighted(part.design, self._variance(part.bins))
         self.factor = triangular(own if self.factor is None else np.concatenate([self.factor, own]))
         self.parts, self.waiting = [], 0
-        means = np.stack([np.ones(len(count)), np.log(part.bins.frequency), part.bins.ratio])
-        self.sums = self.sums + means @ count
+        bins = part.bins
+        each = [np.ones(len(bins.count)), np.log(bins.frequency), bins.ratio]
+        self.sums = self.sums + np.stack(each) @ bins.count
+
+    def _variance(self, bins: Bins) -> FloatArray:
+        return np.ones(len(bins.count)) if self.model is None else self.model.variance(bins)
 
 
-def _variance(bins: Bins, model: NoiseModel | None) -> FloatArray:
-    return np.ones(len(bins.count)) if model is None else model.variance(bins)
+class NormalEquations:
+    """AᵀA (c, c) of the columns A of all rows, brought to unit variance by any spectrum.
+
+    The rows of a band that were joined have one variance: their products are summed once.
+
+    model : spectrum by which `white` (M + C + m, c), rows and then priors, is of unit variance.
+    The first column is the residual, the others are a Jacobian.
+    """
+
+    def __init__(self, rows: Rows, model: NoiseModel, white: FloatArray) -> None:
+        M, C, bins = len(rows.bins.count), rows.complex, rows.bins
+        self._model, self._rows = model, len(white)
+        joined = np.flatnonzero(
+            (np.diff(bins.frequency[C:], prepend=np.nan) != 0)
+            | (np.diff(bins.ratio[C:], prepend=np.nan) != 0)
+        )
+        parts = [white[a:b] for a, b in pairwise([*(C + joined), M])] + [white[M + C :]]
+        self._gram = np.stack([part.T @ part for part in parts])
+        self._single = np.concatenate([white[:C], white[M : M + C]])
+        once = np.concatenate([np.arange(C), C + joined])
+        self._bins = bins.some(once)
+        self._complex, self._variance = C, model.variance(self._bins)
+
+    def at(self, log_density: FloatArray) -> FloatArray:
+        """AᵀA (c, c), where the spectrum's parameters are these."""
+        weight = self._variance / self._model.variance(self._bins, log_density)
+        single, joined = weight[: self._complex], weight[self._complex :]
+        part = self._single * np.concatenate([single, single])[:, None]
+        total = np.tensordot([*joined, 1.0], self._gram, axes=1)
+        return np.asarray(total + part.T @ self._single)
+
+    def solved(self, log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Step (p,) to the minimum, and the root (p, r) of the step's covariance."""
+        normal = self.at(log_density)
+        root = gram_root(normal[1:, 1:], self._rows)
+        return -root @ (root.T @ normal[1:, 0]), root

@@ -11,14 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.model.parameters import prior_std
-from tdfscal.motioncal.covariance import MovingUncertainty
-from tdfscal.motioncal.design import drifting, suspected
+from tdfscal.model import dynamics
+from tdfscal.model.parameters import parameter_count, prior_std
+from tdfscal.model.statics import balance
+from tdfscal.motioncal.covariance import MovingUncertainty, by_spectrum
+from tdfscal.motioncal.design import drifting, instants, shifted, suspected
 from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.noise_bias import noise_scores
+from tdfscal.motioncal.rows import reading_gain
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import Quality
+from tdfscal.selfcal.exact_quantities import ExactQuantity, of_columns
 from tdfscal.selfcal.score_tests import (
     MADE_OF_READINGS,
     Asked,
@@ -30,6 +33,10 @@ from tdfscal.selfcal.score_tests import (
 from tdfscal.selfcal.suspicion import Suspicion, likeliest, suspicion, worst_zero
 from tdfscal.significance import UNDECLARED_ERROR, UNDECLARED_GRAVITY_SHARE
 
+#: One of so many instants of a block shows how its columns are made of readings.
+_EVERY = 20
+#: Typical error of a delay of the force stamps, s: a sample or two of a fieldbus.
+_DELAY = 1e-3
 #: Share of the largest variance of an amount below which it is rounding.
 _ROUNDING = 1e-12
 
@@ -53,7 +60,7 @@ def suspicions(
         asked = ask(apart, columns, residual, lean)
         if asked.p_value(stats) > level:
             continue
-        asked = by_spectrum(fit, columns, lean, asked)
+        asked = _widened(fit, columns, lean, asked)
         p_value = asked.p_value(stats)
         if p_value > level:
             continue
@@ -86,12 +93,8 @@ def suspect_level(group: str, count: int) -> float:
     return UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
 
 
-def by_spectrum(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
-    """The test with what the spectrum's own uncertainty adds to that of the amount.
-
-    As the covariance of the parameters has it: the amount and its covariance at either end of
-    every principal axis of the spectrum's parameters.
-    """
+def _widened(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
+    """The test with what the spectrum's own uncertainty adds to that of the amount."""
     equations, own = fit.normal_equations(columns), slice(-len(lean), None)
     leaning = np.zeros(fit.jacobian.shape[1] + len(lean))
     leaning[own] = lean
@@ -101,17 +104,10 @@ def by_spectrum(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: As
         return (step + root @ (root.T @ leaning))[own], root[own] @ root[own].T
 
     amount, covariance = at(fit.noise.log_density)
-    total = covariance
-    values, axes = np.linalg.eigh(fit.noise.covariance)
-    for value, axis in zip(values, axes.T, strict=True):
-        step = np.sqrt(value) * axis
-        (a, up), (b, down) = (at(fit.noise.log_density + sign * step) for sign in (1.0, -1.0))
-        total = total + (up + down) / 2 - covariance + np.outer(a - b, a - b) / 4
-    values, axes = np.linalg.eigh(total)
+    values, axes = np.linalg.eigh(covariance + by_spectrum(fit, covariance, at))
     seen = values > _ROUNDING * values[-1]
     along = axes[:, seen].T @ amount
-    widened = float(np.sum(along**2 / values[seen]))
-    return replace(asked, statistic=min(asked.statistic, widened))
+    return replace(asked, statistic=min(asked.statistic, float(np.sum(along**2 / values[seen]))))
 
 
 def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:
@@ -144,3 +140,50 @@ def _drifts(fit: MovingFit) -> Iterator[Suspect]:
         for i in range(n):
             yield name, i, part[:, 3 * i : 3 * i + 3], 1.0
         yield f"all {name}", 0, part, 1.0
+
+
+def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:
+    """Expected scores (P,) of the static parameters by the noise of the readings alone.
+
+    slope : (q + …, P + 8), of the features. Noise of density S_F in reading a at one instant moves
+    a column by ∂c/∂f_a and the balance by B M e_a: Σ S_F (∂c/∂f_a)ᵀ S⁻¹ (B M e_a), over all
+    frequencies, and instants by the taper's weight.
+    """
+    rig, state = fit.rig, fit.state.still
+    P = parameter_count(rig.n, state.motions)
+    total = np.zeros(P)
+    support, axis = np.nonzero(rig.axes)
+    for item in fit.designs:
+        some = slice(item.block.index.start, item.block.index.stop, _EVERY)
+        weight = item.block.taper[0, ::_EVERY] ** 2
+        place = shifted(fit.slow, item.block.index, fit.delay)[::_EVERY]
+        seen = instants(rig, fit.slow, place, some)
+        # The instants as they are, and again for every reading, that one moved by a newton.
+        K, reading = len(seen), np.arange(len(support))
+        seen = seen.subset(np.tile(np.arange(K), 1 + len(support)))
+        force = seen.force.reshape(1 + len(support), K, rig.n, 3).copy()
+        force[1 + reading, :, support, axis] += 1.0
+        seen = replace(seen, force=force.reshape(-1, rig.n, 3))
+        at = balance(seen, state, fit.origin.centre, rig.gravity)
+        design = at.design.reshape(1 + len(support), K, 6, -1)
+        # Σ_a over readings of (∂design/∂f_a)ᵀ W B M e_a.
+        felt = reading_gain(item, fit.noise) @ at.noise_force[:K] * weight[:, None, None, None]
+        along = np.tensordot(felt[:, support, :, axis], design[1:] - design[0], axes=3)
+        total += along @ slope[: len(along), :P] / weight.sum()
+    return total
+
+
+def exact_quantities(fit: MovingFit) -> tuple[ExactQuantity, ...]:
+    """Each quantity of a calibration in motion that has no uncertainty of its own."""
+    still, variance = fit.state.still, fit.noise.variance(fit.rows.bins)
+    slope = fit.slope_at(fit.state)
+    columns = fit.rows.weighted(fit.rows.design @ slope, variance)
+    parts = spectrum(fit.whitened()[1])
+    P = parameter_count(still.n, still.motions)
+    found = of_columns(columns[:, :P], parts, fit.active[:P], still)
+    if not fit.active[P + dynamics.DELAY]:
+        column = _DELAY * columns[:, P + dynamics.DELAY]
+        moved = parts.root @ (parts.left[: len(columns)].T @ column)
+        angles = np.flatnonzero(np.flatnonzero(fit.active) < 3 * still.n)
+        found += (ExactQuantity("delay", _DELAY, "s", moved[angles, None]),)
+    return found

@@ -9,7 +9,7 @@ import pytest
 
 from tdfscal.model.parameters import layout
 from tdfscal.motioncal.estimator import MovingPriors, at_state
-from tdfscal.motioncal.noise_bias import noise_scores
+from tdfscal.motioncal.score_tests import noise_scores
 from tdfscal.records import FloatArray
 from tests.motioncal.campaigns import DELAY, perfect_rig, played, quiet, true_state
 

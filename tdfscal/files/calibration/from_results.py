@@ -15,8 +15,8 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import parameters_document
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
-from tdfscal.motioncal.exact_quantities import exact_quantities as exact_in_motion
 from tdfscal.motioncal.pipeline import MotionCalibration
+from tdfscal.motioncal.score_tests import exact_quantities as exact_in_motion
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import Uncertainty, factored_information, joint_posterior
