@@ -15,7 +15,6 @@ from tdfscal.motioncal.blocks import Block, ComplexArray, Stretch, blocks, runs
 from tdfscal.motioncal.checks import Usable, check_blocks
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.rows import bins_of, independent
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray
 from tdfscal.significance import CONTACT_IN_MOTION
@@ -72,7 +71,7 @@ def touched(fit: MovingFit, level: float = CONTACT_IN_MOTION) -> tuple[Stretch, 
     alike = {len(block): block for block in fit.blocks}
     shapes = {size: _windows(block) for size, block in alike.items()}
     tests = max(1, sum(len(shapes[len(block)][1]) for block in fit.blocks))
-    limit = float(chi2_quantile(1 - level / tests, len(fit.designs[0].seen)))
+    limit = float(chi2_quantile(1 - level / tests, len(fit.designs[0].mix)))
     root = fit.information().root
     floor = _HALF * limit if len(fit.designs) > _MANY else 0.0
     out: list[Stretch] = []
@@ -108,9 +107,7 @@ def _scores(
     e : (F, 6), residual. d : (W, F), shapes. root : (p, r), of the parameters' covariance. Where
     the fit can take up half of a statistic at most, one below the floor is not worked out.
     """
-    mixing, ratio = independent(item)
-    bins = bins_of(item, ratio)
-    weight = (bins.count / fit.noise.variance(bins)).reshape(-1, len(ratio))
+    mixing, weight = item.mix, item.weight(fit.noise)
     # In the components that are independent: u = Σ d* r / s, G = Σ |d|² / s, L = Σ d* J / s.
     u = (d.conj() @ (e @ mixing.T * weight)).real
     G = np.abs(d) ** 2 @ weight
@@ -120,7 +117,7 @@ def _scores(
     if some.any():
         J = (mixing @ item.wrench(fit.slope)) * weight[..., None]
         L = d[some].conj() @ J.reshape(len(weight), -1)
-        each = np.arange(len(ratio))
+        each = np.arange(len(mixing))
         taken = L.real.reshape(len(L), len(each), -1) @ root
         info = -(taken @ np.swapaxes(taken, 1, 2))
         info[:, each, each] += G[some]

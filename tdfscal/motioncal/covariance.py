@@ -11,7 +11,7 @@ from tdfscal.model import dynamics
 from tdfscal.model.parameters import layout, sensing
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
-from tdfscal.motioncal.rows import bins_of, independent, reading_gain
+from tdfscal.motioncal.rows import reading_gain
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum
@@ -176,9 +176,7 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
 
 def _answer(fit: MovingFit, item: BlockDesign, C: FloatArray) -> FloatArray:
     """Change (N, 6, p) of the active parameters by a unit wrench at every instant of a block."""
-    mix, ratio = independent(item)
-    bins, N = bins_of(item, ratio), len(item.turned)
-    weight = (bins.count / fit.noise.variance(bins)).reshape(-1, len(ratio), 1)
+    mix, weight, N = item.mix, item.weight(fit.noise)[..., None], len(item.turned)
     gain = (mix.T @ (weight * (mix @ item.wrench(fit.slope)))).conj() @ C.T
     # Re Σ_f gain e^{−iωt}: of a real transform all coefficients but the mean count twice.
     gain[1:] /= 2

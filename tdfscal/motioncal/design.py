@@ -16,6 +16,7 @@ from tdfscal.model.zero_motion import ZeroMotion, zero_motion
 from tdfscal.motioncal import rests
 from tdfscal.motioncal.across import Across, across, filled
 from tdfscal.motioncal.blocks import Block, ComplexArray
+from tdfscal.motioncal.noise import Bins, NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.splines import even_spline
 from tdfscal.records import FloatArray, Rig
@@ -42,23 +43,21 @@ class BlockDesign:
     design : (F, 6, q + 12 + s) complex, e = design · (statics' and motion's features, s zeros);
     its first three rows in N/√Hz, the others in N·m/√Hz. The last s columns are suspects: zeros
     that move, where none are declared to.
-    unit_force, unit_turn : (6, 6), mean covariance of e for white noise of 1 N on every force
-    component, and of 1 m on every servo coordinate through the registered pose.
+    mix : (r, 6), brings e to r components of independent noise; r = 6 less what no sensor measures.
+    bins : their rF frequencies and weights, component by component within a frequency.
     turned : (N, 6, 3), e at every instant by three independent turns of its pose, as servo errors
     of 1 m make them.
     lever : (n, 6, 3, 6, 3), mean of B_i ⊗ B_i, B_i the wrench of a unit force.
-    seen : (r, 6), brings e to the r coordinates that no unmeasured force reaches.
     rests : (F, 6, 3 R), wrench of the turns at the block's rests, in their priors' standard
     uncertainties; place : these among the turns at all rests of the log.
     """
 
     block: Block
     design: ComplexArray
-    unit_force: FloatArray
-    unit_turn: FloatArray
+    mix: FloatArray
+    bins: Bins
     lever: FloatArray
     turned: FloatArray
-    seen: FloatArray
     rests: ComplexArray
     place: slice
 
@@ -67,6 +66,11 @@ class BlockDesign:
         cut = self.design.shape[2]
         own = psi[cut:][self.place]
         return np.asarray(self.design @ psi[:cut] + self.rests @ own)
+
+    def weight(self, model: NoiseModel) -> FloatArray:
+        """How much the components (F, r) count under a spectrum."""
+        weight = self.bins.count / model.variance(self.bins)
+        return np.asarray(weight.reshape(-1, len(self.mix)))
 
 
 def shifted(slow: Slow, rows: slice, delay: float) -> FloatArray:
@@ -87,11 +91,12 @@ def block_design(
     block: Block,
     state: State,
     moving: Moving,
-    resting: Sequence[slice] = (),
+    resting: Sequence[slice],
+    place: slice,
 ) -> tuple[BlockDesign, Balance]:
     """Linearise one block at a state.
 
-    resting : rows of the block at which the terminal rests.
+    resting : rows of the block at which the terminal rests; place : of their turns.
     Returns its design, and the static balance of one instant, which holds what the features
     count from.
     """
@@ -122,18 +127,43 @@ def block_design(
     suspects = suspected(rig, slow)
     if suspects is not None:
         columns.append(seen.transform(_zeros_moving(at, suspects.subset(rows))))
+    # Mean covariance of e for white noise of 1 N on every force component, and of 1 m on every
+    # servo coordinate through the registered pose.
+    unit_force = np.einsum("k,knab,kncb->ac", weight, own, own, optimize=True)
+    unit_turn = np.einsum("k,kac,kbc->ab", left, turned[some], turned[some], optimize=True)
+    mix, ratio = _independent(seen.seen, unit_force, unit_turn)
     result = BlockDesign(
         block=block,
         design=np.concatenate(columns, axis=2),
-        unit_force=np.einsum("k,knab,kncb->ac", weight, own, own, optimize=True),
-        unit_turn=np.einsum("k,kac,kbc->ab", left, turned[some], turned[some], optimize=True),
+        mix=mix,
+        bins=_bins(block, ratio),
         lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
         turned=turned,
-        seen=seen.seen,
         rests=seen.transform(rests.columns(rig, at, near, resting)),
-        place=slice(0, 3 * len(resting)),
+        place=place,
     )
     return result, statics.balance(observed.subset(slice(0, 1)), state, centre, rig.gravity)
+
+
+def _independent(
+    seen: FloatArray, unit_force: FloatArray, unit_turn: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Matrix (r, 6) that brings e to independent components, and their ratios λ (r,), N²/m².
+
+    seen : (r, 6), brings e to the coordinates that no unmeasured force reaches.
+    """
+    inverse = np.linalg.inv(np.linalg.cholesky(seen @ unit_force @ seen.T))
+    ratio, axes = np.linalg.eigh(inverse @ (seen @ unit_turn @ seen.T) @ inverse.T)
+    return axes.T @ inverse @ seen, np.maximum(ratio, 0.0)
+
+
+def _bins(block: Block, ratio: FloatArray) -> Bins:
+    f = block.frequency.copy()
+    f[0] = 0.5 * f[1]  # what the mean sees
+    # A complex coefficient holds two values; the mean, which is real, one.
+    both = np.where(np.arange(len(f)) > 0, 2.0, 1.0) * block.share
+    r = len(ratio)
+    return Bins(np.repeat(f, r), np.tile(ratio, len(f)), np.repeat(both, r))
 
 
 def instants(rig: Rig, slow: Slow, position: FloatArray, rows: slice) -> Postures:

@@ -8,6 +8,7 @@ log too; what differs is the weight, which is estimated with the fit.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from tdfscal.motioncal.blocks import Block, ComplexArray
 from tdfscal.motioncal.design import BlockDesign, block_design, drifting
 from tdfscal.motioncal.noise import NoiseModel
 from tdfscal.motioncal.rests import rests as find_rests
-from tdfscal.motioncal.rows import NormalEquations, Rows, bins_of, gather, independent
+from tdfscal.motioncal.rows import NormalEquations, Rows, gather
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import (
     Solution,
@@ -252,16 +253,13 @@ def at_state(
     """Linearise at a state; without a noise model, with one that is flat."""
     rig, slow = priors.rig, priors.slow
     resting = find_rests(slow, blocks)
+    edges = np.cumsum([0, *(3 * len(own) for own in resting)]).tolist()
     pairs = [
-        block_design(rig, slow, b, state.still, state.moving, own)
-        for b, own in zip(blocks, resting, strict=True)
+        block_design(rig, slow, block, state.still, state.moving, own, slice(*place))
+        for block, own, place in zip(blocks, resting, pairwise(edges), strict=True)
     ]
-    last = np.cumsum([3 * len(own) for own in resting])
-    designs = tuple(
-        replace(design, place=slice(int(stop) - 3 * len(own), int(stop)))
-        for (design, _), own, stop in zip(pairs, resting, last, strict=True)
-    )
-    rows, rests = gather(designs, model), int(last[-1])
+    designs = tuple(design for design, _ in pairs)
+    rows, rests = gather(designs, model), edges[-1]
     none = (np.empty(0),) * 6
     origin, delay, before = pairs[0][1], state.moving.delay, model or noise.NOTHING
     fit = MovingFit(priors, designs, rows, origin, delay, rests, state, before, *none, 0, False)
@@ -331,8 +329,5 @@ def _bent(fit: MovingFit, some: tuple[Block, ...]) -> float:
     square = 0.0
     for k, item in zip(index, anew.designs, strict=True):
         gap = item.design @ anew.psi[:cut] - fit.designs[k].design @ fit.psi[:cut]
-        mix, ratio = independent(item)
-        bins = bins_of(item, ratio)
-        gap = (gap @ mix.T).ravel()
-        square += float(np.sum(np.abs(gap) ** 2 * bins.count / fit.noise.variance(bins)))
+        square += float(np.sum(np.abs(gap @ item.mix.T) ** 2 * item.weight(fit.noise)))
     return float(np.sqrt(square * len(fit.blocks) / len(some)))

@@ -59,43 +59,20 @@ class Rows:
         return np.asarray(square[: len(self.bins.count)])
 
 
-def independent(item: BlockDesign) -> tuple[FloatArray, FloatArray]:
-    """Matrix (r, 6) that brings e to independent components, and their ratios λ (r,), N²/m².
-
-    r = 6, less the wrenches that no sensor measures.
-    """
-    seen = item.seen
-    inverse = np.linalg.inv(np.linalg.cholesky(seen @ item.unit_force @ seen.T))
-    ratio, axes = np.linalg.eigh(inverse @ (seen @ item.unit_turn @ seen.T) @ inverse.T)
-    return axes.T @ inverse @ seen, np.maximum(ratio, 0.0)
-
-
-def bins_of(item: BlockDesign, ratio: FloatArray) -> Bins:
-    """Bins (r F) of one block, component by component within a frequency."""
-    f = item.block.frequency.copy()
-    f[0] = 0.5 * f[1]  # what the mean sees
-    # A complex coefficient holds two values; the mean, which is real, one.
-    both = np.where(np.arange(len(f)) > 0, 2.0, 1.0) * item.block.share
-    r = len(ratio)
-    return Bins(np.repeat(f, r), np.tile(ratio, len(f)), np.repeat(both, r))
-
-
 def reading_gain(item: BlockDesign, model: NoiseModel) -> FloatArray:
     """Σ_f S_F S⁻¹ in the wrench's own components, (6, 6): what noise in the readings counts."""
-    mixing, ratio = independent(item)
-    bins = bins_of(item, ratio)
+    bins, mix = item.bins, item.mix
     gain = bins.count * model.density(bins.frequency)[0] / model.variance(bins)
-    return np.asarray(mixing.T @ np.diag(gain.reshape(-1, len(ratio)).sum(axis=0)) @ mixing)
+    return np.asarray(mix.T @ np.diag(gain.reshape(-1, len(mix)).sum(axis=0)) @ mix)
 
 
 def rows_of(item: BlockDesign, all_rests: int) -> Rows:
     """Rows (r F) of one block, none of them joined; all_rests : turns at all rests of the log."""
-    mix, ratio = independent(item)
-    cut, size = item.design.shape[2], len(mix) * len(item.design)
+    cut, size = item.design.shape[2], len(item.bins.count)
     design = np.zeros((2, size, cut + all_rests))
-    design[:, :, :cut] = _mixed(mix, item.design)
-    design[:, :, cut:][:, :, item.place] = _mixed(mix, item.rests)
-    return Rows(design.reshape(2 * size, -1), bins_of(item, ratio))
+    design[:, :, :cut] = _mixed(item.mix, item.design)
+    design[:, :, cut:][:, :, item.place] = _mixed(item.mix, item.rests)
+    return Rows(design.reshape(2 * size, -1), item.bins)
 
 
 def _mixed(mix: FloatArray, columns: ComplexArray) -> FloatArray:
@@ -119,7 +96,7 @@ def gather(designs: Sequence[BlockDesign], model: NoiseModel | None) -> Rows:
     low = min(float(item.block.frequency[1]) for item in designs) / 2
     bands: dict[int, _Band] = {}
     for part in parts:
-        for key, own in _banded(part, len(designs[0].seen), low):
+        for key, own in _banded(part, len(designs[0].mix), low):
             bands.setdefault(key, _Band(columns, model)).add(own)
     return _stacked([band.rows() for _, band in sorted(bands.items())])
 

@@ -12,7 +12,7 @@ from tdfscal.model.statics import balance
 from tdfscal.motioncal.covariance import FIELD, of_poses
 from tdfscal.motioncal.design import instants
 from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
-from tdfscal.motioncal.rows import independent, rows_of
+from tdfscal.motioncal.rows import rows_of
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
@@ -36,7 +36,7 @@ def moved(fit: MovingFit, wrench: FloatArray) -> FloatArray:
     own, root = rows_of(item, fit.rests), spectrum(fit.whitened()[1]).root
     gain = own.scaled(own.design @ fit.slope, own.bins.count / fit.noise.variance(own.bins))
     e = item.block.transform(np.moveaxis(wrench, 0, 2))  # (F, 6, D)
-    rows = (independent(item)[0] @ e).reshape(len(own.bins.count), -1)
+    rows = (item.mix @ e).reshape(len(own.bins.count), -1)
     return np.asarray((root @ (root.T @ (gain.T @ np.concatenate([rows.real, rows.imag]))))[:9].T)
 
 
