@@ -20,7 +20,8 @@ from tdfscal.motioncal.noise import Bins, NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.splines import even_spline
 from tdfscal.records import FloatArray, Rig
-from tdfscal.wrench.kinematics import Motion, Poses, motion, rotations
+from tdfscal.wrench.contact_wrench import inertial
+from tdfscal.wrench.kinematics import Poses, motion, rotations
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
 _STICK = 5.0e-4
@@ -105,11 +106,11 @@ def block_design(
     position = course(moving.delay) if moving.delay else slow.position[rows]
     observed = instants(rig, slow, position, rows)
     if not rig.axes.all():
-        driven = inertial(position - state.datum, block.step, state, moving)
+        driven = inertia_wrench(position - state.datum, block.step, state, moving)
         observed = filled(observed, driven, state, rig.gravity)
     at = statics.balance(observed, state, centre, rig.gravity)
     seen = across(block, at, rig.axes)
-    moved = _moving_columns(seen, at.rotation, position, state, centre)
+    moved = _moving_columns(seen, at.rotation, position, state)
     before, after = (
         _residual(rig, at.seen.force, seen, course(moving.delay + shift), state, moving)
         for shift in (-_SHIFT, _SHIFT)
@@ -198,10 +199,10 @@ def drifting(rig: Rig, slow: Slow) -> ZeroMotion | None:
 
 
 def _moving_columns(
-    seen: Across, R: FloatArray, position: FloatArray, state: State, centre: FloatArray
+    seen: Across, R: FloatArray, position: FloatArray, state: State
 ) -> ComplexArray:
     """Columns of m, m (r_m − c), I_c and τ, (F, 6, 11)."""
-    place, turning, speed_up = _kinematics(seen.block, R, position, state, centre)
+    place, turning, speed_up = _kinematics(seen.block, R, position, state)
     at_once = np.zeros((len(R), 6, 4))
     arm_rate = np.cross(np.swapaxes(R, 1, 2), speed_up[:, None], axis=2)  # (R e_a) × a
     at_once[:, 3:, :3] = np.swapaxes(arm_rate, 1, 2)
@@ -218,7 +219,7 @@ def stuck(turning: FloatArray) -> FloatArray:
     return np.asarray(turning / np.sqrt(np.sum(turning**2, axis=1, keepdims=True) + _STICK**2))
 
 
-def inertial(position: FloatArray, step: float, state: State, moving: Moving) -> FloatArray:
+def inertia_wrench(position: FloatArray, step: float, state: State, moving: Moving) -> FloatArray:
     """Wrench (N, 6) of inertia and friction about the barycentre, BCS, at every instant.
 
     position : (N, n, 3), m, of the hinges. step : s. It holds accelerations, which the estimate
@@ -229,21 +230,27 @@ def inertial(position: FloatArray, step: float, state: State, moving: Moving) ->
     found = motion(Poses(R, place), step, _WIDE)
     assert found is not None  # blocks are longer than the window
     own = symmetric(moving.inertia - state.mass * dynamics.spread_matrix(centre))
-    w, dw = found.turning, found.turning_rate
-    spin = dw @ own.T + np.cross(w, w @ own.T)
-    friction = state.n * moving.friction * stuck(w)
-    both = np.concatenate([state.mass * found.acceleration, spin + friction], axis=1)
+    both = inertial(replace(state, barycentre=np.zeros(3)), own, found)
+    both[:, 3:] += state.n * moving.friction * stuck(found.turning)
     return np.asarray(-np.einsum("kab,kcb->kca", R, both.reshape(-1, 2, 3)).reshape(-1, 6))
 
 
+def static_wrench(state: State, g: float, R: FloatArray, reading: FloatArray) -> FloatArray:
+    """Wrench (N, 6) of readings (N, n, 3) and weight about the barycentre, BCS."""
+    arm = np.einsum("kab,nb->kna", R, state.hinge - state.barycentre)
+    F = statics.forces(state, reading)
+    return np.concatenate(
+        [F.sum(axis=1) + state.mass * gravity(state, g), np.cross(arm, F).sum(axis=1)], axis=1
+    )
+
+
 def _kinematics(
-    block: Block, R: FloatArray, position: FloatArray, state: State, centre: FloatArray
+    block: Block, R: FloatArray, position: FloatArray, state: State
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Place of c less its mean (m), angular velocity (rad/s) and acceleration (m/s²), BCS."""
-    middle = state.hinge.mean(axis=0)
-    T = (position - state.datum).mean(axis=1) - R @ middle
-    place = T + R @ centre
-    found: Motion | None = motion(Poses(R, place), block.step, _HALF)
+    T = (position - state.datum).mean(axis=1) - R @ state.hinge.mean(axis=0)
+    place = T + R @ state.barycentre
+    found = motion(Poses(R, place), block.step, _HALF)
     assert found is not None  # blocks are longer than the window
     turning = np.einsum("kab,kb->ka", R, found.turning)
     speed_up = np.einsum("kab,kb->ka", R, found.acceleration)
@@ -254,18 +261,7 @@ def _residual(
     rig: Rig, reading: FloatArray, seen: Across, position: FloatArray, state: State, moving: Moving
 ) -> ComplexArray:
     """E (F, 6) of one block with its poses at other servo positions; reading (N, n, 3), N."""
-    centre = state.barycentre
     R = rotations(state.hinge, position - state.datum)
-    arm = np.einsum("kab,nb->kna", R, state.hinge - centre)
-    F = statics.forces(state, reading)
-    e = np.zeros((len(F), 6))
-    e[:, :3] = F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
-    e[:, 3:] = np.cross(arm, F).sum(axis=1)
-    m, *rest = dynamics.features(state, moving, centre, moving.delay)[:11]
-    lever, inertia, friction = np.array(rest[:3]), np.array(rest[3:9]), rest[9]
-    place, turning, speed_up = _kinematics(seen.block, R, position, state, centre)
-    e[:, 3:] -= np.cross(R @ lever, speed_up) + state.n * friction * stuck(turning)
-    out = seen.transform(e[..., None])
-    out -= seen.derivative(_FORCE, (m * place + R @ lever)[..., None], 2)
-    spin = dynamics.spin_momentum(R, turning) @ inertia
-    return np.asarray((out - seen.derivative(_MOMENT, spin[..., None], 1))[..., 0])
+    still = seen.transform(static_wrench(state, rig.gravity, R, reading)[..., None])[..., 0]
+    known = dynamics.features(state, moving, state.barycentre, moving.delay)[:-1]
+    return still + _moving_columns(seen, R, position, state) @ known

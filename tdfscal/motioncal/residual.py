@@ -9,9 +9,9 @@ import numpy as np
 from tdfscal.model import statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.free_forces import least_squares
-from tdfscal.model.parameters import State, gravity, sensing
+from tdfscal.model.parameters import State, sensing
 from tdfscal.motioncal.blocks import Block
-from tdfscal.motioncal.design import inertial, shifted
+from tdfscal.motioncal.design import inertia_wrench, shifted, static_wrench
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import FloatArray, Rig
 from tdfscal.wrench.kinematics import rotations
@@ -62,14 +62,11 @@ def _wrench(rig: Rig, slow: Slow, block: Block, state: State, moving: Moving) ->
     """
     position = shifted(slow, block.index, moving.delay) - state.datum
     R = rotations(state.hinge, position)
-    arm = np.einsum("kab,nb->kna", R, state.hinge - state.barycentre)
-    F = statics.forces(state, slow.force[block.index])
-    e = inertial(position, block.step, state, moving)
-    e[:, :3] += F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
-    e[:, 3:] += np.cross(arm, F).sum(axis=1)
+    e = inertia_wrench(position, block.step, state, moving)
+    e += static_wrench(state, rig.gravity, R, slow.force[block.index])
     if rig.axes.all():
         return e
-    B = statics.wrench(arm)
+    B = statics.wrench(np.einsum("kab,nb->kna", R, state.hinge - state.barycentre))
     cov = np.einsum("knra,knsa->krs", B, B)
     columns = statics.free(B @ sensing(state), rig.axes)
     free, _ = least_squares(cov, columns, e)

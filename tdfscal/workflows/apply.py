@@ -52,13 +52,13 @@ from tdfscal.workflows.wrench_summary import (
     summary_of,
     zero_effect,
 )
-from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
 from tdfscal.wrench.log_head import coloured_noise, take_head
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.sample_noise import SampleNoise, with_sample_noise
-from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
+from tdfscal.wrench.stream import at_rest, in_motion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -244,8 +244,8 @@ def _shares(use: InUse) -> FloatArray | None:
 
 
 def _judged(
-    pieces: Iterator[WrenchPiece], paths: list[Path], inspection: Inspection, notes: list[str]
-) -> Iterator[WrenchPiece]:
+    pieces: Iterator[Wrenches], paths: list[Path], inspection: Inspection, notes: list[str]
+) -> Iterator[Wrenches]:
     """Pass the pieces on; at their end add to the notes what the inspection warns of.
 
     Raises DataError where there is no piece, or the log contradicts the rig: while the result is

@@ -12,14 +12,13 @@ import numpy as np
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.workflows.calibration_in_use import InUse
-from tdfscal.wrench.contact_wrench import COMPONENTS
+from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Walk
 from tdfscal.wrench.log_head import ColouredNoise
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Tally
 from tdfscal.wrench.sample_noise import SampleNoise
-from tdfscal.wrench.stream import WrenchPiece
 from tdfscal.wrench.zero_wander import ZeroVariance
 
 #: What the roots of the mean squares are called.
@@ -42,20 +41,19 @@ class Totals:
     begin: float = np.nan
     end: float = np.nan
 
-    def passing(self, pieces: Iterable[WrenchPiece]) -> Iterator[WrenchPiece]:
+    def passing(self, pieces: Iterable[Wrenches]) -> Iterator[Wrenches]:
         """Count the pieces of a log as they pass."""
         for piece in pieces:
-            w = piece.wrench
-            each = (w.value, w.raw, w.std, w.calibration_std)
+            each = (piece.value, piece.raw, piece.std, piece.calibration_std)
             self.squares += [np.einsum("ka,ka->a", part, part) for part in each]
-            lengths = np.sqrt(np.sum(w.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
+            lengths = np.sqrt(np.sum(piece.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
             self.largest = np.maximum(self.largest, lengths)
             if not self.rows:
                 self.begin = float(piece.time[0])
             self.end = float(piece.time[-1])
             self.rows += len(piece.time)
             if self.envelope is not None:
-                self.envelope.add(piece.time, np.hstack([w.value, w.raw]))
+                self.envelope.add(piece.time, np.hstack([piece.value, piece.raw]))
             yield piece
 
 

@@ -39,6 +39,7 @@ _REACHED = 1.0e-6
 class Wrenches:
     """Contact wrenches (N, 6): fx, fy, fz in N, mx, my, mz in N·m about the LCS origin, LCS.
 
+    time : (N,), s.
     std : standard uncertainty of each component: the calibration's, and what a sample adds by the
     declarations of the rig file per posture (positioner, force_noise, hinge_moment, friction with a
     direction); its noise is added by `sample_noise`. ∞ where a constant is open.
@@ -48,6 +49,7 @@ class Wrenches:
     raw : without the calibration: nominal mounting, the rig's stated zeros, mass and barycentre.
     """
 
+    time: FloatArray
     value: FloatArray
     std: FloatArray
     calibration_std: FloatArray
@@ -59,11 +61,10 @@ def contact_wrench(
     g: float,
     rotation: FloatArray,
     force: FloatArray,
-    moving: FloatArray | None = None,
 ) -> FloatArray:
-    """Contact wrench (N, 6) from readings (N, n, 3) in N, sensor frames.
+    """Contact wrench (N, 6) at rest from readings (N, n, 3) in N, sensor frames.
 
-    rotation : (N, 3, 3), LCS → BCS, of the terminal. moving : (N, 6), the terms of `inertial`.
+    rotation : (N, 3, 3), LCS → BCS, of the terminal. What moves has `inertial` besides.
     """
     N, n = force.shape[:2]
     M, weight = sensing(state), state.mass * gravity(state, g)
@@ -84,7 +85,7 @@ def contact_wrench(
         dot(Y[b], R[:, a], out[3 + c], part)
         dot(Y[a], R[:, b], other, part)
         out[3 + c] -= other
-    return out.T if moving is None else out.T + moving
+    return out.T
 
 
 def inertial(state: State, inertia: FloatArray, moving: Motion) -> FloatArray:
@@ -175,31 +176,25 @@ def wrenches(
     time: FloatArray,
     position: FloatArray,
     force: FloatArray,
-    at: Poses | None = None,
+    rotation: FloatArray | None = None,
     moving: Motion | None = None,
 ) -> Wrenches:
     """Contact wrenches at N samples.
 
     time : (N,), s. position : (N, n, 3), m, BCS. force : (N, n, 3), N, readings.
-    at : `pose` of the positions, where it is known already. moving : motion of the terminal, for
-    the inertial terms with the rig's inertia; None: at rest.
+    rotation : (N, 3, 3), of the terminal, where it is known already. moving : its motion, for the
+    inertial terms with the rig's inertia; None: at rest.
     """
     state, force = given.state, measured(given, force)
-    rotation = rotations(state.hinge, position - state.datum) if at is None else at.rotation
-    states = (given.state, nominal(given.rig))
+    if rotation is None:
+        rotation = rotations(state.hinge, position - state.datum)
     inertia, g = given.rig.inertia, given.rig.gravity
-    value, raw = (
-        contact_wrench(
-            state,
-            g,
-            rotation,
-            force,
-            None if moving is None or inertia is None else inertial(state, inertia.value, moving),
-        )
-        for state in states
-    )
+    value, raw = (contact_wrench(s, g, rotation, force) for s in (state, nominal(given.rig)))
+    if moving is not None and inertia is not None:
+        value = value + inertial(state, inertia.value, moving)
+        raw = raw + inertial(nominal(given.rig), inertia.value, moving)
     own, common = _std(given, time, position, force)
-    return Wrenches(value=value, std=own, calibration_std=common, raw=raw)
+    return Wrenches(time=time, value=value, std=own, calibration_std=common, raw=raw)
 
 
 def pose(given: Calibrated, position: FloatArray) -> Poses:

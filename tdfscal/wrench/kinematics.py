@@ -33,10 +33,6 @@ class Poses:
     rotation: FloatArray
     translation: FloatArray
 
-    def rows(self, which: slice) -> Poses:
-        """Some of the poses."""
-        return Poses(self.rotation[which], self.translation[which])
-
 
 @dataclass(frozen=True, slots=True)
 class Motion:

@@ -19,8 +19,8 @@ import numpy as np
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.statics import wrench
 from tdfscal.records import FloatArray
+from tdfscal.wrench.contact_wrench import Wrenches
 from tdfscal.wrench.log_head import LogHead
-from tdfscal.wrench.stream import WrenchPiece
 from tdfscal.wrench.zero_wander import ZeroVariance
 
 #: Where nothing rests: windows whose scatter about a parabola counts, s and samples at least.
@@ -41,7 +41,7 @@ class SampleNoise:
 
 
 def with_sample_noise(
-    pieces: Iterator[WrenchPiece],
+    pieces: Iterator[Wrenches],
     head: LogHead,
     given: Calibrated,
     *,
@@ -49,7 +49,7 @@ def with_sample_noise(
     shares: FloatArray | None = None,
     zero_variance: ZeroVariance | None,
     tell: Callable[[SampleNoise], None],
-) -> Iterator[WrenchPiece]:
+) -> Iterator[Wrenches]:
     """Add the noise of a sample, and zeros that move, to the standard uncertainties.
 
     posture_std : N per axis, by which the calibration's own postures scattered beyond the
@@ -57,7 +57,7 @@ def with_sample_noise(
     zero_variance : N², (N, n or 1) at times (N,), s, by which zeros have moved since.
     tell : is told the noise before the first piece comes.
     """
-    held = list[WrenchPiece]()
+    held = list[Wrenches]()
     for piece in pieces:
         held.append(piece)
         if piece.time[-1] >= head.samples.time[-1]:
@@ -70,11 +70,11 @@ def with_sample_noise(
     noise = _noise(held, head, alike @ each, slow)
     tell(noise)
     for piece in chain(held, pieces):
-        variance = piece.wrench.std**2 + noise.std**2
+        variance = piece.std**2 + noise.std**2
         if zero_variance is not None:
             moved = np.broadcast_to(zero_variance(piece.time), (len(variance), len(each)))
             variance = variance + moved @ each
-        yield replace(piece, wrench=replace(piece.wrench, std=np.sqrt(variance)))
+        yield replace(piece, std=np.sqrt(variance))
 
 
 def _by_sensor(given: Calibrated) -> FloatArray:
@@ -83,9 +83,9 @@ def _by_sensor(given: Calibrated) -> FloatArray:
     return np.asarray(np.einsum("nab,nab->na", B, B))
 
 
-def _noise(held: list[WrenchPiece], head: LogHead, each: FloatArray, slow: float) -> SampleNoise:
+def _noise(held: list[Wrenches], head: LogHead, each: FloatArray, slow: float) -> SampleNoise:
     time = np.concatenate([piece.time for piece in held])
-    value = np.concatenate([piece.wrench.value for piece in held])
+    value = np.concatenate([piece.value for piece in held])
     rows = list(head.dwells(time))
     # The mean of a dwell takes the slow part of the noise away.
     lost = max(head.mean_variance, slow)

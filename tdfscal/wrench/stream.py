@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import Wrenches, pose, wrenches
 from tdfscal.wrench.kinematics import motion
 from tdfscal.wrench.resampling import Samples
@@ -20,21 +18,13 @@ _LEAST = 2
 _UNEVEN = 3.0
 
 
-@dataclass(frozen=True, slots=True)
-class WrenchPiece:
-    """Contact wrenches at (N,) times in s."""
-
-    time: FloatArray
-    wrench: Wrenches
-
-
-def at_rest(given: Calibrated, samples: Iterable[Samples]) -> Iterator[WrenchPiece]:
+def at_rest(given: Calibrated, samples: Iterable[Samples]) -> Iterator[Wrenches]:
     """Quasi-static contact wrenches: inertia plays no part."""
     for piece in samples:
-        yield WrenchPiece(piece.time, wrenches(given, piece.time, piece.position, piece.force))
+        yield wrenches(given, piece.time, piece.position, piece.force)
 
 
-def in_motion(given: Calibrated, samples: Iterable[Samples]) -> Iterator[WrenchPiece]:
+def in_motion(given: Calibrated, samples: Iterable[Samples]) -> Iterator[Wrenches]:
     """Contact wrenches with the terminal's inertial terms.
 
     Velocities and accelerations come from the servo positions in a symmetric window, without
@@ -70,7 +60,7 @@ def _step(stretch: Samples) -> float:
     return float((stretch.time[-1] - stretch.time[0]) / (stretch.time.size - 1))
 
 
-def _emit(given: Calibrated, stretch: Samples, first: int, end: int) -> Iterator[WrenchPiece]:
+def _emit(given: Calibrated, stretch: Samples, first: int, end: int) -> Iterator[Wrenches]:
     """Wrenches of the rows first … end − 1; the others are there for the window."""
     if end <= first:
         return
@@ -78,14 +68,11 @@ def _emit(given: Calibrated, stretch: Samples, first: int, end: int) -> Iterator
     half = _half(stretch)
     moving = motion(at, _step(stretch), half) if stretch.time.size > 2 * half else None
     rows, part = slice(first, end), stretch.rows(slice(first, end))
-    yield WrenchPiece(
+    yield wrenches(
+        given,
         part.time,
-        wrenches(
-            given,
-            part.time,
-            part.position,
-            part.force,
-            at=at.rows(rows),
-            moving=None if moving is None else moving.rows(rows),
-        ),
+        part.position,
+        part.force,
+        rotation=at.rotation[rows],
+        moving=None if moving is None else moving.rows(rows),
     )

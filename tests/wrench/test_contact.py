@@ -157,14 +157,14 @@ def test_inertial_terms_are_the_rate_of_momentum() -> None:
     position = arm + T[:, None] + s.datum
     at = poses(s.hinge, position - s.datum)
     moving = motion(at, 1 / rate, 100)
-    with_inertia = wrenches(given, t, position, reading, at=at, moving=moving).value
-    at_rest = wrenches(given, t, position, reading, at=at).value
+    with_inertia = wrenches(given, t, position, reading, rotation=at.rotation, moving=moving).value
+    at_rest = wrenches(given, t, position, reading, rotation=at.rotation).value
     inner = slice(100, -100)
     # A cubic over ±0.1 s misses f''''·h²·const of 4 rad/s motions: below 2 % of the inertia.
     assert np.abs(at_rest[inner]).max() > 100.0
     assert np.abs(with_inertia[inner]).max() < 0.02 * np.abs(at_rest[inner]).max()
     shorter = motion(at, 1 / rate, 20)
-    better = wrenches(given, t, position, reading, at=at, moving=shorter).value
+    better = wrenches(given, t, position, reading, rotation=at.rotation, moving=shorter).value
     assert np.abs(better[inner]).max() < 0.002 * np.abs(at_rest[inner]).max()
 
 

@@ -21,7 +21,6 @@ from tdfscal.simulation import Contact, Faults
 from tdfscal.workflows.calibrate import calibrate
 from tdfscal.wrench.contact_wrench import Wrenches
 from tdfscal.wrench.resampling import Samples
-from tdfscal.wrench.stream import WrenchPiece
 from tests.cli.running import SAMPLES, Run, rows, run
 
 from .held_out import HELD, USED, simulated, world
@@ -193,14 +192,14 @@ def test_apply_refuses_what_calibrate_refuses(
 
 def test_a_wrench_that_is_no_number_is_refused(tmp_path: Path) -> None:
     value = np.zeros((3, 6))
-    good = Wrenches(value=value, std=np.full((3, 6), np.inf),
-                    calibration_std=np.full((3, 6), np.inf), raw=value)  # fmt: skip
+    time, unknown = np.array([0.5, 0.75, 1.0]), np.full((3, 6), np.inf)
+    good = Wrenches(time=time, value=value, std=unknown, calibration_std=unknown, raw=value)
     bad = replace(good, value=np.where(np.arange(3)[:, None] == 1, np.nan, value))
-    time, target = np.array([0.5, 0.75, 1.0]), tmp_path / "w.csv"
+    target = tmp_path / "w.csv"
     with pytest.raises(DataError, match=r"at 0\.75 s is no number"):
-        write_wrenches(target, [WrenchPiece(time, good), WrenchPiece(time, bad)], {})
+        write_wrenches(target, [good, bad], {})
     assert not list(tmp_path.iterdir())
-    assert write_wrenches(target, [WrenchPiece(time, good)], {}) == 3
+    assert write_wrenches(target, [good], {}) == 3
 
 
 def test_supports_renamed_in_a_circle_are_said(

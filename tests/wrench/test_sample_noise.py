@@ -117,9 +117,9 @@ def errors(kind: str, seed: int, smoothed: bool = False) -> tuple[FloatArray, Sa
         )
     )  # fmt: skip
     time = np.concatenate([p.time for p in pieces])
-    value = np.concatenate([p.wrench.value for p in pieces])
-    std = np.concatenate([p.wrench.std for p in pieces])
-    common = np.concatenate([p.wrench.calibration_std for p in pieces])
+    value = np.concatenate([p.value for p in pieces])
+    std = np.concatenate([p.std for p in pieces])
+    common = np.concatenate([p.calibration_std for p in pieces])
     assert np.all(common < std)
     found = []
     for k in range(POSTURES):
@@ -146,7 +146,7 @@ def test_without_the_noise_samples_would_not() -> None:
     recorded, start, end = log("white", 1)
     (piece,) = at_rest(GIVEN, aligned([recorded], Tally()))
     rows = (piece.time > start[0] + 0.8) & (piece.time < end[0])
-    inside = np.abs(piece.wrench.value) < 1.96 * piece.wrench.calibration_std
+    inside = np.abs(piece.value) < 1.96 * piece.calibration_std
     assert np.mean(inside[rows]) < 0.5
 
 

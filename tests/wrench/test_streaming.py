@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
+from tdfscal.wrench.contact_wrench import Wrenches
 from tdfscal.wrench.resampling import Samples, Tally, aligned
-from tdfscal.wrench.stream import WrenchPiece, at_rest, in_motion
+from tdfscal.wrench.stream import at_rest, in_motion
 
 from .held_out import RIG, world
 
@@ -45,10 +46,10 @@ def joined(parts: Iterator[Samples]) -> Samples:
     return Samples(*(np.concatenate([getattr(s, n) for s in found]) for n in Samples.__slots__))
 
 
-def values(parts: Iterator[WrenchPiece]) -> tuple[FloatArray, FloatArray]:
+def values(parts: Iterator[Wrenches]) -> tuple[FloatArray, FloatArray]:
     found = list(parts)
     time = np.concatenate([p.time for p in found])
-    return time, np.concatenate([p.wrench.value for p in found])
+    return time, np.concatenate([p.value for p in found])
 
 
 def test_positions_are_interpolated_across_the_borders_of_pieces() -> None:

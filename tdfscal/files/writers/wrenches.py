@@ -18,8 +18,7 @@ from tdfscal.files.output_places import check_suffix
 from tdfscal.files.outputs import replacing
 from tdfscal.files.writers.ros2_messages import WRENCH, definition, recorder, stamped
 from tdfscal.records import FloatArray
-from tdfscal.wrench.contact_wrench import COMPONENTS
-from tdfscal.wrench.stream import WrenchPiece
+from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 
 SUFFIXES = (".csv", ".parquet", ".mcap")
 COLUMNS = (
@@ -42,12 +41,12 @@ TOPICS = {
 }
 """Topic → prefix of the same columns in a table."""
 _LAST = float(2**31)
-Append = Callable[[WrenchPiece], None]
+Append = Callable[[Wrenches], None]
 
 
 def write_wrenches(
     path: Path,
-    pieces: Iterable[WrenchPiece],
+    pieces: Iterable[Wrenches],
     about: Mapping[str, str],
     frame: str = "lcs",
 ) -> int:
@@ -79,10 +78,10 @@ def write_wrenches(
     return rows
 
 
-def numbers_only(pieces: Iterable[WrenchPiece]) -> Iterator[WrenchPiece]:
+def numbers_only(pieces: Iterable[Wrenches]) -> Iterator[Wrenches]:
     """Pass pieces on. Raises DataError at the first wrench that is no number."""
     for piece in pieces:
-        bad = ~np.isfinite(piece.wrench.value.sum(axis=1) + piece.wrench.raw.sum(axis=1))
+        bad = ~np.isfinite(piece.value.sum(axis=1) + piece.raw.sum(axis=1))
         if bad.any():
             raise DataError(
                 f"the contact wrench at {piece.time[int(np.argmax(bad))]:.9g} s is no number",
@@ -93,11 +92,11 @@ def numbers_only(pieces: Iterable[WrenchPiece]) -> Iterator[WrenchPiece]:
         yield piece
 
 
-def columns_of(piece: WrenchPiece) -> dict[str, FloatArray]:
+def columns_of(piece: Wrenches) -> dict[str, FloatArray]:
     """Return the columns of a piece by their names; an unknown uncertainty is NaN."""
-    w = piece.wrench
-    own, common = (np.where(np.isfinite(s), s, np.nan) for s in (w.std, w.calibration_std))
-    values = [piece.time, *w.value.T, *own.T, *common.T, *w.raw.T]
+    stds = piece.std, piece.calibration_std
+    own, common = (np.where(np.isfinite(std), std, np.nan) for std in stds)
+    values = [piece.time, *piece.value.T, *own.T, *common.T, *piece.raw.T]
     return dict(zip(COLUMNS, values, strict=True))
 
 
@@ -117,7 +116,7 @@ def _table(beside: Path, about: Mapping[str, str], *, text: bool) -> Iterator[Ap
         compact = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
         writer = parquet.ParquetWriter(beside, schema, write_page_checksum=True, **compact)
 
-    def append(piece: WrenchPiece) -> None:
+    def append(piece: Wrenches) -> None:
         arrays = [as_arrow(v, ~np.isfinite(v)) for v in columns_of(piece).values()]
         writer.write_table(pa.table(arrays, schema=schema))
 
@@ -139,7 +138,7 @@ def recording(path: Path, about: Mapping[str, str], frame: str) -> Iterator[Appe
         writer.add_metadata("tdfscal", dict(about))
         sequence = itertools.count()
 
-        def append(piece: WrenchPiece) -> None:
+        def append(piece: Wrenches) -> None:
             if not (piece.time[0] >= 0 and piece.time[-1] < _LAST):
                 raise DataError(
                     f"the times run from {piece.time[0]:.9g} s to {piece.time[-1]:.9g} s, and a "
@@ -148,10 +147,9 @@ def recording(path: Path, about: Mapping[str, str], frame: str) -> Iterator[Appe
                     hint="write .csv or .parquet instead, or correct the recorder's clock",
                 )
             stamp = np.rint(piece.time * 1e9).astype(np.int64)
-            w = piece.wrench
             streams = [
                 stamped(stamp, frame, np.where(np.isfinite(v), v, np.nan))
-                for v in (w.value, w.std, w.calibration_std, w.raw)
+                for v in (piece.value, piece.std, piece.calibration_std, piece.raw)
             ]
             for at, k, *messages in zip(stamp.tolist(), sequence, *streams, strict=False):
                 for channel, data in zip(channels, messages, strict=True):
