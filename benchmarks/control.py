@@ -16,8 +16,8 @@ from pathlib import Path
 
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.reporting.layout import Items, Report, Table
+from tdfscal.workflows.study.assembly import success
 from tdfscal.workflows.study.paper import paper
-from tdfscal.workflows.study.success import success
 
 
 def show(report: Report) -> None:

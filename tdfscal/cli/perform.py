@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> int:
     """Call `tdfscal.workflows.<name>` with a command's options and print its result.
 
-    name : of the module and its function; `study.accuracy` for a study. options : all of the
+    name : of the module and its function; `study.accuracy` of one in `study`. options : all of the
     command's; None leaves one to the function; `json`, `quiet`, `verbose` concern the printing.
     dash : options that take `-` for standard output, and the text of the result that it gets.
 
@@ -104,8 +104,9 @@ def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> s
 
 
 def _call(name: str, asked: dict[str, Any]) -> Result:
-    module = import_module(f"tdfscal.workflows.{name}")
-    function: Callable[..., Result] = getattr(module, name.rpartition(".")[2])
+    place, _, own = name.rpartition(".")
+    module = import_module(f"tdfscal.workflows.{place or own}")
+    function: Callable[..., Result] = getattr(module, own)
     parameters = signature(function).parameters
     if "command" in parameters:  # as the user gave it
         line = " ".join(["tdfscal", *sys.argv[1:]])

@@ -17,7 +17,7 @@ from tdfscal.simulation import Recorder, make_rig
 from tdfscal.studies import cost, docking, free_space, success
 from tdfscal.studies.compared_calibrations import KNOWS
 from tdfscal.workflows.calibrate import calibrate
-from tdfscal.workflows.study.docking import DockingResult
+from tdfscal.workflows.study.assembly import DockingResult
 from tdfscal.workflows.study.paper import PaperResult
 from tdfscal.wrench.filtering import Walk
 from tests.cli.running import rows, run, shortened

@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Self
+from typing import Any, get_args
 
 import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.writers.campaign import LogFormat, write_control_logs
-from tdfscal.records import Log, Rig, Series
+from tdfscal.files.writers.campaign import LogFormat
+from tdfscal.records import Rig
 from tdfscal.simulation import Options
 from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.simulation.control.stability import designed, real_mass, require_stable
 from tdfscal.studies.compared_calibrations import BEST, SQUEEZE, Arms, drifted, given, simulated
-from tdfscal.studies.docking import DockingStudy
-from tdfscal.studies.free_space import FreeSpaceStudy
-from tdfscal.workflows.arguments import Numbers, numbers, one_of, triple
+from tdfscal.workflows.arguments import Numbers, at_least, numbers, one_of, triple
 from tdfscal.workflows.calibration import CalibrationSource, sources_of
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.workflows.progress import Progress
-from tdfscal.workflows.study.result import StudyResult, calibrations_named
+from tdfscal.workflows.study.result import calibrations_named
 from tdfscal.workflows.survey import survey_of
 from tdfscal.wrench.filtering import Walk, checked_walk
 
@@ -61,6 +58,7 @@ def filtering_controller(
     Raises UsageError.
     """
     one_of("--filter", filter, FILTERS)
+    one_of("--logs", logs, get_args(LogFormat))
     intensity = checked_walk("kalman" if filter == "kalman" else "none", walk)
     base = Controller()
     if logs is not None:
@@ -136,6 +134,7 @@ def compared_arms(
 
     Raises TdfscalError.
     """
+    at_least("--drift", drift, 0)
     arm_seed, study_seed = np.random.SeedSequence(seed).spawn(2)
     rng = np.random.default_rng(arm_seed)
     sources = sources_of(calibration)
@@ -184,30 +183,3 @@ def steps_of(progress: Progress, what: str) -> Callable[[float], None]:
             progress.count(f"{what}: {10 * said} %")
 
     return tell
-
-
-class ControlledResult(StudyResult):
-    """Base of the results of the controlled rig, whose motion can be written."""
-
-    __slots__ = ()
-
-    study: DockingStudy | FreeSpaceStudy
-
-    def with_logs(self, folder: Path | None, form: LogFormat | None) -> Self:
-        """Write each run's log in this format into the folder's `logs`; None writes none."""
-        if folder is None or form is None:
-            return self
-        rig, traces = self.study.setup.rig, self.study.result.traces
-        lanes = traces.contact.shape[1]
-        per = lanes // len(self.study.names)
-        logs = []
-        for lane in range(lanes):
-            servo, reading = traces.servo[:, lane], traces.reading[:, lane]
-            log = Log(
-                supports=rig.supports,
-                position=tuple(Series(traces.time, servo[:, i]) for i in range(rig.n)),
-                force=tuple(Series(traces.time, reading[:, i]) for i in range(rig.n)),
-            )
-            logs.append((f"{self.study.names[lane // per]}-{lane % per + 1:02d}", log))
-        written = write_control_logs(folder / "logs", rig, logs, form)
-        return replace(self, files=(*self.files, *(f"logs/{name}" for name in written)))

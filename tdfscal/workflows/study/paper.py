@@ -11,8 +11,7 @@ from tdfscal.reporting.studies import paper as words
 from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.study.accuracy import AccuracyResult, accuracy
-from tdfscal.workflows.study.docking import DockingResult, docking
-from tdfscal.workflows.study.free_space import FreeSpaceResult, free_space
+from tdfscal.workflows.study.assembly import DockingResult, FreeSpaceResult, docking, free_space
 from tdfscal.workflows.study.result import StudyResult, start
 from tdfscal.workflows.study.sensitivity import SensitivityResult, sensitivity
 
