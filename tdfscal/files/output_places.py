@@ -83,13 +83,3 @@ def check_folder(path: Path) -> None:
             where=str(there),
             hint="choose another folder",
         )
-
-
-def check_calibration(path: Path) -> None:
-    """Raise UsageError where a folder stands in the place of a calibration file."""
-    if path.is_dir():
-        raise UsageError(
-            "is a folder; a calibration file is wanted here",
-            where=str(path),
-            hint="name the .yaml or .json file that calibrate wrote",
-        )

@@ -229,9 +229,7 @@ def _posture_std(use: InUse) -> float:
     fit = use.calibration.fit
     if fit is None or fit.dof <= 0:
         return 0.0
-    # The residual force of a posture is the sum of n readings, three axes each.
-    spent = 6 * fit.postures / fit.dof
-    return float(fit.rms_force * np.sqrt(max(spent, 1.0) / (3 * use.given.rig.n)))
+    return use.reading_noise * float(np.sqrt(max(6 * fit.postures / fit.dof, 1.0)))
 
 
 def _shares(use: InUse) -> FloatArray | None:

@@ -23,7 +23,6 @@ from tdfscal.files.calibration.document import (
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.calibration.from_results import from_motion, from_self
-from tdfscal.files.output_places import check_calibration
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
@@ -172,7 +171,12 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
         name = "standard input"
         return name, Calibration.of(parse_calibration(sys.stdin.buffer.read(), name))
     path = Path(source)
-    check_calibration(path)
+    if path.is_dir():
+        raise UsageError(
+            "is a folder; a calibration file is wanted here",
+            where=str(path),
+            hint="name the .yaml or .json file that calibrate wrote",
+        )
     return str(path), Calibration.of(load_file(path))
 
 

@@ -37,6 +37,13 @@ class InUse:
     campaign: Campaign
     warnings: tuple[str, ...]
 
+    @property
+    def reading_noise(self) -> float:
+        """Noise of a reading, N per axis, as the calibration's own residuals show it; 0 unknown."""
+        fit = self.calibration.fit
+        # The residual force of a posture is the sum of n readings, three axes each.
+        return 0.0 if fit is None else float(fit.rms_force / np.sqrt(3 * self.given.rig.n))
+
 
 def calibrated(calibration: CalibrationFile, source: Path | str = "calibration") -> Calibrated:
     """Return the parameters of a calibration file with their covariance; source is for messages."""

@@ -192,7 +192,7 @@ def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
         warm = None if dwells.temperature is None else dwells.temperature[0]
         age = zero_age(use, float(dwells.start[0]), warm)
     return residual_wrench.validate(
-        use.given, dwells, rig=rig, noise=_fit_noise(use), known=_known_noise(use), age=age
+        use.given, dwells, rig=rig, noise=use.reading_noise, known=_known_noise(use), age=age
     )
 
 
@@ -215,10 +215,3 @@ def _used_before(use: InUse, log: LogPass) -> list[str]:
         for entry in log.inputs
         if entry.sha256 in used
     ]
-
-
-def _fit_noise(use: InUse) -> float | None:
-    """Noise per reading and axis that the calibration's own residuals show, N."""
-    fit = use.calibration.fit
-    # The residual force of a posture is the sum of n readings, three axes each.
-    return None if fit is None else float(fit.rms_force / np.sqrt(3 * use.given.rig.n))
