@@ -6,7 +6,8 @@ Frames: BCS, the base of the mechanism; LCS, the terminal; a sensor's own frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 import numpy as np
@@ -339,6 +340,16 @@ class PointSet:
     std: FloatArray | None
     source: str
     resolution: float = 0.0
+
+    def take(self, which: Sequence[int] | IntArray) -> Self:
+        """Only the points with these indices."""
+        return replace(
+            self,
+            group=tuple(self.group[i] for i in which),
+            point=tuple(self.point[i] for i in which),
+            xyz=self.xyz[which],
+            std=None if self.std is None else self.std[which],
+        )
 
 
 @dataclass(frozen=True, slots=True)

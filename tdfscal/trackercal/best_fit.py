@@ -161,7 +161,7 @@ def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator
         )
     if apart := moved_apart(matched, noise, survey):
         yield apart
-    if relabellings(survey.points.measured, survey.points.reference, survey.sigma):
+    if relabellings(survey.points, survey.sigma):
         yield "the points are symmetric: they would fit under other names too"
 
 
@@ -169,19 +169,22 @@ def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit]:
     """The scale of the reference that fits best, and the fit to the reference of that scale."""
     scale = 1.0
     for _ in range(_SCALE_STEPS):
-        larger = replace(points, reference=scale * points.reference)
+        reference = replace(points.reference, xyz=scale * points.reference.xyz)
+        larger = replace(points, reference=reference)
         grown = {name: scale**2 * cov for name, cov in noise.reference.items()}
         survey = _together(larger, Noise(noise.measured, grown))
         step = _scale_beside(survey)
         if step is None or survey.fit.dof < 2:
             raise NotIdentifiableError(
-                "the points do not determine a scale", where=points.source, hint="measure more"
+                "the points do not determine a scale",
+                where=points.measured.source,
+                hint="measure more",
             )
         move = float(step.value[0])
         if abs(move) <= 1e-6 * float(step.covariance[0, 0] ** 0.5):
             return scale, survey
         scale *= 1 + move
-    raise NotConvergedError("the scale found no minimum", where=points.source)
+    raise NotConvergedError("the scale found no minimum", where=points.measured.source)
 
 
 def _scale_beside(survey: SurveyFit) -> Extension | None:
@@ -198,7 +201,7 @@ def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
         if not fit_one_by_one(points, noise):
             raise
         raise error.restated(
-            hint=f"each of the groups {', '.join(dict.fromkeys(points.group))} fits by itself: "
+            hint=f"each of the groups {', '.join(points.groups)} fits by itself: "
             "register one at a time, or calibrate sensors with targets by --method tracker",
         ) from error
 
@@ -208,8 +211,7 @@ def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> str
 
     together : the fit of one transform for all.
     """
-    groups = dict.fromkeys(points.group)
-    if len(groups) < 2:
+    if len(points.groups) < 2:
         return None
     if (sigma := together.fit.sigma) is not None:  # none was stated: that of the residuals
         noise = Noise({}, {"residuals": np.tile(sigma**2 * np.eye(3), (len(points), 1, 1))})
@@ -224,7 +226,7 @@ def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> str
     if not model:
         return None
     return (
-        f"{model} of its own for each group ({', '.join(groups)}) fits "
+        f"{model} of its own for each group ({', '.join(points.groups)}) fits "
         f"{_spread([together]) / best:.3g} times better, within {1e3 * best:.2g} mm per "
         "coordinate: the groups have moved against each other, or are given in frames of their "
         "own; register each by itself"
@@ -233,7 +235,7 @@ def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> str
 
 def fit_one_by_one(points: MatchedPoints, noise: Noise) -> list[SurveyFit]:
     """Fits of the single groups; none where there is one group, or one that fails."""
-    groups = [points.indices(name) for name in dict.fromkeys(points.group)]
+    groups = [points.indices(name) for name in points.groups]
     parts = [(points.take(which), noise.take(which)) for which in groups]
     return _fits(parts, common_shift=True) if len(parts) > 1 else []
 

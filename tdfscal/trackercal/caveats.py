@@ -56,9 +56,9 @@ def _unchecked_targets(supports: Sequence[str], targets: Sequence[SurveyFit]) ->
         )
     symmetric = {}
     for name, t in zip(supports, targets, strict=True):
-        others = relabellings(t.points.measured, t.points.reference, t.sigma)
+        others = relabellings(t.points, t.sigma)
         if others:
-            symmetric[name] = "-".join(t.points.point[k] for k in others[0])
+            symmetric[name] = "-".join(t.points.reference.point[k] for k in others[0])
     if symmetric:
         lines.append(
             f"the targets of {', '.join(symmetric)} are symmetric: as "
@@ -70,14 +70,11 @@ def _unchecked_targets(supports: Sequence[str], targets: Sequence[SurveyFit]) ->
 
 def _swapped_supports(rig: Rig, moves: SurveyFit, targets: Sequence[SurveyFit]) -> list[str]:
     """Targets sit beside the point that their NCP carries; swapped supports lie far from it."""
-    if set(moves.groups) != set(rig.supports):
+    if set(moves.points.groups) != set(rig.supports):
         return []
-    place = {
-        name: moves.points.measured[moves.group == g].mean(axis=0)
-        for g, name in enumerate(moves.groups)
-    }
-    places = np.stack([place[name] for name in rig.supports])
-    centres = np.stack([t.points.measured.mean(axis=0) for t in targets])
+    driven = [moves.points.take(moves.points.indices(name)) for name in rig.supports]
+    places = np.stack([points.measured.xyz.mean(axis=0) for points in driven])
+    centres = np.stack([t.points.measured.xyz.mean(axis=0) for t in targets])
     gap = np.linalg.norm(centres[:, None] - places, axis=-1)
     nearest = gap.argmin(axis=1)
     return [

@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, TdfscalError
 from tdfscal.numerics.registration import MirroredError, Registration, outlier_p_beside
 from tdfscal.numerics.registration import register as solve
-from tdfscal.records import FloatArray, Instrument, IntArray
+from tdfscal.records import FloatArray, Instrument, IntArray, PointSet
 from tdfscal.significance import OUTLYING_POINT, POINTS_AS_LIKELY, UNUSABLE_SURVEY
 from tdfscal.trackercal.instrument import angle_covariance, range_covariance
 from tdfscal.trackercal.point_matching import (
@@ -66,11 +66,10 @@ class RejectedPoint:
 
 @dataclass(frozen=True, slots=True)
 class SurveyFit:
-    """A registration of matched points. group : (N,), 0 … G − 1, into `groups`."""
+    """A registration of matched points. group : (N,), which of its translations each has."""
 
     points: MatchedPoints
     noise: Noise
-    groups: tuple[str, ...]
     group: IntArray
     fit: Registration
     rejected: tuple[RejectedPoint, ...]
@@ -91,26 +90,28 @@ def point_noise(
     instrument's or, without one, the largest that the file states.
     """
     seen = {}
-    if instrument is not None and not np.isfinite(points.measured_std).all():
-        seen[INSTRUMENT[0]] = range_covariance(points.measured, instrument)
-        seen[INSTRUMENT[1]] = angle_covariance(points.measured, instrument)
+    std = points.measured.std
+    if instrument is not None and (std is None or np.isnan(std).any()):
+        seen[INSTRUMENT[0]] = range_covariance(points.measured.xyz, instrument)
+        seen[INSTRUMENT[1]] = angle_covariance(points.measured.xyz, instrument)
     stated = np.ones((len(points), 1, 1)) * np.eye(3)
     known = {name: size**2 * stated for name, size in reference.items() if size > 0}
-    measured = _beside_file(points.measured_std, seen, MEASURED_FILE)
-    isotropic = _beside_file(points.reference_std, known, REFERENCE_FILE)
+    measured = _beside_file(points.measured, seen, MEASURED_FILE)
+    isotropic = _beside_file(points.reference, known, REFERENCE_FILE)
     # Where nothing is stated the residuals show the rounding among the rest. A stated uncertainty
     # of the reference points is that of the points themselves: it covers how they are written.
-    if (measured or isotropic) and points.measured_digit > 0:
-        measured[LAST_DIGIT] = (points.measured_digit * ROUNDING) ** 2 * stated
-    if measured and not isotropic and points.reference_digit > 0:
-        isotropic[LAST_DIGIT] = (points.reference_digit * ROUNDING) ** 2 * stated
+    if (measured or isotropic) and points.measured.resolution > 0:
+        measured[LAST_DIGIT] = (points.measured.resolution * ROUNDING) ** 2 * stated
+    if measured and not isotropic and points.reference.resolution > 0:
+        isotropic[LAST_DIGIT] = (points.reference.resolution * ROUNDING) ** 2 * stated
     return Noise(measured, isotropic)
 
 
 def _beside_file(
-    std: FloatArray, known: Mapping[str, FloatArray], file: str
+    points: PointSet, known: Mapping[str, FloatArray], file: str
 ) -> dict[str, FloatArray]:
-    """Covariances by source: what a file states, std (N, 3), in the place of what is known else."""
+    """Covariances by source: what a file states of its points, in the place of what is known."""
+    std = np.full_like(points.xyz, np.nan) if points.std is None else points.std
     given = np.isfinite(std)
     by_file = np.all(given, axis=1, keepdims=True)
     found = {}
@@ -140,8 +141,8 @@ def fit_survey(
     _refuse_wrong_names(points, noise, common_shift, what)
     while True:
         current, covs = points.take(kept), noise.take(kept)
-        groups = ("",) if common_shift else tuple(dict.fromkeys(current.group))
-        index = np.array([0 if common_shift else groups.index(g) for g in current.group])
+        groups = current.reference.group
+        index = np.array([0 if common_shift else current.groups.index(g) for g in groups])
         fit = _solve(current, covs, index, what)
         p = _outlier_p(current, covs, index, fit, common_shift)
         worst = int(np.argmin(p))
@@ -153,11 +154,11 @@ def fit_survey(
             raise DataError(
                 f"the {what} do not fit their reference points, and any of "
                 f"{', '.join(current.names[k] for k in near)} may be the one that is off",
-                where=points.source,
+                where=points.measured.source,
                 hint="measure them again; a fifth or sixth target would tell which one it is",
             )
         if alike or not outlies:
-            return SurveyFit(current, covs, groups, index, fit, tuple(rejected))
+            return SurveyFit(current, covs, index, fit, tuple(rejected))
         size = np.linalg.norm(fit.residual[worst])
         ratio = np.sqrt(fit.statistic[worst] / max(fit.redundancy[worst], 1))
         reason = f"residual {size * 1e3:.3g} mm, {ratio:.3g} times what its uncertainty allows"
@@ -182,10 +183,11 @@ def _outlier_p(
             continue
         C, D = noise.take(here).totals(len(here))
         try:
-            own = solve(points.measured[here], points.reference[here], C, D)
+            own = solve(points.measured.xyz[here], points.reference.xyz[here], C, D)
         except TdfscalError:
             continue  # moves along one line, say: the joint fit judges them
-        servo = points.reference[here] - points.reference[here].mean(axis=0)
+        servo = points.reference.xyz[here]
+        servo = servo - servo.mean(axis=0)
         columns = np.einsum("ij,njq->niq", own.rotation, affine_columns(servo))
         p[here] = outlier_p_beside(own, columns)
     return p
@@ -214,18 +216,20 @@ def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> R
         if np.any(size[:, 0] <= 1e-12 * size[:, 2]):
             raise DataError(
                 f"some {what} have an uncertainty of zero in some direction",
-                where=points.source,
+                where=points.measured.source,
                 hint="state a range and an angle uncertainty of the instrument above zero",
             )
     try:
         if given:
-            return solve(points.measured, points.reference, C, D, index)
-        digits = np.hypot(points.measured_digit, points.reference_digit)
+            return solve(points.measured.xyz, points.reference.xyz, C, D, index)
+        digits = np.hypot(points.measured.resolution, points.reference.resolution)
         least = max(FINEST, float(digits) * ROUNDING)
-        return solve(points.measured, points.reference, group=index, least=least)
+        return solve(points.measured.xyz, points.reference.xyz, group=index, least=least)
     except (NotIdentifiableError, NotConvergedError) as error:
         kind = DataError if isinstance(error, MirroredError) else type(error)
-        raise kind(error.what, where=f"{points.source}, {what}", hint=error.hint) from error
+        raise kind(
+            error.what, where=f"{points.measured.source}, {what}", hint=error.hint
+        ) from error
 
 
 def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool, what: str) -> None:
@@ -236,31 +240,33 @@ def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool,
     """
     C, D = noise.totals(len(points))
     variance = np.trace(C + D, axis1=1, axis2=2).max(initial=0.0) / 3
-    size = np.ptp(points.measured, axis=0).max() if len(points) else 0.0
+    size = np.ptp(points.measured.xyz, axis=0).max() if len(points) else 0.0
     sigma = float(np.sqrt(variance) if variance > 0 else 1e-3 * size)
-    names = ("",) if common_shift else tuple(dict.fromkeys(points.group))
-    sets = {name: points if common_shift else points.take(points.indices(name)) for name in names}
-    for name, here in sets.items():
-        mistake = unit_mistake(here.measured, here.reference)
-        if mistake:
-            raise DataError(
-                f"the {what} differ in size: {mistake}",
-                where=points.source,
-                hint="correct the length unit",
-            )
-        if same_distances(here.measured, here.reference, sigma):
+    sets = [points]
+    if not common_shift:
+        sets = [points.take(points.indices(name)) for name in points.groups]
+    for here in sets:
+        if mistake := unit_mistake(here):
+            fault, hint = f"the {what} differ in size: {mistake}", "correct the length unit"
+        elif same_distances(here.measured, here.reference, sigma):
             continue
-        for order in relabellings(here.measured, here.reference, sigma)[:1]:
-            raise DataError(
+        elif orders := relabellings(here, sigma):
+            fault = (
                 f"the names of the {what} do not fit the distances between them; they fit if "
-                f"{describe_relabelling(here.names, order)}",
-                where=points.source,
-                hint="correct the names of these points",
+                f"{describe_relabelling(here.names, orders[0])}"
             )
-        for other, there in sets.items():
-            if there.point == here.point and same_distances(there.measured, here.reference, sigma):
-                raise DataError(
-                    f"the {what} of {name} do not fit its reference points, those of {other} do",
-                    where=points.source,
-                    hint="correct the group names",
-                )
+            hint = "correct the names of these points"
+        elif others := [
+            there.groups[0]
+            for there in sets
+            if there.reference.point == here.reference.point
+            and same_distances(there.measured, here.reference, sigma)
+        ]:
+            fault = (
+                f"the {what} of {here.groups[0]} do not fit its reference points, those of "
+                f"{others[0]} do"
+            )
+            hint = "correct the group names"
+        else:
+            continue
+        raise DataError(fault, where=points.measured.source, hint=hint)

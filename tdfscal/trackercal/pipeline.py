@@ -151,25 +151,28 @@ def _matched(
             raise DataError(
                 f"{count} target(s) of {name} have both a nominal and a measured position"
                 f"{unmatched}; three are the least",
-                where=targets.source,
+                where=targets.measured.source,
                 hint="measure at least three targets on each sensor, named as in the drawing",
             )
+    source = moves.measured.source
     few = [name for name in rig.supports if len(moves.indices(name)) < 2]
     if len(few) == rig.n:
         raise DataError(
             "no support of the rig has two moves or more",
-            where=moves.source,
+            where=source,
             hint=f"name the groups as the supports: {', '.join(rig.supports)}",
         )
     notes = [
-        f"{moves.source}: group {name} is no support of the rig"
-        for name in sorted(set(moves.group) - set(rig.supports))
+        f"{source}: group {name} is no support of the rig"
+        for name in sorted(set(moves.groups) - set(rig.supports))
     ]
     notes += [
-        f"{moves.source}: {name} has fewer than two moves; the other NCPs' axes stand for its own"
+        f"{source}: {name} has fewer than two moves; the other NCPs' axes stand for its own"
         for name in few
     ]
-    usable = moves.take(np.flatnonzero([g in rig.supports and g not in few for g in moves.group]))
+    usable = moves.take(
+        np.flatnonzero([g in rig.supports and g not in few for g in moves.reference.group])
+    )
     return usable, targets, (*describe_unmatched(moves), *describe_unmatched(targets), *notes)
 
 

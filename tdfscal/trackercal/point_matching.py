@@ -26,49 +26,38 @@ _BY = {"name": "group and name", "point": "name", "order": "place"}
 
 @dataclass(frozen=True, slots=True)
 class MatchedPoints:
-    """Points that two sets have in common, in the reference set's order.
+    """Points that two sets have in common, in the reference set's order, each in its own frame.
 
-    group, point : names, (N,). measured, reference : (N, 3), m, each in its own frame.
-    measured_std, reference_std : (N, 3), m, as the files state; rows of NaN where they state none.
-    measured_digit, reference_digit : m, worth of the last digit of the files' coordinates.
     missing : "group/point" of the reference that were not measured. extra : the reverse.
     """
 
-    group: tuple[str, ...]
-    point: tuple[str, ...]
-    measured: FloatArray
-    reference: FloatArray
-    measured_std: FloatArray
-    reference_std: FloatArray
-    measured_digit: float
-    reference_digit: float
+    measured: PointSet
+    reference: PointSet
     missing: tuple[str, ...]
     extra: tuple[str, ...]
-    source: str
 
     def __len__(self) -> int:
-        return len(self.group)
+        return len(self.reference.point)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Return "group/point" of each point."""
-        return _names(self)
+        return _names(self.reference)
 
-    def take(self, which: IntArray) -> MatchedPoints:
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Return the groups, each once."""
+        return tuple(dict.fromkeys(self.reference.group))
+
+    def take(self, which: Sequence[int] | IntArray) -> MatchedPoints:
         """Only the points with these indices; missing and extra ones are left as they are."""
         return replace(
-            self,
-            group=tuple(self.group[i] for i in which),
-            point=tuple(self.point[i] for i in which),
-            measured=self.measured[which],
-            reference=self.reference[which],
-            measured_std=self.measured_std[which],
-            reference_std=self.reference_std[which],
+            self, measured=self.measured.take(which), reference=self.reference.take(which)
         )
 
     def indices(self, group: str) -> IntArray:
         """Where the points of one group are."""
-        return np.flatnonzero([g == group for g in self.group])
+        return np.flatnonzero([g == group for g in self.reference.group])
 
 
 def match_points(
@@ -100,21 +89,12 @@ def match_points(
             hint="name the points alike in both files; `register` also pairs them by --match point "
             "or order, and by --groups MEASURED=REFERENCE",
         )
-    j, i = list(common), list(common.values())
-    taken = set(i)
-    unknown = np.full((max(len(others), len(names)), 3), np.nan)
+    taken = set(common.values())
     return MatchedPoints(
-        group=tuple(reference.group[k] for k in j),
-        point=tuple(reference.point[k] for k in j),
-        measured=measured.xyz[i],
-        reference=reference.xyz[j],
-        measured_std=(unknown if measured.std is None else measured.std)[i],
-        reference_std=(unknown if reference.std is None else reference.std)[j],
-        measured_digit=measured.resolution,
-        reference_digit=reference.resolution,
+        measured=measured.take(list(common.values())),
+        reference=reference.take(list(common)),
         missing=tuple(name for k, name in enumerate(names) if k not in common),
         extra=tuple(name for k, name in enumerate(others) if k not in taken),
-        source=measured.source,
     )
 
 
@@ -172,7 +152,7 @@ def _folded(name: str) -> str:
     return re.sub(r"[\s_./:-]+", " ", name).strip().lower()
 
 
-def _names(points: PointSet | MatchedPoints) -> tuple[str, ...]:
+def _names(points: PointSet) -> tuple[str, ...]:
     """Return "group/point" of each point; the point alone where there is no group."""
     named = zip(points.group, points.point, strict=True)
     return tuple("/".join(filter(None, name)) for name in named)
@@ -180,51 +160,50 @@ def _names(points: PointSet | MatchedPoints) -> tuple[str, ...]:
 
 def describe_unmatched(points: MatchedPoints) -> tuple[str, ...]:
     """One sentence each for the missing and the extra points, if any."""
-    lines = []
-    if points.missing:
-        lines.append(f"{points.source}: not measured: {_listed(points.missing)}")
-    if points.extra:
-        lines.append(f"{points.source}: measured, but without reference: {_listed(points.extra)}")
-    return tuple(lines)
+    return tuple(
+        f"{points.measured.source}: {what}: {_listed(names)}"
+        for what, names in (
+            ("not measured", points.missing),
+            ("measured, but without reference", points.extra),
+        )
+        if names
+    )
 
 
-def unit_mistake(measured: FloatArray, reference: FloatArray) -> str | None:
+def unit_mistake(points: MatchedPoints) -> str | None:
     """What a ratio of the two sets' sizes far from one looks like, in words.
 
-    measured, reference : (N, 3), m. The size is the rms distance from the centroid, which no
-    permutation of the points changes.
+    The size is the rms distance from the centroid, which no permutation of the points changes.
     """
-    spread = [float(np.sqrt(p.var(axis=0).sum())) for p in (measured, reference)]
-    if min(spread) == 0 or 0.95 < spread[0] / spread[1] < 1.05:
+    sizes = [np.sqrt(p.xyz.var(axis=0).sum()) for p in (points.measured, points.reference)]
+    if min(sizes) == 0 or 0.95 < sizes[0] / sizes[1] < 1.05:
         return None
+    ratios = {"measured": sizes[0] / sizes[1], "reference": sizes[1] / sizes[0]}
     for text, factor in _UNITS.items():
-        for name, r in (
-            ("measured", spread[0] / spread[1]),
-            ("reference", spread[1] / spread[0]),
-        ):
-            if abs(r / factor - 1) < 0.02:
-                return f"the {name} points are {r:.4g} times as large as the others: {text}?"
+        for name, ratio in ratios.items():
+            if abs(ratio / factor - 1) < 0.02:
+                return f"the {name} points are {ratio:.4g} times as large as the others: {text}?"
     return None
 
 
-def same_distances(measured: FloatArray, reference: FloatArray, sigma: float) -> bool:
-    """Whether all distances within (N, 3) and (N, 3), m, agree within 5 √2 sigma."""
-    few = slice(None, None, 1 + len(measured) // _MOST_COMPARED)
-    gap = np.abs(_distances(measured[few]) - _distances(reference[few]))
+def same_distances(measured: PointSet, reference: PointSet, sigma: float) -> bool:
+    """Whether all distances within the sets agree within 5 √2 sigma, m."""
+    few = slice(None, None, 1 + len(measured.xyz) // _MOST_COMPARED)
+    gap = np.abs(_distances(measured.xyz[few]) - _distances(reference.xyz[few]))
     return bool(gap.max() <= 5 * np.sqrt(2) * sigma)
 
 
-def relabellings(measured: FloatArray, reference: FloatArray, sigma: float) -> list[IntArray]:
+def relabellings(points: MatchedPoints, sigma: float) -> list[IntArray]:
     """Permutations π, but the identity, under which measured[π] has the distances of reference.
 
-    measured, reference : (N, 3), m. sigma : m, standard uncertainty of a coordinate difference;
-    distances agree within 5 √2 sigma, and a rotation (not only a reflection) brings the points to
-    within 5 √3 sigma. Best first.
+    sigma : m, standard uncertainty of a coordinate difference; distances agree within 5 √2 sigma,
+    and a rotation (not only a reflection) brings the points to within 5 √3 sigma. Best first.
     """
-    count = len(measured)
+    count = len(points)
     if count > _MOST_COMPARED:  # so many are named by a program
         return []
-    Dm, Dr = _distances(measured), _distances(reference)
+    y, x = (p.xyz - p.xyz.mean(axis=0) for p in (points.measured, points.reference))
+    Dm, Dr = _distances(y), _distances(x)
     if count <= _ALL_PERMUTATIONS_UP_TO:
         candidates = np.array(list(permutations(range(count))))
     else:
@@ -237,19 +216,15 @@ def relabellings(measured: FloatArray, reference: FloatArray, sigma: float) -> l
     worst = np.array([np.abs(Dm[np.ix_(c, c)] - Dr).max() for c in candidates])
     fits = [k for k in np.argsort(worst, kind="stable") if worst[k] <= 5 * np.sqrt(2) * sigma]
     orders = [candidates[k] for k in fits if np.any(candidates[k] != np.arange(count))]
-    return [c for c in orders if _rigid_gap(measured[c], reference) <= 5 * np.sqrt(3) * sigma]
+    turned = [x @ so3.project(y[c].T @ x).T for c in orders]
+    gaps = [np.linalg.norm(y[c] - t, axis=1).max() for c, t in zip(orders, turned, strict=True)]
+    return [c for c, gap in zip(orders, gaps, strict=True) if gap <= 5 * np.sqrt(3) * sigma]
 
 
 def describe_relabelling(labels: tuple[str, ...], order: IntArray) -> str:
     """In words: which measured point would have to bear which name."""
     moved = [(labels[k], labels[j]) for j, k in enumerate(order) if j != k]
     return ", ".join(f"{old} is {new}" for old, new in moved)
-
-
-def _rigid_gap(measured: FloatArray, reference: FloatArray) -> float:
-    """Largest distance left after the best rotation by SVD, m."""
-    y, x = measured - measured.mean(axis=0), reference - reference.mean(axis=0)
-    return float(np.linalg.norm(y - x @ so3.project(y.T @ x).T, axis=1).max())
 
 
 def _distances(xyz: FloatArray) -> FloatArray:

@@ -53,21 +53,22 @@ def examine_axes(moves: SurveyFit) -> tuple[AxisFault, ...]:
     a bow is a parabola across and along each axis. Each axis is tested by the parameters that
     are its own.
     """
-    limit = POSITIONER_AXIS / (7 * len(moves.groups) * 3)
-    tests = (test for g in range(len(moves.groups)) for test in _tests(moves, g))
+    names = moves.points.groups
+    limit = POSITIONER_AXIS / (7 * len(names) * 3)
+    tests = (test for name in names for test in _tests(moves, name))
     return tuple(test for test in tests if test.p_value < limit)
 
 
-def _tests(moves: SurveyFit, g: int) -> Iterator[AxisFault]:
+def _tests(moves: SurveyFit, support: str) -> Iterator[AxisFault]:
     """Every departure of one support's axes that its moves tell."""
-    support, which = moves.groups[g], np.flatnonzero(moves.group == g)
+    which = moves.points.indices(support)
     points, noise = moves.points.take(which), moves.noise.take(which)
     try:
-        fit = solve(points.measured, points.reference, *noise.totals(len(which)))
+        fit = solve(points.measured.xyz, points.reference.xyz, *noise.totals(len(which)))
     except TdfscalError:
         return  # too few moves of this support alone; the joint fit does not need them
     yield from _turn(moves, fit, support)
-    servo = points.reference - points.reference.mean(axis=0)
+    servo = points.reference.xyz - points.reference.xyz.mean(axis=0)
     affine = extend(fit, np.einsum("ij,njq->niq", fit.rotation, affine_columns(servo)))
     if affine is None or fit.dof < 6:
         return
@@ -109,7 +110,7 @@ def _turn(moves: SurveyFit, fit: Registration, support: str) -> Iterator[AxisFau
     R = moves.fit.rotation
     own, common = (np.linalg.inv(f.rotation_covariance) for f in (fit, moves.fit))
     others = common - own
-    if len(moves.groups) < 2 or np.linalg.eigvalsh(others)[0] <= LARGEST_MEANINGFUL_STD**-2:
+    if len(moves.points.groups) < 2 or np.linalg.eigvalsh(others)[0] <= LARGEST_MEANINGFUL_STD**-2:
         return
     d = R.T @ np.linalg.solve(others, common @ so3.log(fit.rotation @ R.T))
     cov = R.T @ (fit.rotation_covariance + np.linalg.inv(others)) @ R
