@@ -141,8 +141,8 @@ def fit_survey(
     _refuse_wrong_names(points, noise, common_shift, what)
     while True:
         current, covs = points.take(kept), noise.take(kept)
-        groups = current.reference.group
-        index = np.array([0 if common_shift else current.groups.index(g) for g in groups])
+        place = {name: 0 if common_shift else k for k, name in enumerate(current.groups)}
+        index = np.array([place[name] for name in current.reference.group])
         fit = _solve(current, covs, index, what)
         p = _outlier_p(current, covs, index, fit, common_shift)
         worst = int(np.argmin(p))

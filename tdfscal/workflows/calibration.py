@@ -22,7 +22,7 @@ from tdfscal.files.calibration.document import (
     save_calibration,
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
-from tdfscal.files.calibration.from_results import from_motion, from_self
+from tdfscal.files.calibration.from_results import from_self
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
@@ -126,9 +126,8 @@ def as_calibration(
     own: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[str]
 ) -> Calibration:
     """Return a self-calibration, at rest or in motion, with the content of its file."""
-    if isinstance(own, MotionCalibration):
-        return Calibration.of(from_motion(own, origin, notes), Records(motion=own))
-    return Calibration.of(from_self(own, origin, notes), Records(own))
+    records = Records(motion=own) if isinstance(own, MotionCalibration) else Records(own)
+    return Calibration.of(from_self(own, origin, notes), records)
 
 
 class _NotHere:

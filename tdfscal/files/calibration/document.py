@@ -108,9 +108,7 @@ class Calibration(Strict):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         check(self)
-        # Without defaults that a later version may add: the file does not state them.
-        own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
-        if self.content_sha256 not in (None, content_sha256(own, ())):
+        if self.altered(self.content_sha256):
             raise fault("was altered after it was written", hint=ALTERED)
         return self
 

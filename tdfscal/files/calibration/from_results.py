@@ -19,53 +19,46 @@ from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.motioncal.score_tests import exact_quantities as exact_in_motion
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
-from tdfscal.selfcal.covariance import Uncertainty, factored_information, joint_posterior
+from tdfscal.selfcal.covariance import factored_information, joint_posterior
 from tdfscal.selfcal.exact_quantities import ExactQuantity, exact_quantities
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 
 
 def from_self(
-    result: SelfCalibration, origin: Provenance, notes: Sequence[str] = ()
+    result: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[str] = ()
 ) -> Calibration:
-    """Return the calibration file of a self-calibration."""
-    found, std = result.uncertainty, result.uncertainty.parameter_std
-    joint: dict[str, Any] = {}
-    if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
-        given = joint_posterior(result.fit, found.covariance)
-        joint = {"parameters": parameters_document(given, _unscaled(result))}
-        std = published_std(given, std)
+    """Return the calibration file of a self-calibration, from postures or in motion."""
+    if isinstance(result, MotionCalibration):
+        found, state, given = result.uncertainty.turns, result.fit.state.still, result.calibrated
+        std, exact = published_std(given, found.parameter_std), exact_in_motion(result.fit)
+        parts = _own_parts(result, origin) | {
+            "parameters": parameters_document(given),
+            "motion": statistics.motion(result),
+        }
+    else:
+        found, state, std = result.uncertainty, result.fit.state, result.uncertainty.parameter_std
+        parts, exact = _self_parts(result, origin), exact_quantities(result.fit)
+        if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
+            given = joint_posterior(result.fit, found.covariance)
+            std = published_std(given, std)
+            parts["parameters"] = parameters_document(given, _unscaled(result))
+    angles = Angles(
+        state.rotation,
+        found.covariance,
+        result.observability.determined,
+        result.monte_carlo,
+        found.coverage_factor,
+    )
     return assembled(
         origin,
-        _angles(result, result.fit.state, found),
-        estimator=result.estimator,
+        angles,
         reasons=result.reasons,
         warnings=(*notes, *result.warnings),
         budget=found.contributions,
-        exact=exact_quantities(result.fit),
-        **_self_parts(result, origin),
-        **_state(result.fit.state, std, result.rig),
-        **joint,
-    )
-
-
-def from_motion(
-    result: MotionCalibration, origin: Provenance, notes: Sequence[str] = ()
-) -> Calibration:
-    """Return the calibration file of a self-calibration from samples in motion."""
-    turns, state = result.uncertainty.turns, result.fit.state.still
-    return assembled(
-        origin,
-        _angles(result, state, turns),
-        estimator="ml",
-        reasons=result.reasons,
-        warnings=(*notes, *result.warnings),
-        budget=turns.contributions,
-        exact=exact_in_motion(result.fit),
-        parameters=parameters_document(result.calibrated),
-        motion=statistics.motion(result),
-        **_own_parts(result, origin),
-        **_state(state, published_std(result.calibrated, turns.parameter_std), result.rig),
+        exact=exact,
+        **parts,
+        **_state(state, std, result.rig),
     )
 
 
@@ -120,7 +113,6 @@ def from_joint(
     return assembled(
         origin,
         Angles(R, C, determined),
-        estimator=own.estimator,
         reasons=reasons,
         warnings=(*notes, *own.warnings, *tracker.warnings),
         budget={
@@ -143,22 +135,11 @@ def _weighted(quantities: Sequence[ExactQuantity], weight: FloatArray) -> list[E
     return [replace(quantity, moves=weight @ quantity.moves) for quantity in quantities]
 
 
-def _angles(
-    result: SelfCalibration | MotionCalibration, state: State, found: Uncertainty
-) -> Angles:
-    return Angles(
-        state.rotation,
-        found.covariance,
-        result.observability.determined,
-        result.monte_carlo,
-        found.coverage_factor,
-    )
-
-
 def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) -> dict[str, Any]:
     """What a self-calibration says of itself, of postures or in motion."""
     return {
         "method": "self",
+        "estimator": "ml" if isinstance(result, MotionCalibration) else result.estimator,
         "advice": _advice(result),
         "fit": statistics.fit(result, origin.campaigns),
         "observability": statistics.observability(result.observability),

@@ -85,9 +85,7 @@ class EmbeddedRig(RigFile):
     @property
     def edited(self) -> bool:
         """Whether this copy is not the one that was written with the result."""
-        # Without defaults that a later version may add: the file does not state them.
-        own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
-        return self.content_sha256 not in (None, content_sha256(own, _HASHES))
+        return self.altered(self.content_sha256, _HASHES)
 
 
 def load_rig(path: Path | str) -> LoadedRig:

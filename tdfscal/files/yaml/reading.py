@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import select
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -125,18 +126,15 @@ def unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
 
 
 def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
-    def fail(what: str, hint: str) -> NoReturn:
-        raise error(what, where=source, hint=hint)
-
     def constant(name: str) -> NoReturn:
-        fail(f"{name} is not JSON", "leave the value out or write null")
+        raise error(f"{name} is not JSON", where=source, hint="leave it out or write null")
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        content: dict[str, Any] = {}
-        for key, value in pairs:
-            if key in content:
-                fail(f"the key `{shorten(key)}` occurs twice in one object", "keep one of them")
-            content[key] = value
+        content = dict(pairs)
+        if len(content) < len(pairs):
+            twice = next(k for k, count in Counter(k for k, _ in pairs).items() if count > 1)
+            what = f"the key `{shorten(twice)}` occurs twice in one object"
+            raise error(what, where=source, hint="keep one of them")
         return content
 
     try:
@@ -147,6 +145,7 @@ def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
             parse_int=integer,
             object_pairs_hook=unique,
         )
+        too_deep = _deeper_than(MAX_DEPTH, content)
     except json.JSONDecodeError as fault:
         raise error(
             f"is not JSON: {fault.msg}",
@@ -154,13 +153,12 @@ def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
             hint="correct the syntax there",
         ) from fault
     except OverflowError as fault:
-        fail(str(fault), "check the number")
+        raise error(str(fault), where=source, hint="check the number") from fault
     except RecursionError:
         too_deep = True
-    else:
-        too_deep = _deeper_than(MAX_DEPTH, content)
     if too_deep:
-        fail(f"is nested deeper than {MAX_DEPTH} levels", "check that it is the file you mean")
+        what = f"is nested deeper than {MAX_DEPTH} levels"
+        raise error(what, where=source, hint="check that it is the file you mean")
     return content
 
 
