@@ -19,8 +19,8 @@ from tdfscal.logs import iter_log
 from tdfscal.simulation import Recorder
 from tdfscal.workflows.calibrate import calibrate
 from tdfscal.workflows.calibration_in_use import InUse, take
+from tdfscal.wrench.contact_wrench import at_rest
 from tdfscal.wrench.resampling import Tally, aligned
-from tdfscal.wrench.stream import at_rest
 
 FORMATS: tuple[LogFormat, ...] = ("csv", "mcap", "parquet")
 RECORDER = Recorder(dwell=(8.0, 10.0), move=(4.0, 6.0), force_rate=1000.0, position_rate=1000.0)

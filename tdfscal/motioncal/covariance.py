@@ -16,7 +16,15 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.covariance import PRIORS, Quality, Uncertainty, blind_turns, without_faked
+from tdfscal.selfcal.covariance import (
+    PRIORS,
+    Quality,
+    Uncertainty,
+    blind_turns,
+    parameter_std,
+    prior_shares,
+    without_faked,
+)
 from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Names in the budget of what only motion has.
@@ -25,8 +33,6 @@ SPECTRUM, MOTION, UNDECLARED = "noise spectrum", "motion", "undeclared error"
 FIELD = 0.015
 #: Places of a block at most between which they are compared.
 _PLACES = 1000
-#: A share of a null vector below this is rounding.
-_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +109,7 @@ def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUnce
     shares["noise"] = shares["noise"] + (covariance - linear)
     R = fit.state.still.rotation
     infinite = np.full((n, 3), np.inf)
-    std = np.zeros(len(fit.active))
-    blind = np.abs(parts.null).max(axis=0, initial=0.0)[:p] > _ROUNDING
-    std[fit.active] = np.where(blind, np.inf, np.sqrt(np.diagonal(total)))
+    std = parameter_std(fit.active, total, parts.null[:, :p])
     cut = len(fit.active) - dynamics.PARAMETERS
     return MovingUncertainty(
         turns=Uncertainty(
@@ -128,21 +132,16 @@ def _shares(fit: MovingFit, C: FloatArray) -> dict[str, FloatArray]:
     bins = fit.rows.bins
     force = fit.noise.parts(bins)[0]
     white = fit.rows.scaled(fit.jacobian, np.sqrt(bins.count * force) / fit.noise.variance(bins))
-    shares = {"noise": _square(C @ white.T), "positioner": of_poses(fit, C)}
-    columns = np.flatnonzero(fit.active)
+    half, rows = C @ white.T, fit.prior_jacobian
+    still = len(rows) - int(fit.priors.free.sum()) - fit.rests
     places = layout(fit.rig.n, fit.state.still.motions)
-    cut = places["drift"].stop
     groups = {PRIORS[group]: place for group, place in places.items()}
-    groups[MOTION] = slice(cut, len(fit.active))
-    for source, span in groups.items():
-        inside = np.flatnonzero((columns >= span.start) & (columns < span.stop))
-        rows = fit.prior_jacobian[np.abs(fit.prior_jacobian[:, inside]).any(axis=1)]
-        shares[source] = _square(C @ rows.T)
-    return shares
-
-
-def _square(half: FloatArray) -> FloatArray:
-    return half @ half.T
+    groups[MOTION] = slice(places["drift"].stop, len(fit.active))
+    return {
+        "noise": half @ half.T,
+        "positioner": of_poses(fit, C),
+        **prior_shares(fit.rig, C, rows, still, fit.active, groups),
+    }
 
 
 def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ from tdfscal.model.parameters import (
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum, spectrum, triangular
-from tdfscal.records import FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -172,7 +172,7 @@ def evaluate(
         covariance=covariance,
         rpy_covariance=so3.rpy_covariance(R, covariance),
         contributions=contributions,
-        parameter_std=_parameter_std(fit, posterior, parts.null),
+        parameter_std=parameter_std(fit.active, posterior, parts.null),
         effective_dof=dof,
         coverage_factor=coverage_factor(INTERVAL_COVERAGE, dof),
     )
@@ -196,17 +196,34 @@ def _shares(fit: Fit, posterior: FloatArray) -> dict[str, FloatArray]:
         "positioner": through(turning),
         "hinge friction": through(np.broadcast_to(friction, turning.shape)),
     }
-    columns = np.flatnonzero(fit.active)
-    earlier = 0 if fit.rig.earlier is None else len(fit.rig.earlier.root)
-    own, common = np.split(fit.prior_jacobian, [len(fit.prior_jacobian) - earlier])
-    half = posterior @ common.T
-    shares[EARLIER] = half @ half.T
-    for group, place in layout(fit.rig.n, fit.state.motions).items():
-        inside = (columns >= place.start) & (columns < place.stop)
-        rows = own[np.abs(own[:, inside]).any(axis=1)]
-        half = posterior @ rows.T
-        shares[PRIORS[group]] = half @ half.T
-    return shares
+    places = layout(fit.rig.n, fit.state.motions)
+    groups = {PRIORS[group]: place for group, place in places.items()}
+    rows = fit.prior_jacobian
+    return shares | prior_shares(fit.rig, posterior, rows, len(rows), fit.active, groups)
+
+
+def prior_shares(
+    rig: Rig,
+    posterior: FloatArray,
+    rows: FloatArray,
+    still: int,
+    active: BoolArray,
+    groups: dict[str, slice],
+) -> dict[str, FloatArray]:
+    """Covariance by earlier campaigns, and by the priors of groups of parameters.
+
+    posterior : (p, c), of the active parameters with all that rows (m, c) of priors are by.
+    still : of these rows by the parameters of statics, whose last ones are earlier campaigns'.
+    """
+    columns = np.flatnonzero(active)
+    earlier = 0 if rig.earlier is None else len(rig.earlier.root)
+    before, common, after = np.split(rows, [still - earlier, still])
+    own, by = np.concatenate([before, after]), {EARLIER: common}
+    for name, place in groups.items():
+        inside = np.flatnonzero((columns >= place.start) & (columns < place.stop))
+        by[name] = own[np.abs(own[:, inside]).any(axis=1)]
+    halves = {name: posterior @ part.T for name, part in by.items()}
+    return {name: half @ half.T for name, half in halves.items()}
 
 
 def faked_information(fit: Fit) -> FloatArray:
@@ -254,11 +271,11 @@ def without_faked(covariance: FloatArray, faked: FloatArray, blind: FloatArray) 
     return np.asarray((vectors * np.clip(values, 0.0, EVEN_TURN**2)) @ vectors.T)
 
 
-def _parameter_std(fit: Fit, posterior: FloatArray, null: FloatArray) -> FloatArray:
-    """Standard uncertainty (P,) of every parameter."""
-    std = np.zeros(len(fit.active))
+def parameter_std(active: BoolArray, posterior: FloatArray, null: FloatArray) -> FloatArray:
+    """Standard uncertainty (P,) of every parameter, of which some are active."""
+    std = np.zeros(len(active))
     blind = np.abs(null).max(axis=0, initial=0.0) > _ROUNDING
-    std[fit.active] = np.where(blind, np.inf, np.sqrt(np.diagonal(posterior)))
+    std[active] = np.where(blind, np.inf, np.sqrt(np.diagonal(posterior)))
     return std
 
 

@@ -52,13 +52,11 @@ from tdfscal.workflows.wrench_summary import (
     summary_of,
     zero_effect,
 )
-from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
+from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches, at_rest, in_motion
 from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
-from tdfscal.wrench.log_head import coloured_noise, take_head
 from tdfscal.wrench.resampling import Tally, aligned
-from tdfscal.wrench.sample_noise import SampleNoise, with_sample_noise
-from tdfscal.wrench.stream import at_rest, in_motion
+from tdfscal.wrench.sample_noise import SampleNoise, coloured_noise, take_head, with_sample_noise
 
 if TYPE_CHECKING:
     import pandas as pd

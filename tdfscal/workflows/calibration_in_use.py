@@ -19,7 +19,7 @@ from tdfscal.records import FloatArray, UncertainValue
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source, unsealed
 from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.recordings import by_wall_clock, stated_date
-from tdfscal.wrench.log_head import LogHead
+from tdfscal.wrench.sample_noise import LogHead
 from tdfscal.wrench.zero_wander import ZeroVariance, flicker, flicker_level, moved_zeros
 
 

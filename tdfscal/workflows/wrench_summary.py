@@ -15,10 +15,9 @@ from tdfscal.workflows.calibration_in_use import InUse
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Walk
-from tdfscal.wrench.log_head import ColouredNoise
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Tally
-from tdfscal.wrench.sample_noise import SampleNoise
+from tdfscal.wrench.sample_noise import ColouredNoise, SampleNoise
 from tdfscal.wrench.zero_wander import ZeroVariance
 
 #: What the roots of the mean squares are called.

@@ -17,8 +17,8 @@ import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.records import FloatArray
-from tdfscal.wrench.log_head import ColouredNoise
 from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.sample_noise import ColouredNoise
 
 #: N by which a force walks in a second: a contact builds up by K v = 10 kN/m · 1.5 mm/s (Sect. 5).
 WALK = 15.0

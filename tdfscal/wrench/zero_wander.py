@@ -18,7 +18,7 @@ import numpy as np
 
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import BoolArray, Drift, FloatArray
-from tdfscal.wrench.log_head import LogHead
+from tdfscal.wrench.sample_noise import LogHead
 
 #: Differences of neighbouring means per channel behind an Allan variance, at least.
 _DIFFERENCES = 4

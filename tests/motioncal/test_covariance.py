@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.model.earlier import free_constants, joint_prior
 from tdfscal.model.pose import register
 from tdfscal.model.statics import balance
-from tdfscal.motioncal.covariance import FIELD, of_poses
+from tdfscal.motioncal.covariance import FIELD, evaluate, of_poses
 from tdfscal.motioncal.design import instants
-from tdfscal.motioncal.estimator import MovingFit, MovingPriors, fit_moving
+from tdfscal.motioncal.estimator import MovingFit, MovingPriors, at_state, fit_moving
 from tdfscal.motioncal.rows import rows_of
 from tdfscal.numerics import so3
+from tdfscal.numerics.information import Information
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
 from tdfscal.simulation.moving_campaign import draw_field
@@ -74,3 +76,13 @@ def test_the_simulators_fields_stay_within_it(fit: MovingFit) -> None:
     ratio = np.trace(out.T @ out / 40) / np.trace(share)
     # 40 draws: 15 %. Taken for noise of the time they were stated at half of what they do.
     assert 0.5 < ratio < 1.5
+
+
+def test_earlier_campaigns_are_counted_once(fit: MovingFit) -> None:
+    """Where they know all of the rig, what they state of it is what is stated."""
+    count = int(free_constants(fit.rig).sum())
+    known = Information(np.eye(count) / 1e-7**2, np.zeros(count))
+    rig = replace(fit.rig, earlier=joint_prior(fit.rig, fit.state.still, known))
+    again = at_state(MovingPriors(rig, fit.slow, DELAY), fit.blocks, fit.state, fit.noise)
+    std = np.sqrt(np.diag(evaluate(again).turns.covariance))
+    assert std == pytest.approx(np.full(9, 1e-7), rel=0.01)

@@ -11,12 +11,16 @@ from scipy.signal import lfilter
 from tdfscal.model.calibrated import about_point
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_campaign
-from tdfscal.wrench.contact_wrench import wrenches
+from tdfscal.wrench.contact_wrench import at_rest, wrenches
 from tdfscal.wrench.filtering import Causal, Smoother, Walk, filtered
-from tdfscal.wrench.log_head import ColouredNoise, coloured_noise, take_head
 from tdfscal.wrench.resampling import Tally, aligned
-from tdfscal.wrench.sample_noise import SampleNoise, with_sample_noise
-from tdfscal.wrench.stream import at_rest
+from tdfscal.wrench.sample_noise import (
+    ColouredNoise,
+    SampleNoise,
+    coloured_noise,
+    take_head,
+    with_sample_noise,
+)
 
 from .held_out import RIG, world
 

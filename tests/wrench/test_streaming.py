@@ -9,9 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
-from tdfscal.wrench.contact_wrench import Wrenches
+from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion
 from tdfscal.wrench.resampling import Samples, Tally, aligned
-from tdfscal.wrench.stream import at_rest, in_motion
 
 from .held_out import RIG, world
 
