@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
 
 from tdfscal.dwells import find_dwells
-from tdfscal.records import FloatArray, Log, Series
+from tdfscal.records import Dwells, FloatArray, Log, Series
 from tests.dwells.rig_log import Recipe, Recorded, record
 
 Random = np.random.Generator
@@ -275,10 +275,9 @@ class Score:
         )
 
 
-def score(recorded: Recorded) -> Score:
-    """What is found of one log."""
+def score(recorded: Recorded, dwells: Dwells) -> Score:
+    """What was found of one log."""
     recipe = recorded.recipe
-    dwells = find_dwells(recorded.log)
     hits = np.zeros(len(recorded.stops), dtype=np.int64)
     astray = 0
     bias, z = [], []
@@ -301,12 +300,17 @@ def score(recorded: Recorded) -> Score:
     )  # fmt: skip
 
 
+def recorded_of(what: str, seeds: range) -> Iterator[Recorded]:
+    """Logs of a kind."""
+    others = FAULTS | SLOW
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        yield others[what](rng) if what in others else record(KINDS[what](rng))
+
+
 def scored(what: str, seeds: range) -> Score:
     """What is found of several logs of a kind."""
-    others = FAULTS | SLOW
-    if what in others:
-        return together([score(others[what](np.random.default_rng(seed))) for seed in seeds])
-    return together([score(record(KINDS[what](np.random.default_rng(seed)))) for seed in seeds])
+    return together([score(one, find_dwells(one.log)) for one in recorded_of(what, seeds)])
 
 
 def together(scores: list[Score]) -> Score:

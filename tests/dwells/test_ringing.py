@@ -97,7 +97,8 @@ def test_every_settled_stop_is_one_dwell_without_bias(
         stops=(stop,) * 10,
         seed=5,
     )
-    found = score(record(recipe))
+    recorded = record(recipe)
+    found = score(recorded, find_dwells(recorded.log))
     assert (found.stops, found.found, found.parts, found.astray) == (10, 10, 0, 0)
     assert found.bias.max() < 1.0
 
@@ -112,7 +113,8 @@ def test_settle_time_takes_the_place_of_all_that() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_drift_of_the_zeros_is_no_settling(drift: float, seed: int) -> None:
     """Forces drift by up to twenty standard errors within a stop."""
-    found = score(record(Recipe(drift=drift, stops=(4.0,) * 12, seed=seed)))
+    recorded = record(Recipe(drift=drift, stops=(4.0,) * 12, seed=seed))
+    found = score(recorded, find_dwells(recorded.log))
     assert (found.found, found.parts, found.astray) == (12, 0, 0)
 
 
