@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.dwells.moments import Float32Array, Int32Array, Stream, moments
+from tdfscal.dwells.moments import Float32Array, Int32Array, Streams, moments
 from tdfscal.dwells.options import DwellOptions
 from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, IntArray, Log, Series
@@ -60,7 +60,7 @@ class _Binner:
         self.supports = supports
         self.origin, self.width, self.limit = origin, width, limit
         streams = 2 * len(supports)
-        self.streams = [Stream(extremes=k >= len(supports)) for k in range(streams)]
+        self.streams = Streams(streams)
         self.last = np.full(streams, -np.inf)
         self.quantum = np.full((streams, 3), np.inf)
         self.zeros, self.seen = np.zeros(streams), np.zeros(streams)
@@ -92,10 +92,9 @@ class _Binner:
                 )
             self._check_finite(stream, series, found.mean)
             self._look(stream, series.value)
-            self.streams[stream].add(found)
-        while max(map(len, self.streams)) > self._most():
-            for one in self.streams:
-                one.coarsen()
+            self.streams.add(stream, found)
+        while len(self.streams) > self._most():
+            self.streams.coarsen()
             self.width *= 2
 
     def _most(self) -> int:
@@ -104,34 +103,16 @@ class _Binner:
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""
-        n = len(self.supports)
-        number = self.streams[0].moments.number.copy()
-        for one in self.streams[1:]:
-            if not np.array_equal(own := one.moments.number, number):
-                number = np.union1d(own, number)
-        shape = (2 * n, 3, len(number))
-        count = np.zeros((2 * n, len(number)), np.int32)
-        mean, scatter = np.empty(shape), np.zeros(shape, np.float32)
-        low, high = np.zeros((2, n, *shape[1:]), np.float32)
-        for k in range(2 * n):
-            held = self.streams.pop(0).moments
-            rows: slice | IntArray = slice(None)
-            if len(held.number) < len(number):
-                rows, mean[k] = np.searchsorted(number, held.number), np.nan
-            count[k, rows] = held.count
-            mean[k][:, rows] = held.mean
-            scatter[k][:, rows] = held.scatter
-            if k >= n:
-                low[k - n][:, rows], high[k - n][:, rows] = held.low, held.high
+        number, found = self.streams.finish()
         return Bins(
             supports=self.supports,
             width=self.width,
             start=np.asarray(self.origin + self.width * number),
-            count=count.T,
-            mean=mean.transpose(2, 0, 1),
-            scatter=scatter.transpose(2, 0, 1),
-            low=low.transpose(2, 0, 1),
-            high=high.transpose(2, 0, 1),
+            count=found.count.T,
+            mean=found.mean.transpose(2, 0, 1),
+            scatter=found.scatter.transpose(2, 0, 1),
+            low=found.low.transpose(2, 0, 1),
+            high=found.high.transpose(2, 0, 1),
             period=period,
             quantum=np.where(np.isfinite(self.quantum), self.quantum, 0.0),
             zeros=self.zeros / np.maximum(self.seen, 1.0),

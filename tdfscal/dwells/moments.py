@@ -40,12 +40,12 @@ class Moments:
     def at(self, bins: slice | IntArray) -> Moments:
         """Some of the bins; a view where they are a slice."""
         return Moments(
-            self.number[bins],
-            self.count[bins],
-            self.mean[:, bins],
-            self.scatter[:, bins],
-            self.low[:, bins],
-            self.high[:, bins],
+            self.number[..., bins],
+            self.count[..., bins],
+            self.mean[..., bins],
+            self.scatter[..., bins],
+            self.low[..., bins],
+            self.high[..., bins],
         )
 
     def put(self, bins: slice | IntArray, new: Moments) -> None:
@@ -117,64 +117,88 @@ def merge(a: Moments, b: Moments) -> Moments:
     return Moments(a.number, count, mean, *kept)
 
 
-def _untouched(shape: tuple[int, ...], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """Zeros whose pages take memory once they are written; numpy's own come in huge pages."""
-    size = math.prod(shape)
-    private = {"flags": mmap.MAP_PRIVATE} if hasattr(mmap, "MAP_PRIVATE") else {}
-    pages = mmap.mmap(-1, max(size * np.dtype(dtype).itemsize, 1), **private)
-    return np.frombuffer(pages, dtype, size).reshape(shape)
+class Streams:
+    """Moments of S streams, positions first, each in the order of time, with room for more."""
 
-
-class Stream:
-    """Moments of one stream, in the order of time, with room for more."""
-
-    def __init__(self, *, extremes: bool) -> None:
-        self._bins, self._room, self._extremes = 0, 0, extremes
-        self._make_room(_ROOM)
+    def __init__(self, streams: int) -> None:
+        self._bins = [0] * streams
+        self._all = _room(streams, _ROOM)
 
     def __len__(self) -> int:
-        return self._bins
+        return max(self._bins)
 
-    @property
-    def moments(self) -> Moments:
-        """Of all bins, a view."""
-        return self._all.at(slice(self._bins))
-
-    def add(self, new: Moments) -> None:
+    def add(self, stream: int, new: Moments) -> None:
         """Take in what follows."""
-        if self._bins and self._all.number[self._bins - 1] == new.number[0]:
+        begin, known = self._bins[stream], _of(self._all, stream)
+        if begin and known.number[begin - 1] == new.number[0]:
             # The first bin began in the piece before.
-            self._bins -= 1
-            known = self._all.at(slice(self._bins, self._bins + 1))
-            self.add(merge(known, new.at(slice(1))))
+            last = slice(begin - 1, begin)
+            known.put(last, merge(known.at(last), new.at(slice(1))))
             new = new.at(slice(1, None))
-        end = self._bins + len(new.number)
-        if end > self._room:
-            self._make_room(2 * end)
-        self._all.put(slice(self._bins, end), new)
-        self._bins = end
+        end = begin + len(new.number)
+        if end > self._all.number.shape[1]:
+            known = self._all
+            self._all = _room(len(self._bins), 2 * end)
+            for k, bins in enumerate(self._bins):
+                _of(self._all, k).put(slice(bins), _of(known, k).at(slice(bins)))
+        _of(self._all, stream).put(slice(begin, end), new)
+        self._bins[stream] = end
 
     def coarsen(self) -> None:
         """Join bins two by two."""
-        known = self.moments
-        fine = replace(known, number=known.number // 2)
-        first = np.flatnonzero(np.diff(fine.number, prepend=-1))
-        two = np.flatnonzero(np.diff(fine.number) == 0)
-        joined = merge(fine.at(two), fine.at(two + 1))
-        self._all.put(slice(len(first)), fine.at(first))
-        self._all.put(np.searchsorted(first, two), joined)
-        self._bins = len(first)
+        for k, bins in enumerate(self._bins):
+            known = _of(self._all, k)
+            fine = known.at(slice(bins))
+            fine = replace(fine, number=fine.number // 2)
+            first = np.flatnonzero(np.diff(fine.number, prepend=-1))
+            two = np.flatnonzero(np.diff(fine.number) == 0)
+            joined = merge(fine.at(two), fine.at(two + 1))
+            known.put(slice(len(first)), fine.at(first))
+            known.put(np.searchsorted(first, two), joined)
+            self._bins[k] = len(first)
 
-    def _make_room(self, bins: int) -> None:
-        extremes = (3 if self._extremes else 0, bins)
-        room = Moments(
-            _untouched((bins,), np.int64),
-            _untouched((bins,), np.int32),
-            _untouched((3, bins), np.float64),
-            _untouched((3, bins), np.float32),
-            _untouched(extremes, np.float32),
-            _untouched(extremes, np.float32),
-        )
-        if self._bins:
-            room.put(slice(self._bins), self.moments)
-        self._all, self._room = room, bins
+    def finish(self) -> tuple[IntArray, Moments]:
+        """Numbers (B,) of the bins that hold any sample, ascending, and all streams' moments there.
+
+        NaN is the mean, and 0 the count, of a stream without one.
+        """
+        held = [_of(self._all, k).number[:bins] for k, bins in enumerate(self._bins)]
+        number = held[0]
+        for own in held[1:]:
+            number = number if np.array_equal(own, number) else np.union1d(own, number)
+        if min(self._bins) < len(number):
+            known, self._all = self._all, _room(len(held), len(number))
+            self._all.mean[:] = np.nan
+            for k, own in enumerate(held):
+                rows = np.searchsorted(number, own)
+                _of(self._all, k).put(rows, _of(known, k).at(slice(len(own))))
+        return number, self._all.at(slice(len(number)))
+
+
+def _room(streams: int, bins: int) -> Moments:
+    """Place for the moments of all streams; its pages take memory once they are written."""
+
+    def zeros(shape: tuple[int, ...], dtype: type[np.generic]) -> npt.NDArray[Any]:
+        # As an array of numpy's own they would come in huge pages.
+        size = math.prod(shape)
+        private = {"flags": mmap.MAP_PRIVATE} if hasattr(mmap, "MAP_PRIVATE") else {}
+        pages = mmap.mmap(-1, max(size * np.dtype(dtype).itemsize, 1), **private)
+        return np.frombuffer(pages, dtype, size).reshape(shape)
+
+    return Moments(
+        zeros((streams, bins), np.int64),
+        zeros((streams, bins), np.int32),
+        zeros((streams, 3, bins), np.float64),
+        zeros((streams, 3, bins), np.float32),
+        zeros((streams // 2, 3, bins), np.float32),
+        zeros((streams // 2, 3, bins), np.float32),
+    )
+
+
+def _of(streams: Moments, k: int) -> Moments:
+    """A view of one of all streams."""
+    force = k - len(streams.low)
+    low, high = (x[force] if force >= 0 else x[0, :0] for x in (streams.low, streams.high))
+    return Moments(
+        streams.number[k], streams.count[k], streams.mean[k], streams.scatter[k], low, high
+    )
