@@ -76,12 +76,12 @@ def _places(result: Result, asked: Mapping[str, Any], *, written: bool) -> list[
 
 
 def _show(result: Result, places: list[str]) -> None:
-    """Print a result in words, with tables by rich on a terminal, and what was written."""
-    from tdfscal.reporting import terminal
+    """Print a result in words, in colours on a terminal, and what was written."""
+    from tdfscal.reporting.text import show
 
     report = result.to_report()
     if report is not None:
-        terminal.show(report)
+        show(report)
     elif not sys.stdout.write(result.text):
         return
     if places:

@@ -109,27 +109,20 @@ def _node(support: str) -> str:
 
 
 def _document(c: Calibration, base: str) -> dict[str, object]:
-    return {
-        "convention": c.convention,
-        "static_transforms": [
-            {
-                "header": {"frame_id": base},
-                "child_frame_id": child(support.name),
-                "transform": {
-                    "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
-                    "rotation": dict(zip("xyzw", support.quaternion, strict=True)),
-                },
-            }
-            for support in c.mounted
-        ],
-        "zero": {support.name: list(support.offset) for support in c.supports},
-        **(
-            {
-                "sensitivity": {
-                    s.name: [list(row) for row in s.sensitivity or ()] for s in c.supports
-                }
-            }
-            if any(s.sensitivity for s in c.supports)
-            else {}
-        ),
-    }
+    transforms = [
+        {
+            "header": {"frame_id": base},
+            "child_frame_id": child(support.name),
+            "transform": {
+                "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
+                "rotation": dict(zip("xyzw", support.quaternion, strict=True)),
+            },
+        }
+        for support in c.mounted
+    ]
+    document: dict[str, object] = {"convention": c.convention, "static_transforms": transforms}
+    document["zero"] = {support.name: list(support.offset) for support in c.supports}
+    if any(s.sensitivity for s in c.supports):
+        rows = {s.name: [list(row) for row in s.sensitivity or ()] for s in c.supports}
+        document["sensitivity"] = rows
+    return document

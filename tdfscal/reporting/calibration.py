@@ -12,19 +12,10 @@ from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.log_time import clock
 from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.records import ANGLES
+from tdfscal.reporting import phrases
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import (
-    METHODS,
-    WRENCH,
-    chi_squared,
-    not_shown,
-    postures,
-    probability,
-    rms_table,
-    stretches,
-    utc,
-)
+from tdfscal.reporting.phrases import METHODS, WRENCH, chi_squared, utc
 from tdfscal.reporting.traceability import campaign, exact_claim, exact_tables, overdue, provenance
 
 _ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
@@ -37,8 +28,8 @@ def calibration_report(
     names = ", ".join(PurePath(entry.path).name for entry in c.inputs)
     # What was achieved, which the text's table shows, and the largest error that it does not count.
     claims = (_claim(c) if drawings else "", exact_claim(c))
-    rejected = postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
-    left_out = stretches(c.motion.rejected) if c.motion is not None else ()
+    rejected = phrases.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
+    left_out = phrases.stretches(c.motion.rejected) if c.motion is not None else ()
     sections = illustrated(
         drawings,
         {
@@ -70,7 +61,7 @@ def calibration_report(
             Section("What is taken as exact", exact_tables(c)),
             *campaign(c),
             provenance(c),
-            *not_shown(_absent(c, {drawing.name for drawing in drawings})),
+            *phrases.not_shown(_absent(c, {drawing.name for drawing in drawings})),
         ),
         warnings=(*overdue(c), *c.warnings),
         advice=advise(c),
@@ -123,7 +114,7 @@ def _residual_wrench(c: Calibration) -> tuple[Table, ...]:
     where = "leave-one-out postures, about the LCS origin"
     if c.motion is not None:
         where = "stretches of the motion held out in turn, about the barycentre"
-    return (rms_table(sizes, where),) if sizes else ()
+    return (phrases.rms_table(sizes, where),) if sizes else ()
 
 
 def _zero(value: float | None, std: float | None) -> str:
@@ -232,7 +223,7 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
         ("Delay", f"{1e3 * m.delay.value:.2f} ± {1e3 * m.delay.std:.2g} ms, force after position"),
         ("Friction", f"{m.friction.value:.3f} ± {m.friction.std:.2g} N·m at each hinge"),
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
-        ("Halves", f"of the log compared: p = {probability(m.halves_p_value)}"),
+        ("Halves", f"of the log compared: p = {phrases.probability(m.halves_p_value)}"),
     ]
 
 

@@ -1,7 +1,7 @@
 """What a report says, laid out once: words, tables and figures in the order of reading.
 
-A builder turns a result into a `Report`; `text`, `terminal` and `html` print any report and add
-nothing of their own.
+A builder turns a result into a `Report`; `text` and `html` print any report, and
+add nothing of their own.
 """
 
 from __future__ import annotations

@@ -56,26 +56,32 @@ def _angles(rig: Rig, std: FloatArray) -> Table:
 
 def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:
     """The same as plain JSON values, SI units."""
-    limits, request = plan.request.limits, plan.request
+    return {
+        **_document(plan, path, seed),
+        "postures": len(plan),
+        "returns": [int(k) + 1 for k in plan.returns],
+        "given": plan.given,
+        "objective": plan.request.objective,
+        "before": None if plan.before is None else _forecast(plan.rig, plan.before),
+        "tour": plan.tour,
+        "position": plan.position.tolist(),
+        "squeeze": plan.postures.squeeze.tolist(),
+        "approach": plan.approach.tolist(),
+    }
+
+
+def _document(plan: Plan | MovingPlan, path: str | None, seed: int) -> dict[str, Any]:
+    """What plans of postures and of a motion have in common."""
     return {
         "format": "tdfscal-plan/1",
         "rig": plan.rig.name,
         "output": path,
         "seed": seed,
-        "postures": len(plan),
-        "returns": [int(k) + 1 for k in plan.returns],
-        "given": plan.given,
-        "objective": request.objective,
-        "noise": request.noise,
-        "limits": _limits(limits),
+        "noise": plan.request.noise,
+        "limits": _limits(plan.request.limits),
         "expected": _forecast(plan.rig, plan.expected),
         "random": _forecast(plan.rig, plan.random),
-        "before": None if plan.before is None else _forecast(plan.rig, plan.before),
         "improvement": plan.improvement,
-        "tour": plan.tour,
-        "position": plan.position.tolist(),
-        "squeeze": plan.postures.squeeze.tolist(),
-        "approach": plan.approach.tolist(),
     }
 
 
@@ -146,26 +152,17 @@ def moving_plan_document(
     plan: MovingPlan, path: str | None, waypoints: str | None, seed: int
 ) -> dict[str, Any]:
     """The same as plain JSON values, SI units."""
-    request, limits = plan.request, plan.request.limits
-    lines = plan.trajectory.lines
-    course = plan.trajectory.at(plan.waypoints)
-    return {
-        "format": "tdfscal-plan/1",
-        "rig": plan.rig.name,
-        "output": path,
+    request, course = plan.request, plan.trajectory.at(plan.waypoints)
+    document = _document(plan, path, seed)
+    document["limits"]["speed"] = request.speed
+    return document | {
         "waypoints_output": waypoints,
-        "seed": seed,
         "duration": request.duration,
-        "noise": request.noise,
-        "limits": _limits(limits) | {"speed": request.speed},
         "used": extremes(plan),
-        "expected": _forecast(plan.rig, plan.expected),
-        "random": _forecast(plan.rig, plan.random),
-        "improvement": plan.improvement,
-        "frequency": (lines.line / request.duration).tolist(),
+        "frequency": (plan.trajectory.lines.line / request.duration).tolist(),
         "waypoints": {
             "time": plan.waypoints.tolist(),
-            "position": course.position(limits).tolist(),
+            "position": plan.position(course).tolist(),
             "squeeze": course.squeeze.tolist(),
         },
     }

@@ -1,12 +1,17 @@
-"""A report as plain text: readable without colour, in a file, and by a screen reader."""
+"""A report as plain text, readable without colour and by a screen reader; with colours, framed."""
 
 from __future__ import annotations
 
 import shutil
+import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from tdfscal.reporting.layout import Block, Facts, Report, Table, legible
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 WIDTH = 80
 _LEAST_WIDTH = 40
@@ -24,6 +29,39 @@ def render(report: Report) -> str:
         caption, body = parts(block)
         lines += ["", *caption, *body]
     return "\n".join(lines) + "\n"
+
+
+def show(report: Report) -> None:
+    """Print a report; NO_COLOR and TERM=dumb are obeyed."""
+    if not sys.stdout.isatty():
+        sys.stdout.write(render(report))
+        return
+    from rich.console import Console
+
+    show_on(Console(highlight=False, width=width()), report)
+
+
+def show_on(console: Console, report: Report) -> None:
+    """Print a report on a console that understands styles: the verdict framed, captions bold."""
+    from rich.panel import Panel
+    from rich.text import Text
+
+    report = legible(report)
+    colour = "green" if report.accepted else "red"
+    head = Text(report.subtitle)
+    if report.verdict:
+        mark = "✓" if report.accepted else "✗"
+        head = Text.assemble((f"{mark} {report.verdict}", f"bold {colour}"), f"  {report.subtitle}")
+    if report.claim:
+        head.append(f"\n{report.claim}")
+    for reason in report.reasons:
+        head.append(f"\n- {reason}")
+    console.print(Panel(head, title=Text(report.title), title_align="left", border_style=colour))
+    for block in (*report.brief(), *report.closing()):
+        caption, body = parts(block)
+        for line in caption:
+            console.print(Text(line, style="bold"))
+        console.print(Text("\n".join([*body, ""])))
 
 
 def width() -> int:

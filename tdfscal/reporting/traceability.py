@@ -52,7 +52,12 @@ def campaign(c: Calibration) -> tuple[Section, ...]:
         for entry in c.history
     ]
     blocks: list[Block] = [Facts(tuple(facts))] if facts else []
-    if papers := _papers(c):
+    papers = tuple(
+        (s.name, s.sensor.serial or "", s.sensor.certificate or "", s.sensor.due or "")
+        for s in rig.supports
+        if s.sensor is not None
+    )
+    if papers:
         header = ("sensor", "serial number", "certificate", "due")
         blocks.append(Table("Sensors", header, papers, left=4))
     return (Section("Campaign and sensors", tuple(blocks)),) if blocks else ()
@@ -66,23 +71,16 @@ def _next_due(c: Calibration) -> str:
     if c.status == "accepted" and 0 < angle < math.inf and room > 0:
         months = room / angle**2
         if months < _FOREVER:
-            end = datetime.fromisoformat(c.measured.end if c.measured else c.created)
-            day = (end + timedelta(days=_MONTH * months)).date().isoformat()
+            begin = datetime.fromisoformat(c.measured.end if c.measured else c.created)
+            day = (begin + timedelta(days=_MONTH * months)).date().isoformat()
             due.append((day, "by drift.angle an angle then reaches its limit"))
-    due += [
-        (s.sensor.due[:10], f"when the certificate of {s.name}'s sensor ends")
-        for s in c.rig.supports
-        if s.sensor is not None and s.sensor.due is not None
-    ]
+    due += [(end[:10], f"when the certificate of {name}'s sensor ends") for end, name in _ends(c)]
     return ", ".join(min(due)) if due else ""
 
 
-def _papers(c: Calibration) -> tuple[tuple[str, ...], ...]:
-    return tuple(
-        (s.name, s.sensor.serial or "", s.sensor.certificate or "", s.sensor.due or "")
-        for s in c.rig.supports
-        if s.sensor is not None
-    )
+def _ends(c: Calibration) -> list[tuple[str, str]]:
+    """Day on which the certificate of a sensor ends, and its support, where it is stated."""
+    return [(s.sensor.due, s.name) for s in c.rig.supports if s.sensor and s.sensor.due]
 
 
 def exact_tables(c: Calibration) -> tuple[Table, ...]:
@@ -132,9 +130,9 @@ def overdue(c: Calibration) -> tuple[str, ...]:
     """Sensors whose own certificate had ended when the data were recorded."""
     day = (c.measured.end if c.measured is not None else c.created)[:10]
     return tuple(
-        f"the certificate of {s.name}'s sensor was due on {s.sensor.due}, before this calibration"
-        for s in c.rig.supports
-        if s.sensor is not None and s.sensor.due is not None and s.sensor.due[:10] < day
+        f"the certificate of {name}'s sensor was due on {end}, before this calibration"
+        for end, name in _ends(c)
+        if end[:10] < day
     )
 
 

@@ -24,8 +24,7 @@ from tdfscal.exports import FORMATS
 from tdfscal.files.calibration.document import Calibration, dump_calibration, parse_calibration
 from tdfscal.files.escaping import csv_cell, csv_comment
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.terminal import show_on
-from tdfscal.reporting.text import render
+from tdfscal.reporting.text import render, show_on
 from tests.reporting.pages import render_page, render_several
 from tests.reporting.samples import changed, sample
 from tests.reporting.test_page import read

@@ -15,9 +15,8 @@ from tdfscal.files.calibration.log_time import clock
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.history import short
-from tdfscal.reporting.terminal import show, show_on
 from tdfscal.reporting.text import render as as_text
-from tdfscal.reporting.text import table
+from tdfscal.reporting.text import show, show_on, table
 from tests.reporting.pages import render_page
 from tests.reporting.samples import NASTY, changed, fit_with, sample, surveyed
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.outputs import make_folder, replacing, together
-from tdfscal.files.writers import documents, mcap_log, point_files, table_log
+from tdfscal.files.writers import documents, point_files, recordings, table_log
 from tdfscal.files.yaml.reading import read_document
 from tdfscal.records import Log, Rig, Rows
 from tdfscal.simulation import (
@@ -35,7 +35,7 @@ LogFormat = Literal["csv", "parquet", "mcap"]
 _FORMATS: dict[LogFormat, Callable[[Path, Log], dict[str, Any]]] = {
     "csv": table_log.write_csv,
     "parquet": table_log.write_parquet,
-    "mcap": mcap_log.write_mcap,
+    "mcap": recordings.write_mcap,
 }
 #: What the rig file of a campaign in motion says of the delay, s.
 STATED_DELAY = {"value": 0.0, "std": 0.02}

@@ -16,7 +16,7 @@ import numpy as np
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.output_places import check_suffix
 from tdfscal.files.outputs import replacing
-from tdfscal.files.writers.ros2_messages import WRENCH, definition, recorder, stamped
+from tdfscal.files.writers.recordings import WRENCH, definition, recorder, stamped
 from tdfscal.records import FloatArray
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 

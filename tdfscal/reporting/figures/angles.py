@@ -96,6 +96,22 @@ def methods(c: Calibration) -> Drawing | None:
     """Each method's angles less the joint ones, with 95 % intervals."""
     if not c.methods or c.tracker is None:
         return None
+    each = [(m.method, np.array(m.rpy), np.array(m.rpy_std)) for m in c.methods]
+    k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
+
+    def paint() -> Figure:
+        fig, (ax,), place = by_angle(c.support_names, head=1.0, row=0.3)
+        for method, rpy, std in (*each, ("joint", c.rpy, c.rpy_std)):
+            name, marker, colour, shift = _METHODS[method]
+            ax.errorbar(
+                1e3 * so3.wrapped(rpy - c.rpy).ravel(), place + shift, xerr=1e3 * k * std.ravel(),
+                fmt=marker, markersize=4.5, color=colour, capsize=2.5, label=name,
+            )  # fmt: skip
+        ax.axvline(0, color=ink.GREY, linewidth=0.8)
+        ax.set_xlabel("angle less the joint estimate, with its 95 % interval, mrad")
+        legend_above(ax, 3)
+        return fig
+
     p, en = c.tracker.get("consistency_p_value"), c.tracker.get("largest_en")
     said = "The two methods are drawn about their joint estimate."
     if isinstance(p, float) and isinstance(en, float):
@@ -104,23 +120,7 @@ def methods(c: Calibration) -> Drawing | None:
             f"Self-calibration and tracker {agree} within their uncertainties: the largest E_n is "
             f"{en:.2f} (1 is the limit), p = {p:.2g} for all angles together."
         )
-    return Drawing("methods", "Two methods against each other", said, lambda: _paint_methods(c))
-
-
-def _paint_methods(c: Calibration) -> Figure:
-    k = float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))
-    fig, (ax,), place = by_angle(c.support_names, head=1.0, row=0.3)
-    each = [(m.method, np.array(m.rpy), np.array(m.rpy_std)) for m in c.methods or ()]
-    for method, rpy, std in (*each, ("joint", c.rpy, c.rpy_std)):
-        name, marker, colour, shift = _METHODS[method]
-        ax.errorbar(
-            1e3 * so3.wrapped(rpy - c.rpy).ravel(), place + shift, xerr=1e3 * k * std.ravel(),
-            fmt=marker, markersize=4.5, color=colour, capsize=2.5, label=name,
-        )  # fmt: skip
-    ax.axvline(0, color=ink.GREY, linewidth=0.8)
-    ax.set_xlabel("angle less the joint estimate, with its 95 % interval, mrad")
-    legend_above(ax, 3)
-    return fig
+    return Drawing("methods", "Two methods against each other", said, paint)
 
 
 def comparison(pair: Comparison, number: int = 1) -> Drawing:

@@ -11,20 +11,11 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import LeftOutStretch, MotionSpectrum, PostureTable
+from tdfscal.files.calibration.evidence_model import LeftOutStretch, PostureTable
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import FloatArray, IntArray
-from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import (
-    Drawing,
-    Tips,
-    figure,
-    legend_above,
-    logarithmic,
-    marks,
-    raster,
-    tip,
-)
+from tdfscal.reporting.figures import ink, style
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above, logarithmic, raster
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
 
@@ -98,7 +89,7 @@ def _paint(number: IntArray, before: FloatArray, after: FloatArray, said: str) -
                 f"posture {k}: {b:.3g} {unit} before, {a:.3g} {unit} after"
                 for k, b, a in zip(number, old, new, strict=True)
             ]
-            Tips(ax, number, new, words)
+            style.Tips(ax, number, new, words)
     _numbered(axes[1], "posture")
     return fig
 
@@ -146,7 +137,7 @@ def _over_time(
         for ax in axes:
             for s in left_out:
                 words = f"{s.begin:.1f} to {s.end:.1f} s: {s.reason}"
-                tip(ax.axvspan(s.begin, s.end, color=ink.PALE), words)
+                style.tip(ax.axvspan(s.begin, s.end, color=ink.PALE), words)
         axes[1].set_xlabel("time in the log, s")
         return fig
 
@@ -168,67 +159,67 @@ def components(table: PostureTable | None) -> Drawing | None:
     std = np.hstack([table.force_std, table.moment_std])
     # An axis that says nothing has no uncertainty.
     score = np.divide(value, std, out=np.zeros_like(value), where=std > 0)
+    number = np.array(table.index) + 1
+
+    def paint() -> Figure:
+        fig = figure(3.1)
+        axes = fig.subplots(2, 1, sharex=True)
+        for k, (ax, what, unit) in enumerate(zip(axes, ("force", "moment"), _UNITS, strict=True)):
+            rows, sizes = score[:, 3 * k : 3 * k + 3], value[:, 3 * k : 3 * k + 3]
+            ax.axhspan(-_BAND, _BAND, color=ink.PALE, alpha=0.5, linewidth=0)
+            ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
+            style.marks(ax, number, rows)
+            if not raster(rows.size):
+                words = [_words(*of, unit) for of in zip(number, sizes, rows, strict=True)]
+                largest = rows[np.arange(len(rows)), np.abs(rows).argmax(axis=1)]
+                style.Tips(ax, number, largest, words, radius=5)
+            ax.set_ylabel(f"{what}, std. unc.")
+        _numbered(axes[1], "posture; pale: ±2 standard uncertainties")
+        legend_above(axes[0], 3)
+        return fig
+
     inside = float(np.mean(np.abs(score) <= _BAND))
     return Drawing(
         "components",
         "Residual of each axis against ±2σ",
         f"{inside:.0%} of the {score.size} residuals lie within ±2 standard uncertainties; "
         f"{_EXPECTED:.0%} are to be expected.",
-        lambda: _paint_components(np.array(table.index) + 1, score, value),
+        paint,
     )
 
 
-def _paint_components(number: IntArray, score: FloatArray, value: FloatArray) -> Figure:
-    fig = figure(3.1)
-    axes = fig.subplots(2, 1, sharex=True)
-    for k, (ax, what, unit) in enumerate(zip(axes, ("force", "moment"), _UNITS, strict=True)):
-        rows, sizes = score[:, 3 * k : 3 * k + 3], value[:, 3 * k : 3 * k + 3]
-        ax.axhspan(-_BAND, _BAND, color=ink.PALE, alpha=0.5, linewidth=0)
-        ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
-        marks(ax, number, rows)
-        if not raster(rows.size):
-            words = [
-                f"posture {posture}: "
-                + ", ".join(
-                    f"{axis} {v:.2g} {unit} ({s:+.1f} σ)"
-                    for axis, v, s in zip("xyz", size, row, strict=True)
-                )
-                for posture, size, row in zip(number, sizes, rows, strict=True)
-            ]
-            largest = rows[np.arange(len(rows)), np.abs(rows).argmax(axis=1)]
-            Tips(ax, number, largest, words, radius=5)
-        ax.set_ylabel(f"{what}, std. unc.")
-    _numbered(axes[1], "posture; pale: ±2 standard uncertainties")
-    legend_above(axes[0], 3)
-    return fig
+def _words(posture: int, sizes: FloatArray, scores: FloatArray, unit: str) -> str:
+    axes = zip("xyz", sizes, scores, strict=True)
+    return f"posture {posture}: " + ", ".join(
+        f"{a} {v:.2g} {unit} ({s:+.1f} σ)" for a, v, s in axes
+    )
 
 
 def spectrum(c: Calibration) -> Drawing | None:
     """Residual force over frequency, and the noise that the estimate weighed by."""
     if c.motion is None:
         return None
-    motion, n = c.motion, len(c.supports)
+    motion, s = c.motion, c.motion.spectrum
+    # Force noise of n sensors in three components, as the residual has it.
+    noise = np.sqrt(3.0 * len(c.supports)) * np.array(s.force_noise)
+
+    def paint() -> Figure:
+        fig = figure(3.2)
+        ax = fig.subplots()
+        ax.plot(s.frequency, s.before, "s", markersize=4, color=ink.ORANGE, markerfacecolor="white",
+                label="before: nominal mounting, stated values")  # fmt: skip
+        ax.plot(s.frequency, s.after, "o", markersize=4, color=ink.BLUE, label="after: calibrated")
+        ax.plot(s.frequency, noise, "-", color=ink.BLUE, linewidth=1, label="noise as estimated")
+        logarithmic(ax, "xy")
+        ax.set_xlabel("frequency, Hz")
+        ax.set_ylabel("residual force, N/√Hz")
+        legend_above(ax, 3)
+        return fig
+
     return Drawing(
         "spectrum",
         "Residual force in motion, over frequency",
         f"In {motion.seconds:.0f} s of motion the calibration takes the slow residual down to "
         "the sensors' noise; the estimate weighs every frequency by the noise that it has there.",
-        lambda: _paint_spectrum(motion.spectrum, n),
+        paint,
     )
-
-
-def _paint_spectrum(s: MotionSpectrum, n: int) -> Figure:
-    """Draw square roots of spectral densities, of the three force components together."""
-    fig = figure(3.2)
-    ax = fig.subplots()
-    # Force noise of n sensors in three components, as the residual has it.
-    noise = np.sqrt(3.0 * n) * np.array(s.force_noise)
-    ax.plot(s.frequency, s.before, "s", markersize=4, color=ink.ORANGE, markerfacecolor="white",
-            label="before: nominal mounting, stated values")  # fmt: skip
-    ax.plot(s.frequency, s.after, "o", markersize=4, color=ink.BLUE, label="after: calibrated")
-    ax.plot(s.frequency, noise, "-", color=ink.BLUE, linewidth=1, label="noise as estimated")
-    logarithmic(ax, "xy")
-    ax.set_xlabel("frequency, Hz")
-    ax.set_ylabel("residual force, N/√Hz")
-    legend_above(ax, 3)
-    return fig

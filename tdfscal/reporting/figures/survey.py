@@ -28,12 +28,27 @@ def draw(c: Calibration) -> Drawing | None:
     names, residual, normalised = found
     worst = int(np.abs(normalised).max(axis=1).argmax())
     rms = 1e6 * float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
+
+    def paint() -> Figure:
+        fig = figure(3.9)
+        top, bottom = fig.subplots(2, 1, sharex=True)
+        for ax, table in ((top, 1e6 * residual), (bottom, normalised)):
+            marks(ax, np.arange(len(names)), table)
+            ax.axhline(0, color=ink.GREY, linewidth=0.8)
+        for limit in (-2, 2):
+            bottom.axhline(limit, color=ink.BLACK, linewidth=0.8, linestyle="--")
+        top.set_ylabel("residual, µm")
+        bottom.set_ylabel("residual / its\nstd. uncertainty")
+        _groups(bottom, top, names)
+        legend_above(top, 3)
+        return fig
+
     return Drawing(
         "survey",
         "Residuals of the tracker's points",
         f"The {len(names)} points fit within {rms:.3g} µm (rms); the worst is {names[worst]}, "
         f"{np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
-        lambda: _paint(names, residual, normalised),
+        paint,
     )
 
 
@@ -51,21 +66,6 @@ def _read(
     if any(table.shape != (len(names), 3) for table in tables):
         return None
     return [str(name) for name in names], tables[0], tables[1]
-
-
-def _paint(names: list[str], residual: FloatArray, normalised: FloatArray) -> Figure:
-    fig = figure(3.9)
-    top, bottom = fig.subplots(2, 1, sharex=True)
-    for ax, table in ((top, 1e6 * residual), (bottom, normalised)):
-        marks(ax, np.arange(len(names)), table)
-        ax.axhline(0, color=ink.GREY, linewidth=0.8)
-    for limit in (-2, 2):
-        bottom.axhline(limit, color=ink.BLACK, linewidth=0.8, linestyle="--")
-    top.set_ylabel("residual, µm")
-    bottom.set_ylabel("residual / its\nstd. uncertainty")
-    _groups(bottom, top, names)
-    legend_above(top, 3)
-    return fig
 
 
 def _groups(bottom: Axes, top: Axes, names: list[str]) -> None:

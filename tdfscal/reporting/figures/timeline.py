@@ -19,16 +19,8 @@ from tdfscal.files.rig.model import RigFile
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray
-from tdfscal.reporting.figures import ink
-from tdfscal.reporting.figures.style import (
-    Drawing,
-    beside,
-    figure,
-    legend_above,
-    legend_outside,
-    raster,
-    tip,
-)
+from tdfscal.reporting.figures import ink, style
+from tdfscal.reporting.figures.style import Drawing, figure, legend_above, legend_outside
 
 #: Height of a panel of forces, inches.
 _PANEL = 0.72
@@ -95,16 +87,15 @@ def _paint(log: DwellLog) -> Figure:
     )[:, 0]
     _lanes(axes[0], used, gone, pieces)
     for r, (_, end, _) in zip(rejected, gone, strict=True):
-        beside(axes[0], f"{r.index + 1}", end, 1, 2, fontweight="bold")
+        style.beside(axes[0], f"{r.index + 1}", end, 1, 2, fontweight="bold")
     if dwells is not None:
         middle = np.mean([ends(*pair) for pair in zip(dwells.start, dwells.end, strict=True)], 1)
         measured = [[axis in support.axes for axis in "xyz"] for support in log.rig.supports]
         force = np.where(measured, np.swapaxes(dwells.force, 0, 1), np.nan)
         names = [support.name for support in log.rig.supports]
-        _forces(
-            axes[1:], names, middle, force, gone, _MARKERS, linewidth=0.7, markersize=3.2,
-            markeredgecolor=ink.BLACK, markeredgewidth=0.3, rasterized=raster(3 * len(middle)),
-        )  # fmt: skip
+        look: dict[str, Any] = {"linewidth": 0.7, "markersize": 3.2, "markeredgewidth": 0.3}
+        look |= {"markeredgecolor": ink.BLACK, "rasterized": style.raster(3 * len(middle))}
+        _forces(axes[1:], names, middle, force, gone, _MARKERS, **look)
         legend_outside(fig, axes[1])
     axes[-1].set_xlabel(time.label)
     return fig
@@ -112,7 +103,7 @@ def _paint(log: DwellLog) -> Figure:
 
 def _lanes(ax: Axes, used: Sequence[tuple[float, float]], gone: Gone, pieces: Gone) -> None:
     """Dwells in the fit, rejected ones, stretches that are no dwells."""
-    pixels = raster(len(used))
+    pixels = style.raster(len(used))
 
     def bars(lane: int, spans: Sequence[tuple[float, float]], **look: Any) -> PolyCollection:
         lengths = [(begin, end - begin) for begin, end in spans]
@@ -121,12 +112,12 @@ def _lanes(ax: Axes, used: Sequence[tuple[float, float]], gone: Gone, pieces: Go
     bars(0, used, facecolor=ink.FILLS[0], edgecolor=ink.BLACK, linewidth=0.0 if pixels else 0.5,
          rasterized=pixels)  # fmt: skip
     for begin, end, why in gone:
-        tip(bars(1, [(begin, end)], linewidth=0.9, **ink.REJECTED), why)
+        style.tip(bars(1, [(begin, end)], linewidth=0.9, **ink.REJECTED), why)
     if not gone:
         ax.text(0.01, 1, "none", transform=ax.get_yaxis_transform(), va="center", color=ink.GREY)
     for begin, end, why in pieces:
         look = {"facecolor": ink.PALE, "edgecolor": ink.GREY, "hatch": "...", "linewidth": 0.4}
-        tip(bars(2, [(begin, end)], **look), why)
+        style.tip(bars(2, [(begin, end)], **look), why)
     lanes = ["in the fit", "rejected"] + (["no dwell"] if pieces else [])
     ax.set_ylim(len(lanes) - 0.45, -0.5)
     ax.set_yticks(range(len(lanes)), lanes)
@@ -145,7 +136,7 @@ def _forces(
     """Readings (N, n, 3), a panel per axis of the sensors; what was left out is shaded."""
     for k, (axis, ax) in enumerate(zip("xyz", axes, strict=True)):
         for begin, end, why in gone:
-            tip(ax.axvspan(begin, end, linewidth=0.4, **ink.REJECTED), why)
+            style.tip(ax.axvspan(begin, end, linewidth=0.4, **ink.REJECTED), why)
         for i, name in enumerate(supports):
             y = force[:, i, k]
             if np.isfinite(y).any():
@@ -153,7 +144,7 @@ def _forces(
                     time, y, color=ink.LINES[i % len(ink.LINES)], label=name,
                     marker=markers[i % len(markers)], **line,
                 )  # fmt: skip
-                tip(drawn, f"{name} F{axis}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N")
+                style.tip(drawn, f"{name} F{axis}: {np.nanmin(y):.1f} to {np.nanmax(y):.1f} N")
         ax.set_ylabel(f"F{axis}, N")
 
 
