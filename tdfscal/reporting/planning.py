@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.planning import Forecast, Limits, Plan
+from tdfscal.planning import Forecast, Plan
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES, FloatArray, Rig
 from tdfscal.reporting.layout import Block, Report, Section, Table
@@ -72,25 +72,22 @@ def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:
 
 def _document(plan: Plan | MovingPlan, path: str | None, seed: int) -> dict[str, Any]:
     """What plans of postures and of a motion have in common."""
+    limits = plan.request.limits
     return {
         "format": "tdfscal-plan/1",
         "rig": plan.rig.name,
         "output": path,
         "seed": seed,
         "noise": plan.request.noise,
-        "limits": _limits(plan.request.limits),
+        "limits": {
+            "tilt": limits.tilt,
+            "squeeze": limits.squeeze,
+            "force": limits.force if np.isfinite(limits.force) else None,
+            "stiffness": limits.stiffness,
+        },
         "expected": _forecast(plan.rig, plan.expected),
         "random": _forecast(plan.rig, plan.random),
         "improvement": plan.improvement,
-    }
-
-
-def _limits(limits: Limits) -> dict[str, float | None]:
-    return {
-        "tilt": limits.tilt,
-        "squeeze": limits.squeeze,
-        "force": limits.force if np.isfinite(limits.force) else None,
-        "stiffness": limits.stiffness,
     }
 
 
@@ -162,7 +159,7 @@ def moving_plan_document(
         "frequency": (plan.trajectory.lines.line / request.duration).tolist(),
         "waypoints": {
             "time": plan.waypoints.tolist(),
-            "position": plan.position(course).tolist(),
+            "position": course.position(request.limits).tolist(),
             "squeeze": course.squeeze.tolist(),
         },
     }
