@@ -18,7 +18,8 @@ from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
 from tdfscal.planning.limits import Limits
-from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
+from tdfscal.planning.moving_information import MovingRequest
+from tdfscal.planning.moving_plan import MovingPlan, plan_motion
 from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.simulation import reference_rig, rotations
 from tdfscal.simulation.equilibrium import Pose

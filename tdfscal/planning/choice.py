@@ -129,10 +129,10 @@ class Planner:
         """Uncertainty to expect of postures, with what is held already."""
         at = self._at if self.request.objective == "wrench" else self.request.at
         limits, held = self.request.limits, self.held
-        if self.rig.axes.all():
-            return forecast(self.sight, postures, limits, held, at)
-        seen = [replace(sight, open=self.sight.open) for sight in self.leaning]
-        draws = np.random.default_rng(0).spawn(len(seen))
+        draws: list[np.random.Generator | None] = [None]
+        if not self.rig.axes.all():
+            draws = [*np.random.default_rng(0).spawn(len(self.leaning))]
+        seen = (replace(sight, open=self.sight.open) for sight in self.leaning)
         return averaged(
             [
                 forecast(sight, postures, limits, held, at, rng)

@@ -14,6 +14,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.planning.candidates import Candidates
 from tdfscal.planning.exchange import inverse
+from tdfscal.planning.limits import Limits
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.planning.static_loads import internal_part
 from tdfscal.planning.trajectory import Trajectory
@@ -33,60 +34,68 @@ _KNOTS = np.geomspace(2e-3, 3.0, 24)
 
 
 @dataclass(frozen=True, slots=True)
-class MovingSight:
-    """How a motion is seen.
+class MovingRequest:
+    """What is asked for.
 
-    noise : N/√Hz, root density of a force component: the noise of its mean over a second.
-    delay : s, of the force stamps, as the rig file states it.
+    duration : s. speed : m/s, of any hinge. noise : N/√Hz, root density of a force component: that
+    of its mean over a second. delay : s, of the force stamps, as the rig file states it.
     """
 
-    rig: Rig
+    limits: Limits
+    duration: float
+    speed: float
     noise: float
     delay: UncertainValue
 
-    def covariance(self, course: Candidates, time: FloatArray) -> FloatArray:
-        """Covariance (3n, 3n) of the rotations to expect, rad², BCS."""
-        rig, n = self.rig, self.rig.n
-        slow = self._seen(course, time)
-        cut = blocks(slow, np.ones(len(time), dtype=np.bool_))
-        priors = MovingPriors(rig, slow, self.delay)
-        fit = at_state(priors, cut, priors.start(nominal(rig)), self._spectrum(course, time))
-        _, J = fit.whitened()
-        information = J.T @ J
-        information[: 3 * n, : 3 * n] += np.eye(3 * n) / EVEN_TURN**2
-        # What no row sees stays as open as its unit is wide.
-        information += np.diag(1e-12 * np.diagonal(information).max() * np.ones(len(information)))
-        return inverse(information)[: 3 * n, : 3 * n]
 
-    def _seen(self, course: Candidates, time: FloatArray) -> Slow:
-        state = nominal(self.rig)
-        back = np.linalg.inv(sensing(state))
-        force = np.einsum("nab,knb->kna", back, course.force) + state.zero
-        return Slow(
-            supports=self.rig.supports,
-            time=time,
-            position=course.place,
-            force=force,
-            step=float(time[1] - time[0]),
-            rate=1 / float(time[1] - time[0]),
-            clipped=np.zeros(len(time), dtype=np.bool_),
-        )
+def _covariance(
+    rig: Rig, request: MovingRequest, course: Candidates, time: FloatArray
+) -> FloatArray:
+    """Covariance (3n, 3n) of the rotations to expect, rad², BCS."""
+    n, slow = rig.n, _seen(rig, course, time)
+    cut = blocks(slow, np.ones(len(time), dtype=np.bool_))
+    priors = MovingPriors(rig, slow, request.delay)
+    fit = at_state(
+        priors, cut, priors.start(nominal(rig)), _spectrum(rig, request.noise, course, time)
+    )
+    _, J = fit.whitened()
+    information = J.T @ J
+    information[: 3 * n, : 3 * n] += np.eye(3 * n) / EVEN_TURN**2
+    # What no row sees stays as open as its unit is wide.
+    information += np.diag(1e-12 * np.diagonal(information).max() * np.ones(len(information)))
+    return inverse(information)[: 3 * n, : 3 * n]
 
-    def _spectrum(self, course: Candidates, time: FloatArray) -> NoiseModel:
-        """Force noise, flat and slow, and position noise by the error fields at this speed."""
-        declared = self.rig.declared
-        f = 2 * np.pi * _KNOTS
-        force = self.noise**2 + 2 * _SLOW * declared.force_noise**2 / (1 + (f * _SLOW) ** 2)
-        step = np.linalg.norm(np.diff(course.place, axis=0), axis=2)
-        speed = float(np.sqrt(np.mean(step**2))) / float(time[1] - time[0])
-        lasts = _LEAD / max(speed, _LEAD / float(time[-1]))
-        # A Gaussian correlation over the way, at the mean speed of the hinges.
-        place = declared.positioner**2 * np.sqrt(2 * np.pi) * lasts
-        place = place * np.exp(-0.5 * (f * lasts) ** 2) + 1e-18
-        H = len(_KNOTS)
-        log_density = np.log(np.concatenate([force, place]))
-        nothing = np.zeros((2 * H, 2 * H))
-        return NoiseModel(np.log(_KNOTS), log_density, log_density, nothing, nothing)
+
+def _seen(rig: Rig, course: Candidates, time: FloatArray) -> Slow:
+    state = nominal(rig)
+    back = np.linalg.inv(sensing(state))
+    force = np.einsum("nab,knb->kna", back, course.force) + state.zero
+    return Slow(
+        supports=rig.supports,
+        time=time,
+        position=course.place,
+        force=force,
+        step=float(time[1] - time[0]),
+        rate=1 / float(time[1] - time[0]),
+        clipped=np.zeros(len(time), dtype=np.bool_),
+    )
+
+
+def _spectrum(rig: Rig, noise: float, course: Candidates, time: FloatArray) -> NoiseModel:
+    """Force noise, flat and slow, and position noise by the error fields at this speed."""
+    declared = rig.declared
+    f = 2 * np.pi * _KNOTS
+    force = noise**2 + 2 * _SLOW * declared.force_noise**2 / (1 + (f * _SLOW) ** 2)
+    step = np.linalg.norm(np.diff(course.place, axis=0), axis=2)
+    speed = float(np.sqrt(np.mean(step**2))) / float(time[1] - time[0])
+    lasts = _LEAD / max(speed, _LEAD / float(time[-1]))
+    # A Gaussian correlation over the way, at the mean speed of the hinges.
+    place = declared.positioner**2 * np.sqrt(2 * np.pi) * lasts
+    place = place * np.exp(-0.5 * (f * lasts) ** 2) + 1e-18
+    H = len(_KNOTS)
+    log_density = np.log(np.concatenate([force, place]))
+    nothing = np.zeros((2 * H, 2 * H))
+    return NoiseModel(np.log(_KNOTS), log_density, log_density, nothing, nothing)
 
 
 def instants(duration: float) -> FloatArray:
@@ -95,22 +104,22 @@ def instants(duration: float) -> FloatArray:
 
 
 def forecast(
-    sight: MovingSight, trajectory: Trajectory, rng: np.random.Generator, draws: int = DRAWS
+    request: MovingRequest, trajectory: Trajectory, rng: np.random.Generator, draws: int = DRAWS
 ) -> Forecast:
     """Uncertainty to expect of a motion; NaN for sensors of one axis or none, which have no angles.
 
     rng : draws the internal forces that the positioners' own errors make where their stiffness is
     known; the mean variance over the draws stands.
     """
-    time = instants(trajectory.duration)
+    rig, time = trajectory.rig, instants(trajectory.duration)
     course = trajectory.at(time)
-    R = nominal(sight.rig).rotation
-    open_ends = (sight.rig.axes.sum(axis=1) < 2)[:, None]
-    unplanned = trajectory.limits.repeatability_force(sight.rig)
+    R = nominal(rig).rotation
+    open_ends = (rig.axes.sum(axis=1) < 2)[:, None]
+    unplanned = request.limits.repeatability_force(rig)
     courses = [course]
     if unplanned > 0.0:
         courses = [_with_errors(course, unplanned, rng) for _ in range(draws)]
-    variance = [so3.rpy_variance(R, sight.covariance(each, time)) for each in courses]
+    variance = [so3.rpy_variance(R, _covariance(rig, request, each, time)) for each in courses]
     return Forecast(np.where(open_ends, np.nan, np.sqrt(np.mean(variance, axis=0))))
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError, UsageError
-from tdfscal.planning.limits import Limits, check_limits
-from tdfscal.planning.moving_information import MovingSight, forecast
+from tdfscal.planning.limits import check_limits
+from tdfscal.planning.moving_information import MovingRequest, forecast
 from tdfscal.planning.predicted_information import Forecast, averaged
 from tdfscal.planning.static_loads import internal_part
 from tdfscal.planning.trajectory import Lines, Trajectory, brought_to_limits
-from tdfscal.records import ANGLES, FloatArray, IntArray, Rig, UncertainValue
+from tdfscal.records import ANGLES, FloatArray, IntArray, Rig
 
 #: Fastest line, Hz: the carriages follow it quasi-statically, and inertia stays a correction.
 _FASTEST = 0.2
@@ -32,20 +32,6 @@ _WAYPOINTS = (2.0, 1.0, 0.5, 0.25, 0.2, 0.1)
 _CLOSE, _CLOSE_SHARE = 1.0e-4, 0.02
 #: Shortest motion, s.
 _SHORTEST = 20.0
-
-
-@dataclass(frozen=True, slots=True)
-class MovingRequest:
-    """What is asked for.
-
-    duration : s. speed : m/s, of any hinge. noise : N/√Hz, that of a force's mean over a second.
-    """
-
-    limits: Limits
-    duration: float
-    speed: float
-    noise: float
-    delay: UncertainValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +86,6 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
     UsageError : infeasible limits. NotIdentifiableError : an angle stays unobservable.
     """
     _check(rig, request)
-    sight = MovingSight(rig, request.noise, request.delay)
     coordinates = 3 * rig.n
 
     def driven(lines: Lines) -> Trajectory:
@@ -111,7 +96,7 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
 
     def size(lines: Lines) -> float:
         errors = np.random.default_rng(fixed)
-        return float(np.nanmean(forecast(sight, driven(lines), errors, draws=1).rpy_std ** 2))
+        return float(np.nanmean(forecast(request, driven(lines), errors, draws=1).rpy_std ** 2))
 
     most = max(1, int(_FASTEST * request.duration))
     choice = np.unique(np.round(np.geomspace(1, most, _CHOICE)).astype(np.int64))
@@ -121,7 +106,7 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
         np.ones(coordinates),
     )
     best = _changed(_exchanged(start, choice, size), most, size, rng)
-    expected = forecast(sight, driven(best), rng)
+    expected = forecast(request, driven(best), rng)
     if expected.largest > rig.acceptance.identifiable:
         i, j = np.unravel_index(int(np.nanargmax(expected.rpy_std)), expected.rpy_std.shape)
         raise NotIdentifiableError(
@@ -129,7 +114,9 @@ def plan_motion(rig: Rig, request: MovingRequest, rng: np.random.Generator) -> M
             f"{rig.supports[i]}: about ±{1e3 * expected.rpy_std[i, j]:.3g} mrad would be left",
             hint="squeeze harder, tilt farther, or move for longer",
         )
-    others = [forecast(sight, driven(_drawn(coordinates, most, rng)), rng) for _ in range(_RANDOM)]
+    others = [
+        forecast(request, driven(_drawn(coordinates, most, rng)), rng) for _ in range(_RANDOM)
+    ]
     return MovingPlan(rig, request, driven(best), expected, averaged(others))
 
 

@@ -120,16 +120,21 @@ def _slope(
     The springs' and the weight's turning is exact; the contact's is left out, which costs at
     most a step.
     """
-    lever = rotations.hat(arm)
-    out = np.zeros((*arm.shape[:-2], 6, 6))
-    out[..., :3, :3] = stiffness.sum(axis=-3)
-    coupling = (stiffness @ lever).sum(axis=-3)
-    out[..., :3, 3:] = -coupling
-    out[..., 3:, :3] = np.swapaxes(coupling, -1, -2) * -1.0
-    out[..., 3:, 3:] = -(lever @ stiffness @ lever).sum(axis=-3)
+    out = springs(stiffness, arm)
     # (φ × a) × f = (a fᵀ − (a·f) I) φ for every force f that acts at an arm a.
     arms = np.concatenate([arm, bary[..., None, :]], axis=-2)
     forces = np.concatenate([force, np.broadcast_to(weight, bary.shape)[..., None, :]], axis=-2)
     out[..., 3:, 3:] += np.sum(arms * forces, axis=(-1, -2))[..., None, None] * np.eye(3)
     out[..., 3:, 3:] -= np.swapaxes(arms, -1, -2) @ forces
+    return out
+
+
+def springs(stiffness: FloatArray, arm: FloatArray) -> FloatArray:
+    """Stiffness (..., 6, 6), translation and rotation, of springs (..., n, 3, 3) at (..., n, 3)."""
+    lever = rotations.hat(arm)
+    coupling = (stiffness @ lever).sum(axis=-3)
+    out = np.empty((*arm.shape[:-2], 6, 6))
+    out[..., :3, :3] = stiffness.sum(axis=-3)
+    out[..., :3, 3:], out[..., 3:, :3] = -coupling, -np.swapaxes(coupling, -1, -2)
+    out[..., 3:, 3:] = -(lever @ stiffness @ lever).sum(axis=-3)
     return out

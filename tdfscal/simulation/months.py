@@ -10,7 +10,7 @@ from tdfscal.records import CampaignInfo, FloatArray, Rig
 from tdfscal.simulation import rotations
 from tdfscal.simulation.campaign import Campaign, simulate_campaign
 from tdfscal.simulation.options import Options
-from tdfscal.simulation.truth import UNKNOWN_ZERO, Truth, draw_truths
+from tdfscal.simulation.truth import UNKNOWN_ZERO, Truth, draw_truths, width
 
 #: Month of the last campaign; it lies in the past wherever this is run.
 _LAST = (2024, 12)
@@ -51,13 +51,13 @@ def simulate_months(
     steps = (Step(int(_WHEN * months), 1, STEP),) if months > 1 else ()
     truth_rng, zero_rng, walk_rng, *month_rngs = rng.spawn(3 + months)
     truth = draw_truths(rig, options, truth_rng, 1)
-    width = np.where(np.isinf(rig.zero.std), UNKNOWN_ZERO, rig.zero.std)
+    spread = width(rig.zero.std, UNKNOWN_ZERO)
     campaigns, dates = [], []
     for month in range(months):
         turn = rig.drift.angle * walk_rng.standard_normal((rig.n, 3)) * (month > 0)
         for step in steps:
             turn[step.sensor] += np.asarray(step.turn) * (step.month == month)
-        zero = rig.zero.value + width * zero_rng.standard_normal((1, rig.n, 3))
+        zero = rig.zero.value + spread * zero_rng.standard_normal((1, rig.n, 3))
         truth = _turned(truth, turn, zero)
         date = _date(month - months + 1)
         dated = replace(rig, campaign=CampaignInfo(date=date))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.records import FloatArray, Log, Rig
-from tdfscal.simulation import faults, hinge_friction, rotations
+from tdfscal.simulation import faults, rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle
 from tdfscal.simulation.moving_options import MovingOptions
 from tdfscal.simulation.options import Options
@@ -25,6 +25,8 @@ from tdfscal.simulation.truth import Truth, draw_truths
 _SOLVED = 40.0
 #: Time in which a touch comes and goes, s.
 _TOUCH = 0.05
+#: Friction is Coulomb's above this angular speed, rad/s, and viscous well below it.
+_STICK = 1.0e-4
 #: Waves that make one component of a field.
 _WAVES = 64
 
@@ -159,7 +161,13 @@ def _inertial_load(
     push = -truth.mass * centre
     moment = -gyro + np.cross(bary, push)
     in_lcs = np.stack([push, moment], axis=1) @ R  # rows vᵀR are the components in the LCS
-    return Load(np.asarray(in_lcs), hinge_friction.in_motion(friction, truth, turning))
+    return Load(np.asarray(in_lcs), _hinge_friction(friction, truth, turning))
+
+
+def _hinge_friction(friction: float, truth: Truth, turning: FloatArray) -> FloatArray:
+    """Coulomb's moment (N, 3), N·m, BCS; friction : N·m of each hinge. turning : (N, 3), rad/s."""
+    speed = np.sqrt(np.sum(turning**2, axis=1) + _STICK**2)[:, None]
+    return np.asarray(-friction * truth.hinge.shape[0] * turning / speed)
 
 
 def _touched(

@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
-from tdfscal.simulation import faults, hinge_friction, rotations
+from tdfscal.simulation import faults, rotations
 from tdfscal.simulation.equilibrium import Equilibrium, Load, Pose, settle
 from tdfscal.simulation.options import Options, carriage_stiffness
 from tdfscal.simulation.truth import Truth, draw_truths
@@ -139,7 +139,7 @@ def set_stage(
     declared = rig.declared
     repeat = declared.positioner * error_rng.standard_normal((*shape, rig.n, 3))
     force_offset = declared.force_noise * error_rng.standard_normal((*shape, rig.n, 3))
-    friction = hinge_friction.at_rest(rig, options, postures.pose.rotation, error_rng)
+    friction = _hinge_friction(rig, options, postures.pose.rotation, error_rng)
     contact = np.array(
         np.broadcast_to(faults.contact(options.faults, options.count), (*shape, 2, 3)),
         dtype=np.float64,
@@ -148,6 +148,19 @@ def set_stage(
     load = Load(contact, friction)
     rest = settle(truth, where, load, postures.pose)
     return Stage(truth, postures, servo, repeat, load, force_offset, rest)
+
+
+def _hinge_friction(
+    rig: Rig, options: Options, rotation: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Moment (B, K, 3), N·m, BCS, in postures (B, K, 3, 3): the declared one, and hysteresis
+    against the turn by which each but the first is reached.
+    """
+    drawn = rig.declared.hinge_moment * rng.standard_normal((*rotation.shape[:2], 3))
+    turn = rotations.log(rotation[:, 1:] @ np.swapaxes(rotation[:, :-1], -1, -2))
+    size = np.maximum(np.linalg.norm(turn, axis=-1, keepdims=True), 1e-12)
+    drawn[:, 1:] -= rig.n * options.faults.hysteresis * (turn / size)
+    return drawn
 
 
 def reading(truth: Truth, force: FloatArray) -> FloatArray:

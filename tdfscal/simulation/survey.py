@@ -146,10 +146,8 @@ def survey_error(
         station = home + options.distance * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         heading = rotations.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
 
-        def seen(
-            point: FloatArray, station: FloatArray = station, heading: FloatArray = heading
-        ) -> FloatArray:
-            return measure((point - station) @ heading.T, options.instrument, rng)
+        def seen(point: FloatArray) -> FloatArray:
+            return measure((point - station) @ heading.T, options.instrument, rng)  # noqa: B023
 
         places = (rig.hinge + home)[:, None, :] + options.travel * rng.uniform(
             -1.0, 1.0, (rig.n, options.moves, 3)

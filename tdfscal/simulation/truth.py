@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from tdfscal.errors import RigError
-from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import faults, rotations
 from tdfscal.simulation.options import Options, carriage_stiffness
 
@@ -47,13 +47,9 @@ class Truth:
         return Truth(*(np.asarray(getattr(self, f.name)[index]) for f in fields(self)))
 
 
-def _draw(known: UncertainValue, unknown: float | FloatArray, unit: FloatArray) -> FloatArray:
-    width = np.where(np.isinf(known.std), unknown, known.std)
-    return np.asarray(known.value + width * unit, dtype=np.float64)
-
-
-def _width(std: float, unknown: float) -> float:
-    return unknown if np.isinf(std) else std
+def width(std: float | FloatArray, unknown: float | FloatArray) -> FloatArray:
+    """Standard deviation to draw with, where ∞ is unknown."""
+    return np.where(np.isinf(std), unknown, std)
 
 
 def draw_truths(rig: Rig, options: Options, rng: np.random.Generator, trials: int) -> Truth:
@@ -72,18 +68,18 @@ def draw_truths(rig: Rig, options: Options, rng: np.random.Generator, trials: in
                 hint="give a number",
             )
     unit = rng.standard_normal
-    rpy_width = np.where(np.isinf(rig.rpy_std), options.installation_std, rig.rpy_std)
-    rpy = rig.nominal_rpy + rpy_width * unit((trials, n, 3))
+    turn = width(rig.rpy_std, np.array(options.installation_std))
+    rpy = rig.nominal_rpy + turn * unit((trials, n, 3))
     if options.rpy is not None:
         rpy = np.array(np.broadcast_to(options.rpy, (trials, n, 3)), dtype=np.float64)
-    zero = _draw(rig.zero, UNKNOWN_ZERO, unit((trials, n, 3)))
-    mass = _draw(rig.mass, UNKNOWN_MASS * rig.mass.value, unit(trials))
-    barycentre = _draw(rig.barycentre, UNKNOWN_BARYCENTRE, unit((trials, 3)))
-    hinge = rig.hinge + _width(declared.hinge, UNKNOWN_HINGE) * unit((trials, n, 3))
-    datum = _width(declared.datum, UNKNOWN_HINGE) * unit((trials, n, 3))
-    entries = _width(declared.force_sensitivity, UNKNOWN_SENSITIVITY) * unit((trials, n, 3, 3))
+    zero = rig.zero.value + width(rig.zero.std, UNKNOWN_ZERO) * unit((trials, n, 3))
+    mass = rig.mass.value + width(rig.mass.std, UNKNOWN_MASS * rig.mass.value) * unit(trials)
+    off = width(rig.barycentre.std, UNKNOWN_BARYCENTRE) * unit((trials, 3))
+    hinge = rig.hinge + width(declared.hinge, UNKNOWN_HINGE) * unit((trials, n, 3))
+    datum = width(declared.datum, UNKNOWN_HINGE) * unit((trials, n, 3))
+    entries = width(declared.force_sensitivity, UNKNOWN_SENSITIVITY) * unit((trials, n, 3, 3))
     lean = np.zeros((trials, 3))
-    lean[:, :2] = _width(rig.gravity_tilt_std, UNKNOWN_TILT) * unit((trials, 2))
+    lean[:, :2] = width(rig.gravity_tilt_std, UNKNOWN_TILT) * unit((trials, 2))
     return Truth(
         rotation=rotations.from_rpy(rpy),
         rpy=rpy,
@@ -91,7 +87,7 @@ def draw_truths(rig: Rig, options: Options, rng: np.random.Generator, trials: in
         sensitivity=0.5 * (entries + np.swapaxes(entries, -1, -2))
         + faults.sensitivity(options.faults, n),
         mass=mass,
-        barycentre=barycentre,
+        barycentre=rig.barycentre.value + off,
         hinge=hinge,
         datum=datum,
         gravity=rotations.exp(lean) @ np.array([0.0, 0.0, -rig.gravity]),

@@ -14,6 +14,7 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
+from tdfscal.numerics.information import inverse
 from tdfscal.records import Rig
 from tdfscal.selfcal.linear_method import fit_linear
 from tdfscal.selfcal.pipeline import self_calibrate
@@ -196,15 +197,13 @@ def combined(calibrations: Sequence[Calibrated]) -> Calibrated:
     size, turns = len(first.covariance), 3 * first.rig.n
     information, pull, square = np.zeros((size, size)), np.zeros(size), 0.0
     for c in calibrations:
-        inverse = np.linalg.pinv(c.root) if np.any(c.covariance) else np.zeros((0, size))
-        own = inverse.T @ inverse
+        whitener = np.linalg.pinv(c.root) if np.any(c.covariance) else np.zeros((0, size))
+        own = whitener.T @ whitener
         information += own
         pull += own @ parameters.deviation(c.state, first.state)
     used = np.flatnonzero(np.diagonal(information))
-    scale = 1.0 / np.sqrt(np.diagonal(information)[used])
     covariance = np.zeros((size, size))
-    unit = information[np.ix_(used, used)] * np.outer(scale, scale)
-    covariance[np.ix_(used, used)] = np.linalg.inv(unit) * np.outer(scale, scale)
+    covariance[np.ix_(used, used)] = inverse(information[np.ix_(used, used)])
     mean = covariance @ pull
     for c in calibrations:
         off = parameters.deviation(c.state, first.state)[:turns] - mean[:turns]

@@ -60,19 +60,19 @@ class DockingStudy(ControlStudy):
         """(C, N, 6): largest |contact wrench| from first contact to the seat, N, and N·m about the
         LCS origin, LCS.
         """
-        return self.grid(self.result.peak[1:3].max(axis=0))
+        return self.grid(self.result.peak[:, 1:3].max(axis=1))
 
     @property
     def length(self) -> FloatArray:
         """(C, N, 2): the same of the vectors' lengths."""
-        return self.grid(self.result.peak_length[1:3].max(axis=0))
+        return self.grid(self.result.peak_length[:, 1:3].max(axis=1))
 
     @property
     def seen(self) -> FloatArray:
         """(C, N, 6): largest |wrench| that the controller saw from the start to the seat, or until
         it stopped.
         """
-        return self.grid(self.result.peak_measured[:3].max(axis=0))
+        return self.grid(self.result.peak_measured[:, :3].max(axis=1))
 
     @property
     def succeeded(self) -> BoolArray:
@@ -95,7 +95,7 @@ class DockingStudy(ControlStudy):
     @property
     def starts(self) -> FloatArray:
         """(C, N, 4), s: of each phase; NaN where it was not reached."""
-        return self.grid(self.result.phase_start, 1)
+        return self.grid(self.result.phase_start)
 
     @property
     def touched(self) -> BoolArray:

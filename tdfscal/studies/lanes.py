@@ -22,8 +22,6 @@ from tdfscal.studies.simulated_campaigns import pool
 #: Lane steps below which a second process costs more than it saves, and lanes per block at least.
 #: The blocks go by the work alone, so that the number of processes changes no number.
 _WORTH, _BLOCK = 1_000_000, 200
-#: Results whose second axis are the lanes; the first of the others.
-_SECOND = {"peak", "peak_length", "peak_measured", "phase_start"}
 _A = TypeVar("_A", FloatArray, BoolArray)
 _R = TypeVar("_R", Truth, PositionErrors, Pose)
 
@@ -41,10 +39,9 @@ class ControlStudy(ABC):
         """Names of the calibrations."""
         return self.arms.names
 
-    def grid(self, values: _A, axis: int = 0) -> _A:
-        """Values of the lanes, at this axis, as (C, N, …) of calibrations and runs."""
-        lanes = np.moveaxis(values, axis, 0)
-        return lanes.reshape(len(self.names), -1, *lanes.shape[1:])
+    def grid(self, values: _A) -> _A:
+        """Values of the lanes (L, …) as (C, N, …) of calibrations and runs."""
+        return values.reshape(len(self.names), -1, *values.shape[1:])
 
     @abstractmethod
     def sample(self, quantity: int) -> FloatArray:
@@ -141,7 +138,7 @@ def _joined(results: list[Result], order: IntArray) -> Result:
         for part in zip(*(_values(r.traces)[1:] for r in results), strict=True)
     ]
     values = {
-        f.name: together([getattr(r, f.name) for r in results], int(f.name in _SECOND))
+        f.name: together([getattr(r, f.name) for r in results], 0)
         for f in fields(Result)
         if f.name != "traces"
     }

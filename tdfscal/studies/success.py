@@ -12,7 +12,6 @@ from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.runs import Controller
 from tdfscal.studies.compared_calibrations import misaligned
 from tdfscal.studies.docking import DockingStudy, Setup, docking
-from tdfscal.studies.ratios import Share, share
 
 #: Standard deviations of a turn per axis, rad.
 DEVIATIONS = (5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)
@@ -40,14 +39,6 @@ class SuccessStudy:
     def runs(self) -> int:
         """N."""
         return self.studies[0].arms.runs
-
-    def success(self, s: int, d: int) -> Share:
-        """Runs that succeeded, with the interval of their probability."""
-        return self.studies[s].success(d)
-
-    def jammed(self, s: int, d: int) -> Share:
-        """Runs that stopped before the seat, in contact or at a false force."""
-        return share(self.studies[s].jammed[d])
 
     def force(self, s: int, d: int) -> FloatArray:
         """Largest true force, N, along any axis, of the runs that made contact (n,)."""

@@ -24,7 +24,8 @@ from tdfscal.planning import (
     plan_for_target,
     travel_limits,
 )
-from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
+from tdfscal.planning.moving_information import MovingRequest
+from tdfscal.planning.moving_plan import MovingPlan, plan_motion
 from tdfscal.planning.recorded_postures import recorded, scatter_of
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.planning import (

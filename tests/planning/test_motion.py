@@ -18,8 +18,8 @@ from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.planning.limits import Limits
-from tdfscal.planning.moving_information import MovingSight, forecast
-from tdfscal.planning.moving_plan import MovingPlan, MovingRequest, plan_motion
+from tdfscal.planning.moving_information import MovingRequest, forecast
+from tdfscal.planning.moving_plan import MovingPlan, plan_motion
 from tdfscal.planning.trajectory import Lines, brought_to_limits
 from tdfscal.reporting.planning import extremes
 from tdfscal.simulation import reference_rig
@@ -76,11 +76,12 @@ def test_a_load_cell_stands_aside_and_a_dead_channel_costs() -> None:
     """The forecast of one motion by what the sensors measure."""
     rng = np.random.default_rng(0)
     lines = Lines(rng.integers(1, 5, 9), rng.uniform(-3, 3, 9), rng.uniform(0.2, 1, 9))
-    way = brought_to_limits(RIG, LIMITS, 24.0, 0.03, lines)
+    request = MovingRequest(LIMITS, 24.0, 0.03, 0.11, DELAY)
     std = []
     for axes in ((True, True, True), (True, False, True), (False, False, True)):
         rig = replace(RIG, axes=np.array([[True] * 3, [True] * 3, axes]))
-        found = forecast(MovingSight(rig, 0.11, DELAY), way, np.random.default_rng(1), draws=1)
+        way = brought_to_limits(rig, LIMITS, 24.0, 0.03, lines)
+        found = forecast(request, way, np.random.default_rng(1), draws=1)
         std.append(found.rpy_std)
     assert np.isnan(std[2]).tolist() == [[False] * 3, [False] * 3, [True] * 3]
     assert np.all(std[0] < 1.001 * std[1])

@@ -178,7 +178,7 @@ def _told(study: DockingStudy, c: int, run: int) -> str:
 
 def _paint_docking(study: DockingStudy, c: int, run: int) -> Figure:
     lane = c * study.arms.runs + run
-    traces, starts = study.result.traces, study.result.phase_start[:, lane]
+    traces, starts = study.result.traces, study.result.phase_start[lane]
     stop = study.result.stopped[lane]
     last = len(traces.time) if np.isnan(stop) else int(np.searchsorted(traces.time, stop)) + 1
     time = traces.time[:last]

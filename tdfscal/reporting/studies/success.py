@@ -43,7 +43,7 @@ def report(study: SuccessStudy) -> Report:
     blocks = (
         table(
             f"Assemblies without a force above its limit ({limits} N), % with interval",
-            lambda s, d: share_said(study.success(s, d)),
+            lambda s, d: share_said(study.studies[s].success(d)),
         ),
         table(
             "Largest true force along an axis, N, mean ± standard error over runs in contact",
@@ -51,7 +51,7 @@ def report(study: SuccessStudy) -> Report:
         ),
         table(
             "Stopped before the seat, jammed or at a false force, runs",
-            lambda s, d: str(study.jammed(s, d).count),
+            lambda s, d: str(study.studies[s].jammed[d].sum()),
         ),
         Table(
             "Damping of the impedance, the least that is stable",
@@ -91,7 +91,7 @@ def tables(study: SuccessStudy) -> dict[str, Iterable[Row]]:
 def _cases(study: SuccessStudy) -> Iterator[Row]:
     for s, one in enumerate(study.studies):
         for d, deviation in enumerate(study.deviations.tolist()):
-            found = study.success(s, d)
+            found = one.success(d)
             force, error = map(number, mean_of(study.force(s, d)))
             yield {
                 "contact_N_per_m": float(study.stiffness[s]),
@@ -112,7 +112,9 @@ def _cases(study: SuccessStudy) -> Iterator[Row]:
 def drawings(study: SuccessStudy) -> tuple[Drawing, ...]:
     """Probability of success against the angle error, a line per stiffness."""
     middle = len(study.studies) // 2
-    good = [d for d in range(len(study.deviations)) if study.success(middle, d).value >= 0.9]
+    good = [
+        d for d in range(len(study.deviations)) if study.studies[middle].success(d).value >= 0.9
+    ]
     reading = f"At {_stiffness(study)[middle]} "
     if good:
         reading += f"nine in ten succeed up to {1e3 * study.deviations[good[-1]]:g} mrad per axis."
@@ -131,7 +133,7 @@ def _paint(study: SuccessStudy) -> Figure:
     ax = fig.subplots()
     for s, name in enumerate(_stiffness(study)):
         colour, line, marker = marks[s % len(marks)]
-        found = [study.success(s, d) for d in range(len(study.deviations))]
+        found = [study.studies[s].success(d) for d in range(len(study.deviations))]
         value = np.array([f.value for f in found])
         spread = np.array([[f.value - f.low, f.high - f.value] for f in found]).T
         x = 1e3 * study.deviations * (1.0 + 0.04 * (s - (len(study.studies) - 1) / 2))

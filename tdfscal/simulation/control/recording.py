@@ -20,12 +20,12 @@ class Book:
         L = lanes
         self.step = step
         self.phase: IntArray = np.zeros(L, dtype=np.int64)
-        self.phase_start = np.full((len(PHASES), L), np.nan)
-        self.phase_start[0] = 0.0
+        self.phase_start = np.full((L, len(PHASES)), np.nan)
+        self.phase_start[:, 0] = 0.0
         self.stopped = np.full(L, np.nan)
         self.seated = np.zeros(L, dtype=np.bool_)
         self.jammed = np.zeros(L, dtype=np.bool_)
-        self._peak = np.zeros((len(PHASES), L, 14))
+        self._peak = np.zeros((L, len(PHASES), 14))
         # Of the phase under way: |true wrench|, its squared lengths, |measured wrench|.
         self._now = np.zeros((L, 14))
         self._rows: list[tuple[float | FloatArray, ...]] = []
@@ -43,7 +43,7 @@ class Book:
         if not new.any():
             return
         for p in range(1, len(PHASES)):
-            self.phase_start[p, new & (phase >= p) & (self.phase < p)] = (k + 1) * self.step
+            self.phase_start[new & (phase >= p) & (self.phase < p), p] = (k + 1) * self.step
         self._close(new)
         self.phase[new] = phase[new]
 
@@ -88,6 +88,6 @@ class Book:
 
     def _close(self, lanes: BoolArray) -> None:
         """Put the maxima of these lanes down to their phase."""
-        at = self.phase[lanes], np.flatnonzero(lanes)
+        at = np.flatnonzero(lanes), self.phase[lanes]
         self._peak[at] = np.maximum(self._peak[at], self._now[lanes])
         self._now[lanes] = 0.0

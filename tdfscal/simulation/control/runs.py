@@ -100,10 +100,10 @@ class Traces:
 class Result:
     """How L lanes went.
 
-    peak : (4, L, 6), largest |true contact wrench| per phase; peak_length : (4, L, 2), of force and
-    moment. peak_measured : (4, L, 6), of the controller's. stopped : (L,), s, NaN where no
+    peak : (L, 4, 6), largest |true contact wrench| per phase; peak_length : (L, 4, 2), of force and
+    moment. peak_measured : (L, 4, 6), of the controller's. stopped : (L,), s, NaN where no
     threshold was reached. seated : (L,), stopped at depth. jammed : (L,), stopped before.
-    phase_start : (4, L), s, NaN where a phase was not reached. servo : (L, n, 3), m, encoder values
+    phase_start : (L, 4), s, NaN where a phase was not reached. servo : (L, n, 3), m, encoder values
     at the end. q : (L, 6), of the shaft in the bore at the end, NaN without gears.
     """
 

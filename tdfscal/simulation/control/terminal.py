@@ -15,7 +15,7 @@ import numpy as np
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
-from tdfscal.simulation.equilibrium import Load, Pose, settle
+from tdfscal.simulation.equilibrium import Load, Pose, settle, springs
 from tdfscal.simulation.truth import Truth
 
 #: Turn since the last linearisation, rad, from which it is made anew.
@@ -98,7 +98,6 @@ class Body:
 def body(truth: Truth, inertia: FloatArray, structure: Structure, rotation: FloatArray) -> Body:
     """Linearise at rotation (L, 3, 3); truth : (L,); inertia (L, 3, 3), LCS."""
     back = np.swapaxes(rotation, -1, -2)
-    lever = rotations.hat(truth.hinge @ back)
     off = truth.mass[:, None, None] * rotations.hat(
         (rotation @ truth.barycentre[..., None])[..., 0]
     )
@@ -106,11 +105,7 @@ def body(truth: Truth, inertia: FloatArray, structure: Structure, rotation: Floa
     mass[:, :3, :3] = truth.mass[:, None, None] * np.eye(3)
     mass[:, :3, 3:], mass[:, 3:, :3] = -off, off
     mass[:, 3:, 3:] = rotation @ inertia @ back
-    coupling = (truth.stiffness @ lever).sum(axis=1)
-    K = np.empty_like(mass)
-    K[:, :3, :3] = truth.stiffness.sum(axis=1)
-    K[:, :3, 3:], K[:, 3:, :3] = -coupling, -np.swapaxes(coupling, -1, -2)
-    K[:, 3:, 3:] = -(lever @ truth.stiffness @ lever).sum(axis=1)
+    K = springs(truth.stiffness, truth.hinge @ back)
     rise = np.sqrt(K[:, 2, 2] / truth.mass)
     return Body(mass, K, 2.0 * structure.damping / rise)
 
