@@ -169,11 +169,17 @@ def _judged(
     verdict = observability.verdict(rig, still, used, uncertainty.turns.covariance, moving=True)
     _determined(fit, verdict, UndeterminedMotion(rig, slow, keep, rejected, stats, verdict))
     doubts = suspicions(fit, uncertainty, stats)
-    if (beside := undeclared(doubts)) is not None:
+    beside = undeclared(doubts)
+    if beside is not None:
         uncertainty = evaluate(fit, beside)
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, verdict.determined)
     _one_delay(halves)
+    warnings = [*checks.gaps(slow), *verdict.caveats, *(stretch.text for stretch in rejected)]
+    if turned := log_against_rig.turned(rig, used.position):
+        warnings.append(turned)
+    held = "" if beside is None else "; till then the stated uncertainty holds that move"
+    warnings += [doubt.text + held for doubt in doubts if not doubt.spoils_motion]
     start = fit.priors.start(nominal(rig))
     result = MotionCalibration(
         rig=rig,
@@ -193,11 +199,7 @@ def _judged(
         residual_power=_residual_power(fit, start),
         residual=residual_wrench(rig, slow, fit.blocks, start.still, still, fit.state.moving),
         reasons=(),
-        warnings=(
-            *checks.gaps(slow),
-            *verdict.caveats,
-            *_warnings(rig, rejected, used.position, doubts),
-        ),
+        warnings=tuple(warnings),
     )
     conformity = assess_stated(result.calibrated)
     return replace(result, conformity=conformity, reasons=_reasons(result, conformity, inputs))
@@ -274,19 +276,3 @@ def _residual_power(
     )
     frequency = [np.maximum(b.frequency, 0.5 * b.frequency[1]) for b in fit.blocks]
     return np.concatenate(frequency), before, after
-
-
-def _warnings(
-    rig: Rig,
-    rejected: tuple[Stretch, ...],
-    position: FloatArray,
-    doubts: tuple[Suspicion, ...],
-) -> tuple[str, ...]:
-    out = [stretch.text for stretch in rejected]
-    if turned := log_against_rig.turned(rig, position):
-        out.append(turned)
-    held = (
-        "" if undeclared(doubts) is None else "; till then the stated uncertainty holds that move"
-    )
-    out += [doubt.text + held for doubt in doubts if not doubt.spoils_motion]
-    return tuple(out)

@@ -54,7 +54,7 @@ from tdfscal.workflows.wrench_summary import (
 )
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches, at_rest, in_motion
 from tdfscal.wrench.envelope import Envelope
-from tdfscal.wrench.filtering import Kind, Walk, checked_walk, filtered
+from tdfscal.wrench.filtering import Kind, checked_walk, filter_for, filtered
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.sample_noise import SampleNoise, coloured_noise, take_head, with_sample_noise
 
@@ -178,14 +178,20 @@ def apply(
     moving = use.given.rig.inertia is not None and not quasi_static
     log = LogPass(use.campaign, settings)
     progress.stage("reading the log and working out the contact wrench")
-    tally, models, noises = Tally(), list[Walk](), list[SampleNoise]()
+    tally, noises = Tally(), list[SampleNoise]()
     totals = Totals(envelope=None if figures is None else Envelope())
     inspection, thermometer = Inspection(use.given), Thermometer()
     samples = inspection.watch(aligned(thermometer.passing(log.pieces()), tally))
     head, samples = take_head(samples, log.rig.supports, averaged=use.campaign.averaged)
-    noise = None if head is None or walk is None else coloured_noise(head, log.rig.axes)
-    if walk is not None:
-        samples = filtered(samples, filter, walk, models.append, noise)
+    effect = None
+    if walk is not None and head is not None:
+        noise = coloured_noise(head, log.rig.axes)
+        with np.errstate(all="ignore"):
+            model = filter_for(filter, walk, head.samples, noise)
+        samples, effect = (
+            filtered(samples, filter, model),
+            filter_effect(filter, walk, model, noise),
+        )
     wrenches = in_motion(given, samples) if moving else at_rest(given, samples)
     age, moved, scatter = ZeroAge(), None, _posture_std(use)
     if head is not None:
@@ -216,7 +222,7 @@ def apply(
     summary["about"] = point.tolist()
     summary["noise"] = noise_effect(noises[0], scatter) if noises else None
     summary["zeros"] = zero_effect(age, moved, summary["end"])
-    summary["filter"] = filter_effect(filter, walk, models[0], noise) if walk is not None else None
+    summary["filter"] = effect
     result = ApplyResult(summary, target, columns, totals.envelope)
     result.save_figures(figures, progress)
     return result

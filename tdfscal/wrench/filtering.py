@@ -8,9 +8,8 @@ forces that balance each other stay balanced, since all are late by the same tim
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -184,57 +183,44 @@ class Smoother:
         return _follow(self._gain, held[::-1], held[-1])[::-1]
 
 
-def filtered(
-    samples: Iterable[Samples],
-    kind: Kind,
-    walk: float,
-    tell: Callable[[Walk], None] = lambda walk: None,
-    noise: ColouredNoise | None = None,
-) -> Iterator[Samples]:
-    """Filter the forces of a log that comes in pieces, in bounded memory.
+def filter_for(kind: Kind, walk: float, head: Samples, noise: ColouredNoise | None) -> Walk:
+    """Filter of a log by its first samples: for noise that is not white, with the best gain.
 
     walk : N in a second. noise : of the forces at rest; without it, it is taken as white and
-    measured from the first 20 000 samples. tell : is told the filter once it is known: for noise
-    that is not white, the Walk with the best gain. A filter starts anew after a gap.
+    measured from the first 20 000 samples.
 
     Raises UsageError and DataError where no filter can be made.
     """
-    source = iter(samples)
-    first: list[Samples] = []
-    while sum(piece.time.size for piece in first) < _MEASURED:
-        if (piece := next(source, None)) is None:
-            break
-        first.append(piece)
-    if not first:
-        return
-    start = Samples.joined(first)
-    if len(start.time) < _FEWEST:
-        raise _too_few(len(start.time))
-    interval = float(np.median(np.diff(start.time)))
+    if len(head.time) < _FEWEST:
+        raise _too_few(len(head.time))
+    interval = float(np.median(np.diff(head.time)))
     if noise is None:
-        white = measured_noise(start.force.reshape(len(start.time), -1)[:_MEASURED])
-        model = Walk.of(walk, white, interval)
-    else:
-        q = walk**2 * interval
-        model = Walk.with_gain(q, noise.best_gain(q, smooth=kind == "smooth"), interval)
-    tell(model)
+        white = measured_noise(head.force.reshape(len(head.time), -1)[:_MEASURED])
+        return Walk.of(walk, white, interval)
+    q = walk**2 * interval
+    return Walk.with_gain(q, noise.best_gain(q, smooth=kind == "smooth"), interval)
+
+
+def filtered(samples: Iterable[Samples], kind: Kind, model: Walk) -> Iterator[Samples]:
+    """Filter the forces of a log that comes in pieces, in bounded memory; anew after a gap."""
     new, longest = Causal if kind == "kalman" else Smoother, _GAP * model.interval
     stage: Causal | Smoother = new(model)
-    late, end = start.rows(slice(0)), -np.inf  # what the smoother holds back, of every stream
-    for piece in chain([start], source):
+    late: Samples | None = None  # what the smoother holds back, of every stream
+    end = -np.inf
+    for piece in samples:
         for part in piece.stretches(longest):
             if part.time[0] - end > longest:
                 yield from _released(late, stage.rest())
-                late, stage = part.rows(slice(0)), new(model)
+                late, stage = None, new(model)
             end = float(part.time[-1])
             force = stage(part.force)
-            whole = Samples.joined([late, part]) if late.time.size else part
+            whole = part if late is None else Samples.joined([late, part])
             late = whole.rows(slice(len(force), None))
             yield from _released(whole.rows(slice(len(force))), force)
     yield from _released(late, stage.rest())
 
 
-def _released(samples: Samples, force: FloatArray) -> Iterator[Samples]:
+def _released(samples: Samples | None, force: FloatArray) -> Iterator[Samples]:
     """Samples with filtered forces, if there are any."""
-    if len(force):
+    if samples is not None and len(force):
         yield replace(samples, force=force)

@@ -9,7 +9,7 @@ import pytest
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.records import FloatArray
-from tdfscal.wrench.filtering import Causal, Smoother, Walk, filtered, measured_noise
+from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered, measured_noise
 from tdfscal.wrench.resampling import Samples
 
 WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
@@ -75,11 +75,11 @@ def log(noise: float = 2.0) -> Samples:
 
 
 def run(samples: Samples, kind: str, cuts: list[int]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    told: list[Walk] = []
+    model = filter_for(kind, 15.0, samples, None)  # type: ignore[arg-type]
+    assert model.r == pytest.approx(4.0, rel=0.05)
+    assert model.interval == pytest.approx(5e-3)
     pieces = (samples.rows(slice(a, b)) for a, b in pairwise(cuts))
-    out = list(filtered(pieces, kind, 15.0, told.append))  # type: ignore[arg-type]
-    assert told[0].r == pytest.approx(4.0, rel=0.05)
-    assert told[0].interval == pytest.approx(5e-3)
+    out = list(filtered(pieces, kind, model))  # type: ignore[arg-type]
     return (
         np.concatenate([s.time for s in out]),
         np.concatenate([s.position for s in out]),
@@ -109,7 +109,7 @@ def test_bad_input() -> None:
     with pytest.raises(DataError, match="16"):
         measured_noise(np.zeros((3, 1)))
     with pytest.raises(DataError):
-        list(filtered([log().rows(slice(0, 9))], "kalman", 15.0))
+        filter_for("kalman", 15.0, log().rows(slice(0, 9)), None)
     with pytest.raises(UsageError, match="walk above zero"):
         Walk(0.0, 1.0, 1.0)
-    assert list(filtered([], "smooth", 15.0)) == []
+    assert list(filtered([], "smooth", Walk(1.0, 1.0, 1.0))) == []

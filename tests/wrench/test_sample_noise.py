@@ -12,7 +12,7 @@ from tdfscal.model.calibrated import about_point
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_campaign
 from tdfscal.wrench.contact_wrench import at_rest, wrenches
-from tdfscal.wrench.filtering import Causal, Smoother, Walk, filtered
+from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.sample_noise import (
     ColouredNoise,
@@ -112,7 +112,8 @@ def errors(kind: str, seed: int, smoothed: bool = False) -> tuple[FloatArray, Sa
     assert head is not None
     if smoothed:
         colour = coloured_noise(head, RIG.axes)
-        samples = filtered(samples, "smooth", 15.0, noise=colour)
+        model = filter_for("smooth", 15.0, head.samples, colour)
+        samples = filtered(samples, "smooth", model)
     told: list[SampleNoise] = []
     pieces = list(
         with_sample_noise(

@@ -16,7 +16,7 @@ from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
 from tdfscal.records import DeclaredUncertainty, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.wrench.contact_wrench import pose, single, wrenches
-from tdfscal.wrench.filtering import WALK, Walk, checked_walk, filtered
+from tdfscal.wrench.filtering import WALK, Walk, checked_walk, filter_for, filtered
 from tdfscal.wrench.kinematics import Poses, derivative_kernels, motion, poses, rotations
 from tdfscal.wrench.resampling import Samples, Tally, aligned
 
@@ -291,8 +291,9 @@ def test_a_filter_starts_anew_after_three_missing_samples(gap: float) -> None:
     force[100:] = 1.0
     force += 0.05 * np.random.default_rng(0).normal(size=force.shape)
     samples = Samples(time, np.zeros((200, 3, 3)), force)
+    model = filter_for("kalman", 0.3, samples, None)
     for pieces in ([samples], [samples.rows(slice(0, 100)), samples.rows(slice(100, 200))]):
-        out = list(filtered(pieces, "kalman", 0.3))
+        out = list(filtered(pieces, "kalman", model))
         value = np.concatenate([s.force for s in out])
         jump = value[100].mean() - value[99].mean()
         assert (jump > 0.8) == (gap > 3)
