@@ -40,8 +40,7 @@ def measured(log: LogPass) -> Measured:
                 "campaign.date in rig.yaml",
             )
         return found
-    rig = log.campaign.rig
-    date = rig.rig.campaign.date
+    rig, date = log.campaign.rig, log.rig.campaign.date
     if date is not None:
         found = stated_date(date)
         if found.begin > time.time() + _DAY:

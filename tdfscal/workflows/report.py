@@ -91,7 +91,7 @@ def report(
         A file cannot be read, is no calibration, or they are of different supports.
     """
     sources, page, folder = sources_of(*files), one(html), one(figures)
-    before = sources_of(*([] if previous is None else [previous]))
+    before = [] if previous is None else [previous]
     check_outputs({"--html": (page, PAGE_SUFFIXES)}, paths_of([*sources, *before]))
     if before and len(sources) > 1:
         raise UsageError(
