@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import stat
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -11,7 +12,7 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.logs.bag.rosbag2 import Bag, has_metadata, read_bag
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.damage import placed
-from tdfscal.logs.common.request import Outcome, Piece, Reached, Reader, Request
+from tdfscal.logs.common.request import Reader, Request
 
 if TYPE_CHECKING:
     from tdfscal.logs.messages.buffer import Recording
@@ -60,16 +61,13 @@ def looks_recorded(path: Path) -> bool:
     return any(table is not None and len(table.cells) > _FEWEST for table in tables)
 
 
-def kind_of(path: Path) -> Kind:
+def _kind_of(path: Path) -> Kind:
     """Return the kind of a log file, by its suffix.
 
-    Raises
-    ------
-    UsageError : the file is of no kind that is read here.
+    Raises UsageError where it is of no kind that is read here, DataError for git-LFS's pointer,
+    which stands in a log's place where git keeps it elsewhere.
     """
     suffix = _suffix(path)
-    if (kind := _KINDS.get(suffix)) is not None:
-        return kind
     if suffix in (".zstd", ".bz2", ".xz", ".zip", ".7z"):
         raise UsageError(
             f"a file that ends in {suffix} is not read",
@@ -77,23 +75,33 @@ def kind_of(path: Path) -> Kind:
             hint="decompress it first" + (", with `zstd -d`" if suffix == ".zstd" else "")
             + "; text logs are read in gzip (.gz) and zstd (.zst), too",
         )  # fmt: skip
-    raise UsageError(
-        f"no kind of log ends in {suffix or 'nothing'!r}",
-        where=str(path),
-        hint=f"logs are {', '.join(_KINDS)} (text also .gz, .zst) or a rosbag2 folder",
-    )
+    if suffix not in _KINDS:
+        raise UsageError(
+            f"no kind of log ends in {suffix or 'nothing'!r}",
+            where=str(path),
+            hint=f"logs are {', '.join(_KINDS)} (text also .gz, .zst) or a rosbag2 folder",
+        )
+    try:
+        with path.open("rb") as file:
+            pointer = file.read(len(_POINTER)) == _POINTER
+    except OSError:
+        pointer = False  # the reader says why
+    if pointer:
+        raise DataError(
+            "this is git-LFS's pointer to the log, not the log",
+            where=str(path),
+            hint="fetch the log itself with `git lfs pull`",
+        )
+    return _KINDS[suffix]
 
 
 def reader_of(path: Path, request: Request, bag: Bag | None = None) -> Reader:
     """Return the reader for a file, by its suffix; bag: the recording that it is part of.
 
-    Raises
-    ------
-    UsageError : the file is of no kind that is read here.
-    DataError : a recording of messages without a mapping: its topics cannot be guessed.
+    Raises UsageError where it is of no kind that is read here, DataError for a recording of
+    messages without a mapping: its topics cannot be guessed.
     """
-    kind = kind_of(path)
-    _check_content(path)
+    kind = _kind_of(path)
     if kind == "parquet":
         from tdfscal.logs.parquet.reader import read_parquet
 
@@ -110,22 +118,16 @@ def reader_of(path: Path, request: Request, bag: Bag | None = None) -> Reader:
         )
     from tdfscal.logs.messages.reader import read_recording
 
-    def read(
-        path: Path, request: Request, *, salvage: bool, reached: Reached
-    ) -> Generator[Piece, None, Outcome]:
-        check = bag.check if bag else None
-        return read_recording(_recording(path, salvage), request, reached=reached, check=check)
-
-    return read
+    return partial(read_recording, opened=_recording, check=bag.check if bag else None)
 
 
 def _recording(path: Path, salvage: bool) -> Recording:
     """A file of messages; what reads its container is imported for it alone."""
-    if kind_of(path) == "mcap":
+    if _suffix(path) == ".mcap":
         from tdfscal.logs.mcap.container import Container
 
         return Container(path, salvage)
-    if path.suffix.lower() == ".bag":
+    if _suffix(path) == ".bag":
         from tdfscal.logs.bag.ros1 import Ros1Recording
 
         return Ros1Recording(path, salvage)
@@ -137,12 +139,9 @@ def _recording(path: Path, salvage: bool) -> Recording:
 def contents_of(path: Path, *, opening: bool = False) -> Contents:
     """Look through a file, or its opening, whatever is wanted of it.
 
-    Raises
-    ------
-    UsageError, DataError : it is of no kind that is read here, or cannot be read.
+    Raises UsageError or DataError where it is of no kind that is read here, or cannot be read.
     """
-    kind = kind_of(path)
-    _check_content(path)
+    kind = _kind_of(path)
     with placed(path):
         if kind == "parquet":
             from tdfscal.logs.parquet.contents import parquet_contents
@@ -157,28 +156,11 @@ def contents_of(path: Path, *, opening: bool = False) -> Contents:
         return recording_contents(_recording(path, salvage=False), opening=opening)
 
 
-def _check_content(path: Path) -> None:
-    """Refuse git-LFS's pointer, which stands in a log's place where git keeps it elsewhere."""
-    try:
-        with path.open("rb") as file:
-            pointer = file.read(len(_POINTER)) == _POINTER
-    except OSError:
-        return  # the reader says why
-    if pointer:
-        raise DataError(
-            "this is git-LFS's pointer to the log, not the log",
-            where=str(path),
-            hint="fetch the log itself with `git lfs pull`",
-        )
-
-
 def expand(paths: Sequence[Path]) -> list[Path]:
     """Replace rosbag2 folders by their files, in the order of their metadata.
 
-    Raises
-    ------
-    UsageError : a path is not there, is no regular file, or is a folder that is no recording.
-    DataError : a rosbag2 folder whose files are not there.
+    Raises UsageError where a path is not there, is no regular file, or is a folder that is no
+    recording, DataError for a rosbag2 folder whose files are not there.
     """
     return [path for path, _ in files_of(paths)]
 
@@ -199,9 +181,7 @@ def files_of(paths: Sequence[Path]) -> list[tuple[Path, Bag | None]]:
 def check_regular(path: Path) -> None:
     """Refuse what is no regular file before it is opened: a pipe without a writer never answers.
 
-    Raises
-    ------
-    UsageError : there is no such file, it cannot be reached, or it is a pipe or a device.
+    Raises UsageError where there is no such file, it cannot be reached, or is a pipe or a device.
     """
     try:
         mode = path.stat().st_mode

@@ -166,20 +166,19 @@ def _campaign(
             Fingerprint(path) as fingerprint,
             closing(ahead(pieces)) as stream,
         ):
-            outcome: Outcome
-            while True:
-                try:
-                    piece = next(stream)
-                except StopIteration as end:
-                    outcome = end.value
-                    break
-                except DataError as error:
-                    raise without_axis(error, request) from error
-                meter.tell()
-                ascending = streams.passed(piece)
-                if pending is not None:
-                    yield pending
-                pending = _log(ascending, request)
+            outcome = Outcome("unverified")
+            try:
+                for item in stream:
+                    if isinstance(item, Outcome):
+                        outcome = item
+                        continue
+                    meter.tell()
+                    ascending = streams.passed(item)
+                    if pending is not None:
+                        yield pending
+                    pending = _log(ascending, request)
+            except DataError as error:
+                raise without_axis(error, request) from error
             warnings = streams.warnings(outcome)
             note = None if bag is None else note_outside(path, bag.folder, METADATA)
             entry = fingerprint.result(outcome.integrity, note)
@@ -197,9 +196,11 @@ def _opening(
     path: Path, request: Request, *, salvage: bool = False
 ) -> Generator[Piece, None, None]:
     """The pieces of a file, of which the first few are taken."""
-    stream = reader_of(path, request)(path, request, salvage=salvage, reached=lambda _: None)
-    with placed(path), closing(stream):
-        yield from stream
+    items = reader_of(path, request)(path, request, salvage=salvage, reached=lambda _: None)
+    with placed(path), closing(items):
+        for item in items:
+            if not isinstance(item, Outcome):
+                yield item
 
 
 def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:

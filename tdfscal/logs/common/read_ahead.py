@@ -5,18 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import repeat
-from typing import Generic, TypeVar
+from typing import Final, TypeVar, cast
 
 Given = TypeVar("Given")
 Item = TypeVar("Item")
-Result = TypeVar("Result")
-
-
-@dataclass(frozen=True, slots=True)
-class _End(Generic[Result]):
-    result: Result
+_END: Final = object()
 
 
 def mapped(
@@ -39,23 +33,14 @@ def mapped(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def ahead(stream: Generator[Item, None, Result]) -> Generator[Item, None, Result]:
+def ahead(stream: Generator[Item, None, None]) -> Generator[Item, None, None]:
     """The same stream, computed in a thread of its own."""
-
-    def step(_: None) -> Item | _End[Result]:
-        try:
-            return next(stream)
-        except StopIteration as end:
-            return _End(end.value)
-
-    steps = mapped(step, repeat(None), 1)
+    steps = mapped(lambda _: next(stream, _END), repeat(None), 1)
     try:
         for item in steps:
-            if isinstance(item, _End):
-                result: Result = item.result
-                return result
-            yield item
-        raise AssertionError("steps without end")
+            if item is _END:
+                return
+            yield cast(Item, item)
     finally:
         steps.close()
         stream.close()

@@ -106,16 +106,17 @@ class Outcome:
     contents: Contents | None = None
 
 
+Items = Generator[Piece | Outcome, None, None]
+
+
 class Reader(Protocol):
-    """A format's reader: yields pieces of bounded size and returns the outcome.
+    """A format's reader: yields pieces of bounded size, and last the outcome.
 
     Raises DataError on whatever is wrong with the file, unless `salvage` allows to go on; it names
     the place within the file, and leaves the file's name to its caller (`damage.placed`).
     """
 
-    def __call__(
-        self, path: Path, request: Request, *, salvage: bool, reached: Reached
-    ) -> Generator[Piece, None, Outcome]:
+    def __call__(self, path: Path, request: Request, *, salvage: bool, reached: Reached) -> Items:
         """Read one file."""
         ...
 

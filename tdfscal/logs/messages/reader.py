@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Final
@@ -12,10 +12,11 @@ from mcap.exceptions import McapError
 from tdfscal.errors import DataError
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.damage import damage
-from tdfscal.logs.common.request import Outcome, Piece, Reached, Request, join, split
+from tdfscal.logs.common.request import Items, Outcome, Piece, Reached, Request, join, split
 from tdfscal.logs.messages.buffer import Recording
 from tdfscal.logs.messages.contents import RecordingLook
 from tdfscal.logs.messages.topics import Topics
+from tdfscal.records import Integrity
 
 _MAX_SAMPLES: Final = 1 << 16
 _ENOUGH: Final = 1 << 14
@@ -25,23 +26,27 @@ Check = Callable[[Path, Mapping[str, int]], tuple[Sequence[str], Sequence[str]]]
 
 
 def read_recording(
-    recording: Recording,
+    path: Path,
     request: Request,
     *,
+    salvage: bool,
     reached: Reached,
+    opened: Callable[[Path, bool], Recording],
     check: Check | None = None,
-) -> Generator[Piece, None, Outcome]:
+) -> Items:
     """Read a recording in pieces; see `request.Reader`.
 
-    check : of its counts against those of the recording that it is part of.
+    opened : gives the recording of a path, with salvage or not. check : of its counts against those
+    of the recording that it is part of.
     """
+    recording = opened(path, salvage)
     topics = Topics(recording, request)
-    if not recording.salvage and (announced := recording.announced()) is not None:
+    if not salvage and (announced := recording.announced()) is not None:
         topics.check_present(announced)
     look = RecordingLook(recording) if request.describe else None
     waiting: list[Piece] = []
     size = 0
-    with damage(recording.path, McapError):
+    with damage(path, McapError):
         for messages in recording.messages():
             if look is not None:
                 look.note(messages)
@@ -57,8 +62,8 @@ def read_recording(
         if waiting:
             yield from split(join(waiting), _MAX_SAMPLES)
     topics.check_complete()
-    contradictions, doubts = check(recording.path, topics.counts()) if check else ((), ())
-    if contradictions and not recording.salvage:
+    contradictions, doubts = check(path, topics.counts()) if check else ((), ())
+    if contradictions and not salvage:
         raise DataError(
             contradictions[0],
             hint="copy the recording again; `calibrate --salvage` reads what is there",
@@ -66,10 +71,8 @@ def read_recording(
     lost = (*recording.lost, *topics.lost, *contradictions)
     skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
     seen = look.contents() if look is not None else None
-    warnings = (*lost, *doubts, *skewed)
-    if lost:
-        return Outcome("salvaged", warnings, seen)
-    return Outcome("verified" if recording.checked else "unverified", warnings, seen)
+    integrity: Integrity = "verified" if recording.checked else "unverified"
+    yield Outcome("salvaged" if lost else integrity, (*lost, *doubts, *skewed), seen)
 
 
 def recording_contents(recording: Recording, *, opening: bool) -> Contents:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +15,7 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.logs.common import units
 from tdfscal.logs.common.damage import damage, one_line
 from tdfscal.logs.common.request import (
+    Items,
     Outcome,
     Piece,
     Reached,
@@ -33,15 +34,13 @@ from tdfscal.logs.parquet.footer import (
     open_parquet,
     stated_twice,
 )
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import BoolArray, FloatArray, Integrity
 
 _MAX_SAMPLES: Final = 1 << 16
 _SEARCHED_ROWS: Final = 256
 
 
-def read_parquet(
-    path: Path, request: Request, *, salvage: bool, reached: Reached
-) -> Generator[Piece, None, Outcome]:
+def read_parquet(path: Path, request: Request, *, salvage: bool, reached: Reached) -> Items:
     """Read a Parquet log in pieces; see `request.Reader`.
 
     Page checksums are verified where the file has them, else its integrity is unverified.
@@ -89,9 +88,8 @@ def read_parquet(
             read += in_group
     if read == 0:
         raise DataError("the file has no rows", hint="record the log again")
-    if warnings:
-        return Outcome("salvaged", tuple(warnings))
-    return Outcome("verified" if verified else "unverified")
+    integrity: Integrity = "verified" if verified else "unverified"
+    yield Outcome("salvaged" if warnings else integrity, tuple(warnings))
 
 
 def batches(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from contextlib import closing
 from pathlib import Path
 from typing import Final, cast
@@ -13,8 +12,8 @@ from tdfscal.errors import DataError
 from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.read_ahead import mapped
 from tdfscal.logs.common.request import (
+    Items,
     Outcome,
-    Piece,
     Reached,
     Request,
     split,
@@ -29,9 +28,7 @@ _THREADS: Final = 2
 _MAX_SAMPLES: Final = 1 << 16
 
 
-def read_text(
-    path: Path, request: Request, *, salvage: bool, reached: Reached
-) -> Generator[Piece, None, Outcome]:
+def read_text(path: Path, request: Request, *, salvage: bool, reached: Reached) -> Items:
     """Read a text log in pieces; see `request.Reader`."""
     with damage(path, pa.ArrowException), open_text(path, salvage=salvage) as file:
         header = find_header(file.text, request)
@@ -77,4 +74,4 @@ def read_text(
     integrity = "salvaged" if salvage and warnings else file.integrity
     # Where the rig file's columns begin elsewhere, the rows were not all seen.
     seen = look.contents(path) if look is not None and look.skipped == header.lines else None
-    return Outcome(integrity, tuple(warnings), seen)
+    yield Outcome(integrity, tuple(warnings), seen)
