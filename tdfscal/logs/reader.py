@@ -285,9 +285,7 @@ class _Streams:
                     hint="logs of one campaign follow each other; leave out the one that overlaps",
                 )
         keep = self._clocks[block.clock].ascending(block.time)
-        if keep is None:
-            return block
-        return Block(block.clock, block.time[keep], {s: v[keep] for s, v in block.value.items()})
+        return block if keep is None else block.at(keep)
 
     def _check_size(self, block: Block) -> None:
         """Refuse what no NCP reaches and no sensor bears; sums of it would overflow."""

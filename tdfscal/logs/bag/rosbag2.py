@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.yaml.reading import read_document
+from tdfscal.logs.common.damage import placed
 
 METADATA: Final = "metadata.yaml"
 _STORED: Final = re.compile(r"(?i).+\.(mcap|db3)(\.(zstd|zst|gz))?")
@@ -38,10 +39,8 @@ class Bag:
     def check(self, path: Path, found: Mapping[str, int]) -> tuple[list[str], list[str]]:
         """Note the messages of a file that is read, by topic.
 
-        Returns
-        -------
-        contradictions, warnings : between what is stated and what is there. Those of the topics
-        and of the total come with the last file.
+        Returns contradictions and warnings between what is stated and what is there. Those of the
+        topics and of the total come with the last file.
         """
         self._found[path] = found
         contradictions: list[str] = []
@@ -84,10 +83,6 @@ def refuse_unfinished(folder: Path, named: Set[Path] = frozenset()) -> None:
 
     A recorder that is killed leaves such a folder. What the folder should hold is then not known.
     named : files, links resolved, that are taken by their own names.
-
-    Raises
-    ------
-    UsageError : naming the folder, and what to do; or it cannot be looked into.
     """
     if has_metadata(folder):
         return
@@ -138,12 +133,9 @@ def _closed(folder: Path, error: OSError) -> UsageError:
 def read_bag(folder: Path) -> Bag:
     """Read the metadata of a rosbag2 folder.
 
-    Raises
-    ------
-    UsageError : the folder is no recording.
-    DataError : its metadata is damaged, or its files are compressed or not there.
+    Raises UsageError where the folder is no recording, DataError where its metadata is damaged, or
+    its files are compressed or not there.
     """
-    where = str(folder / METADATA)
     refuse_unfinished(folder)
     if not has_metadata(folder):
         raise UsageError(
@@ -152,58 +144,58 @@ def read_bag(folder: Path) -> Bag:
             hint="name the log files",
         )
     content = read_document(folder / METADATA, DataError).content
-    try:
-        information = content["rosbag2_bagfile_information"]
+    with placed(folder / METADATA):
+        try:
+            bag, information = _described(folder, content)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise DataError("this is no description of a rosbag2 recording") from error
         storage = information["storage_identifier"]
-        names = [_typed(name, str) for name in _typed(information["relative_file_paths"], list)]
-        topics = _topics(information.get("topics_with_message_count"))
-        total = information.get("message_count")
-        total = None if total is None else _typed(total, int)
-        stated = {
-            folder / _typed(one["path"], str): _typed(one["message_count"], int)
-            for one in _typed(information.get("files") or [], list)
-        }
-    except (KeyError, TypeError, AttributeError) as error:
-        raise DataError("this is no description of a rosbag2 recording", where=where) from error
-    if storage not in ("mcap", "sqlite3"):
-        raise DataError(
-            f"the recording is stored as {storage}",
-            where=where,
-            hint="convert it to MCAP with `ros2 bag convert`",
-        )
-    mode = information.get("compression_mode") or "none"
-    if str(mode).lower() in ("file", "message"):
-        raise DataError(
-            f"the recording is compressed ({mode}, {information.get('compression_format')})",
-            where=where,
-            hint="decompress it with `ros2 bag convert`; chunks of MCAP are read compressed",
-        )
+        if storage not in ("mcap", "sqlite3"):
+            hint = "convert it to MCAP with `ros2 bag convert`"
+            raise DataError(f"the recording is stored as {storage}", hint=hint)
+        mode = information.get("compression_mode") or "none"
+        if str(mode).lower() in ("file", "message"):
+            raise DataError(
+                f"the recording is compressed ({mode}, {information.get('compression_format')})",
+                hint="decompress it with `ros2 bag convert`; chunks of MCAP are read compressed",
+            )
+        absent = [path.name for path in bag.files if not path.is_file()]
+        if absent or not bag.files:
+            raise DataError(
+                f"the recording lacks {', '.join(absent) or 'any file'}",
+                hint="copy the folder again, or name the files that are there",
+            )
+        if len(set(bag.files)) < len(bag.files):
+            raise DataError("the recording names a file twice")
+    return bag
+
+
+def _described(folder: Path, content: Any) -> tuple[Bag, Any]:
+    """The recording by its metadata, and these; raises what a document of another shape causes."""
+    information = content["rosbag2_bagfile_information"]
+    names = [_typed(name, str) for name in _typed(information["relative_file_paths"], list)]
     files = tuple(folder / name for name in names)
-    absent = [path.name for path in files if not path.is_file()]
-    if absent or not files:
-        raise DataError(
-            f"the recording lacks {', '.join(absent) or 'any file'}",
-            where=where,
-            hint="copy the folder again, or name the files that are there",
-        )
-    if len(set(files)) < len(files):
-        raise DataError("the recording names a file twice", where=where)
-    unlisted = tuple(path.name for path in _stored(folder) if path not in files)
-    return Bag(folder, files, topics, total, stated, unlisted)
+    listed, topics = information.get("topics_with_message_count"), Counter[str]()
+    for one in _typed(listed or [], list):
+        topics[_typed(one["topic_metadata"]["name"], str)] += _typed(one["message_count"], int)
+    total = information.get("message_count")
+    stated = {
+        folder / _typed(one["path"], str): _typed(one["message_count"], int)
+        for one in _typed(information.get("files") or [], list)
+    }
+    bag = Bag(
+        folder,
+        files,
+        None if listed is None else topics,
+        None if total is None else _typed(total, int),
+        stated,
+        tuple(path.name for path in _stored(folder) if path not in files),
+    )
+    return bag, information
 
 
 def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-
-
-def _topics(listed: Any) -> dict[str, int] | None:
-    if listed is None:
-        return None
-    counts: Counter[str] = Counter()
-    for one in _typed(listed, list):
-        name = _typed(one["topic_metadata"]["name"], str)
-        counts[name] += _typed(one["message_count"], int)
-    return dict(counts)
 
 
 def _typed(value: Any, kind: type) -> Any:

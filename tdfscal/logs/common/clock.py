@@ -203,20 +203,16 @@ def apart(clocks: Sequence[Clock]) -> list[str]:
     latest = max(last for _, _, last in spans)
     late = [(clock, first - earliest) for clock, first, _ in spans]
     early = [(clock, latest - last) for clock, _, last in spans]
-    return _apart(late, "begin", "after") + _apart(early, "end", "before")
-
-
-def _apart(distances: Sequence[tuple[Clock, float]], verb: str, way: str) -> list[str]:
-    found = [(c.name, by) for c, by in distances if by > max(MAX_APART, GAP * c.period)]
-    if not found:
-        return []
-    names = ", ".join(name for name, _ in found)
-    does, most = (f"{verb}s", "") if len(found) == 1 else (verb, "up to ")
-    distance = max(by for _, by in found)
-    return [
-        f"{names} {does} {most}{distance:.3g} s {way} the others; "
-        "postures without all signals are not used"
-    ]
+    said = []
+    for distances, verb, way in ((late, "begin", "after"), (early, "end", "before")):
+        found = {c.name: by for c, by in distances if by > max(MAX_APART, GAP * c.period)}
+        if found:
+            does, most = (f"{verb}s", "") if len(found) == 1 else (verb, "up to ")
+            said.append(
+                f"{', '.join(found)} {does} {most}{max(found.values()):.3g} s {way} the others; "
+                "postures without all signals are not used"
+            )
+    return said
 
 
 class Skew:

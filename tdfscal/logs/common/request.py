@@ -91,6 +91,10 @@ class Block:
     time: FloatArray
     value: Mapping[int, FloatArray]
 
+    def at(self, rows: slice | BoolArray) -> Block:
+        """Some of the samples."""
+        return Block(self.clock, self.time[rows], {s: v[rows] for s, v in self.value.items()})
+
 
 Piece = tuple[Block, ...]
 Reached = Callable[[int], None]
@@ -253,19 +257,13 @@ def without_axis(error: DataError, request: Request) -> DataError:
 def split(piece: Piece, limit: int) -> list[Piece]:
     """Cut a piece so that no stream has more than `limit` samples in one part."""
     longest = max((len(block.time) for block in piece), default=0)
-    parts = -(-longest // limit)
-    if parts <= 1:
-        return [piece]
-    result: list[Piece] = []
-    for k in range(parts):
-        cut: list[Block] = []
-        for block in piece:
-            n = len(block.time)
-            part = slice(n * k // parts, n * (k + 1) // parts)
-            value = {s: v[part] for s, v in block.value.items()}
-            cut.append(Block(block.clock, block.time[part], value))
-        result.append(tuple(cut))
-    return result
+    parts = max(-(-longest // limit), 1)
+
+    def part(block: Block, k: int) -> Block:
+        n = len(block.time)
+        return block.at(slice(n * k // parts, n * (k + 1) // parts))
+
+    return [tuple(part(block, k) for block in piece) for k in range(parts)]
 
 
 def join(pieces: Sequence[Piece]) -> Piece:

@@ -20,7 +20,7 @@ from tdfscal.logs.common.contents import (
     axes_of,
     extremes,
 )
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray
 
 TICKS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 """Ticks per second of the times that Arrow knows."""
@@ -42,7 +42,7 @@ def sampled(parts: Sequence[tuple[int, Any]], most: int) -> Sampled | None:
     """
     rows, values = [], []
     for begin, column in parts:
-        filled = np.flatnonzero(~column.is_null().to_numpy())
+        filled = np.flatnonzero(~holes(column))
         chosen = np.linspace(0, len(filled) - 1, min(most, len(filled))).astype(np.int64)
         numbers = _numbers(column.take(as_arrow(filled[chosen])))
         if numbers is None:
@@ -53,6 +53,11 @@ def sampled(parts: Sequence[tuple[int, Any]], most: int) -> Sampled | None:
         return None
     opening = _numbers(parts[0][1].drop_null().slice(0, _OPENING))
     return Sampled(np.concatenate(rows), np.concatenate(values), np.asarray(opening))
+
+
+def holes(column: Any) -> BoolArray:
+    """Where a column is empty, (N,)."""
+    return np.asarray(as_numpy(column.is_null().cast(pa.int8())) != 0)
 
 
 def is_number(kind: pa.DataType) -> bool:

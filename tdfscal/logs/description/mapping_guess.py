@@ -68,7 +68,6 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     positions = [v for v in vectors if _role(v) == "position"]
     # Drivers fill what they do not measure with zeros: the efforts of a JointState.
     forces = [v for v in vectors if _role(v) == "force" and v.value.any()]
-    notes: list[str] = []
     pairs = _paired(positions, forces)
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
@@ -76,12 +75,11 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
         return Guess(None, (none, *_joints(contents)))
     pairs = sorted(pairs, key=lambda p: _natural(p.position.label))
     pairs, by_rig = _named(pairs, rig)
-    notes += by_rig
     length = length_unit([p.position for p in pairs], rig)
     force = force_unit([p.force for p in pairs], rig)
     on, why_on = _force_on(pairs, rig)
-    notes += [*length.notes, *force.notes, *why_on, *_rigidity(pairs)]
-    problems = (*length.problems, *force.problems)
+    notes = [*by_rig, *length.notes, *force.notes, *why_on, *_rigidity(pairs)]
+    problems = [*length.problems, *force.problems]
     mapping = LogMapping(
         supports=tuple(p.support for p in pairs),
         position=tuple(p.position.fields for p in pairs),
@@ -91,30 +89,27 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
         force_on=on,
         decimal=contents.decimal,
     )
+    used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
+    rows = sum(stream.count for stream in contents.streams)
     if contents.by_topic:
         topics = {s.name for s in contents.streams}
-        fields = [v.fields[0] for p in pairs for v in (p.position, p.force)]
-        named = {topic_of(name, topics) for name in fields}
-        source, why_source = _time_source(named, contents)
-        return Guess(replace(mapping, time_source=source), (*notes, *why_source), problems)
-    used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
-    timed = _time([c for c in contents.columns if c.name not in used])
-    if timed is None:
-        rows = sum(stream.count for stream in contents.streams)
-        none = "no column ascends as a time does"
-        if rows > _MOST_POSTURES:
-            many = (
-                f"{none}, and {rows} rows are too many for averaged postures: no mapping is guessed"
-            )
-            return Guess(None, (*notes, many), problems)
-        posture = f"{none}, so each row is taken for a posture"
-        return Guess(replace(mapping, rows="postures"), (*notes, posture), problems)
-    column, unit = timed
-    return Guess(
-        replace(mapping, time_field=column.name, time_unit=cast(TimeUnit, unit.unit)),
-        (*notes, *unit.notes),
-        (*problems, *unit.problems),
-    )
+        source, why = _time_source({topic_of(name, topics) for name in used}, contents)
+        mapping = replace(mapping, time_source=source)
+        notes += why
+    elif timed := _time([c for c in contents.columns if c.name not in used]):
+        column, unit = timed
+        seconds = cast(TimeUnit, unit.unit)
+        mapping = replace(mapping, time_field=column.name, time_unit=seconds)
+        notes += unit.notes
+        problems += unit.problems
+    elif rows <= _MOST_POSTURES:
+        mapping = replace(mapping, rows="postures")
+        notes.append("no column ascends as a time does, so each row is taken for a posture")
+    else:
+        many = f"{rows} rows are too many for averaged postures: no mapping is guessed"
+        notes.append(f"no column ascends as a time does, and {many}")
+        return Guess(None, tuple(notes), tuple(problems))
+    return Guess(mapping, tuple(notes), tuple(problems))
 
 
 def sampled(contents: Contents, mapping: LogMapping) -> tuple[FloatArray, FloatArray] | None:

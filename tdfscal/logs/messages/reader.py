@@ -20,7 +20,7 @@ from tdfscal.records import Integrity
 
 _MAX_SAMPLES: Final = 1 << 16
 _ENOUGH: Final = 1 << 14
-_OPENING: Final = 32 << 20  # bytes
+_OPENING: Final = 1 << 20  # bytes
 Check = Callable[[Path, Mapping[str, int]], tuple[Sequence[str], Sequence[str]]]
 """(file, messages by topic) → contradictions and doubts of what else states their counts."""
 

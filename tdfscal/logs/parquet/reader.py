@@ -24,7 +24,7 @@ from tdfscal.logs.common.request import (
     table_piece,
     takes_turns,
 )
-from tdfscal.logs.common.table import TICKS, is_number
+from tdfscal.logs.common.table import TICKS, holes, is_number
 from tdfscal.logs.parquet.footer import (
     Places,
     check_pages,
@@ -107,7 +107,7 @@ def _takes_turns(table: pa.Table, request: Request) -> bool:
     """Whether a table is of streams with times of their own; see `request.takes_turns`."""
     opening = table.slice(0, _SEARCHED_ROWS)
     filled = [
-        sum(~opening.column(name).is_null().to_numpy() for name in signal.components)
+        sum(~holes(opening.column(name)) for name in signal.components)
         for signal in request.signals
     ]
     return takes_turns(np.array(filled))
@@ -118,7 +118,7 @@ def _piece(table: pa.Table, request: Request, row: int, *, timed: bool, sparse: 
     for vector, signal in zip(vectors, request.signals, strict=True):
         three = [(name, table.column(name)) for name in signal.components]
         if sparse:
-            empty = np.logical_and.reduce([column.is_null().to_numpy() for _, column in three])
+            empty = np.logical_and.reduce([holes(column) for _, column in three])
             three = [(name, _filled(column, empty, name, row)) for name, column in three]
         for axis, (name, column) in zip(vector, three, strict=True):
             axis[:] = _numbers(column, name, row)
@@ -132,7 +132,7 @@ def _piece(table: pa.Table, request: Request, row: int, *, timed: bool, sparse: 
 
 def _filled(column: Any, empty: BoolArray, name: str, first_row: int) -> Any:
     """The column with zeros in the rows that leave its signal out; others may not be empty."""
-    if (hole := column.is_null().to_numpy() & ~empty).any():
+    if (hole := holes(column) & ~empty).any():
         raise _empty(name, first_row + int(np.argmax(hole)))
     return column.fill_null(0)
 
@@ -151,7 +151,7 @@ def _numbers(column: Any, name: str, first_row: int) -> FloatArray:
     if not is_number(kind):
         raise _no_numbers(name, str(kind))
     if column.null_count:
-        raise _empty(name, first_row + int(np.argmax(column.is_null().to_numpy())))
+        raise _empty(name, first_row + int(np.argmax(holes(column))))
     numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64(), safe=False)
     values = as_numpy(numbers)
     if not (np.isfinite(values.sum()) or np.isfinite(values).all()):

@@ -19,21 +19,24 @@ from tdfscal.logs.text.date_times import is_date_time, seconds_of_all
 from tdfscal.logs.text.file import TextFile, open_text
 from tdfscal.logs.text.header import SEPARATORS, numbered_columns
 from tdfscal.logs.text.numbers import decimal_of, is_number
-from tdfscal.logs.text.rows import count_lines, ragged, single_spaces
+from tdfscal.logs.text.rows import ragged, single_spaces
 from tdfscal.logs.text.scope import scope_table
 
 _SEARCHED: Final = 64
 _GLANCE: Final = 1 << 16
+_OPENING: Final = 1 << 20
 
 
 def text_contents(path: Path, *, opening: bool) -> Contents:
     """Look through a CSV or TSV file, or its opening: header and some rows of each block."""
     with damage(path, pa.ArrowException), open_text(path) as file:
         look = TextLook(file)
-        for block, whole in file.blocks(look.skipped, []):
-            look.note(block, whole=whole)
+        for block, whole in file.blocks(look.skipped):
             if opening:
+                end = block.find(file.newline, _OPENING) + 1
+                look.note(block[: end or None], whole=whole)
                 break
+            look.note(block, whole=whole)
         return look.contents(path)
 
 
@@ -71,13 +74,11 @@ class TextLook:
         self._odd: list[int] = []  # numbers of cells of the lines that have others
         self._dated: set[int] = set()
 
-    def note(self, view: memoryview, *, whole: bool) -> None:
+    def note(self, block: bytes, *, whole: bool) -> None:
         """Take in the next block; whole : its last line has an end."""
-        glance = bytes(view if not self._parts else view[: 2 * _GLANCE])
-        if self._parts and len(glance) < len(view):
-            glance = glance[: glance.find(self._newline, _GLANCE) + 1] or bytes(view)
-        self._parts.append((self._count, self._parsed(glance, whole=whole)))
-        self._count += count_lines(view, self._newline) + (bytes(view[-1:]) != self._newline)
+        end = block.find(self._newline, _GLANCE) + 1 if self._parts else 0
+        self._parts.append((self._count, self._parsed(block[: end or None], whole=whole)))
+        self._count += block.count(self._newline) + (not block.endswith(self._newline))
 
     def _parsed(self, block: bytes, *, whole: bool) -> pa.Table:
         """Parse whole lines; those with another number of cells are left out, and noted."""

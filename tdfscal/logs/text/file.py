@@ -16,7 +16,6 @@ from tdfscal.logs.common.damage import one_line
 from tdfscal.records import Integrity
 
 _BLOCK: Final = 8 << 20
-_LINE: Final = 1 << 16
 _HEAD: Final = 1 << 18
 _OPENING: Final = 1 << 12
 _CONTROL: Final = bytes({*range(1, 32)} - set(b"\t\n\v\f\r"))
@@ -57,8 +56,7 @@ class TextFile:
         self._raw, self._stream, self._salvage = raw, stream, salvage
         self.integrity = integrity
         self.lost: list[str] = []
-        head = bytearray(_HEAD)
-        self._head = bytes(head[: self._readinto(memoryview(head))])
+        self._head = self._read(_HEAD)
         self.newline = b"\r" if b"\r" in self._head and b"\n" not in self._head else b"\n"
         self.text = _decoded(self._head)
 
@@ -67,49 +65,37 @@ class TextFile:
         """Bytes of the file that are read."""
         return self._raw.tell()
 
-    def blocks(self, skipped: int, spare: list[bytearray]) -> Iterator[tuple[memoryview, bool]]:
+    def blocks(self, skipped: int) -> Iterator[tuple[bytes, bool]]:
         """Yield blocks of whole lines after the first ones; False with a last line without an end.
 
-        spare : takes what a block was read into, from who is done with it, to be used again.
+        Raises DataError for a line without end.
         """
-        start = 0
-        for _ in range(skipped):
-            found = self._head.find(self.newline, start)
-            if found < 0:
-                return
-            start = found + 1
-        rest = self._head[start:]
-        while True:
-            room = spare.pop() if spare else bytearray()
-            if len(room) < len(rest) + _BLOCK:
-                room = bytearray(len(rest) + _BLOCK + _LINE)
-            room[: len(rest)] = rest
-            block = memoryview(room)
-            count = self._readinto(block[len(rest) : len(rest) + _BLOCK])
-            if not count:
-                break
-            filled = len(rest) + count
-            end = room.rfind(self.newline, 0, filled) + 1
-            rest = bytes(block[end:filled])
+        parts = self._head.split(self.newline, skipped)
+        rest = parts[skipped] if len(parts) > skipped else b""
+        while chunk := self._read(_BLOCK):
+            end = chunk.rfind(self.newline) + 1
             if end:
-                yield block[:end], True
-            elif len(rest) > 2 * _BLOCK:
+                yield b"".join((rest, memoryview(chunk)[:end])), True
+                rest = chunk[end:]
+                continue
+            rest += chunk
+            if len(rest) > 2 * _BLOCK:
                 raise _no_table(f"a line is longer than {2 * _BLOCK >> 20} MiB")
         end = rest.rfind(self.newline) + 1
         if end:
-            yield memoryview(bytearray(rest[:end])), True
+            yield rest[:end], True
         if rest[end:].strip():
-            yield memoryview(bytearray(rest[end:])), False
+            yield rest[end:], False
 
-    def _readinto(self, buffer: memoryview) -> int:
-        """Read up to as many bytes as the buffer has; how many, none at the end."""
+    def _read(self, size: int) -> bytes:
+        """Up to so many bytes; none at the end."""
         try:
-            return 0 if self.lost else self._stream.readinto(buffer)
+            return b"" if self.lost else self._stream.read(size)
         except (OSError, pa.ArrowException) as error:
             if not self._salvage:
                 raise
             self.lost.append(f"the file is damaged ({one_line(error)}); what follows is lost")
-            return 0
+            return b""
 
 
 def _decoded(head: bytes) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import closing
 from pathlib import Path
-from typing import Final, cast
+from typing import Final
 
 import pyarrow as pa
 
@@ -38,11 +38,10 @@ def read_text(path: Path, request: Request, *, salvage: bool, reached: Reached) 
         rows_before, faults = 0, 0
         warnings: list[str] = []
 
-        def parsed(given: tuple[memoryview, bool]) -> tuple[memoryview, bool, Rows | None]:
+        def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, Rows | None]:
             return (*given, parser.fast(given[0]))
 
-        spare: list[bytearray] = []
-        with closing(mapped(parsed, file.blocks(header.lines, spare), _THREADS)) as results:
+        with closing(mapped(parsed, file.blocks(header.lines), _THREADS)) as results:
             for block, whole, fast in results:
                 if look is not None:
                     look.note(block, whole=whole)
@@ -50,7 +49,6 @@ def read_text(path: Path, request: Request, *, salvage: bool, reached: Reached) 
                     warnings.append("the last line has no end and may be cut short; it is left out")
                     continue
                 rows = fast or parser.slow(block, line, salvage=salvage)
-                spare.append(cast(bytearray, block.obj))
                 vectors = rows.value[: 3 * len(header.factors)].reshape(-1, 3, rows.count)
                 time = None if header.time is None else rows.value[-1] * header.time_factor
                 piece = table_piece(
