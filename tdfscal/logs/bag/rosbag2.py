@@ -176,7 +176,7 @@ def _described(folder: Path, content: Any) -> tuple[Bag, Any]:
     names = [_typed(name, str) for name in _typed(information["relative_file_paths"], list)]
     files = tuple(folder / name for name in names)
     listed, topics = information.get("topics_with_message_count"), Counter[str]()
-    for one in _typed(listed or [], list):
+    for one in _typed([] if listed is None else listed, list):
         topics[_typed(one["topic_metadata"]["name"], str)] += _typed(one["message_count"], int)
     total = information.get("message_count")
     stated = {
