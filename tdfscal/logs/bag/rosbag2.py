@@ -146,10 +146,9 @@ def read_bag(folder: Path) -> Bag:
     content = read_document(folder / METADATA, DataError).content
     with placed(folder / METADATA):
         try:
-            bag, information = _described(folder, content)
+            bag, storage, information = _described(folder, content)
         except (KeyError, TypeError, AttributeError) as error:
             raise DataError("this is no description of a rosbag2 recording") from error
-        storage = information["storage_identifier"]
         if storage not in ("mcap", "sqlite3"):
             hint = "convert it to MCAP with `ros2 bag convert`"
             raise DataError(f"the recording is stored as {storage}", hint=hint)
@@ -170,8 +169,8 @@ def read_bag(folder: Path) -> Bag:
     return bag
 
 
-def _described(folder: Path, content: Any) -> tuple[Bag, Any]:
-    """The recording by its metadata, and these; raises what a document of another shape causes."""
+def _described(folder: Path, content: Any) -> tuple[Bag, Any, Any]:
+    """The recording, its storage, its metadata; raises what a document of another shape causes."""
     information = content["rosbag2_bagfile_information"]
     names = [_typed(name, str) for name in _typed(information["relative_file_paths"], list)]
     files = tuple(folder / name for name in names)
@@ -191,7 +190,7 @@ def _described(folder: Path, content: Any) -> tuple[Bag, Any]:
         stated,
         tuple(path.name for path in _stored(folder) if path not in files),
     )
-    return bag, information
+    return bag, information["storage_identifier"], information
 
 
 def _some(names: Sequence[str]) -> str:
