@@ -1,10 +1,9 @@
 """From a log to static dwells: stretches where all NCPs are at rest and all forces settled."""
 
 from tdfscal.dwells.absence import no_dwell
-from tdfscal.dwells.bins import Bins, reduce_to_bins
+from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins
 from tdfscal.dwells.clock_offset import Offset, motion_offset
 from tdfscal.dwells.find import dwells_of_bins, find_dwells
-from tdfscal.dwells.options import DwellOptions
 
 __all__ = [
     "Bins",

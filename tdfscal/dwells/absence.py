@@ -12,10 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.dwells.noise_level import (
-    runs,
-    signals,
-)
+from tdfscal.dwells.noise_level import runs, signals
 from tdfscal.errors import DataError
 from tdfscal.records import Absence, BoolArray, Dwells, FloatArray, IntArray
 
@@ -55,8 +52,7 @@ def explain(bins: Bins, moving: BoolArray, shortest: float) -> Absence:
     moving : (B,), where the search sees the NCPs move. shortest : s, of a dwell.
     """
     n = len(bins.supports)
-    position = signals(bins, slice(0, n)).value
-    force = signals(bins, slice(n, 2 * n)).value
+    position, force = np.split(signals(bins).value, [3 * n])
     first, last = _slow(position)
     return (
         zeros(bins)

@@ -7,13 +7,12 @@ Everything later works on bins, so an hour at 1 kHz is 180 000 rows instead of 3
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from tdfscal.dwells.moments import Float32Array, Int32Array, Streams, moments
-from tdfscal.dwells.options import DwellOptions
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, UsageError
 from tdfscal.records import FloatArray, IntArray, Log, Series
 
 _WIDTH = 0.02  # s; shorter than any settling, long enough to average the samples of a fast log
@@ -21,6 +20,43 @@ _WIDEST, _LONG = 0.16, 4  # s, and how many times as many bins there may be from
 _SLOWEST = 2.0  # s
 # samples searched for the smallest step of the readings, and for zeros
 _PEEK, _PEEK_OF = 2048, 65536
+
+
+@dataclass(frozen=True, slots=True)
+class DwellOptions:
+    """Overrides of what is otherwise derived from the log's own rates and noise (None).
+
+    Raises
+    ------
+    UsageError
+        if a value is negative, not finite, or zero where that means nothing.
+    """
+
+    min_duration: float | None = None
+    """Shortest dwell, s. Derived: 0.2 s, at least 5 bins."""
+    settle_time: float | None = None
+    """Time cut off after each move, s, in place of the search for the end of settling."""
+    position_threshold: float | None = None
+    """Change of an NCP's mean position, m, that counts as motion. Derived: from the noise."""
+    force_threshold: float | None = None
+    """Change of a mean force, N, that counts as a step. Derived: from the noise."""
+    bin_width: float | None = None
+    """Width of the bins that the samples are reduced to, s. Derived: 20 ms, at least two
+    samples of the slowest stream."""
+    max_bins: int = 225 * 1024
+    """Above this many bins their width doubles, so that memory stays bounded: 70 MB with three
+    supports. An hour fits at 20 ms, ten hours at 160 ms; from there on it takes four times as many
+    bins until they double again, so that forty hours are seen in steps of 160 ms too."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            none = field.name == "settle_time" and value == 0  # nothing is cut off then
+            if value is not None and not (0 < value < np.inf or none):
+                raise UsageError(
+                    f"dwell option {field.name} is {value!r}",
+                    hint="give a positive, finite number, or leave it out",
+                )
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.dwells.bins import Bins
+from tdfscal.dwells.bins import Bins, DwellOptions
 from tdfscal.dwells.change_points import segment, threshold
 from tdfscal.dwells.common_drift import drift_of_rests
 from tdfscal.dwells.dwell_means import Extent
@@ -19,10 +19,8 @@ from tdfscal.dwells.noise_level import (
     noisier_stops,
     runs,
     signals,
-    together,
     without_creep,
 )
-from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.ringing import Ringing, find_ringing
 from tdfscal.records import BoolArray, FloatArray, LeftOut
 
@@ -34,14 +32,13 @@ _SHORTEST_BINS = 5
 class Field:
     """What the search works on: signals, where they change, their noise, the limits in bins.
 
-    visible : (3n,), m, change of a position between two bins that stands out of the noise.
-    noisier : see `noisier_stops`. noise : of 6n axes, positions first. rate : (3n,), N/s, and
-    ringing are removed from the forces.
+    signals : of 6n axes, positions first; a drift of all stops, rate (3n,), N/s, and ringing are
+    removed from the forces. visible : (3n,), m, change of a position between two bins that stands
+    out of the noise. noisier : see `noisier_stops`.
     """
 
     bins: Bins
-    positions: Signals
-    forces: Signals
+    signals: Signals
     moving: BoolArray
     disturbed: BoolArray
     noisier: NoisierStops
@@ -51,6 +48,11 @@ class Field:
     rate: FloatArray
     ringing: Ringing | None
     settle: int | None
+
+    @property
+    def positions(self) -> FloatArray:
+        """(3n, B), m."""
+        return self.signals.value[: 3 * len(self.bins.supports)]
 
     @property
     def long_run(self) -> FloatArray:
@@ -71,10 +73,12 @@ class Field:
 
 def prepare(bins: Bins, options: DwellOptions) -> Field:
     """Noise and changes of all signals."""
-    n = len(bins.supports)
-    positions, forces = signals(bins, slice(0, n)), signals(bins, slice(n, 2 * n))
-    gap = positions.gap | forces.gap | _jumps(bins)
-    moving, position_noise = segment(positions, gap, bins.width, options.position_threshold)
+    axes = 3 * len(bins.supports)
+    every = signals(bins)
+    positions, forces = every.axes(slice(axes)), every.axes(slice(axes, None))
+    moving, position_noise = segment(
+        positions, every.gap | _jumps(bins), bins.width, options.position_threshold
+    )
     moving = _dilated(moving)
     rests = runs(~moving)
     rate = drift_of_rests(forces.value, *rests, bins.width)
@@ -82,29 +86,25 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
         time = bins.start - bins.start[0]
         forces = replace(forces, value=forces.value - rate[:, None] * time)
     noisier = noisier_stops(forces, moving)
-    disturbed, force_noise = segment(forces, moving, bins.width, options.force_threshold, noisier)
+    disturbed, noise = segment(forces, moving, bins.width, options.force_threshold, noisier)
     ringing = None
     if options.settle_time is None:
-        ringing = find_ringing(forces.value, force_noise.of_mean(1), *rests, bins.width)
+        ringing = find_ringing(forces.value, noise.of_mean(1), *rests, bins.width)
     if ringing is not None:
         forces = replace(forces, value=ringing.removed(forces.value))
         noisier = noisier_stops(forces, moving)
-        disturbed, force_noise = segment(
-            forces, moving, bins.width, options.force_threshold, noisier
-        )
+        disturbed, _ = segment(forces, moving, bins.width, options.force_threshold, noisier)
+    if rate.any() or ringing is not None:
+        every = replace(every, value=np.concatenate([positions.value, forces.value]))
     shortest = options.min_duration or max(_SHORTEST, _SHORTEST_BINS * bins.width)
     settle = options.settle_time
     return Field(
         bins=bins,
-        positions=positions,
-        forces=forces,
+        signals=every,
         moving=moving,
         disturbed=disturbed,
         noisier=noisier,
-        noise=together(
-            without_creep(difference_noise(positions, disturbed, LONGEST)),
-            without_creep(difference_noise(forces, disturbed, LONGEST)),
-        ),
+        noise=without_creep(difference_noise(every, disturbed, LONGEST)),
         visible=threshold(positions, position_noise)[0],
         shortest=max(int(np.ceil(shortest / bins.width - 1e-9)), _SHORTEST_BINS),
         rate=rate,
@@ -118,9 +118,7 @@ def within(field: Field, extents: list[Extent]) -> Field:
     out = np.ones(len(field.bins), dtype=np.bool_)
     for extent in extents:
         out[extent.rows] = False
-    positions = without_creep(difference_noise(field.positions, out, LONGEST))
-    forces = without_creep(difference_noise(field.forces, out, LONGEST))
-    return replace(field, noise=together(positions, forces))
+    return replace(field, noise=without_creep(difference_noise(field.signals, out, LONGEST)))
 
 
 def _jumps(bins: Bins) -> BoolArray:

@@ -11,12 +11,11 @@ from scipy.special import ndtri
 
 from tdfscal.dwells.absence import explain, zeros
 from tdfscal.dwells.averaged_postures import postures_as_dwells
-from tdfscal.dwells.bins import Bins, reduce_to_bins
+from tdfscal.dwells.bins import Bins, DwellOptions, reduce_to_bins
 from tdfscal.dwells.clock_offset import motion_offset
 from tdfscal.dwells.common_drift import common_drift
 from tdfscal.dwells.dwell_means import Extent, Moments, dwell_moments, force_extremes, whole_range
 from tdfscal.dwells.field import Field, prepare, within
-from tdfscal.dwells.options import DwellOptions
 from tdfscal.dwells.search import INTERRUPTED, search
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError

@@ -47,6 +47,10 @@ class Signals:
     gap: BoolArray
     quantum: FloatArray
 
+    def axes(self, some: slice) -> Signals:
+        """Some of the axes, a view."""
+        return Signals(self.value[some], self.gap, self.quantum[some])
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -96,23 +100,24 @@ class Noise:
         return np.asarray(own[:-1] - own[-1] + 2.0 * self.of_mean(whole) ** 2)
 
 
-def signals(bins: Bins, streams: slice) -> Signals:
-    """The bin means of some streams as (A, B) rows; a row of gap is put where time jumps."""
-    value = bins.mean.transpose(1, 2, 0)[streams].reshape(-1, len(bins))
+def signals(bins: Bins) -> Signals:
+    """The bin means of all streams as (6n, B) rows, positions first."""
+    streams = bins.count.shape[1]
+    value = bins.mean.transpose(1, 2, 0).reshape(3 * streams, -1)
     gap = np.zeros(len(bins), dtype=np.bool_)
-    empty = np.flatnonzero((bins.count[:, streams] == 0).any(axis=0))
+    empty = np.flatnonzero((bins.count == 0).any(axis=0))
     if len(empty):
         value = value.copy()  # it was a view of the bins
     for stream in empty:
-        present = bins.count[:, streams][:, stream] > 0
+        present = bins.count[:, stream] > 0
         known = np.maximum.accumulate(np.where(present, np.arange(len(bins)), -1))
         rows = value[3 * stream : 3 * stream + 3]
         held = rows[:, np.maximum(known, 0)]
         rows[:] = np.where(np.isfinite(held), held, 0.0)
         age = np.where(known >= 0, bins.start - bins.start[known], np.inf)
-        silent = age > max(10.0 * bins.period[streams][stream], 3.0 * bins.width)
+        silent = age > max(10.0 * bins.period[stream], 3.0 * bins.width)
         gap |= _back_to_last_sample(silent, present)
-    return Signals(value, gap, bins.quantum[streams].ravel())
+    return Signals(value, gap, bins.quantum.ravel())
 
 
 def _back_to_last_sample(silent: BoolArray, present: BoolArray) -> BoolArray:
@@ -207,17 +212,21 @@ def blocks(signal: Signals, base: BoolArray) -> tuple[Signals, BoolArray]:
 
 @dataclass(frozen=True, slots=True)
 class NoisierStops:
-    """Stretches of rest [first, last), (R,), whose noise exceeds that of most by factor (R, A)."""
+    """Stretches of rest [first, last), (R,), whose forces' noise exceeds that of most by factor
+    (R, A).
+    """
 
     first: IntArray
     last: IntArray
     factor: FloatArray
 
     def at(self, bin_: int) -> FloatArray:
-        """The factor at a bin, (A,); 1 outside of all stretches."""
+        """The factor at a bin, (2A,), of positions and forces; 1 outside of all stretches."""
         k = int(np.searchsorted(self.first, bin_, side="right")) - 1
-        inside = k >= 0 and bin_ < self.last[k]
-        return self.factor[k] if inside else np.ones(self.factor.shape[1])
+        factor = np.ones(2 * self.factor.shape[1])
+        if k >= 0 and bin_ < self.last[k]:
+            factor[len(factor) // 2 :] = self.factor[k]
+        return factor
 
     def row(self, axis: int, begin: int, end: int) -> FloatArray | None:
         """The factor of one axis at bins [begin, end); None where it is 1 throughout."""
@@ -232,7 +241,7 @@ class NoisierStops:
 
 
 def noisier_stops(signal: Signals, moving: BoolArray) -> NoisierStops:
-    """Rests whose noise exceeds that of most.
+    """Rests whose forces are noisier than those of most.
 
     By the lower quartile of the second differences: settling is too smooth to show in it, or too
     brief.
@@ -288,12 +297,3 @@ def travels(noise: Noise) -> bool:
     """
     short = np.maximum(noise.difference[0], noise.quantum)
     return bool(np.any(noise.difference[-1] > _SMOOTH * short + 1e-300))
-
-
-def together(first: Noise, second: Noise) -> Noise:
-    """The noise of the axes of both."""
-    return Noise(
-        np.concatenate([first.difference, second.difference], axis=1),
-        np.concatenate([first.quantum, second.quantum]),
-        np.concatenate([first.smooth, second.smooth]),
-    )

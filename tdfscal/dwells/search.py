@@ -46,10 +46,9 @@ def search(
     rate : (3n,), N/s, drift of the forces to take out before levels are compared.
     long_run : (6n,), positions first; see `Stretch`.
     """
-    axes = len(field.positions.value)
+    axes = len(field.positions)
     extents: list[Extent] = []
     left_out: list[LeftOut] = []
-    still = np.ones(axes)
     first, last = runs(~field.moving)
     named = (last - first) * field.bins.width >= _MENTIONED
     first, last = first[named], last[named]
@@ -60,13 +59,13 @@ def search(
     rests = np.stack([first, last, clear, latest], axis=1)
     for part in _neighbours(first, last, _BRIEF / field.bins.width):
         bins = slice(int(first[part][0]), int(last[part][-1]))
-        value = np.concatenate([field.positions.value[:, bins], field.forces.value[:, bins]])
+        value = field.signals.value[:, bins].copy()
         time = field.bins.start[bins] - field.bins.start[bins.start]
         value[axes:] -= (rate - field.rate)[:, None] * time
         stretch = Stretch.of(bins.start, value, field.noise, axes, long_run, field.bins.width)
         found: list[Extent] = []
         for begin, end, *inner in rests[part].tolist():
-            here = stretch.noisier(np.concatenate([still, field.noisier.at(begin)]))
+            here = stretch.noisier(field.noisier.at(begin))
             kept, out = _within_rest(field, here, begin, end, inner, rough)
             found += kept
             left_out += out
@@ -84,15 +83,13 @@ def _whole_stops(
     Wrong readings of a position part them, as does a hand on the terminal. Two dwells of one stop
     share the errors of its posture, and would be counted as independent.
     """
-    still = np.ones(len(field.positions.value))
     joined: list[Extent] = []
     out: list[LeftOut] = []
     for later in extents:
         earlier = joined[-1] if joined else None
         if earlier is not None and _stays(field, earlier, later):
             factor = np.maximum(field.noisier.at(earlier.begin), field.noisier.at(later.begin))
-            here = stretch.noisier(np.concatenate([still, factor]))
-            if one_level(here, earlier.ends[1], later.ends[0], SAME_LEVEL):
+            if one_level(stretch.noisier(factor), earlier.ends[1], later.ends[0], SAME_LEVEL):
                 joined[-1] = earlier.followed_by(later)
                 moved = field.moving[earlier.end : later.begin].any()
                 out.append(field.out(earlier.end, later.begin, _WRONG if moved else _JOLT))
@@ -103,7 +100,7 @@ def _whole_stops(
 
 def _stays(field: Field, earlier: Extent, later: Extent) -> bool:
     """Do the NCPs stay from one dwell to the next, by a third of the readings at least?"""
-    value, start = field.positions.value, field.bins.start
+    value, start = field.positions, field.bins.start
     pause = later.begin - earlier.end
     if (
         (np.abs(value[:, later.begin] - value[:, earlier.end - 1]) > field.visible).any()
@@ -149,7 +146,7 @@ def _kept_clear(field: Field, begin: IntArray, end: IntArray, *, after: bool) ->
     known = (outside >= 0) & (outside < bins)
     held, outside = np.clip(held, 0, bins - 1), np.clip(outside, 0, bins - 1)
     excursion = np.zeros(outside.shape)
-    for value, visible in zip(field.positions.value, field.visible, strict=True):
+    for value, visible in zip(field.positions, field.visible, strict=True):
         mean = np.where(inside, value[held], 0.0).sum(axis=1) / inside.sum(axis=1)
         away = np.abs(value[outside] - mean[:, None]) / max(visible, np.finfo(np.float64).tiny)
         np.maximum(excursion, away, out=excursion, where=known)
