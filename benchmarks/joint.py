@@ -41,7 +41,7 @@ def main() -> None:
         session = simulate_survey(rig, truth, SurveyOptions(), rng).session
         theirs = calibrate_tracker(rig, session, trials=0).rotations
         both = combine(mine, theirs)
-        inconsistent += not both.consistent
+        inconsistent += not both.test.verified
         largest.append(float(np.abs(both.test.en).max()))
         for name, found in zip(methods, (mine, theirs, both.rotations), strict=True):
             d = so3.log(truth.rotation @ np.swapaxes(found.rotation, 1, 2)).ravel()

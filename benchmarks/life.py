@@ -53,7 +53,7 @@ def pooled(walk: float, histories: int) -> str:
         campaigns, truth = history(rig, rng, months=12, walk=walk)
         result = pool(campaigns)
         misfits += bool(result.misfits)
-        state = result.posterior(rig, 11)
+        state = result.posterior(11)
         covariance = state.covariance[:9, :9]
         X = so3.exp(state.mean[:9].reshape(3, 3)) @ result.reference.rotation
         errors.append(so3.log(truth[-1] @ np.swapaxes(X, 1, 2)).ravel())
@@ -89,7 +89,7 @@ def moving(histories: int, first: int = 5000) -> Iterator[str]:
             ("and one at rest", [*logs, still]),
         ):  # fmt: skip
             result = pool(campaigns)
-            state = result.posterior(rig, len(campaigns) - 1)
+            state = result.posterior(len(campaigns) - 1)
             C = state.covariance[:9, :9]
             X = so3.exp(state.mean[:9].reshape(3, 3)) @ result.reference.rotation
             e = so3.log(batch.truth.rotation[0] @ np.swapaxes(X, 1, 2)).ravel()

@@ -9,8 +9,8 @@ import numpy as np
 from tdfscal.comparison.compatibility import Comparison, compare_pair, in_order_of, rpy_std
 from tdfscal.errors import NotConvergedError
 from tdfscal.numerics import so3
+from tdfscal.numerics.information import inverse
 from tdfscal.records import FloatArray, Rotations
-from tdfscal.significance import INCOMPATIBLE
 
 _MAX_ITERATIONS = 30
 
@@ -19,16 +19,15 @@ _MAX_ITERATIONS = 30
 class Joint:
     """The joint estimate of two calibrations of the same sensors.
 
-    test : the consistency test that comes first; `consistent` is its verdict and gates the
-    result: rotations of an inconsistent pair describe neither. weight : (n, 3), share of the
-    second estimate (the tracker) in each component of d in the BCS, 0 … 1 where uncorrelated.
+    test : the consistency test that comes first; its verdict gates the result: rotations of an
+    inconsistent pair describe neither. weight : (n, 3), share of the second estimate (the tracker)
+    in each component of d in the BCS, 0 … 1 where uncorrelated.
     """
 
     rotations: Rotations
     rpy: FloatArray
     rpy_std: FloatArray
     test: Comparison
-    consistent: bool
     weight: FloatArray
 
 
@@ -47,8 +46,8 @@ def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
     test = compare_pair(("self", self_calibration), ("tracker", tracker))
     second = in_order_of(self_calibration, tracker)
     covariances = (self_calibration.covariance, second.covariance)
-    informations = [_inverse(c) for c in covariances]
-    covariance = _inverse(informations[0] + informations[1])
+    informations = [inverse(c) for c in covariances]
+    covariance = inverse(informations[0] + informations[1])
     n = len(self_calibration.supports)
     start = test.rotation_vector.reshape(-1)  # of self against tracker
     X = so3.exp((covariance @ informations[0] @ start).reshape(n, 3)) @ second.rotation
@@ -77,16 +76,8 @@ def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
         rpy=so3.to_rpy(X),
         rpy_std=rpy_std(rotations),
         test=test,
-        consistent=test.p_value >= INCOMPATIBLE,
         weight=share,
     )
-
-
-def _inverse(m: FloatArray) -> FloatArray:
-    """Inverse of a symmetric positive definite matrix, symmetric to the bit."""
-    scale = 1 / np.sqrt(np.diag(m))
-    inverse = np.linalg.inv(scale[:, None] * m * scale)
-    return np.asarray(scale[:, None] * (inverse + inverse.T) / 2 * scale)
 
 
 def _block_diagonal(blocks: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.comparison.eliminated import Eliminated
-from tdfscal.comparison.walk import misfits
+from tdfscal.comparison.walk import others
 from tdfscal.model.earlier import information_of
 from tdfscal.numerics.information import Contrast, Information, contrast, nothing, p_value
 from tdfscal.records import FloatArray, Rig
@@ -46,10 +46,10 @@ def not_fitting(
     silent = nothing(len(prior.score))
     for _ in range(len(own) - 1):
         ranked = []
-        for k, departure in enumerate(misfits(own, prior, steps)):
-            if not own[k].matrix.any():
-                continue
-            ranked.append((_probability(rig, departure), k, departure))
+        for k, rest in enumerate(others(own, prior, steps)):
+            if own[k].matrix.any():
+                departure = contrast(rest, own[k])
+                ranked.append((_probability(rig, departure), k, departure))
         worst = min(ranked, key=lambda entry: entry[0])
         if worst[0] > level:
             break
@@ -78,16 +78,16 @@ def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
 
 def _probability(rig: Rig, departure: Contrast) -> float:
     """Of as large a departure by chance: any single sensor's turn, or all together (Bonferroni)."""
-    tested = [departure.chi2(), *(departure.chi2(turn_of(i)) for i in range(rig.n))]
+    tested = [departure.chi2(), *(departure.chi2(_turn_of(i)) for i in range(rig.n))]
     return min(1.0, len(tested) * min(map(p_value, tested)))
 
 
 def _named(rig: Rig, name: str, departure: Contrast, p: float) -> Misfit:
-    best = max(range(rig.n), key=lambda i: departure.chi2(turn_of(i))[0])
-    turn, _ = departure.change(turn_of(best))
+    best = max(range(rig.n), key=lambda i: departure.chi2(_turn_of(i))[0])
+    turn, _ = departure.change(_turn_of(best))
     return Misfit(name, rig.supports[best], turn, p)
 
 
-def turn_of(sensor: int) -> slice:
+def _turn_of(sensor: int) -> slice:
     """Place of a sensor's rotation among the constants."""
     return slice(3 * sensor, 3 * sensor + 3)

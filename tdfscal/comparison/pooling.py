@@ -21,7 +21,7 @@ from tdfscal.comparison.eliminated import (
     unstated,
 )
 from tdfscal.comparison.misfit import Misfit, birge_of, not_fitting, within
-from tdfscal.comparison.walk import forward, misfits, others
+from tdfscal.comparison.walk import forward, others
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned
 from tdfscal.model.parameters import (
@@ -33,7 +33,7 @@ from tdfscal.model.parameters import (
     with_motions,
 )
 from tdfscal.model.statics import Postures
-from tdfscal.numerics.information import Contrast, Information
+from tdfscal.numerics.information import Information
 from tdfscal.records import FloatArray, JointPrior, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit, Priors, at_state
 from tdfscal.selfcal.outliers import fit_robust
@@ -63,23 +63,29 @@ class Recorded:
 class Member:
     """A campaign within the pool.
 
-    own : what it says by itself. misfit : against all others. fit : at the common constants; None
-    where it has no postures. state : its own parameters at the common constants; None for a survey.
+    reduced : what it says by itself. fit : at the common constants; None where it has no postures.
+    state : its own parameters at the common constants; None for a survey.
     chi2, dof : of its residuals and of its departure from those before it.
-    within : χ² and degrees of freedom of its residuals alone. reduced : what `eliminate` gave.
     """
 
     name: str
     month: float
-    own: Information
-    misfit: Contrast
+    reduced: Eliminated
     fit: Fit | None
     state: State | None
     rejected: dict[int, str]
     chi2: float
     dof: int
-    within: tuple[float, int]
-    reduced: Eliminated
+
+    @property
+    def own(self) -> Information:
+        """What it says of the constants by itself."""
+        return self.reduced.information
+
+    @property
+    def within(self) -> tuple[float, int]:
+        """χ² and degrees of freedom of its residuals alone."""
+        return within(self.reduced)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,38 +93,36 @@ class Pool:
     """Campaigns in the order of time about a common reference of the constants.
 
     prior : what the rig file states of the constants, counted once.
-    walk : rad/√month.
+    steps : variance (C,) of the walk before each campaign.
     """
 
     reference: State
     prior: Information
-    walk: float
+    steps: list[FloatArray]
     members: tuple[Member, ...]
     misfits: tuple[Misfit, ...]
 
+    def _rest(self, index: int) -> Information:
+        return others([member.own for member in self.members], self.prior, self.steps)[index]
+
     def others(self, rig: Rig, index: int) -> JointPrior:
         """What all other campaigns know of the constants at the time of one."""
-        own = [member.own for member in self.members]
-        rest = others(own, self.prior, walk_steps(rig, self.members, self.walk))[index]
         chosen = [m for k, m in enumerate(self.members) if k != index]
-        dof = sum(m.dof for m in chosen)
-        return joint_prior(rig, self.reference, rest, sum(m.chi2 for m in chosen), dof)
+        chi2, dof = sum(m.chi2 for m in chosen), sum(m.dof for m in chosen)
+        return joint_prior(rig, self.reference, self._rest(index), chi2, dof)
 
-    def posterior(self, rig: Rig, index: int) -> Information:
+    def posterior(self, index: int) -> Information:
         """What all campaigns together say of the constants at the time of one."""
-        own = [member.own for member in self.members]
-        steps = walk_steps(rig, self.members, self.walk)
-        return others(own, self.prior, steps)[index] + own[index]
+        return self._rest(index) + self.members[index].own
 
     def own_state(self, rig: Rig, index: int) -> tuple[State, State]:
         """What one campaign's own parameters are, and their standard uncertainties, ∞ unknown."""
         member = self.members[index]
         if member.state is None:
-            state = nominal(rig)
-            std = prior_std(rig)
+            state, std = nominal(rig), prior_std(rig)
         else:
             state, part = member.state, member.reduced
-            C = self.posterior(rig, index).covariance
+            C = self.posterior(index).covariance
             variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
             std = np.zeros(len(part.places))
             std[part.places] = np.where(part.open, np.inf, np.sqrt(variance))
@@ -127,13 +131,6 @@ class Pool:
             state, **{f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)}
         )
         return state, retract(nothing, std)
-
-
-def walk_steps(rig: Rig, items: Sequence[Member | Recorded], walk: float) -> list[FloatArray]:
-    """Variance (C,) of the walk before each campaign."""
-    months = [item.month for item in items]
-    gaps = np.diff(months, prepend=months[0])
-    return [turned(rig, walk * float(np.sqrt(max(gap, 0.0)))) for gap in gaps]
 
 
 def pool(campaigns: Sequence[Recorded]) -> Pool:
@@ -153,15 +150,18 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
     Theory, section 9.
     """
     ordered = sorted(campaigns, key=lambda item: item.month)
-    rig = ordered[-1].rig
-    walk = rig.drift.angle
+    rig, months = ordered[-1].rig, [item.month for item in ordered]
+    gaps = np.maximum(np.diff(months, prepend=months[0]), 0.0)
+    steps = [turned(rig, rig.drift.angle * float(np.sqrt(gap))) for gap in gaps]
     fits, rejected = _first_round(ordered)
     reference = _known_state(rig, ordered, fits)
-    prior = stated(Priors(rig), reference)
-    steps = walk_steps(rig, ordered, walk)
-    for _ in range(_ROUNDS):
+    rounds, settled = 0, False
+    while True:
+        prior = stated(Priors(rig), reference)
         reduced = _reduced(ordered, fits, reference)
         own = [part.information for part in reduced]
+        if settled or rounds == _ROUNDS:
+            break
         posterior = others(own, prior, steps)[-1] + own[-1]
         move = posterior.mean
         fits = [
@@ -169,45 +169,28 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
             for item, f, part in zip(ordered, fits, reduced, strict=True)
         ]
         reference = _stepped(rig, reference, move)
-        prior = stated(Priors(rig), reference)
-        if np.abs(move / np.sqrt(np.diagonal(posterior.covariance))).max() < _SETTLED:
-            break
-    reduced = _reduced(ordered, fits, reference)
-    own = [part.information for part in reduced]
-    contrasts = misfits(own, prior, steps)
-    known = forward(own, prior, steps)
+        rounds += 1
+        settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
     members = []
-    for k, item in enumerate(ordered):
-        chi2, dof = _fresh(known[k], reduced[k])
+    for k, (item, known) in enumerate(zip(ordered, forward(own, prior, steps), strict=True)):
         # Constants of which nothing was stated are determined by the first campaign.
-        dof -= 0 if k else unstated(Priors(rig))
+        dof = reduced[k].rows - (0 if k else unstated(Priors(rig)))
+        state = _own_state(item, fits[k], reduced[k], reference)
+        chi2 = _fresh(known, reduced[k])
         members.append(
-            Member(
-                item.name,
-                item.month,
-                own[k],
-                contrasts[k],
-                fits[k],
-                _own_state(item, fits[k], reduced[k], reference),
-                rejected[k],
-                chi2,
-                dof,
-                within(reduced[k]),
-                reduced[k],
-            )
+            Member(item.name, item.month, reduced[k], fits[k], state, rejected[k], chi2, dof)
         )
     birge = birge_of([member.within for member in members])
     scaled = [item.scaled(birge) for item in own]
     names = [item.name for item in ordered]
     found = not_fitting(rig, names, scaled, prior.scaled(birge), steps)
-    return Pool(reference, prior, walk, tuple(members), found)
+    return Pool(reference, prior, steps, tuple(members), found)
 
 
-def _fresh(known: Information, part: Eliminated) -> tuple[float, int]:
-    """χ² and degrees of freedom that a campaign adds to those before it."""
+def _fresh(known: Information, part: Eliminated) -> float:
+    """χ² that a campaign adds to those before it."""
     both = known + part.information
-    with_prior = float(known.mean @ known.score + part.chi2 - both.mean @ both.score)
-    return max(0.0, with_prior), part.rows
+    return max(0.0, float(known.mean @ known.score + part.chi2 - both.mean @ both.score))
 
 
 def _first_round(

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.information import Contrast, Information, contrast, nothing
+from tdfscal.numerics.information import Information, contrast, nothing
 from tdfscal.records import FloatArray
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -57,14 +57,6 @@ def others(
     """What all other campaigns say of the constants at the time of each."""
     pairs = zip(forward(own, prior, steps), backward(own, steps), strict=True)
     return [a + b for a, b in pairs]
-
-
-def misfits(
-    own: Sequence[Information], prior: Information, steps: Sequence[FloatArray]
-) -> list[Contrast]:
-    """Each campaign against all others."""
-    rest = others(own, prior, steps)
-    return [contrast(a, b) for a, b in zip(rest, own, strict=True)]
 
 
 def log_likelihood(

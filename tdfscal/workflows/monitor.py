@@ -261,7 +261,7 @@ def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: flo
 def _determined(rig: Rig, pooled: Pool, reads: Sequence[Read]) -> BoolArray:
     """Sensors (n,) that campaigns together determine, or that lack no axis in any of them."""
     whole = np.all([read.rig.axes.all(axis=1) for read in reads], axis=0)
-    last = pooled.posterior(rig, len(pooled.members) - 1)
+    last = pooled.posterior(len(pooled.members) - 1)
     std = np.sqrt(np.diagonal(last.covariance)[: 3 * rig.n]).reshape(-1, 3)
     return np.asarray(whole | (std.max(axis=1) < rig.acceptance.identifiable))
 

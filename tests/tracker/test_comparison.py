@@ -162,7 +162,7 @@ def test_joint_error_is_within_the_stated_uncertainty() -> None:
         joint = combine(a, b)
         d = error_vector(X, joint.rotations.rotation)
         total += float(d @ np.linalg.solve(joint.rotations.covariance, d))
-        wrong += not joint.consistent
+        wrong += not joint.test.verified
     low, high = chi2_bounds(9 * 200)
     assert low < total < high
     assert wrong <= 8  # 1 % of 200 expected; more than 8 has a chance of 2e-4
@@ -190,7 +190,7 @@ def test_joint_weights_in_closed_form() -> None:
     assert joint.rpy[2] == pytest.approx([0, 0, 2e-4], abs=1e-15)
     assert joint.rpy_std == pytest.approx(np.sqrt(0.8) * 1e-3, rel=1e-9)
     assert joint.weight == pytest.approx(0.2)
-    assert joint.consistent
+    assert joint.test.verified
 
 
 def test_contradicting_estimates_are_gated() -> None:
@@ -198,5 +198,5 @@ def test_contradicting_estimates_are_gated() -> None:
     X = truths(rng)
     a, b = (draw(rng, X, covariance(rng, 3e-4)) for _ in range(2))
     joint = combine(a, about(b, 1, [0, 5e-3, 0]))
-    assert not joint.consistent
+    assert not joint.test.verified
     assert joint.test.p_value < 0.01
