@@ -22,6 +22,7 @@ from tdfscal.trackercal.judged_registration import (
     point_noise,
 )
 from tdfscal.trackercal.point_matching import (
+    LISTED,
     Match,
     MatchedPoints,
     describe_unmatched,
@@ -30,7 +31,6 @@ from tdfscal.trackercal.point_matching import (
 )
 
 _SCALE_STEPS = 30
-_LISTED = 8
 #: By so much the residuals must shrink before another model is worth a word. Three further
 #: unknowns do so by chance in about one case of a thousand at six degrees of freedom.
 _BETTER = 3.0
@@ -79,17 +79,15 @@ def register(
     reference: PointSet,
     *,
     instrument: Instrument | None = None,
-    drawing: float = 0.0,
     match: Match = "name",
     groups: Mapping[str, str] | None = None,
     scale: bool = False,
 ) -> PointRegistration:
     """Register the points that two sets have in common, reference → measured.
 
-    instrument : of the measured points, which are in its frame then. drawing : m, standard
-    uncertainty per coordinate of the reference points. With neither, and none in the files, the
-    noise is estimated from the residuals. match, groups : as `match_points`. scale : estimate a
-    scale of the reference too.
+    instrument : of the measured points, which are in its frame then. Without it, and without
+    uncertainties in the files, the noise is estimated from the residuals. match, groups : as
+    `match_points`. scale : estimate a scale of the reference too.
 
     Raises
     ------
@@ -97,7 +95,7 @@ def register(
     NotIdentifiableError : the points do not determine a rotation.
     """
     matched = match_points(measured, reference, match, groups)
-    noise = point_noise(matched, instrument, {"drawing": drawing})
+    noise = point_noise(matched, instrument, {})
     applied, survey = _scaled(matched, noise) if scale else (1.0, _together(matched, noise))
     fit, beside = survey.fit, _scale_beside(survey)
     covariance, ratio, ratio_std = fit.covariance, applied - 1, np.inf
@@ -151,9 +149,9 @@ def register(
 def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator[str]:
     """What the fit cannot vouch for, and what was left out of it."""
     lost = survey.rejected
-    yield from (f"{r.name} is left out: {r.reason}" for r in lost[:_LISTED])
-    if len(lost) > _LISTED:
-        yield f"{len(lost) - _LISTED} more points are left out"
+    yield from (f"{r.name} is left out: {r.reason}" for r in lost[:LISTED])
+    if len(lost) > LISTED:
+        yield f"{len(lost) - LISTED} more points are left out"
     if not survey.fit.handed:
         yield (
             "the points lie in one plane within their uncertainty: a mirrored frame would not be "

@@ -15,6 +15,8 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, PointSet
 
 _ALL_PERMUTATIONS_UP_TO = 6  # 720; beyond it, points are told apart by their sorted distances
+LISTED = 8
+"""Names that a message lists at most."""
 _MOST_COMPARED = 1000  # points whose distances to all others are looked at
 _UNITS = {"mm read as m": 1000.0, "inches read as mm": 25.4, "inches read as m": 1000 / 25.4}
 _UNITS |= {"µm read as mm": 1000.0, "µm read as m": 1e6}
@@ -231,6 +233,6 @@ def _distances(xyz: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(xyz[:, None] - xyz, axis=2))
 
 
-def _listed(names: tuple[str, ...], most: int = 8) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def _listed(names: tuple[str, ...]) -> str:
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more

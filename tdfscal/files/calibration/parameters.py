@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from pydantic import BeforeValidator
 
-from tdfscal.files.field_types import Matrix, Number, Strict, Text, fault, from_numpy, key
+from tdfscal.files.field_types import Matrix, Numbers, Strict, Text, fault, key
 from tdfscal.model.parameters import deviation, layout, nominal, parameter_count, retract
 from tdfscal.records import FloatArray, Rig
 
@@ -41,17 +40,12 @@ class Parameters(Strict):
     """Every parameter that was free, with the covariance of all of them together."""
 
     definition: ParametersDefinition = key("what the parameters are")
-    parameters: Annotated[tuple[Text, ...], BeforeValidator(from_numpy)] = key(
-        "names of rows and columns"
-    )
-    value: Annotated[tuple[Number, ...], BeforeValidator(from_numpy)] = key(
-        "estimate minus stated value, SI"
-    )
+    parameters: tuple[Text, ...] = key("names of rows and columns")
+    value: Numbers = key("estimate minus stated value, SI")
     matrix: Matrix = key("joint covariance, SI")
     unscaled: Matrix | None = key(
         "rad²: covariance of the rotations before the Birge ratio scaled it", None
     )
-    """Covariance of the rotations by the stated uncertainties alone, before the Birge ratio."""
 
 
 def parameter_order(supports: tuple[str, ...]) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError
-from tdfscal.files.points.numbers import SPELLINGS, as_number, to_metres
+from tdfscal.files.points.numbers import SPELLINGS, as_number, refuse, to_metres
 from tdfscal.records import FloatArray
 
 _BARE_UNIT = "|".join(map(re.escape, sorted(SPELLINGS, key=len, reverse=True)))
@@ -101,9 +101,7 @@ def read_header(cells: Sequence[str], where: str) -> Columns:
     kinds: dict[str, dict[str, int]] = {kind: {} for kind in _KINDS}
     for i, column in enumerate(parsed):
         if column is not None and kinds[column.kind].setdefault(column.axis, i) != i:
-            raise DataError(
-                f"names the column `{names[i]}` twice", where=where, hint="leave one out"
-            )
+            refuse(where, f"names the column `{names[i]}` twice", "leave one out")
     coordinate = _xyz(kinds["coordinate"] if len(kinds["coordinate"]) == 3 else kinds["nominal"])
     uncertainty = _uncertainty(kinds, where)
     point = _first(folded, _POINT)
@@ -157,11 +155,8 @@ def by_cells(rows: Sequence[Sequence[str]], uncertain: bool, comma: bool, where:
         last = np.array([row[-3:] for row in numbers_of if len(row) == count], dtype=np.float64)
         if np.all(np.abs(np.linalg.norm(last, axis=1) - 1) < 1e-3):
             return _columns(names, numbers, normals=True)
-    raise DataError(
-        f"has {count} columns and no line that names them",
-        where=where,
-        hint="begin the file with a line such as `group,point,x,y,z`",
-    )
+    hint = "begin the file with a line such as `group,point,x,y,z`"
+    raise DataError(f"has {count} columns and no line that names them", where=where, hint=hint)
 
 
 def in_words(columns: Columns) -> str:
@@ -183,16 +178,11 @@ def _parsed(name: str) -> _Name | None:
 
 def _uncertainty(kinds: dict[str, dict[str, int]], where: str) -> list[int] | None:
     if kinds["expanded"] and kinds["standard"]:
-        raise DataError(
-            "has both U(95) and u columns", where=where, hint="leave one kind of them out"
-        )
+        refuse(where, "has both U(95) and u columns", "leave one kind of them out")
     uncertain = kinds["expanded"] or kinds["standard"]
     if uncertain and set(uncertain) != set("xyz"):
-        raise DataError(
-            f"has uncertainties for {', '.join(sorted(uncertain))} only",
-            where=where,
-            hint="give them for x, y and z, or for none",
-        )
+        stated = ", ".join(sorted(uncertain))
+        refuse(where, f"has uncertainties for {stated} only", "give them for all three, or none")
     return _xyz(uncertain) if uncertain else None
 
 

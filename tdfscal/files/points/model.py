@@ -10,7 +10,7 @@ from pydantic import model_validator
 from tdfscal.errors import DataError
 from tdfscal.files.field_types import NotNegative, Number, Strict, Text, fault, key
 from tdfscal.files.model_errors import checked
-from tdfscal.files.points.numbers import to_metres
+from tdfscal.files.points.numbers import refuse, to_metres
 from tdfscal.files.yaml.reading import parse_document
 from tdfscal.records import PointSet
 
@@ -61,7 +61,7 @@ def parse_json(text: str, source: str) -> PointSet:
     """Read a point file in JSON. Raises DataError with the place of what is wrong in it."""
     file = checked(PointFile, parse_document(text.encode(), source, DataError), DataError)
     if not file.points:
-        raise DataError("holds no points", where=source, hint="check the export")
+        refuse(source, "holds no points", "check the export")
     factor = to_metres(file.length_unit, source)
     std = np.array([[p.ux, p.uy, p.uz] for p in file.points], dtype=np.float64)  # None is NaN
     return PointSet(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from typing import NoReturn
 
 from tdfscal.errors import DataError
 
@@ -19,6 +20,11 @@ _SPELLINGS = {
 }
 SPELLINGS = {spelling: unit for unit, all_of in _SPELLINGS.items() for spelling in all_of}
 """Every spelling of a unit that is known, and which of METRES it means."""
+
+
+def refuse(where: str, what: str, hint: str) -> NoReturn:
+    """Raise DataError: where a file is at fault, what is wrong, what to do."""
+    raise DataError(what, where=where, hint=hint)
 
 
 def as_number(cell: str, *, comma: bool = False) -> float | None:
@@ -40,11 +46,8 @@ def to_metres(unit: str, where: str) -> float:
     """Return the factor from `unit`, however spelt, to m; DataError where it is no length unit."""
     known = unit_of(unit)
     if known is None:
-        raise DataError(
-            f"`{unit.strip()}` is not a length unit known here",
-            where=where,
-            hint=f"use one of {', '.join(METRES)}",
-        )
+        what = f"`{unit.strip()}` is not a length unit known here"
+        refuse(where, what, f"use one of {', '.join(METRES)}")
     return METRES[known]
 
 

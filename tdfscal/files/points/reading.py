@@ -9,7 +9,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from tdfscal.errors import DataError
 from tdfscal.files.points.columns import (
     Columns,
     by_cells,
@@ -19,7 +18,7 @@ from tdfscal.files.points.columns import (
     spatial_analyzer,
 )
 from tdfscal.files.points.model import parse_json
-from tdfscal.files.points.numbers import as_number, last_digit, to_metres
+from tdfscal.files.points.numbers import as_number, last_digit, refuse, to_metres
 from tdfscal.files.points.text import (
     Line,
     Preamble,
@@ -58,7 +57,7 @@ class _Table:
 
     def refuse(self, row: int, what: str, hint: str) -> NoReturn:
         """Raise DataError at a row."""
-        raise DataError(what, where=f"{self.source}, line {self.lines[row].number}", hint=hint)
+        refuse(f"{self.source}, line {self.lines[row].number}", what, hint)
 
     def numbers(self, columns: Sequence[int], *, blank: bool = False) -> FloatArray:
         """Return the numbers (N, columns); blank : a cell may be, and is not a number then."""
@@ -131,7 +130,7 @@ def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[s
     body = [line for line in data if line.number > begin]
     if not body:
         what = "holds a header, but no points" if data else "holds no points"
-        raise DataError(what, where=source, hint="check the export")
+        refuse(source, what, "check the export")
     others = [line for line in lines if line.comment or line.number <= begin]
     beside = read_preamble(others, source)
     rows, notes, comma = [cells_of(line.text, delimiter) for line in body], [], delimiter != ","
@@ -173,12 +172,8 @@ def _nameless(
 ) -> Columns:
     where = f"{source}, line {first.number}"
     if not any(as_number(cell, comma=comma) is not None for cell in rows[0]):
-        raise DataError(
-            "no line names the columns group, point, x, y and z; the first reads "
-            f"`{first.text[:60]}`",
-            where=where,
-            hint="begin the file with `group,point,x,y,z`",
-        )
+        what = "no line names the columns group, point, x, y and z; the first reads "
+        refuse(where, f"{what}`{first.text[:60]}`", "begin the file with `group,point,x,y,z`")
     return by_cells(rows, beside.uncertain, comma, where)
 
 
@@ -191,21 +186,16 @@ def _factors(
     if beside.unit is not None:
         fallback = to_metres(beside.unit, source)
         if np.any(columns.factor[named] != fallback):
-            raise DataError(
-                f"the {'AXES line' if beside.axes else 'unit line'} and the column names give "
-                "different units",
-                where=source,
-                hint="correct one of them",
-            )
+            line = "AXES line" if beside.axes else "unit line"
+            what = f"the {line} and the column names give different units"
+            refuse(source, what, "correct one of them")
     elif length_unit is not None:
         fallback = to_metres(length_unit, "length_unit")
     coordinate = np.where(named, columns.factor, fallback)
     if np.isnan(coordinate).any():
-        raise DataError(
-            "no length unit: the file names none and neither does the rig file",
-            where=source,
-            hint="name it in the header, as in `x [mm]`, or give it with --unit or `length_unit`",
-        )
+        what = "no length unit: the file names none and neither does the rig file"
+        hint = "name it in the header, as in `x [mm]`, or give it with --unit or `length_unit`"
+        refuse(source, what, hint)
     own = columns.uncertainty_factor
     return coordinate, np.where(np.isfinite(own), own, coordinate)
 
@@ -276,11 +266,8 @@ def _stated(table: _Table, beside: Preamble) -> tuple[FloatArray | None, list[st
         coverage = COVERAGE_FACTOR
         notes.append(f"U(95) is taken as an expanded uncertainty, u = U(95)/{coverage:g}")
         if beside.coverage not in (None, 1.0, coverage):
-            raise DataError(
-                f"has U(95) columns and names a coverage of {beside.coverage:g} sigma",
-                where=source,
-                hint="correct one of them",
-            )
+            what = f"has U(95) columns and names a coverage of {beside.coverage:g} sigma"
+            refuse(source, what, "correct one of them")
     else:
         coverage = beside.coverage or 1.0
         if beside.coverage is not None:

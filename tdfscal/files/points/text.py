@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tdfscal.errors import DataError
 from tdfscal.files.points.columns import is_column_name
-from tdfscal.files.points.numbers import to_metres, unit_of
+from tdfscal.files.points.numbers import refuse, to_metres, unit_of
 from tdfscal.files.yaml.reading import unreadable
 
 _AXES = re.compile(r"AXES\s*=\s*(?P<kind>[A-Za-z]+)(?P<rest>.*)", re.IGNORECASE)
@@ -89,20 +89,14 @@ def read_preamble(lines: Sequence[Line], source: str) -> Preamble:
         for found in _SIGMA.finditer(line.text):
             k = float((found["before"] or found["after"]).replace(",", "."))
             if k <= 0 or coverage not in (None, k):
-                raise DataError(
-                    f"names the uncertainties' coverage as {k:g} sigma"
-                    + (f", an earlier line as {coverage:g}" if coverage else ""),
-                    where=where,
-                    hint="correct the line",
-                )
+                earlier = f", an earlier line as {coverage:g}" if coverage else ""
+                what = f"names the uncertainties' coverage as {k:g} sigma{earlier}"
+                refuse(where, what, "correct the line")
             coverage = k
         if named := _AXES.search(line.text):
             if named["kind"].upper() != "CARTESIAN":
-                raise DataError(
-                    f"the coordinates are {named['kind'].lower()}, not Cartesian",
-                    where=where,
-                    hint="export the points in Cartesian coordinates",
-                )
+                what = f"the coordinates are {named['kind'].lower()}, not Cartesian"
+                refuse(where, what, "export the points in Cartesian coordinates")
             axes = True
             if inside := _PARENTHESES.findall(without_coverage(named["rest"])):
                 unit = inside[-1]
