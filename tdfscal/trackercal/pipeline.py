@@ -8,8 +8,8 @@ the moves of all NCPs, one per sensor. The X_i are correlated through R_b^m.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,11 +19,22 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import FloatArray, Rig, Rotations, TrackerSession
 from tdfscal.selfcal.exact_quantities import ExactQuantity
-from tdfscal.significance import MOST_REJECTED
-from tdfscal.trackercal.caveats import survey_warnings
-from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey, point_noise
+from tdfscal.significance import FAR_FROM_NOMINAL, MOST_REJECTED
+from tdfscal.trackercal.judged_registration import (
+    MEASURED_FILE,
+    REFERENCE_FILE,
+    RejectedPoint,
+    SurveyFit,
+    fit_survey,
+    point_noise,
+)
 from tdfscal.trackercal.monte_carlo import simulate_inputs
-from tdfscal.trackercal.point_matching import MatchedPoints, describe_unmatched, match_points
+from tdfscal.trackercal.point_matching import (
+    MatchedPoints,
+    describe_unmatched,
+    match_points,
+    relabellings,
+)
 from tdfscal.trackercal.positioner_axes import AxisFault, examine_axes
 from tdfscal.trackercal.variance_components import Components, estimate_components
 
@@ -118,7 +129,7 @@ def calibrate_tracker(
             trials=trials,
             rng=np.random.default_rng(0) if rng is None else rng,
         )
-    return TrackerCalibration(
+    result = TrackerCalibration(
         rotations=Rotations(rig.supports, X, (covariance + covariance.T) / 2),
         moves=moves,
         targets=targets,
@@ -132,9 +143,10 @@ def calibrate_tracker(
         budget={name: so3.rpy_variance(X, share) for name, share in shares.items()},
         monte_carlo=monte_carlo,
         axes=axes,
-        warnings=(*notes, *survey_warnings(rig, X, moves, targets, axes, components)),
+        warnings=notes,
         exact=_exact_quantities(rig.supports, X, session, misalignment),
     )
+    return replace(result, warnings=(*notes, *_warnings(rig, result)))
 
 
 def _matched(
@@ -267,3 +279,56 @@ def _by_drawing(session: TrackerSession, name: str) -> FloatArray:
     lever = so3.hat(arm - arm.mean(axis=0))
     values, vectors = np.linalg.eigh(np.einsum("pca,pcb->ab", lever, lever))
     return np.asarray(_DRAWING * vectors / np.sqrt(values))
+
+
+def _warnings(rig: Rig, result: TrackerCalibration) -> Iterator[str]:
+    """What the survey's numbers cannot vouch for."""
+    yield from (f"{point.name} is left out: {point.reason}" for point in result.rejected)
+    yield from (f"{text}; the result is weighted by it" for text in result.components.understated)
+    yield from map(str, result.axes)
+    if flat := ", ".join(result.coplanar_targets):
+        yield (
+            f"the targets of {flat} lie in one plane within their uncertainty: a mirrored frame "
+            "would not be noticed"
+        )
+    symmetric = {}
+    for name, t in zip(rig.supports, result.targets, strict=True):
+        if others := relabellings(t.points, t.sigma):
+            symmetric[name] = "-".join(t.points.reference.point[k] for k in others[0])
+    if symmetric:
+        yield (
+            f"the targets of {', '.join(symmetric)} are symmetric: as "
+            f"{next(iter(symmetric.values()))} they would fit too, so their distances do not check "
+            "their names"
+        )
+    back = np.swapaxes(so3.from_rpy(rig.nominal_rpy), 1, 2)
+    turn = np.linalg.norm(so3.log(result.rotations.rotation @ back), axis=1)
+    for i in np.flatnonzero(turn > FAR_FROM_NOMINAL * np.linalg.norm(rig.rpy_std, axis=1)):
+        yield (
+            f"{rig.supports[i]} is turned by {turn[i]:.3g} rad from its nominal mounting, far more "
+            "than its rpy_std allows: check the names of its targets"
+        )
+    yield from _swapped_supports(rig, result.moves, result.targets)
+    sources = {s for t in result.surveys for s in (*t.noise.measured, *t.noise.reference)}
+    if sources & {MEASURED_FILE, REFERENCE_FILE}:
+        yield (
+            "uncertainties that the point files state stand in place of the instrument's, the "
+            "drawing's and the positioners'"
+        )
+
+
+def _swapped_supports(rig: Rig, moves: SurveyFit, targets: Sequence[SurveyFit]) -> list[str]:
+    """Targets sit beside the point that their NCP carries; swapped supports lie far from it."""
+    if set(moves.points.groups) != set(rig.supports):
+        return []
+    driven = [moves.points.take(moves.points.indices(name)) for name in rig.supports]
+    places = np.stack([points.measured.xyz.mean(axis=0) for points in driven])
+    centres = np.stack([t.points.measured.xyz.mean(axis=0) for t in targets])
+    gap = np.linalg.norm(centres[:, None] - places, axis=-1)
+    nearest = gap.argmin(axis=1)
+    return [
+        f"the targets of {name} lie nearest to the moves of {rig.supports[k]}: check the group "
+        "names"
+        for i, (name, k) in enumerate(zip(rig.supports, nearest, strict=True))
+        if k != i and gap[i, i] > 2 * gap[i, k]
+    ]
