@@ -15,7 +15,7 @@ from tdfscal.records import ANGLES
 from tdfscal.reporting import phrases
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.layout import Drawing, Facts, Items, Report, Row, Section, Table, illustrated
-from tdfscal.reporting.phrases import METHODS, WRENCH, chi_squared, utc
+from tdfscal.reporting.phrases import METHODS, chi_squared, utc
 from tdfscal.reporting.traceability import campaign, exact_claim, exact_tables, overdue, provenance
 
 _ESTIMATORS = {"ml": "", "linear": ", linear method of the paper", None: ""}
@@ -107,14 +107,10 @@ def _residual(c: Calibration) -> dict[str, ResidualWrench]:
 
 
 def _residual_wrench(c: Calibration) -> tuple[Table, ...]:
-    sizes = {
-        name: (w.rms_before, w.rms_after, w.max_before, w.max_after)
-        for name, w in _residual(c).items()
-    }
     where = "leave-one-out postures, about the LCS origin"
     if c.motion is not None:
         where = "stretches of the motion held out in turn, about the barycentre"
-    return (phrases.rms_table(sizes, where),) if sizes else ()
+    return (phrases.residual_table(_residual(c), where),) if c.validation is not None else ()
 
 
 def _zero(value: float | None, std: float | None) -> str:
@@ -160,11 +156,8 @@ def _claim(c: Calibration) -> str:
 def _tiles(c: Calibration) -> tuple[Row, ...]:
     limits = c.rig.acceptance
     worst = f"{1e3 * c.rpy_std[c.determined].max():.2g} mrad"
-    tiles = [("weakest angle", worst, f"limit {1e3 * limits.angle_std:.2g} mrad")]
-    for name, w in _residual(c).items():
-        unit = WRENCH[name]
-        before = f"before {w.rms_before:.3g} {unit}"
-        tiles.append((f"residual contact {name}", f"{w.rms_after:.2g} {unit}", before))
+    limit = f"limit {1e3 * limits.angle_std:.2g} mrad"
+    tiles = [("weakest angle", worst, limit), *phrases.residual_tiles(_residual(c))]
     birge = c.tracker.get("birge") if c.tracker is not None else None
     if c.motion is not None:
         tiles.append(("in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"))

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from tdfscal.files.calibration.evidence_model import LeftOutStretch
 from tdfscal.files.calibration.log_time import Clock
-from tdfscal.files.calibration.parts import Input, RejectedPosture
+from tdfscal.files.calibration.parts import Input, RejectedPosture, ResidualWrench
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.records import InputFile
-from tdfscal.reporting.layout import Items, Section, Table
+from tdfscal.reporting.layout import Items, Row, Section, Table
 
 METHODS = {
     "self": "self-calibration",
@@ -31,13 +31,24 @@ def _stated(file: Input | InputFile) -> str:
     return file.integrity if file.note is None else f"{file.integrity}; {file.note}"
 
 
-def rms_table(sizes: Mapping[str, Sequence[float]], where: str) -> Table:
-    """Residual of each part of the wrench: rms before and after, largest before and after."""
+def residual_table(found: Mapping[str, ResidualWrench], where: str) -> Table:
+    """What is left of force and moment."""
     rows = tuple(
-        (name, *(f"{size:.3g} {unit}" for size in sizes[name])) for name, unit in WRENCH.items()
-    )
+        (name, *(f"{size:.3g} {WRENCH[name]}" for size in
+                 (w.rms_before, w.rms_after, w.max_before, w.max_after)))
+        for name, w in found.items()
+    )  # fmt: skip
     header = ("", "rms before", "rms after", "largest before", "largest after")
     return Table(f"Residual contact wrench, {where}", header, rows)
+
+
+def residual_tiles(found: Mapping[str, ResidualWrench]) -> tuple[Row, ...]:
+    """The same at a glance."""
+    return tuple(
+        (f"residual contact {name}", f"{w.rms_after:.2g} {WRENCH[name]}",
+         f"before {w.rms_before:.3g} {WRENCH[name]}")
+        for name, w in found.items()
+    )  # fmt: skip
 
 
 def stretches(left_out: Iterable[Stretch | LeftOutStretch]) -> tuple[str, ...]:

@@ -10,7 +10,9 @@ import numpy as np
 
 from tdfscal import __version__
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parts import ResidualWrench
 from tdfscal.records import FloatArray, InputFile
+from tdfscal.reporting import phrases
 from tdfscal.reporting.layout import (
     Block,
     Drawing,
@@ -21,14 +23,7 @@ from tdfscal.reporting.layout import (
     Table,
     illustrated,
 )
-from tdfscal.reporting.phrases import (
-    METHODS,
-    WRENCH,
-    chi_squared,
-    inputs_table,
-    rms_table,
-    stretches,
-)
+from tdfscal.reporting.phrases import METHODS, chi_squared
 from tdfscal.reporting.validation_causes import REMEDIES, describe, lengths, start_of
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import Cause
@@ -72,7 +67,7 @@ def document(v: Tested, warnings: Sequence[str]) -> dict[str, Any]:
         "search_p_value": v.search_p,
         "false_alarm": VALIDATION_ALARM,
         **(_motion(v) if isinstance(v, MovingValidation) else _postures(v)),
-        **_residual(v),
+        **{name: w.model_dump() for name, w in _residual(v).items()},
         "suspected": [_cause(v, cause) for cause in v.suspected],
         "detectable_turn": {
             "power": DETECTION_POWER,
@@ -116,19 +111,18 @@ def _motion(v: MovingValidation) -> dict[str, Any]:
     }
 
 
-def _residual(v: Tested) -> dict[str, dict[str, float]]:
-    """RMS and largest residual force (N) and moment (N·m), uncalibrated and calibrated."""
+def _residual(v: Tested) -> dict[str, ResidualWrench]:
     if isinstance(v, MovingValidation):
         before, after = v.residual.before, v.residual.after
     else:
         before, after = lengths(v.nominal), lengths(v.calibrated)
     return {
-        name: {
-            "rms_before": float(np.sqrt(np.mean(before[:, c] ** 2))),
-            "rms_after": float(np.sqrt(np.mean(after[:, c] ** 2))),
-            "max_before": float(before[:, c].max()),
-            "max_after": float(after[:, c].max()),
-        }
+        name: ResidualWrench(
+            rms_before=np.sqrt(np.mean(before[:, c] ** 2)),
+            rms_after=np.sqrt(np.mean(after[:, c] ** 2)),
+            max_before=before[:, c].max(),
+            max_after=after[:, c].max(),
+        )
         for c, name in enumerate(("force", "moment"))
     }
 
@@ -214,14 +208,14 @@ def validation_report(
         lost = sum(s.end - s.begin for s in v.rejected)
         tested = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
         figure, where = "residual-over-time", "means over a second, about the barycentre"
-        left_out = stretches(v.rejected)
+        left_out = phrases.stretches(v.rejected)
         beside = ()
     else:
         tested = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
         figure, where = "validation", "LCS, about its origin"
         left_out = tuple(f"posture {k + 1}: {why}" for k, why in sorted(v.left_out.items()))
         beside = (_posture_table(v, _LISTED_ON_PAGE if drawings else _LISTED),)
-    table = rms_table({name: tuple(size.values()) for name, size in found.items()}, where)
+    table = phrases.residual_table(found, where)
     report = Report(
         title=v.rig.name,
         verdict="STILL VALID" if v.holds else "RECALIBRATE",
@@ -230,11 +224,7 @@ def validation_report(
         reasons=tuple(describe(v, cause) for cause in v.suspected),
         tiles=(
             tested,
-            *(
-                (f"residual contact {name}", f"{found[name]['rms_after']:.2g} {unit}",
-                 f"uncalibrated {found[name]['rms_before']:.3g} {unit}")
-                for name, unit in WRENCH.items()
-            ),
+            *phrases.residual_tiles(found),
             ("χ² / degrees of freedom", f"{v.chi2 / v.dof:.2f}", f"p = {v.p_value:.2g}"),
         ),
         sections=(
@@ -303,5 +293,5 @@ def _provenance(v: Tested, origin: Origin) -> Section:
         ("Single causes", f"the likeliest by chance alone: p = {v.search_p:.2g}"),
         ("Convention", c.convention),
     )
-    blocks = (Facts(facts), inputs_table(origin.inputs, "Logs"))
+    blocks = (Facts(facts), phrases.inputs_table(origin.inputs, "Logs"))
     return Section("Where this result comes from", blocks, page_only=True)

@@ -216,31 +216,19 @@ def _check_folder(folder: Path, overwrite: bool) -> None:
             where=str(folder),
             hint="name a new folder, or replace what is in it with --force",
         )
-    written = _written_before(folder)
-    for name in _OURS:
-        path = folder / name
-        if path.is_file() and written.get(name) != _sha256(path):
-            raise UsageError(
-                "was not written by simulate, or was changed since",
-                where=str(path),
-                hint="name a new folder, or move this file away",
-            )
-
-
-def _written_before(folder: Path) -> dict[str, Any]:
-    """SHA-256 of what `simulate` wrote into a folder, by name."""
     truth = folder / _TRUTH
-    if not truth.is_file():
-        return {}
-    content = read_document(truth, DataError).content
-    if not isinstance(content, dict) or "scenario" not in content:
+    content = read_document(truth, DataError).content if truth.is_file() else {"scenario": None}
+    ours = isinstance(content, dict) and "scenario" in content
+    written = (content.get("files") or {}) if ours else {}
+    paths = {name: folder / name for name in _OURS if (folder / name).is_file()}
+    strange = [] if ours else [truth]
+    strange += [path for name, path in paths.items() if written.get(name) != _sha256(path)]
+    if strange:
         raise UsageError(
-            "does not say that simulate wrote it",
-            where=str(truth),
+            "was not written by simulate, or was changed since",
+            where=str(strange[0]),
             hint="name a new folder, or move this file away",
         )
-    files: dict[str, Any] = content.get("files") or {}
-    return files
 
 
 def _sha256(path: Path) -> str:

@@ -34,29 +34,40 @@ def rig_document(
     if rig.inertia is not None:
         inertia = rig.inertia
         terminal["inertia"] = {"value": inertia.value.tolist(), "std": float(inertia.std.max())}
-    document: dict[str, Any] = {
+    declared: dict[str, Any] = asdict(rig.declared)
+    compliance = {axis: declared.pop(f"compliance_{axis}") for axis in ("lateral", "vertical")}
+    if any(compliance.values()):
+        declared["compliance"] = compliance
+    limits = rig.acceptance
+    acceptance: dict[str, Any] = {
+        "angle_std": limits.angle_std,
+        "identifiable": limits.identifiable,
+        "birge_max": limits.birge_max,
+    }
+    contact = {"force": limits.contact_force, "torque": limits.contact_torque}
+    if stated := {name: limit for name, limit in contact.items() if limit is not None}:
+        acceptance["contact"] = {**stated, "rpy": list(limits.contact_rpy)}
+    drift = {
+        "time": rig.drift.time * HOUR,
+        "temperature": rig.drift.temperature,
+        "walk": rig.drift.walk * HOUR**0.5,
+        "angle": rig.drift.angle,
+    }
+    document = {
         "format": "tdfscal-rig/1",
         "name": rig.name,
         "gravity": {"magnitude": rig.gravity, "tilt_std": rig.gravity_tilt_std},
         "terminal": terminal,
         "supports": [_support(rig, i) for i in range(rig.n)],
-        "uncertainty": _uncertainty(rig),
+        "uncertainty": declared,
+        "drift": None if rig.drift == Drift() else drift,
+        "campaign": _stated(rig.campaign) or None,
+        "serial": rig.serial,
+        "log": log,
+        "tracker": tracker,
+        "acceptance": acceptance,
     }
-    if rig.drift != Drift():
-        document["drift"] = {
-            "time": rig.drift.time * HOUR,
-            "temperature": rig.drift.temperature,
-            "walk": rig.drift.walk * HOUR**0.5,
-            "angle": rig.drift.angle,
-        }
-    if campaign := _stated(rig.campaign):
-        document["campaign"] = campaign
-    if rig.serial is not None:
-        document["serial"] = rig.serial
-    blocks = {"log": log, "tracker": tracker}
-    document |= {name: dict(block) for name, block in blocks.items() if block is not None}
-    document["acceptance"] = _acceptance(rig)
-    return document
+    return {name: block for name, block in document.items() if block is not None}
 
 
 def tracker_block(survey: Survey) -> dict[str, Any]:
@@ -78,14 +89,6 @@ def _stated(record: CampaignInfo | SensorInfo) -> dict[str, str]:
     return {name: value for name, value in asdict(record).items() if value is not None}
 
 
-def _uncertainty(rig: Rig) -> dict[str, Any]:
-    block: dict[str, Any] = asdict(rig.declared)
-    lateral, vertical = block.pop("compliance_lateral"), block.pop("compliance_vertical")
-    if lateral or vertical:
-        block["compliance"] = {"lateral": lateral, "vertical": vertical}
-    return block
-
-
 def _support(rig: Rig, i: int) -> dict[str, Any]:
     support: dict[str, Any] = {
         "name": rig.supports[i],
@@ -103,20 +106,6 @@ def _support(rig: Rig, i: int) -> dict[str, Any]:
     if rig.sensors and (papers := _stated(rig.sensors[i])):
         support["sensor"] = papers
     return support
-
-
-def _acceptance(rig: Rig) -> dict[str, Any]:
-    limits = rig.acceptance
-    block: dict[str, Any] = {
-        "angle_std": limits.angle_std,
-        "identifiable": limits.identifiable,
-        "birge_max": limits.birge_max,
-    }
-    stated = {"force": limits.contact_force, "torque": limits.contact_torque}
-    contact = {name: limit for name, limit in stated.items() if limit is not None}
-    if contact:
-        block["contact"] = {**contact, "rpy": list(limits.contact_rpy)}
-    return block
 
 
 def truth_document(played: Run, rig: Rig, scenario: Mapping[str, Any]) -> dict[str, Any]:
