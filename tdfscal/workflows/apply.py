@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -15,6 +14,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.files.writers.wrenches import (
+    COLUMNS,
     SUFFIXES,
     columns_of,
     numbers_only,
@@ -52,7 +52,7 @@ from tdfscal.workflows.wrench_summary import (
     summary_of,
     zero_effect,
 )
-from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches, at_rest, in_motion
+from tdfscal.wrench.contact_wrench import COMPONENTS, at_rest, in_motion
 from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Kind, checked_walk, filter_for, filtered
 from tdfscal.wrench.resampling import Tally, aligned
@@ -205,19 +205,25 @@ def apply(
             zero_variance=moved,
             tell=noises.append,
         )
-    notes: list[str] = []
-    judged = _judged(totals.passing(wrenches), files, inspection, notes)
-    columns = None
+    wrenches, kept = totals.passing(wrenches), list[dict[str, FloatArray]]()
     # Numbers out of all proportion are refused by name, not warned of by numpy.
     with np.errstate(all="ignore"):
         if target is not None:
             about = metadata(use, filter, walk, point, moving=moving)
             # A wrench is about the origin of its frame.
-            write_wrenches(target, judged, about, frame="lcs_at" if point.any() else "lcs")
+            write_wrenches(target, wrenches, about, frame="lcs_at" if point.any() else "lcs")
         else:
-            kept = [columns_of(piece) for piece in numbers_only(judged)]
-            columns = {name: np.concatenate([part[name] for part in kept]) for name in kept[0]}
-    notes = [*log.messages, *notes, *left_out(tally, use)]
+            kept += [columns_of(piece) for piece in numbers_only(wrenches)]
+        if not totals.rows:
+            raise DataError(
+                "there is no instant at which every NCP's position and force are known",
+                where=", ".join(map(str, files)),
+                hint="check that all streams were recorded at the same time",
+            )
+        notes = [*log.messages, *inspection.finish(), *left_out(tally, use)]
+    columns = None
+    if target is None:
+        columns = {name: np.concatenate([part[name] for part in kept]) for name in COLUMNS}
     summary = summary_of(use, target, tally, totals, notes, moving=moving)
     summary["about"] = point.tolist()
     summary["noise"] = noise_effect(noises[0], scatter) if noises else None
@@ -243,24 +249,3 @@ def _shares(use: InUse) -> FloatArray | None:
         return None
     variance = np.sum(np.square(fit.channel_noise), axis=1)
     return np.asarray(variance / variance.mean())
-
-
-def _judged(
-    pieces: Iterator[Wrenches], paths: list[Path], inspection: Inspection, notes: list[str]
-) -> Iterator[Wrenches]:
-    """Pass the pieces on; at their end add to the notes what the inspection warns of.
-
-    Raises DataError where there is no piece, or the log contradicts the rig: while the result is
-    not in its place yet.
-    """
-    empty = True
-    for piece in pieces:
-        empty = False
-        yield piece
-    if empty:
-        raise DataError(
-            "there is no instant at which every NCP's position and force are known",
-            where=", ".join(map(str, paths)),
-            hint="check that all streams were recorded at the same time",
-        )
-    notes += inspection.finish()
