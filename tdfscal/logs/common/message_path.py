@@ -37,12 +37,7 @@ def topic_of(path: str, topics: Iterable[str]) -> str | None:
 
 
 def parse_steps(rest: str, whole: str) -> Path:
-    """Parse what follows the topic.
-
-    Raises
-    ------
-    RigError : it is no message path.
-    """
+    """Parse what follows the topic; raises RigError where it is no message path."""
     steps: list[Step | Named] = []
     position = 0
     while position < len(rest):

@@ -17,7 +17,7 @@ from tdfscal.logs.common.table import repeated, sampled, table_contents
 from tdfscal.logs.text.cells import fits_header, header_cells, row_cells, split_cells, split_label
 from tdfscal.logs.text.date_times import is_date_time, seconds_of_all
 from tdfscal.logs.text.file import TextFile, open_text
-from tdfscal.logs.text.header import SEPARATORS, numbered_columns
+from tdfscal.logs.text.header import SEPARATORS, Candidate, numbered_columns
 from tdfscal.logs.text.numbers import decimal_of, is_number
 from tdfscal.logs.text.rows import ragged, single_spaces
 from tdfscal.logs.text.scope import scope_table
@@ -50,12 +50,13 @@ class TextLook:
         self._newline = file.newline
         lines = file.text.splitlines()[: 2 * _SEARCHED]
         scope = scope_table(lines[:_SEARCHED])
+        cells: tuple[str, ...]
         if scope is not None:
-            self._separator, self.skipped, cells = scope.separator, scope.lines, list(scope.names)
+            self._separator, self.skipped, cells = scope.separator, scope.lines, scope.names
             stated = [scope.units.get(k) for k in range(len(cells))]
         else:
-            self._separator, number, cells = _header(lines)
-            self.skipped = number + 1
+            head = _header(lines)
+            self._separator, self.skipped, cells = head.separator, head.line + 1, head.cells
             stated = [split_label(cell)[1] for cell in cells]
         rows = [split_cells(line, self._separator) for line in lines[self.skipped :]]
         self._decimal = decimal_of((cell for row in rows for cell in row), self._separator)
@@ -150,10 +151,11 @@ class TextLook:
         ]
 
 
-def _header(lines: list[str]) -> tuple[str, int, list[str]]:
-    """Separator, line number and cells of the first line of names above most lines."""
-    best: tuple[int, int, str, list[str]] | None = None
-    ragged_at: tuple[int, int, int] | None = None
+def _header(lines: list[str]) -> Candidate:
+    """The first line of names above most lines."""
+    best: Candidate | None = None
+    widest = 0
+    fault: DataError | None = None
     for separator in SEPARATORS:
         if separator == " " and best is not None:
             continue  # spaces stand within names, too
@@ -165,29 +167,30 @@ def _header(lines: list[str]) -> tuple[str, int, list[str]]:
         number = next(k for k, cells in enumerate(split) if len(cells) == width)
         if _has_number(split[number]):
             # Recorders end their rows with a separator, or the header, and the other not.
-            near = number - 1
-            above = header_cells(lines[near], separator) if near >= 0 else []
+            number -= 1
+            above = header_cells(lines[number], separator) if number >= 0 else []
             if abs(len(above) - width) > 1 or _has_number(above):
                 continue
-            if not fits_header(split[number], above):
-                ragged_at = ragged_at or (number, width, len(above))
+            if not fits_header(split[number + 1], above):
+                where = f"line {number + 2}"
+                fault = fault or ragged(width, len(above)).restated(where=where)
                 continue
-            number = near
         # Commas within numbers make columns too; the header has none of them then.
-        if best is None or width > best[0]:
-            best = (width, number, separator, header_cells(lines[number], separator))
-    if best is None and ragged_at is not None:
-        number, width, expected = ragged_at
-        raise ragged(width, expected, f"line {number + 1}")
-    for numbered in (numbered_columns(lines, decimal) for decimal in ".,"):
-        if numbered is not None and (best is None or len(numbered.cells) > best[0]):
-            return numbered.separator, numbered.line, list(numbered.cells)
-    if best is not None:
-        return best[2], best[1], best[3]
-    raise DataError(
-        "there is no table of numbers",
-        hint="export the recording as a table, with the columns' names in the first line",
-    )
+        if width > widest:
+            widest = width
+            best = Candidate(number, separator, tuple(header_cells(lines[number], separator)))
+    if best is None and fault is not None:
+        raise fault
+    for decimal in ".,":
+        numbered = numbered_columns(lines, decimal)
+        if numbered is not None and len(numbered.cells) > widest:
+            return numbered
+    if best is None:
+        raise DataError(
+            "there is no table of numbers",
+            hint="export the recording as a table, with the columns' names in the first line",
+        )
+    return best
 
 
 def _has_number(cells: list[str]) -> bool:

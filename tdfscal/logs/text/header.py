@@ -65,13 +65,13 @@ class Header:
 
 
 @dataclass(frozen=True, slots=True)
-class _Candidate:
+class Candidate:
     """A line that may be the header; named: how many of the wanted names it holds."""
 
     line: int
     separator: str
     cells: tuple[str, ...]
-    named: int
+    named: int = 0
 
 
 def find_header(text: str, request: Request) -> Header:
@@ -127,11 +127,11 @@ def find_header(text: str, request: Request) -> Header:
 
 def _head(
     lines: Sequence[str], names: Sequence[str], wanted: set[str], decimal: str
-) -> tuple[ScopeTable | None, _Candidate]:
+) -> tuple[ScopeTable | None, Candidate]:
     """The line of the columns' names; and the shape of a TwinCAT Scope export, if it is one."""
     scope = scope_table(lines[:_SEARCHED_LINES])
     if scope is not None:
-        return scope, _Candidate(scope.line, scope.separator, scope.names, 0)
+        return scope, Candidate(scope.line, scope.separator, scope.names)
     best = _best_line(lines[:_SEARCHED_LINES], wanted, decimal)
     if best is None:
         raise DataError("the file is empty", hint="record the log again")
@@ -176,7 +176,7 @@ def _factors(
     return factor, factor, factor
 
 
-def numbered_columns(lines: Sequence[str], decimal: str) -> _Candidate | None:
+def numbered_columns(lines: Sequence[str], decimal: str) -> Candidate | None:
     """The table of a file without a header, its columns named from 1; None where there is none.
 
     It begins with the first line whose cells are all numbers, but for a date and time.
@@ -192,31 +192,26 @@ def numbered_columns(lines: Sequence[str], decimal: str) -> _Candidate | None:
                 and all(is_number(c, decimal) or is_date_time(c) for c in cells)
             ):
                 names = tuple(str(k + 1) for k in range(len(cells)))
-                return _Candidate(number - 1, separator, names, 0)
+                return Candidate(number - 1, separator, names)
     return None
 
 
-def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> _Candidate | None:
-    best: _Candidate | None = None
+def _best_line(lines: Sequence[str], wanted: set[str], decimal: str) -> Candidate | None:
+    found = []
     for number, line in enumerate(lines):
-        if not line.strip():
-            continue
-        for separator in SEPARATORS:
-            if separator == decimal:
-                continue
-            cells = header_cells(line, separator)
-            named = len(wanted & {split_label(cell, wanted)[0] for cell in cells})
-            candidate = _Candidate(number, separator, tuple(cells), named)
-            if (
-                best is None
-                or named > best.named
-                or (best.named == 0 and number == best.line and len(cells) > len(best.cells))
-            ):
-                best = candidate
-    return best
+        for separator in SEPARATORS if line.strip() else ():
+            if separator != decimal:
+                cells = header_cells(line, separator)
+                named = len(wanted & {split_label(cell, wanted)[0] for cell in cells})
+                found.append(Candidate(number, separator, tuple(cells), named))
+
+    # Where no line holds a wanted name, it is the first, at the separator that parts it most.
+    return max(
+        found, key=lambda c: (c.named, -c.line, 0 if c.named else len(c.cells)), default=None
+    )
 
 
-def _units_row(lines: Sequence[str], header: _Candidate, columns: Sequence[int]) -> dict[int, str]:
+def _units_row(lines: Sequence[str], header: Candidate, columns: Sequence[int]) -> dict[int, str]:
     """Return the units by column where the line below the header is a row of units."""
     if header.line + 1 >= len(lines):
         return {}

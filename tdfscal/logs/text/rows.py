@@ -13,6 +13,7 @@ import pyarrow.csv as pa_csv
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.yaml.scalars import shorten
+from tdfscal.logs.common.damage import placed
 from tdfscal.logs.text.cells import split_cells
 from tdfscal.logs.text.date_times import seconds_of, seconds_of_all
 from tdfscal.logs.text.header import Header
@@ -45,14 +46,7 @@ class Rows:
 
 
 class RowParser:
-    r"""Parses blocks of whole lines.
-
-    Parameters
-    ----------
-    header : the table's shape and wanted columns.
-    newline : b"\n" or b"\r".
-    decimal : "." or ",".
-    """
+    """Parses blocks of whole lines: those wanted of the table's columns."""
 
     def __init__(self, header: Header, newline: bytes, decimal: str) -> None:
         self._header, self._newline, self._decimal = header, newline, decimal
@@ -120,7 +114,8 @@ class RowParser:
         faults = 0
         for number, line in self._lines(block, first_line):
             try:
-                kept.append(self._row(line, number))
+                with placed(f"line {number}"):
+                    kept.append(self._row(line.decode("utf-8", errors="replace")))
             except DataError:
                 if not salvage:
                     raise
@@ -135,51 +130,38 @@ class RowParser:
             if bare and not (self._header.ends and bare == END):
                 yield first_line + k, bare
 
-    def _row(self, line: bytes, number: int) -> list[float]:
-        text = line.decode("utf-8", errors="replace")
-        cells = split_cells(text, self._header.separator)
-        here = f"line {number}"
-        if len(cells) != self._header.columns:
-            same = self._header.columns == len(self._header.names)
-            above = "the header" if same else "the first row"
-            raise ragged(len(cells), self._header.columns, here, above)
-        if any(cells[len(self._header.names) :]):
+    def _row(self, line: str) -> list[float]:
+        header = self._header
+        cells = split_cells(line, header.separator)
+        if len(cells) != header.columns:
+            same = header.columns == len(header.names)
+            raise ragged(len(cells), header.columns, "the header" if same else "the first row")
+        if any(cells[len(header.names) :]):
             raise DataError(
                 f"{shorten(cells[-1])!r} stands in a column that has no name in the header",
-                where=here,
                 hint="the other rows end with a separator; record or export the file again",
             )
+        wanted = set(header.wanted)
+        for three in header.components if header.sparse else ():
+            if not any(cells[c] for c in three):
+                wanted -= set(three)
         numbers: dict[int, float] = {}
-        left_out = {
-            c
-            for three in self._header.components
-            if self._header.sparse and not any(cells[c] for c in three)
-            for c in three
-        }
-        for c in sorted(self._header.wanted):
-            if c in left_out:
-                numbers[c] = np.nan
-                continue
-            dated = self._header.dated and c == self._header.time
+        for c in sorted(wanted):
+            dated = header.dated and c == header.time
             value = seconds_of(cells[c]) if dated else number_in(cells[c], self._decimal)
             if value is None:
-                raise self._fault(cells[c], f"{here}, column {self._header.names[c]}", dated)
+                raise self._fault(cells[c], f"column {header.names[c]}", dated)
             numbers[c] = value
-        return [numbers[c] for c in self._header.wanted]
+        return [numbers.get(c, np.nan) for c in header.wanted]
 
     def _fault(self, cell: str, where: str, dated: bool) -> DataError:
-        shown = repr(shorten(cell))
+        what, hint = f"{shorten(cell)!r} is not a finite number", advice(cell, self._decimal)
         if dated:
-            return DataError(
-                f"{shown} is no date and time as the row before has one",
-                where=where,
-                hint="write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05",
-            )
-        if not cell:
-            return DataError("the cell is empty", where=where, hint="a log has no holes")
-        return DataError(
-            f"{shown} is not a finite number", where=where, hint=advice(cell, self._decimal)
-        )
+            what = f"{shorten(cell)!r} is no date and time as the row before has one"
+            hint = "write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05"
+        elif not cell:
+            what, hint = "the cell is empty", "a log has no holes"
+        return DataError(what, where=where, hint=hint)
 
 
 def _whole_signals(value: FloatArray) -> bool:
@@ -193,10 +175,9 @@ def single_spaces(block: bytes) -> bytes:
     return _OUTER.sub(b"", _RUN.sub(b" ", block)) if _RUN.search(block) else block
 
 
-def ragged(cells: int, expected: int, where: str, above: str = "the header") -> DataError:
+def ragged(cells: int, expected: int, above: str = "the header") -> DataError:
     """Build the error for a line with another number of cells than what is above it."""
     return DataError(
         f"the line has {cells} cells, {above} {expected}",
-        where=where,
         hint="the file may be cut short or damaged there; record or export it again",
     )
