@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tdfscal.files.calibration.consistency import (
-    check_covariance,
     check_rotation,
+    checked_covariance,
     from_directions,
 )
 from tdfscal.records import FloatArray
@@ -26,17 +26,17 @@ def test_covariances_are_symmetric_and_not_negative() -> None:
     place = ("covariance", "matrix")
     root = 1e-4 * rng.normal(size=(6, 4))  # singular
     C = root @ root.T
-    check_covariance((C + C.T) / 2, place)
-    check_covariance(np.zeros((3, 3)), place)
+    checked_covariance((C + C.T) / 2, 6, *place)
+    checked_covariance(np.zeros((3, 3)), 3, *place)
     for size in (1e-8, 1.0, 1e8):
         skew = size * np.eye(3)
         skew[0, 1] = 1e-11 * size
-        assert place_of(check_covariance, skew, place) == place
+        assert place_of(checked_covariance, skew, 3, *place) == place
         skew[0, 1] = 1e-13 * size
-        check_covariance(skew, place)
+        checked_covariance(skew, 3, *place)
         negative = size * np.diag([1.0, 1.0, -1e-11])
-        assert place_of(check_covariance, negative, ("a", "b")) == ("a", "b")
-        check_covariance(size * np.diag([1.0, 1.0, -1e-13]), place)
+        assert place_of(checked_covariance, negative, 3, "a", "b") == ("a", "b")
+        checked_covariance(size * np.diag([1.0, 1.0, -1e-13]), 3, *place)
 
 
 def mounting(rpy: FloatArray, covariance: FloatArray) -> SimpleNamespace:

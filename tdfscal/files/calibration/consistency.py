@@ -40,11 +40,11 @@ def check(c: Calibration) -> None:
     """Raise the model's fault, which names the place, where a file contradicts itself."""
     _check_status(c)
     _check_names(c)
-    matrix = np.array(c.covariance.matrix)
-    check_covariance(matrix, ("covariance", "matrix"))
+    matrix = checked_covariance(
+        c.covariance.matrix, 3 * int(c.determined.sum()), "covariance", "matrix"
+    )
     if c.parameters is not None:
-        turns = np.flatnonzero(np.repeat(c.determined, 3)).tolist()
-        check_parameters(c.parameters, c.support_names, turns, matrix)
+        _check_parameters(c, c.parameters, matrix)
     for index, support in enumerate(c.supports):
         block = slice(3 * index, 3 * index + 3)
         if support.mounting is not None:
@@ -84,7 +84,6 @@ def _check_names(c: Calibration) -> None:
             f"must be {stand[0]}.rx, {stand[0]}.ry and so on, in the order of the supports",
             *("covariance", "parameters"),
         )
-    _check_square(c.covariance.matrix, 3 * len(stand), "covariance", "matrix")
 
 
 def _check_rows(c: Calibration) -> None:
@@ -106,13 +105,25 @@ def _check_rows(c: Calibration) -> None:
                 raise fault(f"must have a row per support, {n}, got {len(rows)}", *place, name)
 
 
-def check_covariance(matrix: FloatArray, place: tuple[str, str], rounding: float = 1e-12) -> None:
-    """Refuse a matrix that is not symmetric and positive semidefinite to rounding."""
-    unit = matrix / (np.abs(matrix).max() or 1.0)
+def checked_covariance(
+    rows: Sequence[Sequence[float]] | FloatArray, size: int, *place: str, mixed: bool = False
+) -> FloatArray:
+    """Return a matrix, which must be symmetric and positive semidefinite to rounding.
+
+    mixed : its parameters have units of their own, and so each its own rounding.
+    """
+    if len(rows) != size or any(len(row) != size for row in rows):
+        raise fault(f"must have {size} rows of {size} numbers", *place)
+    matrix = np.array(rows)
+    scale, rounding = np.full(size, np.sqrt(np.abs(matrix).max() or 1.0)), 1e-12
+    if mixed:
+        scale, rounding = np.sqrt(np.diagonal(matrix).clip(1e-300)), 1e-9
+    unit = matrix / np.outer(scale, scale)
     if not np.allclose(unit, unit.T, rtol=0, atol=rounding):
         raise fault("is not symmetric", *place, hint=ALTERED)
     if np.linalg.eigvalsh(unit)[0] < -rounding:
         raise fault("is not positive semidefinite", *place, hint=ALTERED)
+    return matrix
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -160,36 +171,19 @@ def _from_quaternion(q: tuple[float, float, float, float]) -> FloatArray:
     return np.asarray((w**2 - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * so3.hat(v))
 
 
-def _check_square(rows: Sequence[Sequence[float]], size: int, *place: str) -> None:
-    if len(rows) != size or any(len(row) != size for row in rows):
-        raise fault(f"must have {size} rows of {size} numbers", *place)
-
-
-def check_parameters(
-    block: Parameters,
-    supports: tuple[str, ...],
-    turns: list[int],
-    rotation_covariance: FloatArray,
-) -> None:
-    """Raise the model's fault where the block contradicts itself or the rotations' covariance.
-
-    turns : places of the rotations that the covariance (of as many rows) is about.
-    """
-    place = places(block, supports)
-    _check_square(block.matrix, len(place), "parameters", "matrix")
+def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) -> None:
+    """Refuse a block of all parameters that contradicts itself or the covariance of `rotations`."""
+    place, turns = places(block, c.support_names), np.flatnonzero(np.repeat(c.determined, 3))
+    matrix = checked_covariance(block.matrix, len(place), "parameters", "matrix", mixed=True)
     if len(block.value) != len(place):
         raise fault(f"must have {len(place)} numbers", "parameters", "value")
-    matrix = np.array(block.matrix)
-    scale = np.sqrt(np.diagonal(matrix).clip(1e-300))
-    check_covariance(matrix / np.outer(scale, scale), ("parameters", "matrix"), rounding=1e-9)
     if block.unscaled is not None:
-        _check_square(block.unscaled, len(rotation_covariance), "parameters", "unscaled")
-        check_covariance(np.array(block.unscaled), ("parameters", "unscaled"))
-    if not set(turns) <= set(place) or len(turns) != len(rotation_covariance):
+        checked_covariance(block.unscaled, len(rotations), "parameters", "unscaled")
+    if not set(turns.tolist()) <= set(place):
         raise fault("lacks turns that `covariance` has", "parameters", "parameters")
-    rows = [place.index(turn) for turn in turns]
+    rows = np.searchsorted(place, turns)
     own = matrix[np.ix_(rows, rows)]
-    if np.abs(own - rotation_covariance).max() > 1e-9 * np.abs(own).max():
+    if np.abs(own - rotations).max() > 1e-9 * np.abs(own).max():
         raise fault("does not contain `covariance`", "parameters", "matrix", hint=ALTERED)
 
 
