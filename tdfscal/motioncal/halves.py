@@ -39,18 +39,14 @@ class Halves:
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Residual wrench in the band of stretches held out in turn, quadratic means over time.
+    """Residual wrench in the band of K stretches held out in turn, quadratic means over time.
 
-    stretches : how many. before, after : (2,), N and N·m, with the nominal mounting and stated
-    values, and with the calibration from the other stretches. before_max, after_max : (2,), of
-    the worst stretch.
+    before, after : (K, 2), N and N·m, with the nominal mounting and stated values, and with the
+    calibration from the other stretches.
     """
 
-    stretches: int
     before: FloatArray
     after: FloatArray
-    before_max: FloatArray
-    after_max: FloatArray
 
 
 def compare_halves(fit: MovingFit, keep: BoolArray, determined: BoolArray) -> Halves:
@@ -103,14 +99,7 @@ def hold_out(fit: MovingFit, keep: BoolArray, start: MovingState) -> HeldOut | N
         r, j = (np.concatenate(part) for part in zip(*others, strict=True))
         after.append(rms([at.designs[i] for i in fold], at.psi + at.slope @ spectrum(j).solve(r)))
         before.append(rms([at.designs[i] for i in fold], nominal))
-    b, a = np.array(before), np.array(after)
-    return HeldOut(
-        len(folds),
-        np.sqrt(np.mean(b**2, axis=0)),
-        np.sqrt(np.mean(a**2, axis=0)),
-        b.max(axis=0),
-        a.max(axis=0),
-    )
+    return HeldOut(np.array(before), np.array(after))
 
 
 def _parted(fit: MovingFit, keep: BoolArray, count: int) -> tuple[MovingFit, list[range]] | None:

@@ -171,7 +171,6 @@ class _Group:
         #: among all, how many samples it has, and theirs.
         self._rows = np.empty((0, 2 + full.size))
         self._open = np.empty((0, 4 + full.size))
-        self._known: tuple[FloatArray, FloatArray, BoolArray] | None = None
 
     @property
     def reach(self) -> float:
@@ -235,7 +234,7 @@ class _Group:
         few = near >= high[:, None]
         near = np.minimum(near, high[-1] - 1) - low[0]
         offset = np.where(few, 2 * _REACH, (rows[near, 0] - time[:, None]) / self._step)
-        weight, covered = self._weights(offset)
+        weight, covered = _weights(offset)
         used: BoolArray = weight != 0.0
         finite = np.asarray(np.isfinite(rows).all(axis=1))
         covered = covered & _without_hole(rows[:, 0], time, self._step)
@@ -246,27 +245,19 @@ class _Group:
         out[~covered] = np.nan
         return out
 
-    def _weights(self, offset: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Weights (J, M) of samples at offsets (J, M) in steps, and where they are enough (J,).
 
-        An even recording has the same offsets again and again.
-        """
-        known = self._known
-        alike = known is not None and known[0].shape == offset.shape
-        if known is not None and alike and np.abs(known[0] - offset).max() < _EVEN:
-            return known[1], known[2]
-        # Low-pass of zero phase: a sinc under a Hann window.
-        weight = np.sinc(2 * _CUT * offset) * np.cos(np.pi * offset / (2 * _REACH)) ** 2
-        weight = np.where(np.abs(offset) < _REACH, weight, 0.0)
-        # A weight that is linear in time keeps straight lines straight, also at the log's ends.
-        moment = weight * offset
-        s0, s1, s2 = weight.sum(axis=1), moment.sum(axis=1), (moment * offset).sum(axis=1)
-        det = s0 * s2 - s1**2
-        fine = np.abs(det) > 1e-9 * np.maximum(s0 * s2, 1e-300)
-        det = np.where(fine, det, 1.0)[:, None]
-        weight = (s2[:, None] * weight - s1[:, None] * moment) / det
-        self._known = offset, weight, fine
-        return weight, fine
+def _weights(offset: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Weights (J, M) of samples at offsets (J, M) in steps, and where they are enough (J,)."""
+    # Low-pass of zero phase: a sinc under a Hann window.
+    weight = np.sinc(2 * _CUT * offset) * np.cos(np.pi * offset / (2 * _REACH)) ** 2
+    weight = np.where(np.abs(offset) < _REACH, weight, 0.0)
+    # A weight that is linear in time keeps straight lines straight, also at the log's ends.
+    moment = weight * offset
+    s0, s1, s2 = weight.sum(axis=1), moment.sum(axis=1), (moment * offset).sum(axis=1)
+    det = s0 * s2 - s1**2
+    fine = np.abs(det) > 1e-9 * np.maximum(s0 * s2, 1e-300)
+    det = np.where(fine, det, 1.0)[:, None]
+    return (s2[:, None] * weight - s1[:, None] * moment) / det, fine
 
 
 def _quantum(value: FloatArray) -> float:

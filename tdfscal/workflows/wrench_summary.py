@@ -60,19 +60,14 @@ def filter_effect(
     kind: str, walk: float, model: Walk, noise: ColouredNoise | None
 ) -> dict[str, Any]:
     """What the filter does, SI units; noise_left as a share, None where there is no noise."""
-    smooth = kind == "smooth"
-    std, left = float(np.sqrt(model.r)), model.left_smooth if smooth else model.left
-    share: float | None = left
-    if noise is not None:
-        std = noise.std
-        rest = float(np.sqrt(noise.remaining(np.array([model.gain]), smooth=smooth)[0]))
-        share = rest / std if std > 0 else None
+    smooth, noise = kind == "smooth", noise or ColouredNoise(np.array([model.r]))
+    rest = float(np.sqrt(noise.remaining(np.array([model.gain]), smooth=smooth)[0]))
     return {
         "kind": kind,
         "walk": walk,
         "gain": model.gain,
-        "noise": std,
-        "noise_left": share,
+        "noise": noise.std,
+        "noise_left": rest / noise.std if noise.std > 0 else None,
         "delay": 0.0 if smooth else model.delay,
     }
 

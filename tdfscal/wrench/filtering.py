@@ -69,17 +69,6 @@ class Walk:
         """Time by which the causal filter is late on a slow signal, s: (1 − g) / g samples."""
         return (1.0 - self.gain) / self.gain * self.interval
 
-    @property
-    def left(self) -> float:
-        """White noise's standard deviation after the causal filter over that before."""
-        return float(np.sqrt(self.gain / (2.0 - self.gain)))
-
-    @property
-    def left_smooth(self) -> float:
-        """The same of the smoother, whose weights are g / (2 − g) · (1 − g)^|k|."""
-        g, a = self.gain, (1.0 - self.gain) ** 2
-        return float(g / (2.0 - g) * np.sqrt((1.0 + a) / (1.0 - a)))
-
 
 def checked_walk(kind: str, walk: float | None) -> float | None:
     """N in a second for a filter of this kind as the options give them, None for no filter.

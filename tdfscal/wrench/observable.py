@@ -76,18 +76,13 @@ def observable_text(given: Calibrated) -> str:
 
 def _echelon(rows: FloatArray, order: list[int]) -> FloatArray:
     """Reduced row echelon form, its pivots in that order of the columns."""
-    out, done = rows.copy(), 0
+    pivots: list[int] = []
     for column in order:
-        if done == len(out):
-            break
-        pivot = done + int(np.argmax(np.abs(out[done:, column])))
-        if abs(out[pivot, column]) < _ROUNDING:
-            continue
-        out[[done, pivot]] = out[[pivot, done]]
-        out[done] /= out[done, column]
-        others = np.arange(len(out)) != done
-        out[others] -= np.outer(out[others, column], out[done])
-        done += 1
+        more = [*pivots, column]
+        if np.linalg.matrix_rank(rows[:, more], _ROUNDING) == len(more):
+            pivots = more
+    out = np.linalg.solve(rows[:, pivots], rows)
+    out[:, pivots] = np.eye(len(rows))
     return np.where(np.abs(out) < _ROUNDING, 0.0, out)
 
 

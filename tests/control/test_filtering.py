@@ -11,6 +11,7 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.records import FloatArray
 from tdfscal.wrench.filtering import Causal, Smoother, Walk, filter_for, filtered, measured_noise
 from tdfscal.wrench.resampling import Samples
+from tdfscal.wrench.sample_noise import ColouredNoise
 
 WALKS = [Walk(q, 1.0, 0.004) for q in (0.04, 4.0)]
 each = pytest.mark.parametrize("walk", WALKS)
@@ -39,8 +40,10 @@ def test_delay_is_that_of_a_ramp(walk: Walk) -> None:
 @each
 def test_noise_that_is_left(walk: Walk) -> None:
     noise = np.random.default_rng(0).standard_normal((400_000, 1))
-    assert Causal(walk)(noise)[100:].std() == pytest.approx(walk.left, rel=0.015)
-    assert Smoother(walk)(noise)[100:].std() == pytest.approx(walk.left_smooth, rel=0.015)
+    white, gain = ColouredNoise(np.array([1.0])), np.array([walk.gain])
+    left, smooth = (np.sqrt(white.remaining(gain, smooth=s)[0]) for s in (False, True))
+    assert Causal(walk)(noise)[100:].std() == pytest.approx(left, rel=0.015)
+    assert Smoother(walk)(noise)[100:].std() == pytest.approx(smooth, rel=0.015)
 
 
 @each

@@ -279,7 +279,6 @@ def test_a_noise_free_measurement_is_followed_at_once() -> None:
     walk = Walk(1.0, 0.0, 0.5)
     assert walk.gain == 1.0
     assert walk.delay == 0.0
-    assert walk.left == 1.0
 
 
 @pytest.mark.parametrize("gap", [2.9, 3.1])

@@ -99,18 +99,15 @@ def validation(check: CrossValidation | HeldOut | None) -> dict[str, Any] | None
     """Residual wrench where postures, or stretches of a motion, were left out, before and after."""
     if check is None:
         return None
-    columns: Sequence[Sequence[float] | FloatArray]
-    if isinstance(check, HeldOut):
-        method, count = "leave one stretch of the motion out", check.stretches
-        columns = (check.before, check.after, check.before_max, check.after_max)
-    else:
-        method, count = "leave one posture out", len(check.index)
-        lengths = [np.linalg.norm(e.reshape(-1, 2, 3), axis=2) for e in (check.before, check.after)]
-        columns = [np.sqrt(np.mean(length**2, axis=0)) for length in lengths]
-        columns += [length.max(axis=0) for length in lengths]
+    method, lengths = "leave one stretch of the motion out", [check.before, check.after]
+    if not isinstance(check, HeldOut):
+        method = "leave one posture out"
+        lengths = [np.linalg.norm(e.reshape(-1, 2, 3), axis=2) for e in lengths]
+    columns = [np.sqrt(np.mean(length**2, axis=0)) for length in lengths]
+    columns += [length.max(axis=0) for length in lengths]
     names = ("rms_before", "rms_after", "max_before", "max_after")
     force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
-    return {"method": method, "postures": count, "force": force, "moment": moment}
+    return {"method": method, "postures": len(check.before), "force": force, "moment": moment}
 
 
 def conformity(judged: Conformity | None) -> dict[str, Any] | None:
