@@ -22,7 +22,8 @@ _PLAIN = (
     (r"^Missing option (.*)", r"the option \1 is missing"),
     (r"^Option '([^']*)' requires an argument", r"\1: its value is missing"),
     (r"^(No such command '[^']*')\. Did you mean '([^']*)'.*", r"\1 (did you mean \2?)"),
-    (r"^No such (command|option):? ", r"there is no \1 "),
+    (r"^No such option: ", "there is no option "),
+    (r"^No such command ", "there is no command "),
     (r" \(Possible options: .*", ""),
 )
 
