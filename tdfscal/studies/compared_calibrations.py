@@ -197,7 +197,10 @@ def combined(calibrations: Sequence[Calibrated]) -> Calibrated:
     size, turns = len(first.covariance), 3 * first.rig.n
     information, pull, square = np.zeros((size, size)), np.zeros(size), 0.0
     for c in calibrations:
-        whitener = np.linalg.pinv(c.root) if np.any(c.covariance) else np.zeros((0, size))
+        # Whatever is known exactly would get information of the size of a rounding error.
+        known = np.diagonal(c.covariance) > 0.0
+        whitener = np.zeros((c.root.shape[1], size))
+        whitener[:, known] = np.linalg.pinv(c.root[known])
         own = whitener.T @ whitener
         information += own
         pull += own @ parameters.deviation(c.state, first.state)

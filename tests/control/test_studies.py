@@ -164,6 +164,21 @@ def test_truth_is_drawn_from_the_combination_and_no_file_judges_itself() -> None
     assert "does not judge it" in alone.origin
 
 
+def test_what_the_given_calibrations_know_exactly_stays_so() -> None:
+    """Correlated zeros, mass and angles of two files; sensitivities are exact in both."""
+    rng, uncertain = np.random.default_rng(0), np.r_[0:18, 36:45]
+    files = []
+    for name in ("one", "other"):
+        given_angles = angles(np.full(9, 1e-3))
+        covariance = np.zeros_like(given_angles.covariance)
+        half = 1e-3 * rng.normal(size=(uncertain.size, uncertain.size))
+        covariance[np.ix_(uncertain, uncertain)] = half @ half.T
+        files.append((name, replace(given_angles, covariance=covariance)))
+    truth = given(RIG, files, 20, rng).truth
+    assert not truth.sensitivity.any()
+    assert np.abs(truth.zero).max() < 0.1
+
+
 def test_calibrations_of_another_rig_and_travels_are_refused() -> None:
     other = make_rig(mass=400.0)
     calibration = independent(other, so3.from_rpy(other.nominal_rpy), 1e-6 * np.eye(9))
