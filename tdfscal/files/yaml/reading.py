@@ -70,19 +70,16 @@ def _content(path: Path) -> bytes:
     if not path.is_fifo():
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
-    handle, parts, size = os.open(path, os.O_RDONLY | os.O_NONBLOCK), list[bytes](), 0
-    try:
-        while size <= MAX_BYTES:
-            if not select.select([handle], [], [], _PATIENCE)[0]:
+    content = b""
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as pipe:
+        while len(content) <= MAX_BYTES:
+            if not select.select([pipe], [], [], _PATIENCE)[0]:
                 raise OSError(errno.ETIMEDOUT, "nothing comes through this pipe")
-            part = os.read(handle, 1 << 16)
+            part = pipe.read(1 << 16)
             if not part:
                 break
-            parts.append(part)
-            size += len(part)
-    finally:
-        os.close(handle)
-    return b"".join(parts)
+            content += part
+    return content
 
 
 def parse_document(
