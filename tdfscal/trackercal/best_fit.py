@@ -47,7 +47,7 @@ class PointRegistration:
     the residuals then, else None. residual : (N, 3), m, of the points `names`.
     scale : best scale of the reference with its standard uncertainty; applied where it was to be
     estimated (`scaled`), else a check.
-    scale_p : probability of a scale this far from 1 by chance. coplanar : handedness unchecked.
+    coplanar : handedness unchecked.
     """
 
     names: tuple[str, ...]
@@ -65,7 +65,6 @@ class PointRegistration:
     rms: float
     scale: float
     scale_std: float
-    scale_p: float
     scaled: bool
     coplanar: bool
     rejected: tuple[RejectedPoint, ...]
@@ -106,9 +105,8 @@ def register(
         if scale:  # one parameter more, taken from the residuals where these tell the noise
             fewer = fit.dof / (fit.dof - 1) if fit.sigma is not None else 1.0
             covariance, ratio_std = beside.rigid_covariance * fewer, ratio_std * fewer**0.5
-    scale_p = float(chi2_sf((ratio / ratio_std) ** 2, 1))
     beside_it = []
-    if scale_p < SCALE_DIFFERS and not scale:
+    if chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS and not scale:
         beside_it.append(
             f"a scale of {ratio * 1e6:+.0f} ± {ratio_std * 1e6:.0f} ppm fits significantly better: "
             "check temperature and units, or let --scale estimate it"
@@ -132,7 +130,6 @@ def register(
         rms=float(np.sqrt(np.mean(np.sum(fit.residual**2, axis=1)))),
         scale=1 + ratio,
         scale_std=ratio_std,
-        scale_p=scale_p,
         scaled=scale,
         coplanar=not fit.handed,
         rejected=survey.rejected,

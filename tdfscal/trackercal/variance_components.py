@@ -12,7 +12,7 @@ Variance Components, 1992, chapter 9).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import compress
 
 import numpy as np
@@ -43,11 +43,7 @@ class Components:
 
     def scaled(self, instrument: Instrument) -> Instrument:
         """The instrument with the noise that it shows."""
-        return Instrument(
-            instrument.range * self.instrument,
-            instrument.range_ppm * self.instrument,
-            instrument.angle_arcsec * self.instrument,
-        )
+        return Instrument(*(self.instrument * stated for stated in astuple(instrument)))
 
     def enlarged(self, noise: Noise, source: str) -> Noise:
         """Noise with these components; source : of the reference points' excess."""
@@ -61,16 +57,9 @@ class Components:
 
 
 def estimate_components(moves: SurveyFit, targets: Sequence[SurveyFit]) -> Components:
-    """Posterior means of the components, given the residuals of moves and targets.
+    """Posterior means of the components' variances, given the residuals of moves and targets.
 
-    Parameters
-    ----------
-    moves, targets : registrations with the noise as stated.
-
-    Returns
-    -------
-    Components
-        Of the mean variances; no source is ever made better than stated.
+    These are registered with the noise as stated; no source is ever made better than that.
     """
     of_moves, unit_moves = _likelihood([moves])
     of_targets, unit_targets = _likelihood(targets)
