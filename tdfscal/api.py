@@ -53,7 +53,6 @@ def read_log(paths: PathLikes, rig: LoadedRig | PathLike, *, salvage: bool = Fal
     Raises
     ------
     UsageError, RigError, DataError
-        By cause.
     """
     loaded = rig if isinstance(rig, LoadedRig) else load_rig(Path(rig))
     return logs.read_log(

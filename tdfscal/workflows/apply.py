@@ -163,8 +163,7 @@ def apply(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError.
+    UsageError, RigError, DataError
     """
     target, files = one(output), listed(paths)
     one_of("--filter", filter, get_args(Kind))

@@ -92,8 +92,7 @@ def calibrate(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError.
+    UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError
     """
     target, files = one(output), listed(paths)
     page, rig_file = one(html), one(rig)

@@ -174,8 +174,7 @@ def plan(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError, NotIdentifiableError.
+    UsageError, RigError, DataError, NotIdentifiableError
     """
     file, spline = one(output), one(waypoints)
     postures_only = (postures, target, at) != (None, None, None) or bool(listed(given))

@@ -93,8 +93,7 @@ def simulate(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, NotConvergedError.
+    UsageError, RigError, NotConvergedError
     """
     scenario = scenario.lower()
     check_folder(Path(folder))

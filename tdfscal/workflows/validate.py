@@ -143,8 +143,7 @@ def validate(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError.
+    UsageError, RigError, DataError
     """
     files, page = listed(paths), one(html)
     one_of("--samples", samples, get_args(Samples))

@@ -72,8 +72,7 @@ def accuracy(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError.
+    UsageError, RigError, DataError
     """
     check_runs(runs, seed, least=2)
     at_least("--postures", postures, 1)

@@ -127,8 +127,7 @@ def free_space(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError.
+    UsageError, RigError, DataError
     """
     check_runs(runs, seed)
     base = filtering_controller(filter, walk, logs)
@@ -219,8 +218,7 @@ def docking(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError.
+    UsageError, RigError, DataError
     """
     check_runs(runs, seed)
     base = filtering_controller(filter, walk, logs)
@@ -282,8 +280,7 @@ def success(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError.
+    UsageError, RigError
     """
     check_runs(runs, seed)
     shared_by = processes(workers)

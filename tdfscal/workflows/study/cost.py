@@ -56,8 +56,7 @@ def cost(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError.
+    UsageError, RigError
     """
     file = one(assumptions)
     check_runs(runs, seed)

@@ -70,8 +70,7 @@ def paper(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError.
+    UsageError, RigError
     """
     _, folder = start(rig, output)
     shared: dict[str, Any] = {"seed": seed, "workers": workers, "progress": progress}

@@ -57,8 +57,7 @@ def sensitivity(
 
     Raises
     ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError.
+    UsageError, RigError, DataError
     """
     del seed, progress
     at_least("--squeeze", squeeze, 0)
