@@ -224,20 +224,17 @@ def campaign_folders(paths: Sequence[Path], rig: Path | None = None) -> list[lis
     Everything else, and everything where --rig names the rig, is one campaign. A folder without a
     rig.yaml stands for its subfolders that hold one.
     """
-    if rig is not None:
-        return [list(paths)]
     found: list[list[Path]] = []
     for path in paths:
-        if not path.is_dir() or is_log(path):
-            return [list(paths)]
-        if (path / RIG_NAME).is_file():
-            found.append([path])
-            continue
-        inside = sorted(p for p in path.iterdir() if (p / RIG_NAME).is_file())
+        inside: list[Path] = []
+        if rig is None and path.is_dir() and not is_log(path):
+            here = (path / RIG_NAME).is_file()
+            folders = [path] if here else sorted(path.iterdir())
+            inside = [folder for folder in folders if (folder / RIG_NAME).is_file()]
         if not inside:
             return [list(paths)]
-        found += [[p] for p in inside]
-    return found
+        found += [[folder] for folder in inside]
+    return found or [list(paths)]
 
 
 def rig_named(path: PathLike) -> LoadedRig:
