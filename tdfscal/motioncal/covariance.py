@@ -13,19 +13,17 @@ from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import reading_gain
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_sf, coverage_factor
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import (
     PRIORS,
     Quality,
     Uncertainty,
-    blind_turns,
+    of_shares,
     parameter_std,
     prior_shares,
-    without_faked,
 )
-from tdfscal.significance import INTERVAL_COVERAGE
 
 #: Names in the budget of what only motion has.
 SPECTRUM, MOTION, UNDECLARED = "noise spectrum", "motion", "undeclared error"
@@ -92,10 +90,8 @@ def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUnce
 
     undeclared : (p, p), covariance of the active parameters by what the rig file may lack.
     """
-    n = fit.rig.n
     parts = fit.information()
     C, added = posterior(fit, parts)
-    turns = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
     p = int(fit.active.sum())
     parted = _shares(fit, C[:p])
     at_spectrum = np.sum(list(parted.values()), axis=0)
@@ -103,23 +99,11 @@ def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUnce
     if undeclared is not None:
         parted[UNDECLARED] = undeclared
     total = np.sum(list(parted.values()), axis=0)
-    shares = {name: share[np.ix_(turns, turns)] for name, share in parted.items()}
-    linear = total[np.ix_(turns, turns)]
-    covariance = without_faked(linear, faked_information(fit), blind_turns(parts, turns))
-    shares["noise"] = shares["noise"] + (covariance - linear)
-    R = fit.state.still.rotation
-    infinite = np.full((n, 3), np.inf)
-    std = parameter_std(fit.active, total, parts.null[:, :p])
+    std = parameter_std(fit.active, total, parts)
     cut = len(fit.active) - dynamics.PARAMETERS
+    R, faked = fit.state.still.rotation, faked_information(fit)
     return MovingUncertainty(
-        turns=Uncertainty(
-            covariance=covariance,
-            rpy_covariance=so3.rpy_covariance(R, covariance),
-            contributions={name: so3.rpy_variance(R, share) for name, share in shares.items()},
-            parameter_std=std[:cut],
-            effective_dof=infinite,
-            coverage_factor=coverage_factor(INTERVAL_COVERAGE, infinite),
-        ),
+        turns=of_shares(R, parted, faked, parts, std[:cut]),
         posterior=total,
         at_spectrum=at_spectrum,
         undeclared=undeclared,

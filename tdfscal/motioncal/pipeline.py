@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import log_against_rig
-from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
+from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import nominal, parameter_count, with_motions
 from tdfscal.model.postures import Postures
@@ -167,7 +167,10 @@ def _judged(
     used = balance(moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
     stats, uncertainty = quality(fit), evaluate(fit)
     verdict = observability.verdict(rig, still, used, uncertainty.turns.covariance, moving=True)
-    _determined(fit, verdict, UndeterminedMotion(rig, slow, keep, rejected, stats, verdict))
+    seen = UndeterminedMotion(rig, slow, keep, rejected, stats, verdict)
+    observability.require_angles(
+        verdict, fit.converged, fit.iterations, seen, "the motion does", "a longer motion"
+    )
     doubts = suspicions(fit, uncertainty, stats)
     beside = undeclared(doubts)
     if beside is not None:
@@ -203,22 +206,6 @@ def _judged(
     )
     conformity = assess_stated(result.calibrated)
     return replace(result, conformity=conformity, reasons=_reasons(result, conformity, inputs))
-
-
-def _determined(fit: MovingFit, verdict: Observability, evidence: UndeterminedMotion) -> None:
-    """Raise where the angles do not stand."""
-    if not verdict.determined.any() or not verdict.identified:
-        raise NotIdentifiableError(
-            f"the motion does not determine {verdict.unseen}",
-            hint=verdict.weak[0].advice,
-            evidence=evidence,
-        )
-    if not fit.converged:
-        raise NotConvergedError(
-            f"the estimate did not settle in {fit.iterations} iterations",
-            hint="check mass, hinges and nominal mounting in rig.yaml, and record a longer motion",
-            evidence=evidence,
-        )
 
 
 def _one_delay(halves: Halves) -> None:

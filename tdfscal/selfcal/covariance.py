@@ -18,7 +18,7 @@ from tdfscal.model.parameters import (
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, coverage_factor
 from tdfscal.numerics.least_squares import Spectrum, spectrum, triangular
-from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
+from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -152,27 +152,49 @@ def evaluate(
     birge : its excess over 1 scales the standard deviation of the noise; it never shrinks any.
     noise_from_residuals : the noise level itself comes from this fit, with its few degrees.
     """
-    n = fit.rig.n
-    turns = np.flatnonzero(np.flatnonzero(fit.active) < 3 * n)
     posterior = parts.root @ parts.root.T  # pseudo-inverse of the information
     inflate = max(1.0, birge) ** 2
     shares = {
-        name: share[np.ix_(turns, turns)] * (inflate if name in NOISE else 1.0)
+        name: share * (inflate if name in NOISE else 1.0)
         for name, share in _shares(fit, posterior).items()
     }
-    linear = np.sum(list(shares.values()), axis=0)
-    covariance = without_faked(linear, faked_information(fit), blind_turns(parts, turns))
-    # What noise fakes belongs to the noise.
-    shares["noise"] = shares["noise"] + (covariance - linear)
-    R = fit.state.rotation
-    contributions = {name: so3.rpy_variance(R, share) for name, share in shares.items()}
-    scaled = birge > 1 or noise_from_residuals
-    dof = _effective_dof(fit, parts, contributions, scaled)
+    dof = np.inf
+    if birge > 1 or noise_from_residuals:
+        dof = max(1, fit.rows - len(parts.values) + len(fit.prior_residual))
+        dof += 0 if fit.rig.earlier is None else fit.rig.earlier.dof
+    faked, std = faked_information(fit), parameter_std(fit.active, posterior, parts)
+    return of_shares(fit.state.rotation, shares, faked, parts, std, dof)
+
+
+def of_shares(
+    R: FloatArray,
+    shares: dict[str, FloatArray],
+    faked: FloatArray,
+    parts: Spectrum,
+    std: FloatArray,
+    noise_dof: float = np.inf,
+) -> Uncertainty:
+    """Uncertainty of rotations (n, 3, 3), whose turns are the first of the parameters.
+
+    shares : source → (p, p), covariance by it. faked : (3n, 3n), information that noise fakes,
+    whose loss is the noise's. std : (P,), of every parameter. noise_dof : behind the scale of the
+    noise; only that has finite degrees of freedom (Welch–Satterthwaite, GUM, G.4.1).
+    """
+    turns = slice(3 * len(R))
+    own = {name: share[turns, turns] for name, share in shares.items()}
+    linear = np.sum(list(own.values()), axis=0)
+    covariance = without_faked(linear, faked, blind_turns(parts, 3 * len(R)))
+    own["noise"] = own["noise"] + (covariance - linear)
+    contributions = {name: so3.rpy_variance(R, share) for name, share in own.items()}
+    total = np.sum(list(contributions.values()), axis=0)
+    noise = np.sum([contributions[name] for name in NOISE if name in contributions], axis=0)
+    share = np.maximum(noise / np.maximum(total, np.finfo(float).tiny), _NO_SHARE)
+    dof = np.asarray(noise_dof / share**2)
     return Uncertainty(
         covariance=covariance,
         rpy_covariance=so3.rpy_covariance(R, covariance),
         contributions=contributions,
-        parameter_std=parameter_std(fit.active, posterior, parts.null),
+        parameter_std=std,
         effective_dof=dof,
         coverage_factor=coverage_factor(INTERVAL_COVERAGE, dof),
     )
@@ -247,10 +269,10 @@ def faked_information(fit: Fit) -> FloatArray:
     return faked
 
 
-def blind_turns(parts: Spectrum, turns: IntArray) -> FloatArray:
-    """Turns (r, 3n) in rad that no row sees, longest component 1, from the null space."""
-    null = parts.null[:, turns]
-    null = null[np.abs(null).max(axis=1, initial=0.0) > _ROUNDING] / parts.scale[turns]
+def blind_turns(parts: Spectrum, count: int) -> FloatArray:
+    """Turns (r, count) in rad that no row sees, longest component 1, from the null space."""
+    null = parts.null[:, :count]
+    null = null[np.abs(null).max(axis=1, initial=0.0) > _ROUNDING] / parts.scale[:count]
     return np.asarray(null / np.abs(null).max(axis=1, initial=0.0, keepdims=True))
 
 
@@ -271,27 +293,12 @@ def without_faked(covariance: FloatArray, faked: FloatArray, blind: FloatArray) 
     return np.asarray((vectors * np.clip(values, 0.0, EVEN_TURN**2)) @ vectors.T)
 
 
-def parameter_std(active: BoolArray, posterior: FloatArray, null: FloatArray) -> FloatArray:
-    """Standard uncertainty (P,) of every parameter, of which some are active."""
+def parameter_std(active: BoolArray, posterior: FloatArray, parts: Spectrum) -> FloatArray:
+    """Standard uncertainty (P,) of every parameter; posterior : (p, p), of the active ones."""
     std = np.zeros(len(active))
-    blind = np.abs(null).max(axis=0, initial=0.0) > _ROUNDING
+    blind = np.abs(parts.null).max(axis=0, initial=0.0)[: len(posterior)] > _ROUNDING
     std[active] = np.where(blind, np.inf, np.sqrt(np.diagonal(posterior)))
     return std
-
-
-def _effective_dof(
-    fit: Fit, parts: Spectrum, contributions: dict[str, FloatArray], scaled: bool
-) -> FloatArray:
-    """Welch–Satterthwaite (GUM, G.4.1): only noise scaled by the residuals has finite dof."""
-    total = np.sum(list(contributions.values()), axis=0)
-    if not scaled:
-        return np.full(total.shape, np.inf)
-    dof = max(1, fit.rows - len(parts.values) + len(fit.prior_residual))
-    if fit.rig.earlier is not None:
-        dof += fit.rig.earlier.dof
-    noise = np.sum([contributions[name] for name in NOISE], axis=0)
-    share = np.maximum(noise / np.maximum(total, np.finfo(float).tiny), _NO_SHARE)
-    return np.asarray(dof / share**2)
 
 
 def joint_posterior(

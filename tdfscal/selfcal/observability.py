@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.acceptance.turns import prior_turn_std, turn_names, turn_std
+from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, forces
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -123,6 +124,25 @@ class Observability:
                 every = f"every angle of a sensor but {', '.join(self.undetermined)}"
             return f"{every} is determined by the data; the weakest is {w.name}, {_mrad(w.std)}"
         return f"the data do not determine {', '.join(self._open)}"
+
+
+def require_angles(
+    seen: Observability, settled: bool, iterations: int, evidence: object, data: str, more: str
+) -> None:
+    """Raise NotIdentifiableError or NotConvergedError where no angles can be given.
+
+    data, more : what there is, with its verb, and what to record.
+    """
+    if not seen.determined.any() or not seen.identified:
+        raise NotIdentifiableError(
+            f"{data} not determine {seen.unseen}", hint=seen.weak[0].advice, evidence=evidence
+        )
+    if not settled:
+        raise NotConvergedError(
+            f"the estimate did not settle in {iterations} iterations",
+            hint=f"check mass, hinges and nominal mounting in rig.yaml, and record {more}",
+            evidence=evidence,
+        )
 
 
 def _mrad(std: float) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity
 from tdfscal.checks import log_against_rig
-from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.errors import NotIdentifiableError
 from tdfscal.model.parameters import State, nominal
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
@@ -21,7 +21,7 @@ from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.exact_quantities import exact_caveats
 from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.noise_components import ChannelNoise
-from tdfscal.selfcal.observability import Observability
+from tdfscal.selfcal.observability import Observability, require_angles
 from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import MISFIT, OVERSTATED_NOISE
@@ -90,24 +90,20 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
 
     near : other mountings that may explain the postures as well.
     """
-    rig, result, verdict = seen.rig, seen.fit, seen.observability
-    if not verdict.determined.any() or not verdict.identified:
-        raise NotIdentifiableError(
-            f"the data do not determine {verdict.unseen}",
-            hint=verdict.weak[0].advice,
-            evidence=seen,
-        )
-    if not result.converged:
-        raise NotConvergedError(
-            f"the estimate did not settle in {result.iterations} iterations",
-            hint="check mass, hinges and nominal mounting in rig.yaml, and record more postures",
-            evidence=seen,
-        )
+    rig, result = seen.rig, seen.fit
+    require_angles(
+        seen.observability,
+        result.converged,
+        result.iterations,
+        seen,
+        "the data do",
+        "more postures",
+    )
     if near and near[0].as_likely:
         rival = near[0]
         raise NotIdentifiableError(
             "two mountings explain the log about equally well (χ² apart by "
-            f"{abs(rival.gap):.2g}): {describe(rig, result.state, rival.state)}",
+            f"{abs(rival.gap):.2g}): {describe(rig, fit.state, rival.state)}",
             hint="state which it is by nominal_rpy and rpy_std in rig.yaml (0.2 rad will do), or "
             "squeeze harder, tilt more and record more postures",
             evidence=seen,

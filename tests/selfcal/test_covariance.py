@@ -150,10 +150,10 @@ def test_blind_turns_are_in_radians_and_longest_one() -> None:
     J[:, :2] = RNG.normal(size=(4, 2))
     J[:, 3] = 100 * RNG.normal(size=4)
     parts = spectrum(J)
-    blind = blind_turns(parts, np.array([0, 1, 2]))
+    blind = blind_turns(parts, 3)
     assert np.allclose(np.abs(blind), [[0, 0, 1]], rtol=0, atol=1e-9)
     seen = spectrum(RNG.normal(size=(6, 4)))
-    assert blind_turns(seen, np.array([0, 1, 2])).shape == (0, 3)
+    assert blind_turns(seen, 3).shape == (0, 3)
 
 
 def test_a_birge_ratio_scales_what_averages_out_and_nothing_else() -> None:
