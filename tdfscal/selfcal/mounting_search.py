@@ -8,13 +8,11 @@ it when everything but the rotations is eliminated.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
-from tdfscal.model.parameters import State, nominal, starting_state
+from tdfscal.model.parameters import State, starting_state
 from tdfscal.model.statics import Balance, Postures, balance
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
@@ -37,8 +35,6 @@ from tdfscal.significance import AMBIGUOUS_MOUNTING
 
 #: Sensors above which combinations of turned ones are too many to try.
 _MANY = 8
-#: Joint starts at most whose yaws are quarter turns apart; of more combinations so many are drawn.
-_YAWS = 256
 #: Starts drawn evenly over all rotations.
 _DRAWN = 64
 #: Steps for all starts, and then for the best of them.
@@ -56,10 +52,6 @@ _NEAR = 4.0
 _LEANS, _LEAN = 12, 0.02
 #: Costs that differ by less, relative, are one.
 _ONE_COST = 1e-4
-#: The 24 rotations that carry axes on axes, (24, 3, 3).
-_CUBE = np.unique(
-    np.round(so3.from_rpy(np.pi / 2 * np.array(list(product(range(4), repeat=3))))) + 0.0, axis=0
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,10 +84,10 @@ def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
     everyone, priors = np.ones(len(postures)), Priors(rig, postures.motion)
     at = balance(postures, start, rig.barycentre.value, rig.gravity)
     compressed = statistic(at, everyone)
+    starts = np.stack([start.rotation, linear_start(rig, postures).rotation])
     if mountings:
-        starts = np.concatenate([start.rotation[None], wide_starts(rig, postures)])
-    else:
-        starts = np.stack([start.rotation, linear_start(rig, postures).rotation])
+        anywhere = np.random.default_rng(0).standard_normal((_DRAWN, rig.n, 3, 3))
+        starts = np.concatenate([starts, so3.project(anywhere)])
     tried = []
     for rotation in minima(rig, at, compressed, start, priors, starts):
         begin = replace(start, rotation=rotation)
@@ -137,14 +129,11 @@ def _robust_cost(result: Fit, scale: float) -> float:
     return float((_HEAVY_TAIL + ROWS) * np.sum(tail)) + prior / scale
 
 
-def rivals(result: Fit, others: Iterable[FloatArray] = ()) -> list[Rival]:
-    """Other mountings that explain the used postures, the likeliest first.
-
-    others : rotations (n, 3, 3) to start from besides those that half turns lead to.
-    """
+def rivals(result: Fit) -> list[Rival]:
+    """Other mountings that explain the used postures, the likeliest first."""
     rig, priors = result.rig, Priors(result.rig, result.postures.motion)
     compressed = statistic(result.at, result.weight)
-    starts = near_starts(result.state.rotation, others)
+    starts = near_starts(result.state.rotation)
     scale = max(1.0, result.cost / max(1, result.dof))
     here = result.state.rotation
     found: list[Rival] = []
@@ -226,60 +215,15 @@ def _turned(a: FloatArray, b: FloatArray, axes: BoolArray | None) -> FloatArray:
     return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
 
-def wide_starts(rig: Rig, postures: Postures) -> FloatArray:
-    """Starts (T, n, 3, 3) from everywhere: none is nearer to the truth than half a right angle.
-
-    The nominal mounting; the linear solution; each sensor turned by quarter turns; each turned so
-    that its mean load points upwards, with all yaws in quarter turns; and rotations drawn evenly.
-    Of many sensors all are turned alike: one that is not is found from where the others stand.
-    """
-    n, rng = rig.n, np.random.default_rng(0)
-    base, linear = nominal(rig).rotation, linear_start(rig, postures).rotation
-    if n > _MANY:
-        alike = _yaw(np.pi / 2 * np.arange(4.0))[:, None] @ _upright(rig, postures)
-        drawn = so3.project(rng.standard_normal((_DRAWN // 4, n, 3, 3)))
-        return np.concatenate([base[None], linear[None], _CUBE[:, None] @ base, alike, drawn])
-    singles = np.repeat(base[None], 24 * n, axis=0)
-    for i in range(n):
-        singles[24 * i : 24 * i + 24, i] = _CUBE @ base[i]
-    upright = _upright(rig, postures)
-    quarters = np.array(list(product(range(4), repeat=n)) if 4**n <= _YAWS else [])
-    if len(quarters) == 0:
-        quarters = rng.integers(0, 4, (_YAWS, n))
-    turned = _yaw(np.pi / 2 * quarters) @ upright
-    drawn = so3.project(rng.standard_normal((_DRAWN, n, 3, 3)))
-    return np.concatenate([base[None], linear[None], singles, turned, drawn])
-
-
-def near_starts(rotation: FloatArray, others: Iterable[FloatArray] = ()) -> FloatArray:
+def near_starts(rotation: FloatArray) -> FloatArray:
     """Starts (T, n, 3, 3) that a minimum (n, 3, 3) has for rivals.
 
     Half turns about the vertical of any one sensor, any two (of up to `_MANY`), all, and all but
-    one; quarter turns of one; and others, as given.
+    one; and quarter turns of one.
     """
-    n = len(rotation)
-    flips = [np.zeros(n), np.ones(n), *np.eye(n), *(1 - np.eye(n)), *(np.eye(n) / 2)]
-    flips += [*(-np.eye(n) / 2), *(_pairs(n) if n <= _MANY else ())]
-    turned = _yaw(np.pi * np.array(flips)) @ rotation
-    return np.concatenate([turned, *(other[None] for other in others)])
-
-
-def _pairs(n: int) -> list[FloatArray]:
-    eye = np.eye(n)
-    return [eye[i] + eye[j] for i in range(n) for j in range(i)]
-
-
-def _yaw(angle: FloatArray) -> FloatArray:
-    """Turns (..., 3, 3) about the vertical."""
-    return so3.exp(angle[..., None] * np.array([0.0, 0.0, 1.0]))
-
-
-def _upright(rig: Rig, postures: Postures) -> FloatArray:
-    """Rotations (n, 3, 3) that turn each sensor's mean load to the vertical by the least angle."""
-    load = np.mean(postures.force - rig.zero.value, axis=0)
-    length = np.linalg.norm(load, axis=1, keepdims=True)
-    down = load / np.where(length > 0, length, 1.0)
-    across = np.cross(down, np.array([0.0, 0.0, 1.0]))
-    sine = np.linalg.norm(across, axis=1, keepdims=True)
-    axis = np.where(sine > 1e-9, across / np.maximum(sine, 1e-9), np.array([1.0, 0.0, 0.0]))
-    return so3.exp(axis * np.arctan2(sine, down[:, 2:]))
+    n, eye = len(rotation), np.eye(len(rotation))
+    flips = [np.zeros(n), np.ones(n), *eye, *(1 - eye), *(eye / 2), *(-eye / 2)]
+    if n <= _MANY:
+        flips += [eye[i] + eye[j] for i in range(n) for j in range(i)]
+    vertical = np.pi * np.array(flips)[..., None] * np.array([0.0, 0.0, 1.0])
+    return np.asarray(so3.exp(vertical) @ rotation)

@@ -90,15 +90,8 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
 
     near : other mountings that may explain the postures as well.
     """
-    rig, result = seen.rig, seen.fit
-    require_angles(
-        seen.observability,
-        result.converged,
-        result.iterations,
-        seen,
-        "the data do",
-        "more postures",
-    )
+    rig, fit, verdict = seen.rig, seen.fit, seen.observability
+    require_angles(verdict, fit.converged, fit.iterations, seen, "the data do", "more postures")
     if near and near[0].as_likely:
         rival = near[0]
         raise NotIdentifiableError(

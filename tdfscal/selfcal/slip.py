@@ -20,7 +20,6 @@ Proc. Camb. Phil. Soc. 44, 50-57.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,14 +35,15 @@ from tdfscal.significance import CAUSES_APART, OUTLYING_POSTURE, WITHIN_CAMPAIGN
 
 #: Postures on either side of a split: one alone is an outlier, not a part of the campaign.
 _FEWEST = 2
-#: Splits tried in a long campaign; one misplaced by half their distance loses 1.5 % of χ².
+#: Splits of a long campaign that count as tests of their own: one misplaced by half their distance
+#: loses 1.5 % of χ².
 _SPLITS = 32
 _NOISE_ONLY = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A suspect at its best. group : rotation, zero; or drift, a zero's ramp over the campaign.
+    """A suspect at its best. group : rotation or zero.
 
     first : posture (in the order of time) from which it holds. amount : (3,), rad in the BCS or N
     in the sensor's frame. move : (p,), of the other parameters with it.
@@ -74,36 +74,58 @@ class _Normal:
         self.root = factored_information(fit).root
         gradient = np.einsum("kra,kr->a", self.active, self.residual)
         gradient += fit.prior_jacobian.T @ fit.prior_residual
-        self.step = self.root.T @ gradient
-        self.chi2 = float(white @ white - self.step @ self.step)
+        self.pull = self.root.T @ gradient
+        self.chi2 = float(white @ white - self.pull @ self.pull)
         rows = ROWS * int(counts.sum()) + len(fit.prior_residual)
         self.dof = rows - self.root.shape[1]
 
-    def asked(self, group: str, sensor: int, shapes: FloatArray) -> Iterator[_Step]:
-        """The suspect with each of some shapes over time, (S, K), its zero or rotation by them."""
-        at = layout(self.fit.rig.n)["zero" if group == "drift" else group].start + 3 * sensor
-        block = self.design[..., at : at + 3]
+    def step(self, group: str, sensor: int, possible: IntArray) -> _Step:
+        """The likeliest change of a sensor's rotation or zero from one of these postures on."""
+        sums = [np.cumsum(x[::-1], axis=0)[::-1][possible] for x in self._products(group, sensor)]
+        best = self._likeliest(group, sensor, *sums)
+        return replace(best, first=int(possible[best.first]))
+
+    def drift(self, sensor: int, shapes: FloatArray) -> _Step:
+        """The likeliest drift of a sensor's zero, of some shapes over time (S, K)."""
+        cross, own, score = self._products("zero", sensor)
+        powers = ((shapes, cross), (shapes**2, own), (shapes, score))
+        sums = [np.tensordot(shape, x, axes=1) for shape, x in powers]
+        return self._likeliest("zero", sensor, *sums)
+
+    def _block(self, group: str, sensor: int) -> FloatArray:
+        at = layout(self.fit.rig.n)[group].start + 3 * sensor
+        return self.design[..., at : at + 3]
+
+    def _products(self, group: str, sensor: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Per posture, of a suspect's columns: cᵀJ (K, 3, p), cᵀc (K, 3, 3) and cᵀr (K, 3)."""
+        block = self._block(group, sensor)
         across = np.swapaxes(block, 1, 2)
-        cross = (across @ self.active).reshape(len(block), -1)
-        own = (across @ block).reshape(len(block), -1)
         score = (across @ self.residual[..., None])[..., 0]
-        known = (shapes @ cross).reshape(len(shapes), 3, -1) @ self.root
-        whole = ((shapes**2) @ own).reshape(-1, 3, 3)
-        information = whole - known @ np.swapaxes(known, 1, 2)
-        score = shapes @ score - known @ self.step
-        values, vectors = np.linalg.eigh(information)
-        scale = np.trace(whole, axis1=1, axis2=2)[:, None]
+        return across @ self.active, across @ block, score
+
+    def _likeliest(
+        self, group: str, sensor: int, cross: FloatArray, own: FloatArray, score: FloatArray
+    ) -> _Step:
+        """The best of suspects with these sums (S, …); first : which of them."""
+        known = cross @ self.root
+        score = score - known @ self.pull
+        values, vectors = np.linalg.eigh(own - known @ np.swapaxes(known, 1, 2))
+        scale = np.trace(own, axis1=1, axis2=2)[:, None]
         seen = values > _NOISE_ONLY * np.maximum(scale, np.finfo(float).tiny)
         along = np.einsum("sab,sa->sb", vectors, score)
         gain = np.divide(along, values, out=np.zeros_like(along), where=seen)
-        for k, shape in enumerate(shapes):
-            if seen[k].any():
-                amount = -vectors[k] @ gain[k]
-                pull = self.step + known[k].T @ amount
-                yield _Step(
-                    group, sensor, int(np.argmax(shape > 0)), float(gain[k] @ along[k]),
-                    int(seen[k].sum()), amount, -self.root @ pull,
-                )  # fmt: skip
+        statistic = np.sum(gain * along, axis=1)
+        best = int(np.argmax(statistic))
+        amount = -vectors[best] @ gain[best]
+        return _Step(
+            group,
+            sensor,
+            best,
+            float(statistic[best]),
+            int(seen[best].sum()),
+            amount,
+            -self.root @ (self.pull + known[best].T @ amount),
+        )
 
     def p_value(self, step: _Step, *, noise_from_residuals: bool) -> float:
         """That noise alone gives as much, for this suspect alone.
@@ -118,10 +140,9 @@ class _Normal:
 
     def explains(self, step: _Step, left_out: BoolArray) -> bool:
         """Whether postures left out (K,), in the order of time, belong once the step is there."""
-        at = layout(self.fit.rig.n)[step.group].start + 3 * step.sensor
         after = np.arange(len(self.design)) >= step.first
         remaining = self.residual + self.active @ step.move
-        remaining += after[:, None] * (self.design[..., at : at + 3] @ step.amount)
+        remaining += after[:, None] * (self._block(step.group, step.sensor) @ step.amount)
         limit = chi2_quantile(1 - OUTLYING_POSTURE / len(left_out), ROWS)
         rest = max(1.0, (self.chi2 - step.statistic) / max(self.dof - step.size, 1))
         return bool((np.sum(remaining[left_out] ** 2, axis=1) <= limit * rest).all())
@@ -173,45 +194,20 @@ def _most_likely(
     possible = np.flatnonzero(counts & (before >= _FEWEST) & (counts.sum() - before >= _FEWEST))
     if not len(possible):
         return None
-    coarse = _spread(possible)
+    sensors = range(normal.fit.rig.n)
     ramp = (time - time.mean()) / max(float(np.ptp(time)), np.finfo(float).tiny)
     creep = np.stack([ramp, ramp**2 - np.mean(ramp**2)])
-    late = np.arange(len(counts))
-
-    def best_of(group: str, splits: IntArray) -> list[_Step]:
-        shapes = (late >= splits[:, None]).astype(np.float64)
-        return [step for i in range(normal.fit.rig.n) for step in normal.asked(group, i, shapes)]
-
-    def likeliest(steps: list[_Step]) -> _Step | None:
-        return max(steps, key=lambda step: step.statistic, default=None)
-
-    def refined(group: str) -> _Step | None:
-        step, among = likeliest(best_of(group, coarse)), possible
-        while step is not None and len(among) > _SPLITS:  # about the best of those tried
-            middle, half = np.searchsorted(among, step.first), len(among) // _SPLITS + 1
-            among = among[max(middle - half, 0) : middle + half + 1]
-            step = likeliest([step, *best_of(group, _spread(among))])
-        return step
-
-    steps = [step for step in map(refined, ("rotation", "zero")) if step is not None]
-    drifts = [step for i in range(normal.fit.rig.n) for step in normal.asked("drift", i, creep)]
-    step = likeliest(steps)
-    if step is None or any(drift.statistic >= step.statistic for drift in drifts):
-        return None
-    rival = next(
+    rival, step = sorted(
         (
-            other for other in steps
-            if other.group != step.group and other.sensor == step.sensor
-            and other.statistic > step.statistic - CAUSES_APART
+            max((normal.step(group, i, possible) for i in sensors), key=lambda each: each.statistic)
+            for group in ("zero", "rotation")
         ),
-        None,
-    )  # fmt: skip
-    return step, rival, 2 * normal.fit.rig.n * len(coarse)
-
-
-def _spread(among: IntArray) -> IntArray:
-    """At most `_SPLITS` of them, evenly spread."""
-    return np.asarray(among[np.linspace(0, len(among) - 1, min(_SPLITS, len(among))).astype(int)])
+        key=lambda each: each.statistic,
+    )
+    if any(normal.drift(i, creep).statistic >= step.statistic for i in sensors):
+        return None
+    near = rival.sensor == step.sensor and rival.statistic > step.statistic - CAUSES_APART
+    return step, rival if near else None, 2 * len(sensors) * min(len(possible), _SPLITS)
 
 
 def _suspicion(
