@@ -67,7 +67,8 @@ class Balance:
     design : (K, 6, q), Φ_k, rows e_F (N) and e_M (N·m, about the barycentre of `centre`), BCS.
     noise_force : (K, n, 6, 3), e = … + Σ noise_force · (reading noise).
     noise_turn : (K, 6, 3), e = … + noise_turn · (rotation error of the registered pose, rad).
-    turn_cov : (K, 3, 3), rad², covariance of that rotation error.
+    turn : (K, n, 3, 3), that rotation for a displacement of each position, rad/m. turn_cov :
+    (K, 3, 3), rad², its covariance.
     rotation : (K, 3, 3), pose R. arm : (K, n, 3), ρ_i, m, BCS.
     cov : (K, 6, 6), covariance of e by noise alone, free forces apart.
     centre : (3,), c in the LCS. hinge, datum, compliance : values about which ψ counts them.
@@ -77,6 +78,7 @@ class Balance:
     design: FloatArray
     noise_force: FloatArray
     noise_turn: FloatArray
+    turn: FloatArray
     turn_cov: FloatArray
     rotation: FloatArray
     arm: FloatArray
@@ -176,6 +178,7 @@ def _linearised(posture: Postures, state: State, centre: FloatArray, g: float) -
         design=_design(posture, R, F, B, -A[:, None] @ P_turn),
         noise_force=noise_force,
         noise_turn=noise_turn,
+        turn=P_turn,
         turn_cov=turn_cov,
         rotation=R,
         arm=arm,

@@ -67,32 +67,25 @@ def zero_motion(
     at the first posture; default none, they hold there.
     """
     age = age or ZeroAge()
-    kinds: list[Kind] = []
-    values, std = [], []
     elapsed = np.repeat((time - time[0] + age.seconds)[:, None], n, axis=1)
+    parts: list[tuple[Kind, FloatArray, float]] = []
     if drift.time > 0:
-        kinds.append("time")
-        values.append(elapsed)
-        std.append(drift.time)
+        parts.append(("time", elapsed, drift.time))
     if drift.temperature > 0 and temperature is not None:
-        kinds.append("temperature")
-        values.append(temperature - temperature[0] + age.warming)
-        std.append(drift.temperature)
+        warming = temperature - temperature[0] + age.warming
+        parts.append(("temperature", warming, drift.temperature))
     if drift.parabola > 0:
-        kinds.append("parabola")
-        values.append(elapsed**2)
-        std.append(drift.parabola)
+        parts.append(("parabola", elapsed**2, drift.parabola))
     remainder = 0.0
     if drift.walk > 0:
         modes, remainder = walk_modes(drift.walk, time)
         before = np.full((len(time), 1), drift.walk * np.sqrt(abs(age.seconds)))
-        for mode in (np.hstack([before, modes]) if age.seconds else modes).T:
-            kinds.append("walk")
-            values.append(np.repeat(mode[:, None], n, axis=1))
-            std.append(1.0)
-    if not kinds:
+        modes = np.hstack([before, modes]) if age.seconds else modes
+        parts += [("walk", np.repeat(mode[:, None], n, axis=1), 1.0) for mode in modes.T]
+    if not parts:
         return None
-    return ZeroMotion(tuple(kinds), np.stack(values, axis=2), np.array(std), remainder)
+    kinds, values, std = zip(*parts, strict=True)
+    return ZeroMotion(kinds, np.stack(values, axis=2), np.array(std), remainder)
 
 
 def walk_modes(intensity: float, time: FloatArray) -> tuple[FloatArray, float]:

@@ -165,8 +165,12 @@ def _perturbed(fit: Fit, rng: np.random.Generator, trials: int) -> LinearData:
         zero = zero + np.einsum("kng,tgna->tkna", seen.motion.value, moving)
     mixed = np.eye(3) + symmetric(draw("sensitivity", rig.n, 6))  # (T, n, 3, 3)
     hinge = draw("hinge", rig.n, 3)
-    shift = _shift(fit, hinge, draw("datum", rig.n, 3), draw("compliance", 2))
-    turn = np.einsum("knab,tknb->tka", _turn_by_position(fit), shift, optimize=True)
+    # Displacement (T, K, n, 3) of the positions on which the hinges are registered: the encoder
+    # stands C F ahead of the hinge.
+    shift = np.einsum("kab,tnb->tkna", fit.at.rotation, hinge) + draw("datum", rig.n, 3)[:, None]
+    given_way = draw("compliance", 2)[:, None, None, [0, 0, 1]]
+    shift += given_way * forces(fit.state, fit.at.seen.force)
+    turn = -np.einsum("knab,tknb->tka", fit.at.turn, shift, optimize=True)
     turn += np.einsum(
         "kab,tkb->tka",
         covariance_root(fit.at.turn_cov),
@@ -182,26 +186,6 @@ def _perturbed(fit: Fit, rng: np.random.Generator, trials: int) -> LinearData:
         barycentre=given.barycentre + draw("barycentre", 3),
         moment=np.sqrt(seen.moment_var) * rng.standard_normal((trials, len(seen), 3)),
     )
-
-
-def _shift(fit: Fit, hinge: FloatArray, datum: FloatArray, compliance: FloatArray) -> FloatArray:
-    """Displacement (T, K, n, 3), m, BCS, of the positions on which the hinges are registered.
-
-    hinge, datum : (T, n, 3), errors. compliance : (T, 2), sideways and along Z, m/N: the encoder
-    stands C F ahead of the hinge.
-    """
-    F = forces(fit.state, fit.at.seen.force)
-    moved = np.einsum("kab,tnb->tkna", fit.at.rotation, hinge) + datum[:, None]
-    given: FloatArray = compliance[:, None, None, [0, 0, 1]] * F
-    return np.asarray(-(moved + given))
-
-
-def _turn_by_position(fit: Fit) -> FloatArray:
-    """Rotation of the registered pose for a displacement of each position, (K, n, 3, 3), rad/m."""
-    arm = fit.at.arm
-    spoke = so3.hat(arm - arm.mean(axis=1, keepdims=True))
-    inertia = np.einsum("knca,kncb->kab", spoke, spoke)
-    return np.linalg.solve(inertia[:, None], spoke)
 
 
 def covariance_root(cov: FloatArray) -> FloatArray:

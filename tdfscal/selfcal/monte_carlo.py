@@ -83,8 +83,9 @@ class Sampler:
             mixes = [_root(own * np.sqrt(variance[:, i, s])[:, None]) for s in range(3)]
             felt = [mix.T[..., None] * axes[i][:, s] for s, mix in enumerate(mixes)]
             self.mixing.append([part.reshape(len(part), -1).astype(_NOISE) for part in felt])
-            rest.append(_loose(loose, variance[:, i], axes[i]))
-        self.rest = _block_rows(rest)
+            rows = _loose(loose, variance[:, i], axes[i])
+            rest.append(np.pad(rows, ((0, 0), (9 * i, 9 * (n - i) - 8))))
+        self.rest = np.concatenate(rest)
         turning = at.noise_turn[used] @ at.turn_cov[used] @ np.swapaxes(at.noise_turn[used], 1, 2)
         turning[:, 3:, 3:] += fit.postures.moment_var * np.eye(3)
         through = np.swapaxes(Q, 1, 2) @ whitener
@@ -163,16 +164,6 @@ def _loose(matrix: FloatArray, variance: FloatArray, axes: FloatArray) -> FloatA
     blocks = np.einsum("kab,ks->sab", matrix, variance - least)
     whole = np.einsum("sab,cs,ds->acbd", blocks, axes, axes).reshape(9, 9)
     return _root_of(whole).T
-
-
-def _block_rows(blocks: list[FloatArray]) -> FloatArray:
-    """Rows (m, 9n + 1) of blocks (m_i, 9), one per sensor."""
-    rows = np.zeros((sum(len(block) for block in blocks), 9 * len(blocks) + 1))
-    start = 0
-    for i, block in enumerate(blocks):
-        rows[start : start + len(block), 9 * i : 9 * i + 9] = block
-        start += len(block)
-    return rows
 
 
 def simulate(
