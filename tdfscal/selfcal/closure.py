@@ -20,6 +20,7 @@ import numpy as np
 from tdfscal.model.parameters import layout
 from tdfscal.model.pose import register
 from tdfscal.model.statics import forces, wrench
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
@@ -31,23 +32,11 @@ from tdfscal.significance import CAUSES_APART, FRAME_MISFIT
 
 #: Positions are not known better than this, m: rounding, and a terminal that bends.
 _FLOOR = 2e-7
-#: Ways in which a frame is wrong: words per component, with the entries (row, column) of E.
-_WAYS: dict[str, dict[str, tuple[tuple[int, int, float], ...]]] = {
-    "turned": {
-        "about x": ((2, 1, 1.0), (1, 2, -1.0)),
-        "about y": ((0, 2, 1.0), (2, 0, -1.0)),
-        "about z": ((1, 0, 1.0), (0, 1, -1.0)),
-    },
-    "scaled": {
-        "along x": ((0, 0, 1.0),),
-        "along y": ((1, 1, 1.0),),
-        "along z": ((2, 2, 1.0),),
-    },
-    "not square": {
-        "y to z": ((2, 1, 1.0), (1, 2, 1.0)),
-        "x to z": ((0, 2, 1.0), (2, 0, 1.0)),
-        "x to y": ((1, 0, 1.0), (0, 1, 1.0)),
-    },
+#: Ways in which a frame is wrong: its three components in words, with E of each by one, (3, 3, 3).
+_WAYS: dict[str, tuple[tuple[str, str, str], FloatArray]] = {
+    "turned": (("about x", "about y", "about z"), so3.hat(np.eye(3))),
+    "scaled": (("along x", "along y", "along z"), np.eye(3)[:, :, None] * np.eye(3)[:, None]),
+    "not square": (("y to z", "x to z", "x to y"), np.abs(so3.hat(np.eye(3)))),
 }
 #: Share of a component that must stand out of the nuisances to be seen.
 _SEEN = 1e-6
@@ -130,16 +119,12 @@ def _tried(fit: Fit) -> tuple[int, float, list[_Tried]]:
     off -= left @ (left.T @ off)
     tried, away = [], p - p.mean(axis=0)
     for i in range(n):
-        for way, components in _WAYS.items():
-            basis = np.zeros((3, 3, 3))
-            for column, entries in enumerate(components.values()):
-                for a, b, weight in entries:
-                    basis[a, b, column] = weight
+        for way, (_, errors) in _WAYS.items():
             frame = np.zeros((K, n, 3, 3))
-            frame[:, i] = np.einsum("abc,kb->kac", basis, away[:, i])
+            frame[:, i] = np.einsum("cab,kb->kac", errors, away[:, i])
             columns = np.concatenate([white(frame), below])
             asked = ask(columns - left @ (left.T @ columns), columns, -off, seen_from=_SEEN)
-            tried.append(_Tried(i, way, asked, basis @ asked.amount))
+            tried.append(_Tried(i, way, asked, np.tensordot(asked.amount, errors, axes=1)))
     dof = K * (3 * n - 6) + len(prior) - left.shape[1]
     return dof, float(off @ off), tried
 
@@ -149,7 +134,7 @@ def _named(supports: tuple[str, ...], best: _Tried, alike: list[_Tried], scale: 
     parts = [
         f"{words} by {1e3 * value:.2g} ± {1e3 * std * np.sqrt(scale):.1g} mrad"
         for words, value, std in zip(
-            _WAYS[best.way], best.asked.amount, best.asked.std, strict=True
+            _WAYS[best.way][0], best.asked.amount, best.asked.std, strict=True
         )
         if np.isfinite(std)
     ]
