@@ -30,21 +30,15 @@ def calibration_report(
     claims = (_claim(c) if drawings else "", exact_claim(c))
     rejected = phrases.postures(c.fit.rejected, clock(c)) if c.fit is not None else ()
     left_out = phrases.stretches(c.motion.rejected) if c.motion is not None else ()
-    sections = illustrated(
-        drawings,
-        {
-            "angles": (_angles(c),),
-            "methods": (),
-            "residuals": _residual_wrench(c),
-            "components": (),
-            "budget": (),
-            "timeline": (Items("Rejected postures", rejected),) if rejected else (),
-            "observability": (),
-            "rig": _adjusted(c),
-            "residual-over-time": (Items("Stretches left out", left_out),) if left_out else (),
-            "spectrum": (),
-        },
-    )
+    blocks = {
+        "angles": (_angles(c),),
+        "residuals" if c.motion is None else "residual-over-time": (
+            *_residual_wrench(c),
+            *((Items("Stretches left out", left_out),) if left_out else ()),
+        ),
+        "timeline": (Items("Rejected postures", rejected),) if rejected else (),
+        "rig": _adjusted(c),
+    }
     return Report(
         title=c.rig.name,
         subtitle=f"{METHODS[c.method]}{_ESTIMATORS[c.estimator]} of {len(c.supports)} sensors "
@@ -55,7 +49,7 @@ def calibration_report(
         reasons=c.quality.reasons,
         tiles=_tiles(c),
         sections=(
-            *sections,
+            *illustrated(drawings, blocks),
             *more,
             Section("Statistics", (Facts(_statistics(c)),)),
             Section("What is taken as exact", exact_tables(c)),

@@ -137,16 +137,8 @@ def _mapped(part: object) -> object:
 def illustrated(
     drawings: tuple[Drawing, ...], blocks: Mapping[str, tuple[Block, ...]]
 ) -> list[Section]:
-    """Sections of figures with the blocks beside them, by the figure's name; blocks may be alone.
-
-    The order is that of `blocks`, and then of the figures which it does not name.
-    """
-    by_name = {drawing.name: drawing for drawing in drawings}
-    sections = []
-    for name in [*blocks, *(name for name in by_name if name not in blocks)]:
-        drawing, beside = by_name.get(name), blocks.get(name, ())
-        if drawing is not None:
-            sections.append(Section(drawing.title, beside, drawing.reading, drawing))
-        elif beside:
-            sections.append(Section("", beside))
-    return sections
+    """Sections of figures with the blocks beside them, by the figure's name; then blocks alone."""
+    sections = [Section(d.title, blocks.get(d.name, ()), d.reading, d) for d in drawings]
+    drawn = {drawing.name for drawing in drawings}
+    alone = (beside for name, beside in blocks.items() if beside and name not in drawn)
+    return [*sections, *(Section("", beside) for beside in alone)]

@@ -88,8 +88,6 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
     blocks = {
         "determined": _turns(seen) if seen is not None else (),
         figure: (Items("Left out", left_out),) if left_out else (),
-        "residuals": (),
-        "components": (),
     }
     return Report(
         title=attempt.rig.rig.name,

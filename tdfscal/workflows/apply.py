@@ -114,7 +114,7 @@ class ApplyResult(Result):
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the contact wrench over the time of the log."""
-        from tdfscal.reporting.figures.contact_wrench import draw
+        from tdfscal.reporting.figures.timeline import contact_wrench
 
         if self.envelope is not None:
             time, value = self.envelope.finish()
@@ -122,7 +122,7 @@ class ApplyResult(Result):
         else:
             frame = self.to_frame()
             columns = {name: frame[name].to_numpy() for name in ("time", *_DRAWN)}
-        return (draw(columns, self.summary["largest"]["force"]),)
+        return (contact_wrench(columns, self.summary["largest"]["force"]),)
 
 
 _DRAWN = (*COMPONENTS, *(f"raw_{name}" for name in COMPONENTS))

@@ -32,8 +32,8 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
         timeline.draw(calibration),
         observability.draw(calibration),
         rig.draw(calibration),
-        residuals.spectrum(calibration),
         residuals.over_motion(calibration),
+        residuals.spectrum(calibration),
         uncertainty.trials(calibration),
         survey.draw(calibration),
     )

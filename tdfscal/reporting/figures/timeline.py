@@ -1,8 +1,8 @@
-"""The log over its time: dwells in use and rejected, stretches left out, forces."""
+"""The log over its time: dwells in use and rejected, what was left out, forces, contact wrench."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +25,7 @@ from tdfscal.reporting.figures.style import Drawing, figure, legend_above, legen
 #: Height of a panel of forces, inches.
 _PANEL = 0.72
 _MARKERS = "osD^vPX*"
+_LINES = ("-", "--", ":")
 #: Instants of a line at most; more are not to be told apart.
 _INSTANTS = 1500
 #: Begin and end of what was left out, s of the axis, and why.
@@ -188,3 +189,32 @@ def found(dwells: Dwells) -> Drawing:
         return fig
 
     return Drawing("dwells", "Static dwells", f"{len(dwells)} dwells are found.", paint)
+
+
+def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
+    """Draw the columns of an applied log: time, fx … mz, and the same as raw_fx ….
+
+    columns : (N,) each; s, N, N·m, LCS. largest : contact force of the log, N.
+    """
+
+    def paint() -> Figure:
+        time = columns["time"] - columns["time"][0]
+        pixels = style.raster(len(time))
+        fig = figure(4.6)
+        axes = fig.subplots(2, 1, sharex=True)
+        for ax, letter, label in zip(axes, "fm", ("force, N", "torque, N·m"), strict=True):
+            names = [letter + axis for axis in "xyz"]
+            for name in names:
+                raw = columns[f"raw_{name}"]
+                ax.plot(time, raw, color=ink.PALE, linewidth=0.6, rasterized=pixels)
+            for name, (_, _, colour), line in zip(names, ink.AXES, _LINES, strict=True):
+                look = {"color": colour, "linewidth": 0.9, "rasterized": pixels}
+                ax.plot(time, columns[name], line, label=name, **look)
+            ax.axhline(0.0, color=ink.GREY, linewidth=0.6)
+            ax.set_ylabel(label)
+            legend_above(ax, 3)
+        axes[1].set_xlabel("time since the first sample, s; pale: uncalibrated")
+        return fig
+
+    said = f"The largest contact force of the log is {largest:.3g} N."
+    return Drawing("contact-wrench", "Contact wrench over the log", said, paint)
