@@ -240,7 +240,7 @@ def _both(
     alone = own.conformity.reasons if own.conformity else ()
     reasons = [reason for reason in own.reasons if reason not in alone]
     reasons += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
-    if not both.consistent:
+    if not both.test.verified:
         reasons.append(both.test.verdict)
     file = from_joint(both, own, tracker, origin, reasons, notes)
     return Calibration.of(file, Records(own, tracker, both))
