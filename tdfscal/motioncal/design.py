@@ -21,7 +21,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.splines import even_spline
 from tdfscal.records import FloatArray, Rig
 from tdfscal.wrench.contact_wrench import inertial
-from tdfscal.wrench.kinematics import Poses, motion, rotations
+from tdfscal.wrench.kinematics import motion, rotations
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
 _STICK = 5.0e-4
@@ -227,7 +227,7 @@ def inertia_wrench(position: FloatArray, step: float, state: State, moving: Movi
     """
     R, centre = rotations(state.hinge, position), state.barycentre
     place = position.mean(axis=1) + R @ (centre - state.hinge.mean(axis=0))
-    found = motion(Poses(R, place), step, _WIDE)
+    found = motion(R, place, step, _WIDE)
     assert found is not None  # blocks are longer than the window
     own = symmetric(moving.inertia - state.mass * dynamics.spread_matrix(centre))
     both = inertial(replace(state, barycentre=np.zeros(3)), own, found)
@@ -250,7 +250,7 @@ def _kinematics(
     """Place of c less its mean (m), angular velocity (rad/s) and acceleration (m/s²), BCS."""
     T = (position - state.datum).mean(axis=1) - R @ state.hinge.mean(axis=0)
     place = T + R @ state.barycentre
-    found = motion(Poses(R, place), block.step, _HALF)
+    found = motion(R, place, block.step, _HALF)
     assert found is not None  # blocks are longer than the window
     turning = np.einsum("kab,kb->ka", R, found.turning)
     speed_up = np.einsum("kab,kb->ka", R, found.acceleration)

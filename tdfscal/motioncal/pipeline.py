@@ -200,7 +200,7 @@ def _judged(
         postures=used,
         dwells=dwells,
         residual_power=_residual_power(fit, start),
-        residual=residual_wrench(rig, slow, fit.blocks, start.still, still, fit.state.moving),
+        residual=residual_wrench(fit, start.still, still),
         reasons=(),
         warnings=tuple(warnings),
     )

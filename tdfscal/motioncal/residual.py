@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.model import statics
-from tdfscal.model.dynamics import Moving
 from tdfscal.model.free_forces import least_squares
 from tdfscal.model.parameters import State, sensing
 from tdfscal.motioncal.blocks import Block
 from tdfscal.motioncal.design import inertia_wrench, shifted, static_wrench
-from tdfscal.motioncal.streams import Slow
-from tdfscal.records import FloatArray, Rig
+from tdfscal.motioncal.estimator import MovingFit
+from tdfscal.records import FloatArray
 from tdfscal.wrench.kinematics import rotations
 
 #: Length of the means that are kept, s, and how many of them at most in a long log.
@@ -33,33 +32,27 @@ class ResidualWrench:
     after: FloatArray
 
 
-def residual_wrench(
-    rig: Rig,
-    slow: Slow,
-    blocks: tuple[Block, ...],
-    before: State,
-    after: State,
-    moving: Moving,
-) -> ResidualWrench:
-    """Residual wrench of two states over the blocks, both with the same motion's parameters."""
+def residual_wrench(fit: MovingFit, before: State, after: State) -> ResidualWrench:
+    """Residual wrench of two states over a fit's blocks, both with its motion's parameters."""
     times, lengths = [], []
-    mean = max(_MEAN, sum(block.seconds for block in blocks) / _MOST)
-    for block in blocks:
-        both = [_wrench(rig, slow, block, state, moving) for state in (before, after)]
-        count = max(1, round(len(both[0]) * slow.step / mean))
+    mean = max(_MEAN, sum(block.seconds for block in fit.blocks) / _MOST)
+    for block in fit.blocks:
+        both = [_wrench(fit, block, state) for state in (before, after)]
+        count = max(1, round(block.seconds / mean))
         parts = np.array_split(np.arange(len(both[0])), count)
-        times += [float(slow.time[block.index][part].mean()) for part in parts]
+        times += [float(fit.slow.time[block.index][part].mean()) for part in parts]
         means = [[e[part].mean(axis=0).reshape(2, 3) for e in both] for part in parts]
         lengths.append(np.linalg.norm(np.array(means), axis=3))
     length = np.concatenate(lengths)
     return ResidualWrench(np.array(times), length[:, 0], length[:, 1])
 
 
-def _wrench(rig: Rig, slow: Slow, block: Block, state: State, moving: Moving) -> FloatArray:
+def _wrench(fit: MovingFit, block: Block, state: State) -> FloatArray:
     """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8).
 
     Forces that nobody measures are those that leave least of it.
     """
+    rig, slow, moving = fit.rig, fit.slow, fit.state.moving
     position = shifted(slow, block.index, moving.delay) - state.datum
     R = rotations(state.hinge, position)
     e = inertia_wrench(position, block.step, state, moving)

@@ -189,16 +189,14 @@ class NormalEquations:
         self._bins = bins.some(once)
         self._complex, self._variance = C, model.variance(self._bins)
 
-    def at(self, log_density: FloatArray) -> FloatArray:
-        """AᵀA (c, c), where the spectrum's parameters are these."""
+    def solved(self, log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Step (p,) to the minimum, and the root (p, r) of the step's covariance.
+
+        log_density : (2H,), parameters of the spectrum.
+        """
         weight = self._variance / self._model.variance(self._bins, log_density)
         single, joined = weight[: self._complex], weight[self._complex :]
         part = self._single * np.concatenate([single, single])[:, None]
-        total = np.tensordot([*joined, 1.0], self._gram, axes=1)
-        return np.asarray(total + part.T @ self._single)
-
-    def solved(self, log_density: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Step (p,) to the minimum, and the root (p, r) of the step's covariance."""
-        normal = self.at(log_density)
+        normal = np.tensordot([*joined, 1.0], self._gram, axes=1) + part.T @ self._single
         root = gram_root(normal[1:, 1:], self._rows)
         return -root @ (root.T @ normal[1:, 0]), root

@@ -86,9 +86,7 @@ def validate_moving(
         begin=float(slow.time[0]),
         seconds=sum(block.seconds for block in fit.blocks),
         rejected=usable.rejected,
-        residual=residual_wrench(
-            rig, slow, fit.blocks, nominal(rig), start.still, fit.state.moving
-        ),
+        residual=residual_wrench(fit, nominal(rig), start.still),
         white=white,
         p_value=p_value,
         search_p=min(1.0, found.tried * min(cause.p_value for cause in found.best)),

@@ -23,7 +23,7 @@ from tdfscal.model.statics import Balance, balance, features_jacobian, free
 from tdfscal.numerics import so3
 from tdfscal.numerics.in_place import dot
 from tdfscal.records import BoolArray, FloatArray, IntArray
-from tdfscal.wrench.kinematics import Motion, Poses, motion, poses, rotations
+from tdfscal.wrench.kinematics import Motion, motion, poses, rotations
 from tdfscal.wrench.resampling import Samples
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -204,11 +204,6 @@ def wrenches(
     return Wrenches(time=time, value=value, std=own, calibration_std=common, raw=raw)
 
 
-def pose(given: Calibrated, position: FloatArray) -> Poses:
-    """Poses of the terminal with the calibrated hinges and datums; position (N, n, 3), m, BCS."""
-    return poses(given.state.hinge, position - given.state.datum)
-
-
 def _std(
     given: Calibrated, time: FloatArray, position: FloatArray, force: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -280,15 +275,15 @@ def _emit(given: Calibrated, stretch: Samples, first: int, end: int) -> Iterator
     """Wrenches of the rows first … end − 1; the others are there for the window."""
     if end <= first:
         return
-    at = pose(given, stretch.position)
+    R, T = poses(given.state.hinge, stretch.position - given.state.datum)
     half = _half(stretch)
-    moving = motion(at, _step(stretch), half) if stretch.time.size > 2 * half else None
+    moving = motion(R, T, _step(stretch), half) if stretch.time.size > 2 * half else None
     rows, part = slice(first, end), stretch.rows(slice(first, end))
     yield wrenches(
         given,
         part.time,
         part.position,
         part.force,
-        rotation=at.rotation[rows],
+        rotation=R[rows],
         moving=None if moving is None else moving.rows(rows),
     )

@@ -27,14 +27,6 @@ _DEGREE = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Poses:
-    """Poses of the terminal. rotation : (N, 3, 3), R, LCS → BCS. translation : (N, 3), m, BCS."""
-
-    rotation: FloatArray
-    translation: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
 class Motion:
     """Motion of the terminal, components in the LCS.
 
@@ -51,11 +43,14 @@ class Motion:
         return Motion(self.turning[which], self.turning_rate[which], self.acceleration[which])
 
 
-def poses(hinge: FloatArray, position: FloatArray) -> Poses:
-    """Poses from servo positions (N, n, 3) in m, BCS; hinge (n, 3) in m, LCS."""
+def poses(hinge: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """R (N, 3, 3), LCS → BCS, and T (N, 3), m, of the poses at servo positions (N, n, 3), BCS.
+
+    hinge : (n, 3), m, LCS.
+    """
     R = rotations(hinge, position)
     turned = np.tensordot(hinge.mean(axis=0), np.moveaxis(R, 0, 2), (0, 1)).T
-    return Poses(R, position.mean(axis=1) - turned)
+    return R, position.mean(axis=1) - turned
 
 
 def rotations(hinge: FloatArray, position: FloatArray) -> FloatArray:
@@ -159,16 +154,16 @@ def derivatives(signal: FloatArray, step: float, half: int) -> tuple[FloatArray,
     return first, second
 
 
-def motion(at: Poses, step: float, half: int) -> Motion | None:
+def motion(R: FloatArray, place: FloatArray, step: float, half: int) -> Motion | None:
     """Velocities and accelerations of N evenly sampled poses, step in s.
 
-    half : samples on either side that a fit takes in. None where N ≤ 2 half.
+    R : (N, 3, 3). place : (N, 3), m, of the point that accelerates. half : samples on either side
+    that a fit takes in. None where N ≤ 2 half.
     """
-    N = len(at.translation)
+    N = len(place)
     if 2 * half >= N:
         return None
-    R = at.rotation
-    signal = np.concatenate([at.translation, R.reshape(N, 9)], axis=1)
+    signal = np.concatenate([place, R.reshape(N, 9)], axis=1)
     first, second = derivatives(signal, step, half)
     back = np.swapaxes(R, 1, 2)
     # In the LCS Rᵀ Ṙ = [ω]× and Rᵀ R̈ = [ω̇]× + [ω]×², whose second term is symmetric.

@@ -73,8 +73,8 @@ def test_standard_uncertainty_is_the_spread_over_the_covariance() -> None:
     values = []
     for step in steps:
         state = retract(given.state, step)
-        at = poses(state.hinge, dwells.position - state.datum)
-        values.append(contact_wrench(state, RIG.gravity, at.rotation, dwells.force))
+        R, _ = poses(state.hinge, dwells.position - state.datum)
+        values.append(contact_wrench(state, RIG.gravity, R, dwells.force))
     stated = wrenches(given, time, dwells.position, dwells.force).calibration_std
     # The spread of a standard deviation from m draws is 1/√(2m): five of these.
     assert np.abs(np.std(values, axis=0) / stated - 1).max() < 5 / np.sqrt(2 * draws)
@@ -109,10 +109,10 @@ def test_poses_are_those_of_the_registration(speed: float) -> None:
     R = so3.exp(speed * np.sin(2 * t)[:, None] * axis)
     position = np.einsum("kab,nb->kna", R, RIG.hinge) + rng.standard_normal((N, 1, 3))
     position += 1e-5 * rng.standard_normal(position.shape)
-    found = poses(RIG.hinge, position)
+    R, T = poses(RIG.hinge, position)
     R0, T0 = register(RIG.hinge, position)
-    assert np.abs(found.rotation - R0).max() < 3e-10
-    assert np.abs(found.translation - T0).max() < 1e-9
+    assert np.abs(R - R0).max() < 3e-10
+    assert np.abs(T - T0).max() < 1e-9
 
 
 def test_inertial_terms_are_the_rate_of_momentum() -> None:
@@ -155,26 +155,26 @@ def test_inertial_terms_are_the_rate_of_momentum() -> None:
     F = (np.linalg.pinv(grasp) @ np.concatenate([need, turn], axis=1)[..., None]).reshape(N, 3, 3)
     reading = np.einsum("nba,knb->kna", s.rotation, F) + s.zero
     position = arm + T[:, None] + s.datum
-    at = poses(s.hinge, position - s.datum)
-    moving = motion(at, 1 / rate, 100)
-    with_inertia = wrenches(given, t, position, reading, rotation=at.rotation, moving=moving).value
-    at_rest = wrenches(given, t, position, reading, rotation=at.rotation).value
+    R, T = poses(s.hinge, position - s.datum)
+    moving = motion(R, T, 1 / rate, 100)
+    with_inertia = wrenches(given, t, position, reading, rotation=R, moving=moving).value
+    at_rest = wrenches(given, t, position, reading, rotation=R).value
     inner = slice(100, -100)
     # A cubic over ±0.1 s misses f''''·h²·const of 4 rad/s motions: below 2 % of the inertia.
     assert np.abs(at_rest[inner]).max() > 100.0
     assert np.abs(with_inertia[inner]).max() < 0.02 * np.abs(at_rest[inner]).max()
-    shorter = motion(at, 1 / rate, 20)
-    better = wrenches(given, t, position, reading, rotation=at.rotation, moving=shorter).value
+    shorter = motion(R, T, 1 / rate, 20)
+    better = wrenches(given, t, position, reading, rotation=R, moving=shorter).value
     assert np.abs(better[inner]).max() < 0.002 * np.abs(at_rest[inner]).max()
 
 
 def test_derivatives_have_no_delay() -> None:
     t = np.arange(401) / 200.0
     path = np.stack([t**3, -(t**2), np.ones_like(t)], axis=1)
-    at = poses(RIG.hinge, RIG.hinge + path[:, None])
-    found = motion(at, 1 / 200.0, 20)
+    R, T = poses(RIG.hinge, RIG.hinge + path[:, None])
+    found = motion(R, T, 1 / 200.0, 20)
     assert found is not None
     expected = np.stack([6 * t, np.full_like(t, -2.0), np.zeros_like(t)], axis=1)
     assert np.abs(found.acceleration - expected).max() < 1e-6  # a cubic is met to rounding
     assert np.abs(found.turning).max() < 1e-9
-    assert motion(at, 1 / 200.0, 201) is None
+    assert motion(R, T, 1 / 200.0, 201) is None
