@@ -10,6 +10,7 @@ from tdfscal.comparison.compatibility import Comparison, compare_pair, in_order_
 from tdfscal.errors import NotConvergedError
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import inverse
+from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, Rotations
 
 _MAX_ITERATIONS = 30
@@ -56,7 +57,7 @@ def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
         H, gradient = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
         for rotation, information in zip(estimates, informations, strict=True):
             d = so3.log(X @ np.swapaxes(rotation, 1, 2))
-            J = _block_diagonal(np.asarray(np.linalg.inv(so3.left_jacobian(d)), dtype=np.float64))
+            J = block_diagonal(*np.linalg.inv(so3.left_jacobian(d)))
             H += J.T @ information @ J
             gradient += J.T @ information @ d.reshape(-1)
         step = np.linalg.solve(H, -gradient)
@@ -78,10 +79,3 @@ def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
         test=test,
         weight=share,
     )
-
-
-def _block_diagonal(blocks: FloatArray) -> FloatArray:
-    n = len(blocks)
-    out = np.zeros((n, 3, n, 3))
-    out[np.arange(n), :, np.arange(n)] = blocks
-    return out.reshape(3 * n, 3 * n)

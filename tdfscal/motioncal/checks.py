@@ -76,14 +76,12 @@ def check_stream(rig: Rig, slow: Slow) -> None:
             hint="check the sensor, its amplifier and the force fields in rig.yaml, or "
             f"{axes_line(rig, int(i), int(j))}",
         )
-    rounding = slow.quantum / np.sqrt(12.0)
-    allowed = _COARSE * (rig.declared.positioner or _UNSTATED)
-    if rounding > allowed:
+    rounding, own = slow.quantum / np.sqrt(12.0), rig.declared.positioner or _UNSTATED
+    if rounding > _COARSE * own:
         raise DataError(
             f"the positions are recorded in steps of {1e6 * slow.quantum:.3g} µm, which is an "
-            f"error of {1e6 * rounding:.2g} µm where the NCPs' own is "
-            f"{1e6 * (rig.declared.positioner or _UNSTATED):.2g} µm: in motion no dwell averages "
-            "it out",
+            f"error of {1e6 * rounding:.2g} µm where the NCPs' own is {1e6 * own:.2g} µm: in "
+            "motion no dwell averages it out",
             where="log positions",
             hint="record the positions with all their digits, or calibrate from dwells",
         )
@@ -151,18 +149,14 @@ def gaps(slow: Slow) -> tuple[str, ...]:
     no time has passed: the clock of all streams jumped. What follows is as good as what was before.
     """
     out = []
-    for k in map(int, np.flatnonzero(np.diff(slow.time) > _HOLE * slow.step)):
-        begin, end = float(slow.time[k]), float(slow.time[k + 1])
-        ways = [slow.position[k] - slow.position[max(k - 1, 0)]]
-        ways.append(slow.position[min(k + 2, len(slow.time) - 1)] - slow.position[k + 1])
-        speed = float(np.mean([np.linalg.norm(way, axis=1).max() for way in ways])) / slow.step
-        gone = float(np.linalg.norm(slow.position[k + 1] - slow.position[k], axis=1).max())
-        jumped = speed * (end - begin) > _MOVES and gone < _JUMPED * speed * (end - begin)
-        why = (
-            "the NCPs go on from where they stood, so that the clock of all streams jumped ahead"
-            if jumped
-            else "the recording paused"
-        )
+    # Of the NCP that goes farthest, from each instant to the next; 0 before the first.
+    way = np.pad(np.linalg.norm(np.diff(slow.position, axis=0), axis=2).max(axis=1), 1)
+    for k in np.flatnonzero(np.diff(slow.time) > _HOLE * slow.step):
+        begin, end = slow.time[k : k + 2]
+        expected = (way[k] + way[k + 2]) / 2 * (end - begin) / slow.step
+        why = "the recording paused"
+        if expected > _MOVES and way[k + 1] < _JUMPED * expected:
+            why = "the NCPs go on from where they stood: the clock of all streams jumped ahead"
         out.append(
             f"no stream has a sample from {begin:.2f} to {end:.2f} s: {why}; the motion is cut "
             "there"

@@ -176,9 +176,5 @@ def motion(R: FloatArray, place: FloatArray, step: float, half: int) -> Motion |
 
 def _vee(M: FloatArray) -> FloatArray:
     """Vector (N, 3) of the skew part of M (N, 3, 3)."""
-    return (
-        np.stack(
-            [M[:, 2, 1] - M[:, 1, 2], M[:, 0, 2] - M[:, 2, 0], M[:, 1, 0] - M[:, 0, 1]], axis=1
-        )
-        / 2
-    )
+    skew = (M - np.swapaxes(M, 1, 2)) / 2
+    return np.asarray(skew[:, [2, 0, 1], [1, 2, 0]])

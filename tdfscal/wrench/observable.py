@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tdfscal.model.calibrated import Calibrated
@@ -15,63 +13,49 @@ from tdfscal.wrench.contact_wrench import COMPONENTS, jacobian, measured, single
 _ROUNDING = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Observable:
-    """Combinations of the contact wrench (LCS) that no unmeasured force reaches.
-
-    rows : (r, 6), reduced row echelon form: a component, and the others that go with it.
-    std : (r,), standard uncertainty from the calibration, N or N·m.
-    """
-
-    rows: FloatArray
-    std: FloatArray
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Each combination in words, as `mz - 0.45 m fy`."""
-        return tuple(_name(row) for row in self.rows)
-
-
-def observable(given: Calibrated, position: FloatArray, force: FloatArray) -> Observable:
-    """At one posture: position (n, 3), m, BCS; force (n, 3), readings, N."""
-    at = balance(
-        single(given, position[None], measured(given, force[None])),
-        given.state,
-        given.state.barycentre,
-        given.rig.gravity,
-    )
-    T = to_lcs(at)[0]
-    reach = T @ free(at.noise_force, given.rig.axes)[0]
-    U, s, _ = np.linalg.svd(reach)
-    rank = int(np.sum(s > _ROUNDING * s.max(initial=0.0))) if s.size else 0
-    # Pivots: moments first, and last the forces that are reached most.
-    order = [3, 4, 5, *np.argsort(np.linalg.norm(reach[:3], axis=1), kind="stable").tolist()]
-    rows = _echelon(U[:, rank:].T, order)
-    return Observable(rows, np.linalg.norm(rows @ jacobian(given, at)[0] @ given.root, axis=1))
-
-
 def observable_text(given: Calibrated) -> str:
-    """One sentence for the terminal level and at rest."""
+    """One sentence for the terminal level and at rest; some axis is not measured."""
     state = given.state
     share = -given.rig.gravity * float(state.mass) / given.rig.n
     upright = np.array([0.0, 0.0, -share])
     reading = np.einsum("nba,b->na", state.rotation, upright) + state.zero
-    seen = observable(given, state.hinge + state.datum, reading)
+    rows, std = _observable(given, state.hinge + state.datum, reading)
     lacking = ", ".join(
         f"{''.join(a for a, has in zip('xyz', axes, strict=True) if not has)} of {name}"
         for name, axes in zip(given.rig.supports, given.rig.axes, strict=True)
         if not axes.all()
     )
-    if not len(seen.rows):
+    if not len(rows):
         return f"without {lacking}, no direction of the contact wrench is observable"
     parts = [
-        f"{name} (u = {std:.2g} {'N·m' if np.any(row[3:]) else 'N'})"
-        for name, row, std in zip(seen.names, seen.rows, seen.std, strict=True)
+        f"{_name(row)} (u = {own:.2g} {'N·m' if np.any(row[3:]) else 'N'})"
+        for row, own in zip(rows, std, strict=True)
     ]
     return (
         f"without {lacking}, {len(parts)} of 6 directions of the contact wrench remain observable "
         f"(terminal level): {', '.join(parts)}; components beside these have no uncertainty (empty)"
     )
+
+
+def _observable(
+    given: Calibrated, position: FloatArray, force: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Combinations (r, 6) of the contact wrench (LCS) that no unmeasured force reaches.
+
+    In reduced row echelon form: a component, and the others that go with it; and their standard
+    uncertainty (r,) from the calibration, N or N·m. At one posture: position (n, 3), m, BCS;
+    force (n, 3), readings, N.
+    """
+    state = given.state
+    posture = single(given, position[None], measured(given, force[None]))
+    at = balance(posture, state, state.barycentre, given.rig.gravity)
+    reach = to_lcs(at)[0] @ free(at.noise_force, given.rig.axes)[0]
+    U, s, _ = np.linalg.svd(reach)
+    rank = int(np.sum(s > _ROUNDING * s.max()))
+    # Pivots: moments first, and last the forces that are reached most.
+    order = [3, 4, 5, *np.argsort(np.linalg.norm(reach[:3], axis=1), kind="stable").tolist()]
+    rows = _echelon(U[:, rank:].T, order)
+    return rows, np.linalg.norm(rows @ jacobian(given, at)[0] @ given.root, axis=1)
 
 
 def _echelon(rows: FloatArray, order: list[int]) -> FloatArray:
@@ -87,6 +71,7 @@ def _echelon(rows: FloatArray, order: list[int]) -> FloatArray:
 
 
 def _name(row: FloatArray) -> str:
+    """A combination in words, as `mz - 0.45 m fy`."""
     moment = bool(np.any(row[3:]))
     first = next(int(c) for c in (3, 4, 5, 0, 1, 2) if row[c] == 1)
     words = COMPONENTS[first]
