@@ -124,7 +124,7 @@ class Container(Recording):
                 return int(stated)
 
     def _chunk(self, start: int, content: bytes, index: list[bytes]) -> Iterator[Messages]:
-        try:
+        with self._noting("a chunk is damaged", start):
             chunk = Chunk.read(exact(content))
             data = decompressed(chunk)
             self._expanded += len(data)
@@ -133,29 +133,21 @@ class Container(Recording):
             if chunk.uncompressed_crc == 0:
                 self.checked = False
             messages = messages_of(data, index_offsets(index), self._define, stored=len(content))
-        except _DAMAGE as error:
-            self._fault(f"a chunk is damaged ({error})", start)
-            return
-        yield self._counted(messages)
+            yield self._counted(messages)
 
     def _flush(self, loose: bytearray) -> Iterator[Messages]:
-        if not loose:
-            return
-        data = bytes(loose)
-        loose.clear()
-        try:
-            messages = messages_of(data, None, self._define, stored=len(data))
-        except _DAMAGE as error:
-            self._fault(f"a message is damaged ({error})", None)
-            return
-        yield self._counted(messages)
+        if loose:
+            data = bytes(loose)
+            loose.clear()
+            with self._noting("a message is damaged"):
+                yield self._counted(messages_of(data, None, self._define))
 
     def _counted(self, messages: Messages) -> Messages:
         present = messages.counts()
         if self.salvage:
             self._recall(present)
         if not present.keys() <= self.channels.keys():
-            self._fault("messages belong to a channel that is not defined", None)
+            self._fault("messages belong to a channel that is not defined")
         for channel, count in present.items():
             self.counts[channel] = self.counts.get(channel, 0) + count
         return messages
@@ -241,26 +233,22 @@ class Container(Recording):
             self._fault("the checksum of the summary does not match", end)
 
     def _check_counts(self, statistics: Statistics) -> None:
-        stated = {c: n for c, n in statistics.channel_message_counts.items() if n}
-        found = sum(self.counts.values())
-        by_channel = not stated or stated == self.counts
-        if found != statistics.message_count or not by_channel:
-            self._fault(
-                f"{found} messages are there where the statistics state {statistics.message_count}",
-                None,
-            )
+        by_channel = {c: n for c, n in statistics.channel_message_counts.items() if n}
+        found, stated = sum(self.counts.values()), statistics.message_count
+        if found != stated or by_channel not in ({}, self.counts):
+            self._fault(f"{found} messages are there where the statistics state {stated}")
 
     @contextmanager
-    def _noting(self, what: str, position: int) -> Iterator[None]:
+    def _noting(self, what: str, position: int | None = None) -> Iterator[None]:
         """Turn what a damaged record raises into a fault."""
         try:
             yield
         except _DAMAGE as error:
             self._fault(f"{what} ({one_line(error)})", position)
 
-    def _fault(self, what: str, position: int | None) -> None:
-        place = f" at byte {position}" if position is not None else ""
+    def _fault(self, what: str, position: int | None = None) -> None:
+        said = what if position is None else f"{what} at byte {position}"
         if not self.salvage:
-            raise DataError(f"{what}{place}", hint=HINT)
-        if f"{what}{place}" not in self.lost:
-            self.lost.append(f"{what}{place}")
+            raise DataError(said, hint=HINT)
+        if said not in self.lost:
+            self.lost.append(said)
