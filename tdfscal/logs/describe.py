@@ -34,20 +34,16 @@ def describe_logs(
     window: TimeWindow | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> LogInfo:
-    """Look through logs: contents, a guessed mapping, clocks, dwells.
+    """Read logs once: contents, a guessed mapping, clocks, dwells.
 
-    Parameters
-    ----------
-    paths : CSV, Parquet, MCAP files or rosbag2 folders; several are one campaign.
-    rig : names the supports; its log block is used where it has one.
-    window : the part of the logs whose clocks and dwells are looked at.
-    progress : told the share that is read, from 0 to 1.
+    The mapping is guessed from the first file's opening, and again from all that was seen; where
+    that differs, the logs are read again.
 
-    Raises
-    ------
-    UsageError : a path is not there or is no log.
-    DataError : a file cannot be read at all. What can be looked at but not used is no error here:
-        `problems` says what is wrong.
+    rig : names the supports; its log block is used where it has one. window : the part whose clocks
+    and dwells are looked at. progress : told the share that is read, from 0 to 1.
+
+    Raises UsageError where a path is not there or is no log, DataError where a file cannot be read
+    at all. What can be looked at but not used is no error: `problems` says what is wrong.
     """
     files = expand(paths)
     if not files:

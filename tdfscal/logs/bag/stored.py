@@ -13,7 +13,7 @@ from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
 from tdfscal.logs.common.contents import Format
-from tdfscal.logs.messages.buffer import DATA, Messages, Recording
+from tdfscal.logs.messages.buffer import DATA, Messages, Recording, gather
 
 _HEAD: Final = struct.Struct("<BQHIQQ")
 _MESSAGE: Final = 5  # the kind of record
@@ -84,6 +84,4 @@ def _messages(buffer: bytearray, starts: list[int]) -> Messages:
     data = bytes(buffer)
     offset = np.array(starts, dtype=np.int64)
     length = np.diff(offset, append=len(data)) - DATA
-    at = np.frombuffer(data, np.uint8)
-    channel = at[offset + 9].astype(np.int64) + 256 * at[offset + 10].astype(np.int64)
-    return Messages(data, offset, length, channel)
+    return Messages(data, offset, length, gather(data, offset + 9, "<u2").astype(np.int64))

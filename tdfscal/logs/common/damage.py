@@ -31,16 +31,8 @@ def placed(whole: Path | str) -> Iterator[None]:
 def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
     """Turn what libraries and the operating system raise on a damaged file into a DataError.
 
-    Parameters
-    ----------
-    path : the file.
-    kinds : the library's own exceptions.
-
-    Raises
-    ------
-    MemoryShortError : the memory does not suffice for a file of this size.
-    UsageError : the file is not there, or is not to be read by this user.
-    DataError : everything else that a file's content can cause, to be `placed`.
+    kinds : the library's own exceptions. Raises MemoryShortError where the memory does not suffice
+    for a file of this size, UsageError where it is not there, or not to be read by this user.
     """
     caught: _Kinds = (*kinds, *_CAUGHT)
     doubtful: _Kinds = (*caught, MemoryError, RuntimeError)

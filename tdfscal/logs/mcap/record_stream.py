@@ -88,15 +88,13 @@ class RecordStream:
                     f"the file is compressed with {kind}: MCAP is read as it was recorded",
                     hint="decompress it first, with `gunzip` or `zstd -d`",
                 )
-        self._check_mark(head, "at its start: this is no MCAP file")
+        if head != _MAGIC:
+            raise self._cut("the file lacks its mark at its start: this is no MCAP file")
 
     def closing(self) -> None:
         """Read the mark at the end."""
-        self._check_mark(self._read(len(_MAGIC), short=True), "at its end")
-
-    def _check_mark(self, found: bytes, place: str) -> None:
-        if found != _MAGIC:
-            raise self._cut(f"the file lacks its mark {place}")
+        if self._read(len(_MAGIC), short=True) != _MAGIC:
+            raise self._cut("the file lacks its mark at its end")
 
     def at_end(self) -> bool:
         """Tell whether every byte is read."""

@@ -46,17 +46,12 @@ def seconds_of_all(cells: Any) -> FloatArray | None:
 
     ISO 8601 as most recorders write it is parsed all at once, anything else cell by cell.
     """
-    import pyarrow.compute as pc  # slow to import, and most logs have times in seconds
-
     for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
         try:
-            ticks = pc.cast(cells, kind).cast(pa.int64())
+            ticks = as_numpy(cells.cast(kind).cast(pa.int64()))
         except pa.ArrowInvalid:
             continue
-        whole = pc.floor(pc.divide(ticks.cast(pa.float64(), safe=False), 1e9)).cast(pa.int64())
-        rest = pc.subtract(ticks, pc.multiply(whole, 1_000_000_000))
-        parts = (as_numpy(x.cast(pa.float64(), safe=False)) for x in (whole, rest))
-        seconds, nanoseconds = parts
+        seconds, nanoseconds = np.divmod(ticks, 1_000_000_000)
         return np.asarray(seconds + nanoseconds * 1e-9)
     found = [seconds_of(str(cell)) for cell in cells.to_pylist()]
     return None if None in found else np.array(found, dtype=np.float64)
