@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
@@ -38,6 +38,8 @@ class Stream:
 
     kind : message type, empty for a table. count : rows or messages.
     start, end : s, by the file's own clock; None where it has none (a table's is a column).
+    stamped : its messages have a header with a time; unusable : why that cannot be used, if so.
+    joints : names of the elements of its lists.
     """
 
     name: str
@@ -46,6 +48,9 @@ class Stream:
     fields: tuple[Field, ...]
     start: float | None = None
     end: float | None = None
+    stamped: bool = False
+    unusable: str | None = None
+    joints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +82,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """One file.
-
-    columns : those that could be the time. stamped : of MCAP, topics whose messages have a header
-    with a time; unusable : of these, why a topic's cannot be used. decimal : of CSV. joints : of
-    MCAP, names of the elements of a topic's lists.
-    """
+    """One file. columns : those that could be the time. decimal : of CSV."""
 
     path: Path
     format: Format
@@ -90,11 +90,8 @@ class Contents:
     streams: tuple[Stream, ...]
     vectors: tuple[Vector, ...]
     columns: tuple[Column, ...] = ()
-    stamped: frozenset[str] = frozenset()
-    unusable: Mapping[str, str] = field(default_factory=dict)
     decimal: Literal[".", ","] = "."
     problems: tuple[str, ...] = ()
-    joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def by_topic(self) -> bool:

@@ -48,10 +48,10 @@ class Signal:
         return self.fields
 
     @property
-    def own(self) -> set[str]:
-        """Fields that are measured."""
+    def own(self) -> tuple[str, ...]:
+        """Fields that are measured, each once."""
         pairs = zip(self.components, self.measured, strict=True)
-        return {name for name, there in pairs if there}
+        return tuple(dict.fromkeys(name for name, there in pairs if there))
 
     def lacking(self, axes: BoolArray, instead: Signal) -> Signal:
         """The signal without axes: what is not measured is read from what is there instead."""

@@ -92,8 +92,7 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     used = {name for p in pairs for v in (p.position, p.force) for name in v.fields}
     rows = sum(stream.count for stream in contents.streams)
     if contents.by_topic:
-        topics = {s.name for s in contents.streams}
-        source, why = _time_source({topic_of(name, topics) for name in used}, contents)
+        source, why = _time_source(used, contents)
         mapping = replace(mapping, time_source=source)
         notes += why
     elif timed := _time([c for c in contents.columns if c.name not in used]):
@@ -162,7 +161,7 @@ def _role(vector: Vector) -> Role:
 def _joints(contents: Contents) -> list[str]:
     """What to write where the joints' names do not say which are x, y and z of an NCP."""
     notes = []
-    for topic, names in contents.joints.items():
+    for topic, names in ((s.name, s.joints) for s in contents.streams if s.joints):
         shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
         x, y, z = (*names[:3], "…", "…", "…")[:3]
         notes.append(
@@ -251,12 +250,15 @@ def _rigidity(pairs: Sequence[_Pair]) -> list[str]:
 
 
 def _time_source(
-    topics: Set[str | None], contents: Contents
+    fields: Set[str], contents: Contents
 ) -> tuple[Literal["header", "log"], list[str]]:
     """The header's time where every topic has one that can be used."""
-    if not topics <= contents.stamped:
+    topics = {s.name for s in contents.streams}
+    named = {topic_of(name, topics) for name in fields}
+    streams = [stream for stream in contents.streams if stream.name in named]
+    if not all(stream.stamped for stream in streams):
         return "log", []
-    why = [contents.unusable[t] for t in sorted(contents.unusable) if t in topics]
+    why = [stream.unusable for stream in streams if stream.unusable]
     if not why:
         return "header", []
     return "log", [f"time source: log, as {'; '.join(why)}"]

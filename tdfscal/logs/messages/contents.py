@@ -64,17 +64,13 @@ class RecordingLook:
         empty = {c.topic for c in recording.channels.values()} - {s.name for s in streams}
         streams += [Stream(name, "", 0, ()) for name in empty]
         vectors = [vector for topic in topics for vector in topic.vectors()]
-        stamps = {topic.name: topic.stamps for topic in topics if topic.stamps is not None}
         return Contents(
             recording.path,
             recording.form,
             recording.path.stat().st_size,
             tuple(sorted(streams, key=lambda s: s.name)),
             tuple(sorted(vectors, key=lambda v: v.fields)),
-            stamped=frozenset(stamps),
-            unusable={name: why for name, one in stamps.items() if (why := one.unusable())},
             problems=tuple(f"{t.name}: {t.problem}" for t in topics if t.problem),
-            joints={t.name: t.joints for t in topics if t.joints},
         )
 
 
@@ -160,7 +156,11 @@ class _Topic:
             fields.append(Field(name, leaf.kind, None, *extremes(three)))
             column += 3
         start, end = (tick / 1e9 for tick in self._ends)
-        return Stream(self.name, self.kind, count, tuple(fields), start, end)
+        stamped = self.stamps is not None
+        unusable = self.stamps.unusable() if self.stamps is not None else None
+        return Stream(
+            self.name, self.kind, count, tuple(fields), start, end, stamped, unusable, self.joints
+        )
 
     def vectors(self) -> Iterator[Vector]:
         """What has x, y, z, as sampled."""

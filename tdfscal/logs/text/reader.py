@@ -49,7 +49,8 @@ def read_text(path: Path, request: Request, *, salvage: bool, reached: Reached) 
                     warnings.append("the last line has no end and may be cut short; it is left out")
                     continue
                 rows = fast or parser.slow(block, line, salvage=salvage)
-                vectors = rows.value[: 3 * len(header.factors)].reshape(-1, 3, rows.count)
+                n = len(header.factors)
+                vectors = rows.value[: 3 * n].reshape(n, 3, rows.count)
                 time = None if header.time is None else rows.value[-1] * header.time_factor
                 piece = table_piece(
                     request, vectors, header.factors, time, rows_before, sparse=header.sparse

@@ -148,6 +148,7 @@ def test_gzip_checksum_is_integrity(tmp_path: Path) -> None:
         (b"", "is empty"),
         (b"\n\n", "is empty"),
         (text(HEADER), "a header and no rows"),
+        (text(HEADER, "", ""), "a header and no rows"),
         (text(*ROWS), "no header line"),
         (text(HEADER.replace("Y,", "Y2,"), *ROWS), "line 1: no column Y, FY; the nearest.*Y2"),
         (text(HEADER.replace("t,", "time,"), *ROWS), "no column t"),
