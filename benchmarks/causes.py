@@ -208,7 +208,7 @@ def said_by_calibrate(fault: Fault, dwells: Dwells) -> list[str]:
         return [f"refused: {error.what[:30]}"]
     said = [named(s.kind, s.support, _OF_CALIBRATE) for s in result.suspicions]
     if result.channels is not None and not said:
-        worst = np.argwhere(result.channels.factor > 1.3)
+        worst = np.argwhere(result.channels > 1.3)
         sensors = {int(i) for i, _ in worst}
         said = (
             [f"noise of {RIG.supports[i]}" for i in sensors]

@@ -113,10 +113,9 @@ def split(dwells: Dwells, first: int) -> tuple[Dwells, Dwells]:
 
 def known_noise(result: SelfCalibration) -> KnownNoise:
     """What `validate` reads of it in the calibration file."""
-    channels = None if result.channels is None else result.channels.factor
     quality = result.quality
     return KnownNoise(
-        channels, result.validation.kurtosis, len(result.validation.index),
+        result.channels, result.validation.kurtosis, len(result.validation.index),
         max(1.0, quality.birge), quality.dof,
     )  # fmt: skip
 

@@ -60,8 +60,7 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
     constants are left out, those of its own parameters are kept.
     """
     common = constants(fit.rig.n, fit.state.motions)[fit.active]
-    root = np.sqrt(fit.weight)[:, None, None] * fit.whitener
-    used = fit.weight > 0
+    root, used = fit.root, fit.weight > 0
     own_rows = np.abs(fit.prior_jacobian[:, ~common]).any(axis=1)
     J = np.concatenate(
         [

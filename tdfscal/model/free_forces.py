@@ -24,7 +24,8 @@ def whitener(cov: FloatArray, columns: FloatArray) -> tuple[FloatArray, IntArray
     rows = np.full(len(cov), cov.shape[-1])
     if not columns.shape[2]:
         return inverse_root, rows
-    U, reached = _range(inverse_root @ columns)
+    U, s, _ = np.linalg.svd(inverse_root @ columns, full_matrices=False)
+    reached = s > _ROUNDING * s.max(axis=1, keepdims=True)
     U = np.where(reached[:, None], U, 0.0)
     return inverse_root - U @ (np.swapaxes(U, 1, 2) @ inverse_root), rows - reached.sum(axis=1)
 
@@ -38,9 +39,3 @@ def least_squares(
     inverse = np.linalg.pinv(white, rcond=_ROUNDING)
     value = -(inverse @ (inverse_root @ residual[..., None]))[..., 0]
     return value, np.asarray(inverse @ np.swapaxes(inverse, 1, 2))
-
-
-def _range(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Left singular vectors (K, 6, r) of whitened columns, and which of them they reach (K, r)."""
-    U, s, _ = np.linalg.svd(columns, full_matrices=False)
-    return U, np.asarray(s > _ROUNDING * s.max(axis=1, keepdims=True))

@@ -64,7 +64,7 @@ class Planner:
         """Information (p, p) that stands before the plan: priors and recorded postures."""
         held = sight.prior()
         if self.given is not None:
-            J = self.given.whitener @ self.given.jacobian
+            J = self.given.at.whitener @ self.given.jacobian
             held = held + np.einsum("k,kmp,kmq->pq", self.given.weight, J, J)
             turns = slice(0, 3 * self.rig.n)
             held[turns, turns] -= faked_information(self.given)

@@ -94,7 +94,7 @@ class Sight:
     def rows(self, postures: Candidates) -> FloatArray:
         """Whitened Jacobians (K, 6, p)."""
         fit = self.seen(postures.place, postures.force)
-        return np.asarray(fit.whitener @ fit.jacobian)
+        return np.asarray(fit.at.whitener @ fit.jacobian)
 
     def scatter(self, postures: Candidates, limits: Limits) -> FloatArray:
         """Information (K, p, p) expected of unplanned internal forces, posture by posture.
@@ -111,7 +111,7 @@ class Sight:
         arm, _ = hanging(self.rig, postures.rotation)
         for mode in np.moveaxis(internal_modes(arm), 1, 0):
             moved = self.seen(postures.place, postures.force + size * mode)
-            J = base.whitener @ (moved.jacobian - base.jacobian)
+            J = base.at.whitener @ (moved.jacobian - base.jacobian)
             out += np.swapaxes(J, 1, 2) @ J
         return out
 
@@ -191,7 +191,7 @@ def forecast(
     else:
         postures = sight.drawn(postures, limits, rng)
     seen = sight.seen(postures.place, postures.force)
-    J = seen.whitener @ seen.jacobian
+    J = seen.at.whitener @ seen.jacobian
     C = inverse(known + information(J))
     turns = slice(0, 3 * sight.rig.n)
     # With the noise in the levers: C is the inverse of the true information Λ, while the score

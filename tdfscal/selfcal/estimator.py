@@ -66,13 +66,8 @@ class Fit:
     converged: bool
 
     @property
-    def whitener(self) -> FloatArray:
-        """What makes a posture's residual white (K, 6, 6), and nothing of its free forces."""
-        return self.at.whitener
-
-    @property
     def root(self) -> FloatArray:
-        """The whitener (K, 6, 6) with the posture's weight in it: 0 where it is left out."""
+        """The whitener (K, 6, 6) of a posture's residual by its weight: 0 where it is left out."""
         return np.asarray(np.sqrt(self.weight)[:, None, None] * self.at.whitener)
 
     @property
@@ -95,7 +90,9 @@ class Fit:
     @property
     def distance(self) -> FloatArray:
         """Squared Mahalanobis length (K,) of each posture's residual."""
-        return np.asarray(np.sum((self.whitener @ self.residual[..., None])[..., 0] ** 2, axis=1))
+        return np.asarray(
+            np.sum((self.at.whitener @ self.residual[..., None])[..., 0] ** 2, axis=1)
+        )
 
     @property
     def dof(self) -> int:

@@ -13,7 +13,7 @@ Zhou, Hu, Qiao, Cho, Zhou: MM algorithms for variance components models. J. Comp
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,39 +31,8 @@ _ROUNDS, _SETTLED = 60, 1e-3
 _NAMED = 1.3
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelNoise:
-    """Standard deviation of each channel's noise over the stated one, (n, 3), at least 1."""
-
-    factor: FloatArray
-
-    def worth(self, stated: Fit, own: Fit) -> float:
-        """Fall of −2 ln L from a fit by the stated noise to one by this, less k ln N (Schwarz).
-
-        Of all postures, also those that either leaves out: noise may have made them outliers.
-        """
-
-        def misfit(fit: Fit) -> float:
-            spread = np.linalg.slogdet(fit.at.cov)[1]
-            return float(np.sum(fit.distance + spread) + np.sum(fit.prior_residual**2))
-
-        unknowns = int(np.sum(self.factor > 1.0))
-        return misfit(stated) - misfit(own) - unknowns * float(np.log(max(stated.rows, 2)))
-
-    def text(self, supports: tuple[str, ...]) -> str:
-        """Name the channels that are noisier than stated."""
-        named = [
-            f"F{'xyz'[a]} of {supports[i]} {self.factor[i, a]:.2g} times"
-            for i, a in np.argwhere(self.factor > _NAMED)
-        ]
-        return (
-            "the residuals show more noise than is stated in some channels, and the postures were "
-            f"weighted by it: {', '.join(named)}: look at these sensors and their cables"
-        )
-
-
-def channel_noise(of: Estimate) -> ChannelNoise | None:
-    """Noise of each channel where one scatters more than the others do; else None.
+def channel_noise(of: Estimate) -> FloatArray | None:
+    """Noise of each channel over the stated one, (n, 3), at least 1; None where it is alike in all.
 
     A scatter that moments explain better (friction of the hinges) is left to those who ask for it.
     """
@@ -81,13 +50,39 @@ def channel_noise(of: Estimate) -> ChannelNoise | None:
     if min(p) * len(p) > UNEQUAL_NOISE or chance(fit.root[:, :, 3:], parts, usual) < min(p):
         return None
     theta = _restricted(channel, parts.left, fit.white)
-    return ChannelNoise(np.sqrt(np.maximum(theta, 1.0)).reshape(-1, 3))
+    return np.sqrt(np.maximum(theta, 1.0)).reshape(-1, 3)
 
 
-def scaled(postures: Postures, noise: ChannelNoise) -> Postures:
-    """Postures whose channels have this noise."""
-    grown = noise.factor[:, :, None] * noise.factor[:, None, :]
+def scaled(postures: Postures, factor: FloatArray) -> Postures:
+    """Postures whose channels have this noise over the stated one, (n, 3)."""
+    grown = factor[:, :, None] * factor[:, None, :]
     return replace(postures, force_cov=postures.force_cov * grown)
+
+
+def worth(factor: FloatArray, stated: Fit, own: Fit) -> float:
+    """Fall of −2 ln L from a fit by the stated noise to one by this, less k ln N (Schwarz).
+
+    Of all postures, also those that either leaves out: noise may have made them outliers.
+    """
+
+    def misfit(fit: Fit) -> float:
+        spread = np.linalg.slogdet(fit.at.cov)[1]
+        return float(np.sum(fit.distance + spread) + np.sum(fit.prior_residual**2))
+
+    unknowns = int(np.sum(factor > 1.0))
+    return misfit(stated) - misfit(own) - unknowns * float(np.log(max(stated.rows, 2)))
+
+
+def noisier(factor: FloatArray, supports: tuple[str, ...]) -> str:
+    """Name the channels that are noisier than stated."""
+    named = [
+        f"F{'xyz'[a]} of {supports[i]} {factor[i, a]:.2g} times"
+        for i, a in np.argwhere(factor > _NAMED)
+    ]
+    return (
+        "the residuals show more noise than is stated in some channels, and the postures were "
+        f"weighted by it: {', '.join(named)}: look at these sensors and their cables"
+    )
 
 
 def _restricted(channel: FloatArray, left: FloatArray, white: FloatArray) -> FloatArray:

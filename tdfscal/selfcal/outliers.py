@@ -44,8 +44,8 @@ def sound(result: Fit, used: BoolArray) -> BoolArray:
     A posture inside the fit has pulled the fit towards itself; one outside has not. Both are
     tested against what a posture not used would show.
     """
-    J = result.whitener @ result.jacobian
-    e = (result.whitener @ result.residual[..., None])[..., 0]
+    J = result.at.whitener @ result.jacobian
+    e = (result.at.whitener @ result.residual[..., None])[..., 0]
     rows = np.concatenate([J[used].reshape(-1, J.shape[-1]), result.prior_jacobian])
     # pinv and not an inverse: mass, barycentre and zeros together may have a null space.
     leverage = J @ np.linalg.pinv(rows.T @ rows, hermitian=True) @ np.swapaxes(J, 1, 2)

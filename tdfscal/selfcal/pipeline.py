@@ -27,7 +27,7 @@ from tdfscal.selfcal.cross_validation import cross_validate
 from tdfscal.selfcal.estimator import fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import simulate
-from tdfscal.selfcal.noise_components import ChannelNoise, channel_noise, scaled
+from tdfscal.selfcal.noise_components import channel_noise, scaled, worth
 from tdfscal.selfcal.outliers import RobustFit, fit_robust
 from tdfscal.selfcal.preparation import Usable, usable_postures
 from tdfscal.selfcal.result import (
@@ -138,7 +138,7 @@ def self_calibrate(
 
 def _likeliest_rotations(
     rig: Rig, usable: Usable, held: FloatArray
-) -> tuple[RobustFit, Estimate, ChannelNoise | None]:
+) -> tuple[RobustFit, Estimate, FloatArray | None]:
     """Maximum likelihood; with unequal noise where channels ask for it more than a slip does."""
     robust = _fit(rig, usable.postures, usable.start)
     known = estimate(robust.fit, noise_from_residuals=usable.measured_noise)
@@ -147,7 +147,7 @@ def _likeliest_rotations(
         return robust, known, None
     weighted = _fit(rig, scaled(usable.postures, channels), robust.fit.state)
     slip = find_slip(known, held, usable.index + 1)
-    if slip is not None and slip.weight > channels.worth(robust.fit, weighted.fit):
+    if slip is not None and slip.weight > worth(channels, robust.fit, weighted.fit):
         return robust, known, None
     return weighted, estimate(weighted.fit), channels
 

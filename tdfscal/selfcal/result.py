@@ -14,13 +14,13 @@ from tdfscal.model.parameters import State, nominal
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.propagation import MonteCarlo
-from tdfscal.records import Dwells, Rig
+from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.covariance import Quality, Uncertainty, information_root
 from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.exact_quantities import exact_caveats
 from tdfscal.selfcal.mounting_search import Rival, describe
-from tdfscal.selfcal.noise_components import ChannelNoise
+from tdfscal.selfcal.noise_components import noisier
 from tdfscal.selfcal.observability import Observability, require_angles
 from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.suspicion import Suspicion
@@ -42,8 +42,9 @@ class SelfCalibration:
 
     dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
     index → reason. suspicions : what the residuals say was not declared. conformity : of the
-    contact wrench, where the rig file limits it. reasons : why the gate rejects; empty where it
-    accepts. set_aside : suspicions that a slip explains as well.
+    contact wrench, where the rig file limits it. channels : (n, 3), noise over the stated one.
+    reasons : why the gate rejects; empty where it accepts. set_aside : suspicions that a slip
+    explains as well.
     """
 
     rig: Rig
@@ -54,7 +55,7 @@ class SelfCalibration:
     uncertainty: Uncertainty
     observability: Observability
     suspicions: tuple[Suspicion, ...]
-    channels: ChannelNoise | None
+    channels: FloatArray | None
     stability: Stability
     conformity: Conformity | None
     validation: CrossValidation
@@ -111,7 +112,7 @@ def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[s
         found.append(turned)
     found += _turned_sensors(rig, of.fit.state)
     if of.channels is not None:
-        found.append(of.channels.text(rig.supports))
+        found.append(noisier(of.channels, rig.supports))
     found += seen.caveats
     if rig.declared.force_sensitivity > 0:
         found.append(

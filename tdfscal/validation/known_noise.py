@@ -10,7 +10,7 @@ from scipy import special
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.noise_components import ChannelNoise, scaled
+from tdfscal.selfcal.noise_components import scaled
 from tdfscal.significance import MISFIT
 from tdfscal.validation.whitening import Whitened
 
@@ -53,7 +53,7 @@ class KnownNoise:
                 moment_var=variance * observed.moment_var,
             )
         if self.channels is not None:
-            observed = scaled(observed, ChannelNoise(self.channels))
+            observed = scaled(observed, self.channels)
         return observed
 
     @property

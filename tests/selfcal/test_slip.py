@@ -124,7 +124,7 @@ def test_a_noisy_channel_is_no_slip_and_a_slip_no_noise() -> None:
         )
         assert not noisy.suspicions
         assert noisy.channels is not None
-        assert np.argmax(noisy.channels.factor) == 1
+        assert np.argmax(noisy.channels) == 1
     faults = Faults(slips=(Slip(1, 12, (0.0, 0.0, SLIP)),))
     batch = simulation.simulate_dwells(
         RIG, replace(options, faults=faults), np.random.default_rng(22), 100

@@ -59,7 +59,7 @@ def fit(
         said |= {
             "postures": len(result.dwells) - len(result.rejected),
             "rejected": rejected(result.dwells, result.rejected),
-            "channel_noise": None if result.channels is None else result.channels.factor,
+            "channel_noise": result.channels,
             "kurtosis": result.validation.kurtosis,
         }
     if campaigns:
