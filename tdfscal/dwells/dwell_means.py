@@ -31,7 +31,7 @@ from tdfscal.records import BoolArray, FloatArray, IntArray
 Real = TypeVar("Real", bound=np.floating)
 
 _LARGER = 4.0  # standard deviations of log-variance beyond which a dwell keeps its own scatter
-_SPECTRA = 100  # dwells, evenly over the log, that the spectrum is taken from
+_SPECTRA = 50  # dwells, evenly over the log, that the spectrum is taken from
 _ROWS = 2**12  # bins taken at once; they stay in the cache
 
 

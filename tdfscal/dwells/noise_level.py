@@ -18,7 +18,7 @@ from tdfscal.records import BoolArray, FloatArray, IntArray
 
 SCALES = 6  # windows of 1 … 32 bins show changes; what is slower is settling or drift, or noise
 LONGEST = 9  # scales at which noise is measured, where stops are long enough
-_BLOCKS, _BLOCK = 16, 2048  # bins
+_BLOCKS, _BLOCK = 8, 2048  # bins
 _ENOUGH = 8_000  # differences that show the noise
 _ENOUGH_LONG = 4  # windows one after the other that show it at long scales
 _FOLLOWING = 16  # pairs of differences apart from each other that show how these follow
