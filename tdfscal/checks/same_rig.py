@@ -31,15 +31,14 @@ def contradictions(calibrated: Rig, given: Rig) -> tuple[str, ...]:
     """
     if calibrated.supports != given.supports:
         return (_other_supports(calibrated, given),)
-    exact = np.zeros(3)
-    hinge = np.full(3, np.hypot(calibrated.declared.hinge, given.declared.hinge))
+    hinge = np.hypot(calibrated.declared.hinge, given.declared.hinge)
     zeros = np.hypot(calibrated.zero.std, given.zero.std)
-    pairs: list[tuple[str, str, FloatArray, FloatArray, FloatArray]] = []
+    pairs: list[tuple[str, str, FloatArray, FloatArray, npt.ArrayLike]] = []
     for i, name in enumerate(given.supports):
         nominal, zero = (calibrated.nominal_rpy[i], given.nominal_rpy[i]), calibrated.zero.value[i]
         pairs += [
             (f"the hinge of {name}", "m", calibrated.hinge[i], given.hinge[i], hinge),
-            (f"the nominal mounting of {name}", "rad", *nominal, exact),
+            (f"the nominal mounting of {name}", "rad", *nominal, 0.0),
             (f"the stated zero of {name}", "N", zero, given.zero.value[i], zeros[i]),
         ]
     for what, unit, a, b in (
@@ -103,9 +102,11 @@ def _differs(what: str, unit: str, a: npt.ArrayLike, b: npt.ArrayLike) -> str:
     return f"{what} is {_shown(b)} {unit} instead of {_shown(a)}"
 
 
-def _agree(a: FloatArray, b: FloatArray, std: FloatArray) -> bool:
+def _agree(a: FloatArray, b: FloatArray, std: npt.ArrayLike) -> bool:
     size = np.maximum(np.abs(a), np.abs(b))
-    return bool(np.all(np.abs(a - b) <= CONTRADICTION * std + _ROUNDING * np.maximum(size, 1.0)))
+    return bool(
+        np.all(np.abs(a - b) <= CONTRADICTION * np.asarray(std) + _ROUNDING * np.maximum(size, 1.0))
+    )
 
 
 def _same(a: npt.ArrayLike, b: npt.ArrayLike) -> bool:

@@ -6,7 +6,6 @@ coarsely: where the NCPs are slow, do positions and forces decay towards a level
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -28,14 +27,6 @@ _STOP = 2.0  # s, that a stop should last at least
 _CORRELATIONS = 30.0  # correlation times that a stop should last
 _DECAYED = 0.1  # standard errors of a mean that may be left of a decay
 _FINE = 0.3  # bins / correlation time: windows of 32 bins then reach beyond it
-
-
-@dataclass(frozen=True, slots=True)
-class _Decay:
-    """tau : s. size : (A,), change over the first third of the stops, rms."""
-
-    tau: float
-    size: FloatArray
 
 
 def no_dwell(dwells: Dwells) -> DataError:
@@ -133,20 +124,17 @@ def _slow(position: FloatArray) -> tuple[IntArray, IntArray]:
     return runs(np.concatenate([speed, [0.0]]) <= _SLOW)
 
 
-def _thirds(value: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Means (3, R, A) of the thirds of the stops, in which (A, B) may settle."""
+def _decay(
+    value: FloatArray, first: IntArray, last: IntArray, width: float
+) -> tuple[float, FloatArray] | None:
+    """A decay common to the stops: changes from third to third go the same way and fall alike.
+
+    Its time constant, s, and the change over the first third of the stops, rms, (A,).
+    """
     third = (last - first) // 3
     total = np.cumsum(np.pad(value, ((0, 0), (1, 0))), axis=1)
     ends = [total[:, first + k * third] for k in range(4)]
-    return np.stack([(b - a).T / third[:, None] for a, b in pairwise(ends)])
-
-
-def _decay(value: FloatArray, first: IntArray, last: IntArray, width: float) -> _Decay | None:
-    """A decay common to the stops: changes from third to third go the same way and fall alike."""
-    if not len(first):
-        return None
-    means = _thirds(value, first, last)
-    earlier, later = np.diff(means, axis=0)
+    earlier, later = np.diff([(b - a).T / third[:, None] for a, b in pairwise(ends)], axis=0)
     size = np.sqrt(np.mean(earlier**2, axis=0))
     scale = np.where(size > 0, size, np.inf)
     earlier, later = earlier / scale, later / scale
@@ -155,7 +143,7 @@ def _decay(value: FloatArray, first: IntArray, last: IntArray, width: float) -> 
     ratio = across / max(own, np.finfo(float).tiny)
     if alike < _ALIKE or not _FALLS[0] < ratio < _FALLS[1]:
         return None
-    return _Decay(float(np.median(last - first)) / 3 * width / -float(np.log(ratio)), size)
+    return float(np.median(last - first)) / 3 * width / -float(np.log(ratio)), size
 
 
 def _smoothed(
@@ -164,23 +152,24 @@ def _smoothed(
     """A decay through the stops, and the stop that outlasts it."""
     long = last - first >= _THIRDS
     first, last = first[long], last[long]
-    decay = _decay(value, first, last, width)
+    decay = _decay(value, first, last, width) if len(first) else None
     if decay is None:
         return None
+    tau, change = decay
     bend = np.abs(np.diff(value, n=2, axis=1))
     noise = 1.4826 * np.median(bend, axis=1) / np.sqrt(6.0)
     left = _DECAYED * noise * np.sqrt(width / _STOP)
-    size = np.divide(decay.size, left, out=np.ones_like(left), where=left > 0).max()
+    size = np.divide(change, left, out=np.ones_like(left), where=left > 0).max()
     rest = float(np.median(last - first)) * width
     seen = (
-        f"the {what} creep on after each move with a time constant of {decay.tau:.2g} s, through "
+        f"the {what} creep on after each move with a time constant of {tau:.2g} s, through "
         f"stops of {rest:.2g} s: a smoothing filter, or slow settling"
     )
     unfiltered = "switch the smoothing of sensor, amplifier or recorder off"
     if what == "positions":
         return Absence(seen, unfiltered)
-    stop = _rounded_up(decay.tau * np.log(max(size, np.e)) + _STOP)
-    bin_width = _rounded_up(_FINE * decay.tau)
+    stop = _rounded_up(tau * np.log(max(size, np.e)) + _STOP)
+    bin_width = _rounded_up(_FINE * tau)
     return Absence(
         seen,
         f"{unfiltered}, or hold each posture for at least {stop:g} s and look for dwells in bins "
