@@ -38,15 +38,6 @@ class Recorder:
     mean_sd: float | None = None
     """Noise of a dwell's mean force, N, for dwell means and posture rows; None: from the above."""
 
-    def __post_init__(self) -> None:
-        for name in ("dwell", "move", "force_sd"):
-            low, high = getattr(self, name)
-            if not 0.0 <= low <= high < np.inf or (name != "force_sd" and low <= 0.0):
-                raise UsageError(f"{name} runs from {low} to {high}", where="Recorder")
-        for name in ("force_rate", "position_rate"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise UsageError(f"{name} is {getattr(self, name)} Hz", where="Recorder")
-
 
 @dataclass(frozen=True, slots=True)
 class Options:

@@ -13,6 +13,9 @@ from tdfscal.simulation.truth import Truth
 
 SENSOR_BELOW = np.array([0.0, 0.0, -0.15])
 """From a hinge centre to the middle of its sensor, BCS, m."""
+#: Measuring points of the outer gear, on a circle about the bore's mouth, m; every second one lies
+#: deeper, m.
+_GEAR_POINTS, _GEAR_RADIUS, _GEAR_STEP = 6, 0.15, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,21 +113,9 @@ def _points(rig: Rig, prefix: str, xyz: FloatArray) -> PointSet:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class GearSurvey:
-    """points : measuring points on a circle of `radius` (m) about the bore's mouth; every second
-    one lies `step` (m) deeper.
-    """
-
-    points: int = 6
-    radius: float = 0.15
-    step: float = 0.05
-
-
 def survey_error(
     rig: Rig,
     options: SurveyOptions,
-    gear: GearSurvey,
     mouth: FloatArray,
     home: FloatArray,
     runs: int,
@@ -136,10 +127,9 @@ def survey_error(
     mouth, home : (3,), m, BCS. The tracker measures points of the gear, and one point of each NCP
     at `options.moves` places, which give R_b^m and the BCS' origin; rigid fits without weights.
     """
-    angle = 2.0 * np.pi * np.arange(gear.points) / gear.points
-    circle = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-    body = gear.radius * circle
-    body[::2, 2] = gear.step
+    angle = 2.0 * np.pi * np.arange(_GEAR_POINTS) / _GEAR_POINTS
+    body = _GEAR_RADIUS * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    body[::2, 2] = _GEAR_STEP
     R_all, t_all = np.empty((runs, 3, 3)), np.empty((runs, 3))
     for run in range(runs):
         azimuth = rng.uniform(-np.pi, np.pi)

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tdfscal.errors import UsageError
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.simulation import SurveyOptions
 from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.reference import advance, require_within
 from tdfscal.simulation.control.runs import Controller, Docking
 from tdfscal.simulation.equilibrium import Pose
-from tdfscal.simulation.survey import GearSurvey, survey_error
+from tdfscal.simulation.survey import survey_error
 from tdfscal.studies.compared_calibrations import LIKE, Arms
 from tdfscal.studies.lanes import ControlStudy, simulate_lanes
 from tdfscal.studies.ratios import Share, share
@@ -34,7 +33,7 @@ PAPER = {arm: _PUBLISHED[name] for arm, name in LIKE.items()}
 @dataclass(frozen=True, slots=True)
 class Setup:
     """A docking: gap, m, before contact; speed, m/s; ramp, s; home, LCS origin at the start, BCS;
-    travel : m, of each NCP about home; survey and gear : how the outer gear was measured.
+    travel : m, of each NCP about home.
     """
 
     rig: Rig
@@ -45,8 +44,6 @@ class Setup:
     ramp: float = 5.0
     home: tuple[float, float, float] = (0.05, -0.03, 1.2)
     travel: tuple[float, float, float] = (0.25, 0.25, 0.5)
-    survey: SurveyOptions = field(default_factory=SurveyOptions)
-    gear: GearSurvey = field(default_factory=GearSurvey)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,14 +136,12 @@ def docking(
     UsageError : the way leaves the NCPs' travel, or the loop is unstable.
     """
     rig, gears, controller = setup.rig, setup.gears, setup.controller
-    if not (0.0 < setup.gap < np.inf and 0.0 < setup.speed < np.inf and setup.ramp > 0.0):
-        raise UsageError("gap, speed and ramp must be above zero")
     survey_seed, *machine_seeds = seed.spawn(3)
     home, tip = np.asarray(setup.home), np.asarray(gears.tip)
     mouth = home + tip + np.array([0.0, 0.0, setup.gap])
     # The way is planned by a survey of the outer gear.
     rng = np.random.default_rng(survey_seed)
-    turn, shift = survey_error(rig, setup.survey, setup.gear, mouth, home, arms.runs, rng)
+    turn, shift = survey_error(rig, SurveyOptions(), mouth, home, arms.runs, rng)
     # The impedance lags by B v / K, and presses its threshold of force on the seat.
     lag = setup.speed * controller.impedance.damping[2] / controller.impedance.stiffness[2]
     way = setup.gap + gears.length + _ON + lag

@@ -25,7 +25,7 @@ from tdfscal.simulation.control.stability import (
     require_stable,
     sample_map,
 )
-from tdfscal.simulation.control.terminal import Structure, Terminal, body, inertia_of
+from tdfscal.simulation.control.terminal import Terminal, body, inertia_of
 from tdfscal.simulation.truth import stated
 from tdfscal.wrench.filtering import Causal, Walk
 from tests.control.benches import HOME, IDEAL, SHORT, caught, dock, fleet, poses, truths
@@ -65,7 +65,7 @@ def test_rest_is_the_static_simulators() -> None:
     start = poses(lanes)
     stand = start.place(truth.hinge)
     inertia = np.broadcast_to(inertia_of(loose_rig()), (lanes, 3, 3))
-    terminal = Terminal(truth, inertia, Structure(), stand, start, 4e-3)
+    terminal = Terminal(truth, inertia, 0.05, stand, start, 4e-3)
     goal = Pose(
         rotations.exp(rng.normal(0, 0.02, (lanes, 3))), HOME + rng.normal(0, 0.01, (lanes, 3))
     ).place(truth.hinge) + rng.normal(0, 1e-5, stand.shape)
@@ -141,7 +141,7 @@ def test_halving_the_step_changes_maxima_little() -> None:
 
 
 def swing(
-    structure: Structure, step: float, seconds: float, gears: GearPair | None = None
+    damping: float, step: float, seconds: float, gears: GearPair | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Energy (N,), J, and height (N,), m, of a terminal let go 20 µm beside its rest; with gears it
     swings against their wall.
@@ -150,8 +150,8 @@ def swing(
     start = poses(1)
     inertia = inertia_of(exact_rig())[None]
     stand = start.place(truth.hinge)
-    terminal = Terminal(truth, inertia, structure, stand, start, step)
-    at = body(truth, inertia, structure, start.rotation)
+    terminal = Terminal(truth, inertia, damping, stand, start, step)
+    at = body(truth, inertia, damping, start.rotation)
     rest = terminal.translation.copy()
     terminal.translation = rest + np.array([2e-5, 0.0, 2e-5])
     terminal.force = terminal._pull(np.zeros_like(stand))
@@ -178,7 +178,7 @@ def swing(
 
 def test_the_body_swings_at_its_natural_frequency_and_keeps_its_energy() -> None:
     """Free of damping and contact, whatever the step: inertia and springs, and nothing else."""
-    free = Structure(damping=1e-9)
+    free = 1e-9
     energy, height = swing(free, 4e-3, 1.0)
     np.testing.assert_allclose(energy, energy[0], rtol=0.01)  # over 55 swings
     vertical = np.sqrt(60e6 / 500.0)
@@ -186,7 +186,7 @@ def test_the_body_swings_at_its_natural_frequency_and_keeps_its_energy() -> None
         height, 2e-5 * np.cos(vertical * 4e-3 * np.arange(len(height))), atol=2e-8
     )
     # Damped: the envelope is exp(−ζ ω t).
-    _, height = swing(Structure(damping=0.05), 1e-3, 0.2)
+    _, height = swing(0.05, 1e-3, 0.2)
     peaks = np.abs(height[180:]).max() / 2e-5
     assert np.exp(-0.05 * vertical * 0.2) < peaks < np.exp(-0.05 * vertical * 0.18)
 
@@ -194,9 +194,9 @@ def test_the_body_swings_at_its_natural_frequency_and_keeps_its_energy() -> None
 def test_energy_does_not_grow_in_contact() -> None:
     """Held half a step ahead, the contact's force does no net work; damping takes energy."""
     gears = GearPair(friction=0.0)
-    energy, _ = swing(Structure(damping=1e-9), 1e-3, 2.0, gears)
+    energy, _ = swing(1e-9, 1e-3, 2.0, gears)
     assert abs(energy[-200:].mean() / energy[:200].mean() - 1.0) < 0.02
-    energy, _ = swing(Structure(damping=0.02), 1e-3, 1.0, gears)
+    energy, _ = swing(0.02, 1e-3, 1.0, gears)
     assert energy[-1] < 0.02 * energy[0]
 
 

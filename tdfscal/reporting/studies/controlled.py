@@ -145,7 +145,7 @@ def cell_document(controller: Controller) -> dict[str, Any]:
         "stiffness": list(c.impedance.stiffness),
         "servo_bandwidth": c.servo.bandwidth,
         "encoder_resolution": c.servo.resolution,
-        "structural_damping": c.structure.damping,
+        "structural_damping": c.damping,
         "sample_rate": c.sensing.rate,
         "thresholds": list(c.thresholds),
         "step": c.step,

@@ -78,7 +78,7 @@ class Loop:
         self.servo = self.target.copy()
         inertia = np.broadcast_to(inertia_of(machines.rig), (L, 3, 3))
         self.terminal = Terminal(
-            machines.truth, inertia, controller.structure, self._stand(), reference.start,
+            machines.truth, inertia, controller.damping, self._stand(), reference.start,
             controller.step,
         )  # fmt: skip
         self.contact = np.zeros((L, 6))  # BCS, about the LCS origin

@@ -12,7 +12,6 @@ from tdfscal.simulation.control.contact import GearPair
 from tdfscal.simulation.control.impedance import Impedance
 from tdfscal.simulation.control.sensors import Sensing
 from tdfscal.simulation.control.servo import PositionErrors, Servo
-from tdfscal.simulation.control.terminal import Structure
 from tdfscal.simulation.truth import Truth
 
 PHASES = ("approach", "first contact", "insertion", "seated")
@@ -22,15 +21,16 @@ PHASES = ("approach", "first contact", "insertion", "seated")
 class Controller:
     """Controller and machine.
 
-    tare : s at rest before the start whose mean wrench is F_d of the lanes that are tared.
-    thresholds : N, |F| along x, y, z of the LCS at which the controller stops. step : s.
-    trace_rate : Hz, at most, of records; readings : servos and sensors are recorded too.
+    damping : ratio, of what gives between servo and terminal, as in `terminal.body`. tare : s at
+    rest before the start whose mean wrench is F_d of the lanes that are tared. thresholds : N, |F|
+    along x, y, z of the LCS at which the controller stops. step : s. trace_rate : Hz, at most, of
+    records; readings : servos and sensors are recorded too.
     """
 
     impedance: Impedance = field(default_factory=Impedance)
     servo: Servo = field(default_factory=Servo)
     sensing: Sensing = field(default_factory=Sensing)
-    structure: Structure = field(default_factory=Structure)
+    damping: float = 0.05
     tare: float = 2.0
     thresholds: tuple[float, float, float] = (20.0, 20.0, 40.0)
     step: float = 4.0e-3

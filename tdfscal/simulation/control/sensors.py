@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray
 from tdfscal.simulation.control.terminal import moment
 from tdfscal.simulation.truth import Truth
@@ -26,14 +25,6 @@ class Sensing:
     noise: float = 1.75
     gain: float = 0.2
     watch: float = 0.1
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.rate < np.inf or not 0.0 <= self.noise < np.inf:
-            raise UsageError(
-                f"sensors with {self.noise:g} N of noise at {self.rate:g} Hz cannot be simulated"
-            )
-        if not 0.0 < self.gain <= 1.0:
-            raise UsageError(f"the filter's gain is {self.gain:g}", hint="give 0 < gain ≤ 1")
 
     @property
     def delay(self) -> float:

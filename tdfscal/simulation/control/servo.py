@@ -28,8 +28,6 @@ class Servo:
     def __post_init__(self) -> None:
         if not self.bandwidth > 0.0:
             raise UsageError(f"a servo's bandwidth is {self.bandwidth:g} Hz", hint="give it in Hz")
-        if not 0.0 <= self.resolution < np.inf:
-            raise UsageError(f"an encoder's resolution is {self.resolution:g} m")
 
     @property
     def lag(self) -> float:

@@ -29,7 +29,7 @@ _BLOCK = 6
 
 def nominal_body(rig: Rig, controller: Controller) -> Body:
     """The rig as its file states it, aligned with the BCS; matrices (6, 6)."""
-    one = body(stated(rig, 1), inertia_of(rig)[None], controller.structure, np.eye(3)[None])
+    one = body(stated(rig, 1), inertia_of(rig)[None], controller.damping, np.eye(3)[None])
     return Body(one.mass[0], one.stiffness[0], one.decay[0])
 
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
 from tdfscal.simulation.equilibrium import Load, Pose, settle, springs
@@ -20,23 +19,6 @@ from tdfscal.simulation.truth import Truth
 
 #: Turn since the last linearisation, rad, from which it is made anew.
 _REFRESH = 1.0e-3
-
-
-@dataclass(frozen=True, slots=True)
-class Structure:
-    """What gives between servo and terminal, beside the NCPs' stiffness in `Truth`.
-
-    damping : ratio, of the mode in which the whole terminal goes up and down; in proportion to the
-    stiffness, so that modes of higher frequency have more.
-    """
-
-    damping: float = 0.05
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.damping < 1.0:
-            raise UsageError(
-                f"a structural damping ratio of {self.damping:g}", hint="give 0 to 1, as 0.05"
-            )
 
 
 def inertia_of(rig: Rig) -> FloatArray:
@@ -95,8 +77,11 @@ class Body:
         )
 
 
-def body(truth: Truth, inertia: FloatArray, structure: Structure, rotation: FloatArray) -> Body:
-    """Linearise at rotation (L, 3, 3); truth : (L,); inertia (L, 3, 3), LCS."""
+def body(truth: Truth, inertia: FloatArray, damping: float, rotation: FloatArray) -> Body:
+    """Linearise at rotation (L, 3, 3); truth : (L,); inertia (L, 3, 3), LCS; damping : ratio, of
+    the mode in which the whole terminal goes up and down; in proportion to the stiffness, so that
+    modes of higher frequency have more.
+    """
     back = np.swapaxes(rotation, -1, -2)
     off = truth.mass[:, None, None] * rotations.hat(
         (rotation @ truth.barycentre[..., None])[..., 0]
@@ -107,7 +92,7 @@ def body(truth: Truth, inertia: FloatArray, structure: Structure, rotation: Floa
     mass[:, 3:, 3:] = rotation @ inertia @ back
     K = springs(truth.stiffness, truth.hinge @ back)
     rise = np.sqrt(K[:, 2, 2] / truth.mass)
-    return Body(mass, K, 2.0 * structure.damping / rise)
+    return Body(mass, K, 2.0 * damping / rise)
 
 
 class Terminal:
@@ -121,12 +106,15 @@ class Terminal:
         self,
         truth: Truth,
         inertia: FloatArray,
-        structure: Structure,
+        damping: float,
         stand: FloatArray,
         start: Pose,
         step: float,
     ) -> None:
-        """Stand : (L, n, 3), m, BCS, carriages. Raises NotConvergedError where nothing stands."""
+        """Damping : as in `body`. stand : (L, n, 3), m, BCS, carriages.
+
+        Raises NotConvergedError where nothing stands.
+        """
         lanes = len(stand)
         load = Load(np.zeros((lanes, 1, 2, 3)), np.zeros((lanes, 1, 3)))
         first = Pose(start.rotation[:, None], start.translation[:, None])
@@ -135,7 +123,7 @@ class Terminal:
         self.translation = rest.pose.translation[:, 0]
         self.rate = np.zeros((lanes, 6))
         self.force = rest.force[:, 0]
-        self._truth, self._inertia, self._structure = truth, inertia, structure
+        self._truth, self._inertia, self._damping = truth, inertia, damping
         self._levers = np.concatenate([truth.hinge, truth.barycentre[:, None, :]], axis=1)
         self._acting = np.empty_like(self._levers)
         self._acting[:, -1] = truth.mass[:, None] * truth.gravity
@@ -172,7 +160,7 @@ class Terminal:
         self.force = self._pull(speed)
 
     def _linearise(self) -> None:
-        own = body(self._truth, self._inertia, self._structure, self.rotation)
+        own = body(self._truth, self._inertia, self._damping, self.rotation)
         self._decay, self._gain = own.decay[:, None, None], own.step(self._step)
         self._linearised = self.rotation
 
