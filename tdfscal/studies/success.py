@@ -53,25 +53,22 @@ def success(
     seed: int,
     *,
     deviations: Sequence[float] = DEVIATIONS,
-    factors: Sequence[float] | None = None,
     workers: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> SuccessStudy:
     """Dock with controllers that know all but the angles, once per angle error, stiffness and run.
 
-    controller : that for gears of another stiffness; each has to be stable. factors : on the
-    stiffness of the setup's gears; default `FACTORS`. The same machines,
-    directions of the errors and noise meet every case.
+    controller : that for gears of another stiffness, by `FACTORS` of that of the setup's; each has
+    to be stable. The same machines, directions of the errors and noise meet every case.
 
     Raises
     ------
     UsageError : a way that leaves the NCPs' travel, or an unstable loop.
     """
-    factors = FACTORS if factors is None else factors
     arm_seed, study_seed = np.random.SeedSequence(seed).spawn(2)
     arms = misaligned(setup.rig, runs, deviations, np.random.default_rng(arm_seed))
     studies = []
-    for s, factor in enumerate(factors):
+    for s, factor in enumerate(FACTORS):
         gears = replace(
             setup.gears,
             stiffness=factor * setup.gears.stiffness,
@@ -86,7 +83,7 @@ def success(
                 fresh,
                 seed,
                 workers=workers,
-                progress=lambda share, s=s: progress((s + share) / len(factors)),  # type: ignore[misc]
+                progress=lambda share, s=s: progress((s + share) / len(FACTORS)),  # type: ignore[misc]
             )
         )
     return SuccessStudy(np.asarray(deviations), tuple(studies), seed)

@@ -27,10 +27,10 @@ _CLOSE = 0.25
 class Item:
     """One number of the paper beside ours.
 
-    figure, quantity : where it stands, and what it is. paper : as printed; NaN where the text at
-    hand has no number. here, std : ours and its standard error, NaN where there is none. unit.
-    like : the same quantity of the same method under the same knowledge. bound : the paper's is a
-    limit from below (">") or above ("<"). why : what the comparison rests on, or fails for.
+    figure, quantity : where it stands, and what it is. paper : as printed. here, std : ours and its
+    standard error, NaN where there is none. unit. like : the same quantity of the same method under
+    the same knowledge. why : what the comparison rests on, or fails for. bound : the paper's is a
+    limit from below (">") or above ("<").
     """
 
     figure: str
@@ -44,15 +44,25 @@ class Item:
     bound: str = ""
 
     @property
-    def reproduced(self) -> bool | None:
-        """Whether ours is the paper's; None where nobody can tell."""
-        if not self.like or np.isnan(self.paper) or np.isnan(self.here):
-            return None
-        if self.bound:
-            return bool(self.here >= self.paper if self.bound == ">" else self.here <= self.paper)
+    def verdict(self) -> str:
+        """Whether ours is the paper's, in a word or two."""
+        if not self.like:
+            return "unlike"
+        if np.isnan(self.here):
+            return "no result"
         beyond = abs(self.here - self.paper) - _CLOSE * abs(self.paper)
-        vague = 0.0 if np.isnan(self.std) else 2.0 * self.std
-        return True if beyond <= 0.0 else False if beyond > vague else None
+        if self.bound:
+            beyond = self.paper - self.here if self.bound == ">" else self.here - self.paper
+        if beyond <= 0.0:
+            return "reproduced"
+        vague = 0.0 if self.bound or np.isnan(self.std) else 2.0 * self.std
+        return "not reproduced" if beyond > vague else "undecided"
+
+    @property
+    def numbers(self) -> tuple[str, str]:
+        """The paper's number, and ours with its standard error."""
+        printed = f"{self.bound} {self.paper:.4g}".strip()
+        return printed, with_error(self.here, self.std)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,26 +86,12 @@ TRUE = Pair(("force", "torque"), ("N", "N·m"))
 SEEN = Pair(("force", "torque"), ("N", "N·m"), 2, docking.PAPER)
 
 
-def verdict(item: Item) -> str:
-    """In a word or two."""
-    if item.reproduced is None:
-        if not item.like:
-            return "unlike"
-        return "no result" if np.isnan(item.here) else "undecided"
-    return "reproduced" if item.reproduced else "not reproduced"
-
-
-def paper_said(item: Item) -> str:
-    """The paper's number."""
-    return "–" if np.isnan(item.paper) else f"{item.bound}{' ' * bool(item.bound)}{item.paper:.4g}"
-
-
 def sentence(item: Item) -> str:
     """One sentence of an item."""
-    unit = f" {item.unit}" if item.unit else ""
+    paper, here = (f"{number} {item.unit}".rstrip() for number in item.numbers)
     return (
-        f"{item.figure}, {item.quantity}: {paper_said(item)}{unit} in the paper, "
-        f"{with_error(item.here, item.std)}{unit} here; {verdict(item)}: {item.why}"
+        f"{item.figure}, {item.quantity}: {paper} in the paper, {here} here; {item.verdict}: "
+        f"{item.why}"
     )
 
 
@@ -229,15 +225,14 @@ def report(paper: Paper) -> Report:
     """One table, paper against here, and the verdict of each line with its reason."""
     items = paper.items
     reasons = list(dict.fromkeys(i.why for i in items))
+    verdicts = [i.verdict for i in items]
+    held, failed = verdicts.count("reproduced"), verdicts.count("not reproduced")
     short = {"reproduced": "yes", "not reproduced": "no"}
     rows = tuple(
-        (i.figure, i.quantity + (f", {i.unit}" if i.unit else ""), paper_said(i),
-         with_error(i.here, i.std), short.get(verdict(i), verdict(i)),
-         str(reasons.index(i.why) + 1))
+        (i.figure, f"{i.quantity}, {i.unit}".removesuffix(", "), *i.numbers,
+         short.get(i.verdict, i.verdict), str(reasons.index(i.why) + 1))
         for i in items
     )  # fmt: skip
-    counted = [i.reproduced for i in items]
-    held, failed = counted.count(True), counted.count(False)
     blocks = (
         f"{held} numbers are reproduced (within {100 * _CLOSE:g} % of the paper's, or within its "
         f"bound), {failed} are not (beyond that by more than two standard errors of ours). Unlike: "
@@ -276,10 +271,10 @@ def _rows(paper: Paper) -> Iterator[Row]:
             "quantity": item.quantity,
             "unit": item.unit,
             "bound": item.bound,
-            "paper": number(item.paper),
+            "paper": item.paper,
             "here": number(item.here),
             "standard_error": number(item.std),
             "like": "like" if item.like else "unlike",
-            "verdict": verdict(item),
+            "verdict": item.verdict,
             "why": item.why,
         }

@@ -37,27 +37,14 @@ class Impedance:
                 )
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
-    """One step of the deviation d = x − x_d and its rate under a constant drive, per axis.
+def transition(impedance: Impedance, step: float) -> tuple[FloatArray, FloatArray]:
+    """State (6, 2, 2) and drive (6, 2) of an exact step (s) of M d̈ + B ḋ + K d = g, g held.
 
-    state : (6, 2, 2), drive : (6, 2): (d, ḋ) ← state (d, ḋ) + drive · g.
+    Per axis (d, ḋ) ← state (d, ḋ) + drive · g, of the deviation d = x − x_d and its rate.
     """
-
-    state: FloatArray
-    drive: FloatArray
-
-    def step(self, deviation: FloatArray, g: FloatArray) -> FloatArray:
-        """Next deviation and rate (L, 6, 2) under g (L, 6), N and N·m."""
-        moved = (self.state @ deviation[..., None])[..., 0]
-        return np.asarray(moved + self.drive * g[..., None])
-
-
-def transition(impedance: Impedance, step: float) -> Transition:
-    """Exact transition over `step` (s) of M d̈ + B ḋ + K d = g, g held."""
     M, B, K = (np.array(v) for v in (impedance.mass, impedance.damping, impedance.stiffness))
     A = np.zeros((6, 3, 3))
     A[:, 0, 1] = step
     A[:, 1, 0], A[:, 1, 1], A[:, 1, 2] = -K / M * step, -B / M * step, step / M
     whole = exponential(A)
-    return Transition(whole[:, :2, :2], whole[:, :2, 2])
+    return whole[:, :2, :2], whole[:, :2, 2]

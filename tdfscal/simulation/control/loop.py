@@ -11,7 +11,7 @@ from tdfscal.simulation import rotations
 from tdfscal.simulation.control.contact import coordinates
 from tdfscal.simulation.control.impedance import transition
 from tdfscal.simulation.control.recording import Book
-from tdfscal.simulation.control.reference import Reference, follow
+from tdfscal.simulation.control.reference import Reference
 from tdfscal.simulation.control.runs import Controller, Docking, Machines, Result
 from tdfscal.simulation.control.sensors import Sensors, WrenchObserver
 from tdfscal.simulation.control.stability import require_stable
@@ -60,7 +60,10 @@ class Loop:
         self.shift = np.eye(6)
         self.shift[:3, 3:] = -rotations.hat(self.centre)
         self.hinge = machines.rig.hinge - self.centre
-        self.first, self.way, self.turn = follow(reference, self.centre)
+        begin, end = reference.start, reference.goal
+        self.first = begin.rotation @ self.centre + begin.translation
+        self.way = end.rotation @ self.centre + end.translation - self.first
+        self.turn = rotations.log(np.swapaxes(begin.rotation, -1, -2) @ end.rotation)
         self.turns = bool(np.any(self.turn))
         self.start = reference.start.rotation
         self.lanes = L = len(self.first)
@@ -176,7 +179,10 @@ class Loop:
             # M ẍ_d + B ẋ_d of the reference.
             speed, acceleration = self.reference.rate[k], self.reference.acceleration[k]
             drive = (self.mass * acceleration + self.damping * speed) * self.rates
-            new = self.transition.step(self.deviation, self.seen - drive)
+            own, driven = self.transition
+            new = (own @ self.deviation[..., None])[..., 0] + driven * (self.seen - drive)[
+                ..., None
+            ]
             self.deviation = np.where(active[:, None, None], new, self.deviation)
             self.command(at)
             self.physics()

@@ -8,7 +8,6 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.records import FloatArray, Rig
-from tdfscal.simulation import rotations
 from tdfscal.simulation.equilibrium import Pose
 
 
@@ -78,12 +77,3 @@ def require_within(
             where=f"{what} {case + 1}",
             hint="choose postures nearer to home",
         )
-
-
-def follow(reference: Reference, centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Place of the centre at the start (L, 3), its way (L, 3), m, BCS; turn (L, 3), rad, LCS."""
-    a, b = reference.start, reference.goal
-    first = a.rotation @ centre + a.translation
-    last = b.rotation @ centre + b.translation
-    turn = rotations.log(np.swapaxes(a.rotation, -1, -2) @ b.rotation)
-    return first, last - first, turn

@@ -38,7 +38,7 @@ def sample_map(at: Body, controller: Controller, surroundings: FloatArray) -> Fl
     filtered wrench. surroundings : (6, 6), stiffness of the contact about the LCS origin.
     """
     c, h = controller, controller.step
-    one, grow = transition(c.impedance, h), at.step(h)
+    (state, drive), grow = transition(c.impedance, h), at.step(h)
     T = np.eye(_BLOCK)  # displacement of the LCS origin by that of the centre of compliance
     T[:3, 3:] = rotations.hat(np.asarray(c.impedance.centre))
     share = c.servo.share(h)
@@ -50,7 +50,7 @@ def sample_map(at: Body, controller: Controller, surroundings: FloatArray) -> Fl
     felt = felt + c.sensing.gain * (-T.T @ pull(speed) - felt)
     for _ in range(c.held):
         moved = np.stack([d, rate], axis=1)  # (6, 2, ·)
-        d, rate = np.swapaxes(one.state @ moved + one.drive[:, :, None] * felt[:, None], 0, 1)
+        d, rate = np.swapaxes(state @ moved + drive[:, :, None] * felt[:, None], 0, 1)
         speed = share * (T @ d - s) / h
         net = pull(speed) - surroundings @ (q + 0.5 * h * v)
         change = grow @ np.concatenate([v, net, at.stiffness @ speed])
