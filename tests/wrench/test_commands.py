@@ -218,6 +218,21 @@ def test_a_rig_that_contradicts_is_refused(
     assert not target.exists()
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
+def test_a_log_without_a_common_instant_is_refused(
+    places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str
+) -> None:
+    log = places.campaign.log
+    middle = (log.force[0].time[0] + log.force[0].time[-1]) / 2
+    apart = replace(between(log, -np.inf, middle), force=between(log, middle, np.inf).force)
+    write_campaign(replace(places.campaign, log=apart), tmp_path / "apart", format="mcap")
+    target = tmp_path / f"w{suffix}"
+    seen = run(capsys, "apply", places.calibration, tmp_path / "apart", "-o", target, "-q")
+    assert seen.status == 3
+    assert "no instant" in seen.err
+    assert [path.name for path in tmp_path.iterdir()] == ["apart"]
+
+
 def test_a_mass_within_its_uncertainty_is_no_contradiction(
     places: Places, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
