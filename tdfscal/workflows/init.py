@@ -119,11 +119,7 @@ def init(
     sketch = sketch_rig(position, force, _GRAVITY)
     text = draft(
         first.path.absolute().parent.name or "Rig",
-        mapping.supports,
-        sketch.hinge,
-        sketch.mass,
-        sketch.barycentre,
-        sketch.nominal_rpy,
+        sketch,
         _notes(sketch, len(position)),
         mapping_document(mapping, by_topic=first.by_topic)["log"],
         info.guess.notes,

@@ -18,6 +18,7 @@ import yaml
 from mcap.reader import make_reader
 
 import tdfscal
+from tdfscal.checks.rig_from_log import RigSketch
 from tdfscal.errors import visible
 from tdfscal.exports import FORMATS
 from tdfscal.files.rig.draft import draft
@@ -136,11 +137,16 @@ def test_drafts_of_rig_files(text: str) -> None:
     }
     written = draft(
         text,
-        tuple(log["supports"]),
-        np.zeros((3, 3)),
-        500.0,
-        np.zeros(2),
-        np.zeros((3, 3)),
+        RigSketch(
+            hinge=np.zeros((3, 3)),
+            spread=0.0,
+            mass=500.0,
+            barycentre=np.zeros(2),
+            nominal_rpy=np.zeros((3, 3)),
+            upright=(True,) * 3,
+            turned=True,
+            reference=0,
+        ),
         {"mass": "x", "hinge": "y", "nominal_rpy": "z"},
         log,
         [f"the unit is taken from {text}"],

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import yaml
 
+from tdfscal.checks.rig_from_log import RigSketch
 from tdfscal.errors import visible
 from tdfscal.files.rig.model import RIG_FORMAT
-from tdfscal.records import FloatArray
 
 #: What a line says whose value the user has still to confirm.
 CONFIRM: Final = "confirm"
@@ -45,23 +45,18 @@ _UNCERTAINTY: Final = (
 
 def draft(
     name: str,
-    supports: tuple[str, ...],
-    hinge: FloatArray,
-    mass: float,
-    barycentre: FloatArray,
-    nominal_rpy: FloatArray,
+    sketch: RigSketch,
     notes: Mapping[str, str],
     log: Mapping[str, Any],
-    reasons: Sequence[str] = (),
+    reasons: Sequence[str],
 ) -> str:
     """Write a rig file's text.
 
-    Parameters
-    ----------
-    hinge : (n, 3), m. barycentre : (2,), m. nominal_rpy : (n, 3), rad. notes : what is to be said
-    beside `mass`, `hinge` and `nominal_rpy`. log : the log block, and the
-    reasons for what it says.
+    notes : what is to be said beside `mass`, `hinge` and `nominal_rpy`. log : the log block, and
+    the reasons for what it says.
     """
+    mass, barycentre = sketch.mass, sketch.barycentre
+    head, fields = {k: v for k, v in log.items() if k != "supports"}, log["supports"]
     lines = [
         "# yaml-language-server: $schema=rig.schema.json",
         "# (For editors; `tdfscal schema .` writes that file beside this one.)",
@@ -84,7 +79,7 @@ def draft(
                  "nothing"),
         "supports:",
     ]  # fmt: skip
-    for support, place, rpy in zip(supports, hinge, nominal_rpy + 0.0, strict=True):
+    for support, place, rpy in zip(fields, sketch.hinge, sketch.nominal_rpy + 0.0, strict=True):
         lines += [
             f"  - name: {_flow(support)}",
             f"    hinge: [{', '.join(f'{c:.6f}' for c in place)}]  # {CONFIRM}",
@@ -92,7 +87,6 @@ def draft(
             f"    nominal_rpy: [{', '.join(f'{a:.15g}' for a in rpy)}]  # {CONFIRM}",
             "    rpy_std: .inf",
         ]
-    head, fields = {k: v for k, v in log.items() if k != "supports"}, log["supports"]
     lines += [
         *_UNCERTAINTY,
         *(line for reason in reasons for line in _remark(reason)),
