@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.checks.faulty_sensors import axes_line, check_unmeasured
+from tdfscal.checks.faulty_sensors import AXES, axes_line, check_unmeasured
 from tdfscal.errors import DataError
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, Stretch, blocks, runs
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, FloatArray, Rig
 
-_AXES = ("x", "y", "z")
 #: Share of the speed's power above the band at which a recording is too slow for the motion.
 _FAST = 0.05
 #: Rounding of the recorded positions, over the positioners' own error, that is too coarse, and
@@ -70,7 +69,7 @@ def check_stream(rig: Rig, slow: Slow) -> None:
     still = np.ptp(slow.force, axis=0) <= _SAME * np.abs(slow.force).max(axis=0)
     for i, j in np.argwhere(still & rig.axes):
         raise DataError(
-            f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} reads "
+            f"the {AXES[j]} axis of the sensor of {rig.supports[i]} reads "
             f"{slow.force[0, i, j]:.6g} N throughout: it is dead or not connected",
             where="log forces",
             hint="check the sensor, its amplifier and the force fields in rig.yaml, or "
@@ -121,7 +120,7 @@ def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, str]]:
     """
     found = []
     for i, j in np.argwhere(rig.axes):
-        reason = f"the {_AXES[j]} axis of the sensor of {rig.supports[i]} is frozen"
+        reason = f"the {AXES[j]} axis of the sensor of {rig.supports[i]} is frozen"
         found += [(run, reason) for run in _same(slow.force[:, i, j, None], slow.step)]
     for i in range(rig.n):
         reason = f"the position of {rig.supports[i]} is frozen while others move"

@@ -35,8 +35,8 @@ from tdfscal.numerics.least_squares import (
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.estimator import Priors
 
-#: Blocks that a long log is first fitted on, and those that a linearisation is checked on.
-_FEW, _PROBES = 2, 1
+#: Blocks that a long log is first fitted on.
+_FEW = 2
 #: Looks from a new linearisation at most, and the change, in standard deviations, that ends them.
 _LOOKS, _SETTLED = 12, 0.01
 #: Looks at most where forces that nobody measures have to be found along with the angles.
@@ -313,21 +313,19 @@ def fit_moving(
         settled = _SETTLED * np.sqrt(j.shape[1])
         converged = bool(step < settled)
         if not converged and len(few) < len(blocks):
-            converged = _bent(fit, few[:_PROBES]) < settled
+            converged = _bent(fit) < settled
         if converged or (look > 0 and not solution.converged):
             break
     return replace(fit, iterations=iterations, converged=converged)
 
 
-def _bent(fit: MovingFit, some: tuple[Block, ...]) -> float:
+def _bent(fit: MovingFit) -> float:
     """How far the balance at the fit's state is from its linearisation, in standard deviations
-    of the whole; looked at on some of its blocks.
+    of the whole; looked at on its first block.
     """
-    index = [fit.blocks.index(block) for block in some]
-    anew = at_state(fit.priors, some, fit.state, fit.noise)
-    cut = len(fit.psi) - fit.rests
-    square = 0.0
-    for k, item in zip(index, anew.designs, strict=True):
-        gap = item.design @ anew.psi[:cut] - fit.designs[k].design @ fit.psi[:cut]
-        square += float(np.sum(np.abs(gap @ item.mix.T) ** 2 * item.weight(fit.noise)))
-    return float(np.sqrt(square * len(fit.blocks) / len(some)))
+    here, cut = fit.designs[0], len(fit.psi) - fit.rests
+    anew = at_state(fit.priors, fit.blocks[:1], fit.state, fit.noise)
+    gap = anew.designs[0].design @ anew.psi[:cut] - here.design @ fit.psi[:cut]
+    mix, weight = anew.designs[0].mix, anew.designs[0].weight(fit.noise)
+    square = np.sum(np.abs(gap @ mix.T) ** 2 * weight)
+    return float(np.sqrt(square * len(fit.blocks)))

@@ -19,12 +19,11 @@ class Whitened:
 
     residual : (m,), white; m is 6K, or as many as a motion determines. columns : (m, P), its
     derivative by the calibrated parameters; plain : the same, white in each posture's own noise
-    only.
-    own : (K, 6, 6), whitens each posture's own noise; K = 0 in motion, where a contact is found
-    otherwise. common : (m, r), orthonormal; shrink : (r,):
-    along them the calibration's error is common to all postures. free : (m, f), orthonormal,
-    directions of parameters that nobody knows; the residual has no part in them. rows : directions
-    of all residuals that no unmeasured force reaches. sensors : n.
+    only. own : (K, 6, 6), whitens each posture's own noise; K = 0 in motion, where a contact is
+    found otherwise. common : (m, r), H of the inverse root I − H Hᵀ for the calibration's error,
+    which is common to all postures. free : (m, f), orthonormal, directions of parameters that
+    nobody knows; the residual has no part in them. rows : directions of all residuals that no
+    unmeasured force reaches. sensors : n.
     """
 
     residual: FloatArray
@@ -32,7 +31,6 @@ class Whitened:
     plain: FloatArray
     own: FloatArray
     common: FloatArray
-    shrink: FloatArray
     free: FloatArray
     rows: int
     sensors: int
@@ -54,8 +52,7 @@ class Whitened:
 
     def white(self, columns: FloatArray) -> FloatArray:
         """Columns (6K, c), whitened posture by posture already, made white altogether."""
-        common = self.shrink[:, None] * (self.common.T @ columns)
-        white = columns - self.common @ common
+        white = columns - self.common @ (self.common.T @ columns)
         return np.asarray(white - self.free @ (self.free.T @ white))
 
 
@@ -70,32 +67,19 @@ def whiten(
 ) -> Whitened:
     """Take away the error of the calibration from residuals that are white in their own noise.
 
-    residual : (m,). columns : (m, P), its derivative by the parameters. own : (K, 6, 6), what
-    whitened each posture's own noise, with 0 along forces that nobody measures; rows : how many
-    directions that leaves. root : (P, r), U with U Uᵀ the covariance of the
-    parameters. unknown : (P,), parameters of which nothing is known.
+    own : with 0 along forces that nobody measures; rows : how many directions that leaves.
+    root : (P, r), U with U Uᵀ the covariance of the parameters. unknown : (P,), parameters of
+    which nothing is known. The others are as those of `Whitened`, not white as a whole.
 
     With B the columns times U the covariance is I + B Bᵀ; by the singular values s of B its
     inverse root is I − V (1 − 1/√(1 + s²)) Vᵀ.
     """
     V, s, _ = np.linalg.svd(columns @ root, full_matrices=False)
-    start = Whitened(
-        residual=residual,
-        columns=columns,
-        plain=columns,
-        own=own,
-        common=V,
-        shrink=1 - 1 / np.sqrt(1 + s**2),
-        free=np.zeros((len(columns), 0)),
-        rows=rows,
-        sensors=sensors,
-    )
+    common, nothing = V * np.sqrt(1 - 1 / np.sqrt(1 + s**2)), np.zeros((len(columns), 0))
+    start = Whitened(residual, columns, columns, own, common, nothing, rows, sensors)
     known = replace(start, free=basis(start.white(columns[:, unknown])))
-    return replace(
-        known,
-        residual=known.white(residual[:, None])[:, 0],
-        columns=known.white(columns),
-    )
+    white = known.white(residual[:, None])[:, 0]
+    return replace(known, residual=white, columns=known.white(columns))
 
 
 def calibration_error(given: Calibrated, motion: ZeroMotion | None) -> tuple[FloatArray, BoolArray]:

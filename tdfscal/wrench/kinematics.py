@@ -112,17 +112,16 @@ def _small_turn(v: FloatArray) -> FloatArray:
     """Rotations (3, 3, b, B) by vectors (b, B, 3), exact for |v| < 2: the unit quaternion
     (v/2, √(1 − v²/4)) turns by 2 asin(|v|/2), which is |v| to the third order.
     """
-    x, y, z = np.ascontiguousarray(np.moveaxis(v, 2, 0))
-    xx, yy, zz = x * x, y * y, z * z
-    w = np.sqrt(np.maximum(1.0 - 0.25 * (xx + yy + zz), 0.0))
-    out = np.empty((3, 3, *x.shape))
-    xy, xz, yz = 0.5 * x * y, 0.5 * x * z, 0.5 * y * z
-    x, y, z = w * x, w * y, w * z
-    out[0, 0], out[1, 1], out[2, 2] = 1 - 0.5 * (yy + zz), 1 - 0.5 * (xx + zz), 1 - 0.5 * (xx + yy)
-    out[0, 1], out[1, 0] = xy - z, xy + z
-    out[0, 2], out[2, 0] = xz + y, xz - y
-    out[1, 2], out[2, 1] = yz - x, yz + x
-    return out
+    v = np.ascontiguousarray(np.moveaxis(v, 2, 0))
+    square = np.sum(v * v, axis=0)
+    w = np.sqrt(np.maximum(1.0 - 0.25 * square, 0.0))
+    out = 0.5 * v[:, None] * v
+    for a, (b, c) in enumerate(((1, 2), (2, 0), (0, 1))):
+        out[a, a] += 1.0 - 0.5 * square
+        turned = w * v[a]
+        out[c, b] += turned
+        out[b, c] -= turned
+    return np.asarray(out)
 
 
 def derivative_kernels(half: int) -> FloatArray:

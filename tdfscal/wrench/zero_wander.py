@@ -104,18 +104,13 @@ def _allan_variance(head: LogHead, axes: BoolArray) -> float | None:
     parts = [head.samples.force[row][:, axes] for row in head.dwells(head.samples.time)]
     size = max((len(part) for part in parts), default=0) // 2
     while size:
-        squares = [np.diff(_means(part, size), axis=0) ** 2 for part in parts]
+        whole = [part[: len(part) // size * size].reshape(-1, size, axes.sum()) for part in parts]
+        squares = [np.diff(part.mean(axis=1), axis=0) ** 2 for part in whole]
         count = sum(map(len, squares))
         if count >= _DIFFERENCES:
             return float(sum(each.sum() for each in squares) / (2 * count * axes.sum()))
         size //= 2
     return None
-
-
-def _means(part: FloatArray, size: int) -> FloatArray:
-    """Means over consecutive blocks of so many samples."""
-    count = len(part) // size
-    return np.asarray(part[: count * size].reshape(count, size, part.shape[1]).mean(axis=1))
 
 
 def _square(slope: float, change: FloatArray) -> FloatArray:
