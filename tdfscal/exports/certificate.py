@@ -43,12 +43,15 @@ def certificate(c: Calibration, version: str = LATEST) -> str:
     _named(method, f"{c.method} calibration")
     _content(_add(method, "description"), f"Command: {c.command}")
     _software(_add(result, "usedSoftware"), c)
-    univariate = _numbers(version) >= _UNIVARIATE_SINCE
+    numbers = tuple(int(part) for part in version.split(".") if part.isdecimal())
+    univariate = numbers >= _UNIVARIATE_SINCE
     if (span := ambient(c)) is not None:
         _conditions(result, *span)
     results = _add(result, "results")
+    # The standard uncertainties tell the intervals: k = 2 then covers what it says.
+    linear = c.monte_carlo is None or c.monte_carlo.linear_interval_validated
     for support in c.supports:
-        _sensor(results, support, univariate=univariate, linear=_linear(c))
+        _sensor(results, support, univariate=univariate, linear=linear)
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
@@ -103,11 +106,6 @@ def ambient(c: Calibration) -> tuple[float, float] | None:
     """Lowest and highest temperature of the dwells, °C, where it was recorded."""
     temperature = c.dwells.temperature if c.dwells is not None else None
     return (min(temperature), max(temperature)) if temperature else None
-
-
-def _linear(c: Calibration) -> bool:
-    """The standard uncertainties tell the intervals: k = 2 then covers what it says."""
-    return c.monte_carlo is None or c.monte_carlo.linear_interval_validated
 
 
 def _conditions(result: ET.Element, low: float, high: float) -> None:
@@ -202,7 +200,3 @@ def _si(place: ET.Element, name: str, text: str | None = None) -> ET.Element:
     element = ET.SubElement(place, f"{{{SI}}}{name}")
     element.text = text
     return element
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in version.split(".") if part.isdecimal())

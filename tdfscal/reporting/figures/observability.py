@@ -14,7 +14,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.style import Drawing, beside, figure, logarithmic, projection, tip
-from tdfscal.selfcal.observability import Angle, Observability
+from tdfscal.selfcal.observability import Observability
 
 _COLUMNS = 3
 #: Size of a sensor's place in lengths of the axes of the BCS; those are of round length.
@@ -103,13 +103,11 @@ def _paint(c: Calibration) -> Figure:
             place[0], place[1] + 1.22 * scale, f"{support.name}\n{sizes} mrad", ha="center",
             va="bottom", fontsize=8,
         )  # fmt: skip
-    ax.set_aspect("equal")
     ax.set_xlim(-0.5 * _WIDE * scale, (columns - 0.5) * _WIDE * scale)
     ax.set_ylim((1.8 - _HIGH * ceil(n / columns)) * scale, 1.8 * scale)
-    ax.set_xticks([])
-    ax.set_yticks([])
+    said = f"X, Y, Z: axes of the BCS, {scale:g} mrad either way"
+    ax.set(aspect="equal", xticks=[], yticks=[], xlabel=said)
     ax.spines[:].set_visible(False)
-    ax.set_xlabel(f"X, Y, Z: axes of the BCS, {scale:g} mrad either way")
     said = "standard uncertainty of the turn about each direction of the BCS"
     keys = [
         Line2D([], [], color=ink.BLUE, label=said),
@@ -168,7 +166,8 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
     fig = figure(0.8 + 0.19 * len(angles))
     ax = fig.subplots()
     left = 0.5 * min(float(shown[shown > 0].min(initial=1e3 * limit)), 1e3 * limit)
-    place = _places(angles)
+    sensors = list(dict.fromkeys(angle.support for angle in angles))
+    place = [k + 0.5 * sensors.index(angle.support) for k, angle in enumerate(angles)]
     for y, width, angle in zip(place, shown, angles, strict=True):
         look = {"facecolor": ink.BLUE, **ink.EDGE} if angle.identified else ink.REJECTED
         (bar,) = ax.barh([y], [width - left], left=left, height=0.72, **look)
@@ -183,11 +182,10 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
     logarithmic(ax, "x")
     ax.set_xlim(left, 4e3 * _OPEN)
     ax.set_yticks(place, [angle.name for angle in angles])
-    ax.tick_params(axis="y", length=0, labelcolor=ink.BLACK)
+    ax.tick_params(axis="y", length=0)
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel("standard uncertainty, mrad; hatched: not determined", color=ink.BLACK)
-    ax.spines["left"].set_color(ink.GREY)
+    ax.set_xlabel("standard uncertainty, mrad; hatched: not determined")
     return fig
 
 
@@ -196,9 +194,3 @@ def words(std: float) -> str:
     if not std < _OPEN:
         return "over 1 rad"
     return f"{1e3 * std:.0f} mrad" if std >= 0.1 else f"{1e3 * std:.2g} mrad"
-
-
-def _places(angles: tuple[Angle, ...]) -> FloatArray:
-    """Where the bars stand, those of one sensor together."""
-    names = list(dict.fromkeys(angle.support for angle in angles))
-    return np.array([k + 0.5 * names.index(angle.support) for k, angle in enumerate(angles)])
