@@ -8,7 +8,6 @@ import numpy as np
 
 from tdfscal.files.escaping import csv_comment
 from tdfscal.planning import Candidates, Plan
-from tdfscal.planning.limits import Limits
 from tdfscal.planning.moving_plan import MovingPlan
 from tdfscal.records import ANGLES, FloatArray
 
@@ -20,35 +19,30 @@ OVERSHOOT = 1.0e-3
 def plan_csv(plan: Plan, command: str, seed: int) -> str:
     """One row per posture in the order to drive: hinge centres in m, squeezes in N, BCS."""
     returns = set(plan.returns.tolist())
-    notes = [
-        *_heading(plan, "", command, seed),
-        *_frame(plan.request.limits, ""),
+    how = [
         f"approach: side to come from. First drive every NCP to x, y and z {1e3 * OVERSHOOT:g} mm",
         "further to that side (+1: larger coordinates), all alike, then into the posture.",
         "returns: 1 where the first posture comes again, to show drift.",
         "Rest at each posture, without contact, until the forces have settled, then record.",
-        *_expected(plan, f"{plan.request.noise:g} N per axis and posture"),
     ]
+    noise = f"{plan.request.noise:g} N per axis and posture"
     rows = (
         [str(k + 1), f"{plan.approach[k]:+d}", "1" if k in returns else ""]
         for k in range(len(plan))
     )
-    return _table(
-        plan.rig.supports, notes, ["posture", "approach", "returns"], rows,
-        plan.postures, plan.request.limits,
-    )  # fmt: skip
+    notes = _notes(plan, "", command, seed, how, noise)
+    return _table(plan, notes, ["posture", "approach", "returns"], rows, plan.postures)
 
 
 def time_table_csv(plan: MovingPlan, command: str, seed: int) -> str:
     """One row per tenth of a second: hinge centres in m, squeezes in N, BCS."""
-    return _motion(plan, plan.time, _motion_notes(plan, "time table", command, seed))
+    return _motion(plan, plan.time, "time table", command, seed)
 
 
 def waypoints_csv(plan: MovingPlan, command: str, seed: int) -> str:
     """As few rows as a cubic spline needs, which is at rest at both ends."""
-    notes = _motion_notes(plan, "waypoints", command, seed)
     spline = "Between the rows runs a cubic spline through all of them, with no speed at both ends."
-    return _motion(plan, plan.waypoints, [*notes, spline])
+    return _motion(plan, plan.waypoints, "waypoints", command, seed, spline)
 
 
 def number(value: float, digits: int) -> str:
@@ -56,27 +50,32 @@ def number(value: float, digits: int) -> str:
     return f"{round(float(value), digits) + 0.0:.{digits}f}"  # never −0.000
 
 
-def _motion(plan: MovingPlan, time: FloatArray, notes: list[str]) -> str:
-    course = plan.trajectory.at(time)
-    return _table(
-        plan.rig.supports, notes, ["t"], ([number(t, 6)] for t in time),
-        course, plan.request.limits,
-    )  # fmt: skip
+def _motion(
+    plan: MovingPlan, time: FloatArray, what: str, command: str, seed: int, *more: str
+) -> str:
+    how = [
+        f"t: s, from rest to rest in {plan.request.duration:g} s; at home at both ends.",
+        "Move without contact, and record all of it.",
+    ]
+    noise = f"a noise of {plan.request.noise:g} N in a force's mean over a second"
+    notes = [*_notes(plan, f": {what} of a motion", command, seed, how, noise), *more]
+    return _table(plan, notes, ["t"], ([number(t, 6)] for t in time), plan.trajectory.at(time))
 
 
 def _table(
-    supports: Sequence[str],
+    plan: Plan | MovingPlan,
     notes: Sequence[str],
     keys: Sequence[str],
     rows: Iterable[list[str]],
     driven: Candidates,
-    limits: Limits,
 ) -> str:
     """Notes, header and rows; what follows the keys' cells is (N, n, 3), m and N."""
+    limits = plan.request.limits
     columns = [("", driven.position(limits), 9), ("squeeze_", driven.squeeze, 4)]
     if (displacement := driven.displacement(limits)) is not None:
         columns.append(("d", displacement, 9))
-    header = [f"{s}.{word}{axis}" for word, _, _ in columns for s in supports for axis in AXES]
+    sensors = plan.rig.supports
+    header = [f"{s}.{word}{axis}" for word, _, _ in columns for s in sensors for axis in AXES]
     lines = [f"# {line}".rstrip() for line in notes]
     lines.append(",".join([*keys, *header]))
     for k, row in enumerate(rows):
@@ -86,53 +85,36 @@ def _table(
     return "\n".join(lines) + "\n"
 
 
-def _motion_notes(plan: MovingPlan, what: str, command: str, seed: int) -> list[str]:
-    request = plan.request
-    noise = f"a noise of {request.noise:g} N in a force's mean over a second"
-    return [
-        *_heading(plan, f": {what} of a motion", command, seed),
-        f"t: s, from rest to rest in {request.duration:g} s.",
-        *_frame(request.limits, ", at the start and the end"),
-        "Move without contact, and record all of it.",
-        *_expected(plan, noise),
+def _notes(
+    plan: Plan | MovingPlan, what: str, command: str, seed: int, how: Sequence[str], noise: str
+) -> list[str]:
+    """What it is, what its columns are, how to drive it, and what it is worth."""
+    limits = plan.request.limits
+    home = ", ".join(f"{v:g}" for v in limits.home)
+    squeeze = [
+        ".squeeze_x _y _z: internal force on the terminal to servo to, N, on top of the share",
+        "of the weight; the positions are those of the undeformed terminal.",
     ]
-
-
-def _heading(plan: Plan | MovingPlan, what: str, command: str, seed: int) -> list[str]:
+    if limits.stiffness is not None:
+        squeeze = [
+            ".squeeze_x _y _z: internal force on the terminal, N, that the displacement .dx .dy",
+            f".dz, m, makes with {limits.stiffness:g} N/m; the positions contain it already.",
+        ]
+    expected = []
+    for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True):
+        angles = ", ".join(f"{a} {1e3 * std:.3g}" for a, std in zip(ANGLES, row, strict=True))
+        known = not np.isnan(row).any()
+        expected.append(
+            f"expected {name}: {f'{angles} mrad' if known else 'undetermined, as it lacks axes'}"
+        )
     return [
         f"tdfscal plan for {csv_comment(plan.rig.name)}{what}",
         f"command: {csv_comment(command)} (seed {seed})",
-    ]
-
-
-def _frame(limits: Limits, when: str) -> list[str]:
-    """What the columns of all plans are; when : the terminal is at home."""
-    home = ", ".join(f"{v:g}" for v in limits.home)
-    lines = [
         "frame: BCS. .x .y .z: hinge centre (SHC) to command to the NCP's servo, m.",
-        f"The terminal's LCS origin stands at ({home}) m at home, level{when}.",
+        f"The terminal's LCS origin stands at ({home}) m at home, level.",
+        *squeeze,
+        *how,
+        f"expected: mean standard uncertainty of an angle {1e3 * plan.expected.mean:.3g} mrad, "
+        f"with {noise}",
+        *expected,
     ]
-    if limits.stiffness is None:
-        return [
-            *lines,
-            ".squeeze_x _y _z: internal force on the terminal to servo to, N, on top of the share",
-            "of the weight; the positions are those of the undeformed terminal.",
-        ]
-    return [
-        *lines,
-        ".squeeze_x _y _z: internal force on the terminal, N, that the displacement .dx .dy",
-        f".dz, m, makes with {limits.stiffness:g} N/m; the positions contain it already.",
-    ]
-
-
-def _expected(plan: Plan | MovingPlan, noise: str) -> list[str]:
-    """What the plan is worth: the mean over all angles, rad, and each sensor's."""
-    mean = f"{1e3 * plan.expected.mean:.3g} mrad"
-    lines = [f"expected: mean standard uncertainty of an angle {mean}, with {noise}"]
-    for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True):
-        angles = ", ".join(f"{a} {1e3 * std:.3g}" for a, std in zip(ANGLES, row, strict=True))
-        open_ = np.isnan(row).any()
-        lines.append(
-            f"expected {name}: {'undetermined, as it lacks axes' if open_ else f'{angles} mrad'}"
-        )
-    return lines
