@@ -263,22 +263,15 @@ def _exact_quantities(
     if session.drawing == 0 and session.nominal.std is None:
         moves = np.zeros((3 * n, 3 * n))
         for i, name in enumerate(supports):
+            # Each coordinate is off by itself: a best fit's turn by that has the covariance
+            # (Σ [r]×ᵀ [r]×)⁻¹ of the points about their middle.
+            arm = session.nominal.xyz[[group == name for group in session.nominal.group]]
+            lever = so3.hat(arm - arm.mean(axis=0))
+            values, vectors = np.linalg.eigh(np.einsum("pca,pcb->ab", lever, lever))
             rows = slice(3 * i, 3 * i + 3)
-            moves[rows, rows] = rotation[i] @ _by_drawing(session, name)
+            moves[rows, rows] = rotation[i] @ (_DRAWING * vectors / np.sqrt(values))
         found.append(ExactQuantity("target drawing", _DRAWING, "m", moves))
     return tuple(found)
-
-
-def _by_drawing(session: TrackerSession, name: str) -> FloatArray:
-    """Root (3, 3) of the covariance of a best fit's turn by its points' errors, sensor frame.
-
-    Each coordinate is off by itself: (Σ [r]×ᵀ [r]×)⁻¹ of the points about their middle.
-    """
-    group = np.array([g == name for g in session.nominal.group])
-    arm = session.nominal.xyz[group]
-    lever = so3.hat(arm - arm.mean(axis=0))
-    values, vectors = np.linalg.eigh(np.einsum("pca,pcb->ab", lever, lever))
-    return np.asarray(_DRAWING * vectors / np.sqrt(values))
 
 
 def _warnings(rig: Rig, result: TrackerCalibration) -> Iterator[str]:
