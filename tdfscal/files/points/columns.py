@@ -141,6 +141,10 @@ def by_cells(rows: Sequence[Sequence[str]], uncertain: bool, comma: bool, where:
     """
     count = len(rows[0])
     numbers_of = [[as_number(cell, comma=comma) for cell in row] for row in rows]
+    if all(number is None for number in numbers_of[0]):
+        what = "no line names the columns group, point, x, y and z; the first reads"
+        hint = "begin the file with `group,point,x,y,z`"
+        refuse(where, f"{what} `{', '.join(rows[0])[:60]}`", hint)
     names = next(
         (i for i in range(count) if all(r[i] is not None for r in numbers_of if i < len(r))), count
     )

@@ -140,7 +140,7 @@ def _table(lines: Sequence[Line], source: str) -> tuple[_Table, Preamble, list[s
     elif beside.axes and (known := spatial_analyzer(len(rows[0]), beside.uncertain)):
         columns = known
     else:
-        columns = _nameless(rows, body[0], beside, comma, source)
+        columns = by_cells(rows, beside.uncertain, comma, f"{source}, line {body[0].number}")
         notes = [f"{source}: no line names the columns; read as {in_words(columns)}"]
     table = _Table(columns, body, rows, comma, source)
     for k, cells in enumerate(rows):
@@ -165,16 +165,6 @@ def _header(lines: Sequence[Line], delimiter: str | None) -> Line | None:
 def _cells_of_header(line: Line, delimiter: str | None) -> list[str]:
     """Names of the columns; SpatialAnalyzer's comment may be delimited otherwise than the rows."""
     return header_cells(line.text, delimiter_of(line.text) if line.comment else delimiter)
-
-
-def _nameless(
-    rows: Sequence[list[str]], first: Line, beside: Preamble, comma: bool, source: str
-) -> Columns:
-    where = f"{source}, line {first.number}"
-    if not any(as_number(cell, comma=comma) is not None for cell in rows[0]):
-        what = "no line names the columns group, point, x, y and z; the first reads "
-        refuse(where, f"{what}`{first.text[:60]}`", "begin the file with `group,point,x,y,z`")
-    return by_cells(rows, beside.uncertain, comma, where)
 
 
 def _factors(
