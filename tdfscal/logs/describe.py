@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
+from typing import Literal
 
 from tdfscal.dwells import (
     dwells_of_bins,
@@ -91,8 +93,7 @@ def _read(
     if mapping is None:
         return LogInfo((), guess, None, source)
     supports = rig.rig.supports if rig is not None and source == "rig" else mapping.supports
-    names = [f"{name} {quantity}" for quantity in ("position", "force") for name in supports]
-    clocks = [Clock(name, "timeseries") for name in names]
+    clocks = [Clock(name, "timeseries") for name in (*supports, *supports)]
     inputs: list[InputFile] = []
     problems: list[str] = []
     dwells, offset = None, None
@@ -130,20 +131,18 @@ def _read(
 def _signals(
     clocks: Sequence[Clock], mapping: LogMapping, supports: Sequence[str]
 ) -> tuple[Signal, ...]:
-    """What the clocks have counted; nothing where no piece has passed."""
+    """What the clocks of the positions, then the forces, have counted; none where none has."""
+    kinds: tuple[Literal["position", "force"], ...] = ("position", "force")
     result = []
-    for k, clock in enumerate(clocks):
-        position = k < len(supports)
-        name = supports[k % len(supports)]
-        fields = (mapping.position if position else mapping.force)[mapping.supports.index(name)]
+    for clock, (quantity, name) in zip(clocks, product(kinds, supports), strict=True):
+        fields = mapping.position if quantity == "position" else mapping.force
+        own = fields[mapping.supports.index(name)]
         start, end = clock.span or (None, None)
         rate = None
         if start is not None and end is not None and end > start:
             rate = (clock.count - 1) / (end - start)
+        longest, _ = clock.longest
         result.append(
-            Signal(
-                name, "position" if position else "force", fields, clock.count, start, end, rate,
-                clock.gaps, clock.longest[0],
-            )
-        )  # fmt: skip
+            Signal(name, quantity, own, clock.count, start, end, rate, clock.gaps, longest)
+        )
     return tuple(result) if any(clock.count for clock in clocks) else ()

@@ -103,23 +103,16 @@ def iter_log(
 def concatenate(pieces: Iterable[Log]) -> Log:
     """Put the pieces of one campaign together."""
     parts = list(pieces)
-    first = parts[0]
 
-    def joined(streams: Sequence[Series]) -> Series:
-        if len(streams) == 1:
-            return streams[0]
-        return Series(
-            np.concatenate([s.time for s in streams]), np.concatenate([s.value for s in streams])
-        )
+    def joined(*streams: Series) -> Series:
+        times, values = [s.time for s in streams], [s.value for s in streams]
+        return Series(np.concatenate(times), np.concatenate(values))
 
-    n = range(len(first.supports))
     return replace(
-        first,
-        position=tuple(joined([p.position[i] for p in parts]) for i in n),
-        force=tuple(joined([p.force[i] for p in parts]) for i in n),
-        temperature=tuple(
-            joined([p.temperature[i] for p in parts]) for i in range(len(first.temperature))
-        ),
+        parts[0],
+        position=tuple(map(joined, *(p.position for p in parts))),
+        force=tuple(map(joined, *(p.force for p in parts))),
+        temperature=tuple(map(joined, *(p.temperature for p in parts))),
         inputs=tuple(i for p in parts for i in p.inputs),
         warnings=tuple(dict.fromkeys(w for p in parts for w in p.warnings)),
     )
