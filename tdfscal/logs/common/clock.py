@@ -46,14 +46,10 @@ def _level(interval: FloatArray) -> IntArray:
 
 
 class Clock:
-    """The clock of one stream in one file, followed from piece to piece.
+    """The clock of one stream in one file, a column's or a topic's, followed from piece to piece.
 
-    Parameters
-    ----------
-    name : column or topic.
     rows : with "postures" nothing is left out: a time that does not ascend is refused.
     after : s, the end of the file before; -∞ without one. The pause between is no gap.
-
     count : samples. longest : of the intervals, s, and where it begins.
     """
 
@@ -105,8 +101,15 @@ class Clock:
         dropped = self._duplicates + self._back
         if dropped > max(1.0, MAX_DROPPED * self.count):
             raise self._too_many()
-        found = [f"{self._found()}; they are left out"] if dropped else []
-        return found + self._gaps()
+        said = [f"{self._found()}; they are left out"] if dropped else []
+        if self.gaps:
+            longest, at = self.longest
+            said.append(
+                f"{self.gaps} gap{'s' if self.gaps > 1 else ''} of more than {GAP:g} periods of "
+                f"{self.period:.2g} s in {self.name}, the longest of {longest:.3g} s at "
+                f"{shown(at)} s"
+            )
+        return said
 
     def _found(self) -> str:
         kinds = []
@@ -117,14 +120,11 @@ class Clock:
         return f"of {self.count} samples of {self.name}, {' and '.join(kinds)}"
 
     def _too_many(self) -> DataError:
-        return DataError(
-            self._found(),
-            hint="check the time field and its unit; a recording's clock must ascend",
-        )
+        hint = "check the time field and its unit; a recording's clock must ascend"
+        return DataError(self._found(), hint=hint)
 
     def _refuse_if_set_anew(self, time: FloatArray, latest: FloatArray, keep: BoolArray) -> None:
-        limit = 0.0 if self._rows == "postures" else MAX_STEP_BACK
-        bad = (latest - time > limit) if limit else ~keep
+        bad = ~keep if self._rows == "postures" else latest - time > MAX_STEP_BACK
         if bad.any():
             k = int(np.argmax(bad))
             raise DataError(
@@ -179,15 +179,6 @@ class Clock:
         if middle is None:
             return 0
         return int(self._intervals[middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1 :].sum())
-
-    def _gaps(self) -> list[str]:
-        if not (count := self.gaps):
-            return []
-        longest, at = self.longest
-        return [
-            f"{count} gap{'s' if count > 1 else ''} of more than {GAP:g} periods of "
-            f"{self.period:.2g} s in {self.name}, the longest of {longest:.3g} s at {shown(at)} s"
-        ]
 
 
 def apart(clocks: Sequence[Clock]) -> list[str]:

@@ -104,13 +104,11 @@ def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
 
     Each name goes to one vector; of several letters that would do, the last one is the axis.
     """
-    groups: dict[tuple[str, str], dict[str, str]] = {}
+    groups: dict[tuple[str, bool], dict[str, str]] = {}
     for name in names:
-        for place in reversed(range(len(name))):
+        for place in reversed([k for k, letter in enumerate(name) if letter in "xyzXYZ"]):
             letter = name[place]
-            if letter.lower() not in "xyz" or letter.lower() not in {"x", "y", "z"}:
-                continue
-            key = (f"{name[:place]}*{name[place + 1 :]}", "upper" if letter.isupper() else "lower")
+            key = (f"{name[:place]}*{name[place + 1 :]}", letter.isupper())
             groups.setdefault(key, {})[letter.lower()] = name
     taken: set[str] = set()
     found = []

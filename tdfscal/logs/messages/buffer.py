@@ -90,6 +90,11 @@ class Recording(ABC):
         Raises DataError or ValueError on whatever is damaged, unless `salvage`.
         """
 
+    @property
+    def topics(self) -> set[str]:
+        """Those met so far."""
+        return {channel.topic for channel in self.channels.values()}
+
     def announced(self) -> frozenset[str] | None:
         """Return its topics, where they are known before it is read."""
         return None

@@ -61,7 +61,7 @@ class RecordingLook:
         """What was there: every topic, with samples of what has x, y, z."""
         recording, topics = self._recording, self._topics.values()
         streams = [topic.stream(recording.counts[number]) for number, topic in self._topics.items()]
-        empty = {c.topic for c in recording.channels.values()} - {s.name for s in streams}
+        empty = recording.topics - {stream.name for stream in streams}
         streams += [Stream(name, "", 0, ()) for name in empty]
         vectors = [vector for topic in topics for vector in topic.vectors()]
         return Contents(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,7 @@ from tdfscal.errors import DataError
 from tdfscal.logs.common.clock import Skew, shown
 from tdfscal.logs.common.message_path import Path as MessagePath
 from tdfscal.logs.common.message_path import parse_steps, topic_of
-from tdfscal.logs.common.request import Block, Piece, Request, missing_fields
+from tdfscal.logs.common.request import Block, Piece, Request, Signal, missing_fields
 from tdfscal.logs.messages.buffer import Messages, Recording
 from tdfscal.logs.messages.encodings import Encoding, Json
 from tdfscal.records import FloatArray, IntArray
@@ -94,36 +94,30 @@ class Topics:
     def check_complete(self) -> None:
         """Refuse a file that lacks a topic, now that all of it is read."""
         bound = {number for numbers in self._signals.values() for number in numbers}
-        missing = [
-            signal.fields[0]
-            for number, signal in enumerate(self.request.signals)
-            if number not in bound
-        ]
-        if missing and (lost := [*self.recording.lost, *self.lost]):
-            raise DataError(
-                f"{lost[0]}; what is sound holds no topic for {', '.join(missing)}",
-                hint="copy the recording again",
-            )
-        if missing:
-            topics = sorted({c.topic for c in self.recording.channels.values()})
-            raise missing_fields(missing, topics, kind="topic for")
+        unbound = [s for number, s in enumerate(self.request.signals) if number not in bound]
+        if unbound and (lost := [*self.recording.lost, *self.lost]):
+            missing = ", ".join(signal.fields[0] for signal in unbound)
+            what = f"{lost[0]}; what is sound holds no topic for {missing}"
+            raise DataError(what, hint="copy the recording again")
+        if unbound:
+            raise _no_topic(unbound, self.recording.topics)
 
     def check_present(self, announced: frozenset[str]) -> None:
         """Refuse a file whose summary lacks a topic, before it is read."""
-        missing = [
-            signal.fields[0]
+        unbound = [
+            signal
             for signal in self.request.signals
             if all(topic_of(name, announced) is None for name in signal.fields)
         ]
-        if missing:
-            raise missing_fields(missing, sorted(announced), kind="topic for")
+        if unbound:
+            raise _no_topic(unbound, announced)
 
     def _channels(self, topic: str) -> list[int]:
         return [i for i, c in self.recording.channels.items() if c.topic == topic]
 
     def _bind(self) -> None:
         """Match the mapping's paths with the topics known so far, the longest that fits."""
-        topics = {c.topic for c in self.recording.channels.values()}
+        topics = self.recording.topics
         self._known = len(self.recording.channels)
         signals: dict[str, list[int]] = {}
         for number, signal in enumerate(self.request.signals):
@@ -243,3 +237,7 @@ class Topics:
         if len(set(paths)) < sum(len(self.request.signals[n].own) for n in self._signals[topic]):
             raise ValueError("the mapping uses a field of the message twice")
         return paths
+
+
+def _no_topic(signals: Sequence[Signal], topics: Set[str]) -> DataError:
+    return missing_fields([s.fields[0] for s in signals], sorted(topics), kind="topic for")
