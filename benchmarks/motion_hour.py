@@ -24,13 +24,13 @@ import tdfscal
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import write_run
 from tdfscal.logs import iter_log
-from tdfscal.simulation import MOVING, reference_rig, run_moving
+from tdfscal.simulation import MOVING, reference_rig, run
 
 
 def write(folder: Path, seconds: float, form: str) -> None:
     """Simulate a long campaign in motion."""
     options = replace(MOVING["motion"], duration=seconds, rate=1000.0, noise=3.5)
-    played = run_moving(reference_rig(), "motion", options, np.random.default_rng(0))
+    played = run(reference_rig(), "motion", options, np.random.default_rng(0))
     write_run(played, folder, format=form, overwrite=True)  # type: ignore[arg-type]
 
 

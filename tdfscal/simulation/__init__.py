@@ -32,7 +32,6 @@ from tdfscal.simulation.scenarios import MOVING as MOVING
 from tdfscal.simulation.scenarios import SCENARIOS as SCENARIOS
 from tdfscal.simulation.scenarios import Run as Run
 from tdfscal.simulation.scenarios import run as run
-from tdfscal.simulation.scenarios import run_moving as run_moving
 from tdfscal.simulation.survey import Survey as Survey
 from tdfscal.simulation.survey import measure as measure
 from tdfscal.simulation.survey import simulate_survey as simulate_survey

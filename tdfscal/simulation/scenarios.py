@@ -140,50 +140,39 @@ MOVING: dict[str, MovingOptions] = {
 "stops", rests and moves by turns."""
 
 
-def run_moving(
-    rig: Rig,
-    scenario: str,
-    options: MovingOptions,
-    rng: np.random.Generator,
-    survey: SurveyOptions | None = None,
-) -> Run:
-    """Play one of the scenarios in motion. Raises NotConvergedError as `simulate_moving`."""
-    campaign_rng, survey_rng = rng.spawn(2)
-    campaign = simulate_moving(rig, options, campaign_rng)
-    surveyed = simulate_survey(
-        rig, campaign.truth, survey or SurveyOptions(), survey_rng, home=options.home
-    )
-    return Run(scenario, rig, campaign.truth, None, surveyed, campaign)
-
-
 def run(
     rig: Rig,
     scenario: str,
-    options: Options,
+    options: Options | MovingOptions,
     rng: np.random.Generator,
     survey: SurveyOptions | None = None,
 ) -> Run:
-    """Play a scenario on a rig. One seed draws one rig and its postures, whatever the scenario.
+    """Play a scenario on a rig, in motion with options of a motion. One seed draws one rig and its
+    postures, whatever the scenario.
 
-    Raises UsageError for a scenario that is not in `SCENARIOS`; else as `simulate_campaign`.
+    Raises UsageError for a scenario that is not in `SCENARIOS`; else as `simulate_campaign` and
+    `simulate_moving`.
     """
-    if scenario not in SCENARIOS:
+    campaign_rng, survey_rng = rng.spawn(2)
+    stated, home = rig, options.home
+    campaign = moving = None
+    if isinstance(options, MovingOptions):
+        moving = simulate_moving(rig, options, campaign_rng)
+        truth = moving.truth
+    elif scenario not in SCENARIOS:
         names = [*SCENARIOS, *MOVING, "months"]
         near = difflib.get_close_matches(scenario, names, n=1)
         meant = f"; the nearest one is {near[0]!r}" if near else ""
         raise UsageError(
             f"there is no scenario {scenario!r}{meant}", hint=f"choose from {', '.join(names)}"
         )
-    stated, options = SCENARIOS[scenario](rig, options)
-    campaign_rng, survey_rng = rng.spawn(2)
-    campaign = None
-    if scenario == "tracker":
-        truth_rng = campaign_rng.spawn(1)[0].spawn(1)[0]  # the one that a campaign would use
-        truth = draw_truths(stated, options, truth_rng, 1).trial(0)
     else:
-        campaign = simulate_campaign(stated, options, campaign_rng)
-        truth = campaign.truth
-    surveyed = simulate_survey(
-        stated, truth, survey or SurveyOptions(), survey_rng, home=options.home
-    )
-    return Run(scenario, stated, truth, campaign, surveyed)
+        stated, driven = SCENARIOS[scenario](rig, options)
+        if scenario == "tracker":
+            truth_rng = campaign_rng.spawn(1)[0].spawn(1)[0]  # the one that a campaign would use
+            truth = draw_truths(stated, driven, truth_rng, 1).trial(0)
+        else:
+            campaign = simulate_campaign(stated, driven, campaign_rng)
+            truth = campaign.truth
+    surveyed = simulate_survey(stated, truth, survey or SurveyOptions(), survey_rng, home=home)
+    return Run(scenario, stated, truth, campaign, surveyed, moving)

@@ -48,20 +48,14 @@ def sensitivity(
         raise UsageError(f"a sweep of ±{span:g} rad in {points} points is none")
     if not 0.0 <= internal < np.inf:
         raise UsageError(f"the internal forces are {internal:g} N", hint="give 0 or more")
-    R = so3.from_rpy(np.asarray(rpy, dtype=np.float64))
+    R = so3.from_rpy(rpy)
     deviation = np.linspace(-span, span, points)
     angles = np.broadcast_to(rig.nominal_rpy, (rig.n, 3, points, rig.n, 3)).copy()
     for i in range(rig.n):
         for j in range(3):
             angles[i, j, :, i, j] += deviation
     error = rms_error(rig, R, so3.from_rpy(rig.nominal_rpy), so3.from_rpy(angles), internal)
-    return Sweep(
-        rpy=np.asarray(rpy, dtype=np.float64),
-        internal=internal,
-        deviation=deviation,
-        force=error[..., 0],
-        torque=error[..., 1],
-    )
+    return Sweep(rpy, internal, deviation, force=error[..., 0], torque=error[..., 1])
 
 
 def rms_error(
@@ -72,10 +66,16 @@ def rms_error(
     assumed, true : (..., n, 3, 3), mountings that broadcast. internal : N, see `Sweep`.
     """
     J, J_true = np.broadcast_arrays(jacobian(rig, R, assumed), jacobian(rig, R, true))
-    error, spread = _error(rig, R, J, J_true)
-    square = error**2 + internal**2 * np.sum(spread**2, axis=-1)
-    parts = [square[..., :3].sum(axis=-1), square[..., 3:].sum(axis=-1)]
-    return np.asarray(np.sqrt(np.stack(parts, axis=-1)))
+    down = R.T @ (rig.mass.value * rig.gravity * np.array([0.0, 0.0, -1.0]))
+    load = np.concatenate([down, np.cross(rig.barycentre.value, down)])  # R_g G
+    across = np.swapaxes(J_true, -1, -2)
+    each = np.broadcast_to(load, J_true.shape[:-1])[..., None]
+    F = -across @ np.linalg.solve(J_true @ across, each)
+    U = np.swapaxes(np.linalg.svd(J_true, full_matrices=True)[2][..., 6:, :], -1, -2)
+    # ΔF_e of the smallest forces, and of each unit internal force.
+    error, spread = ((J - J_true) @ forces for forces in (F, U))
+    square = error[..., 0] ** 2 + internal**2 * np.sum(spread**2, axis=-1)
+    return np.asarray(np.sqrt(square.reshape(*square.shape[:-1], 2, 3).sum(axis=-1)))
 
 
 def jacobian(rig: Rig, R: FloatArray, X: FloatArray) -> FloatArray:
@@ -84,22 +84,6 @@ def jacobian(rig: Rig, R: FloatArray, X: FloatArray) -> FloatArray:
     blocks = np.concatenate([force, so3.hat(rig.hinge) @ force], axis=-2)  # (..., n, 6, 3)
     blocks = np.moveaxis(blocks, -3, -2)
     return np.asarray(blocks.reshape(*blocks.shape[:-2], 3 * rig.n))
-
-
-def _error(
-    rig: Rig, R: FloatArray, J: FloatArray, J_true: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """ΔF_e (..., 6) of the smallest forces, and of each unit internal force (..., 6, 3n − 6)."""
-    G = rig.mass.value * rig.gravity * np.array([0.0, 0.0, -1.0])
-    down = R.T @ G
-    load = np.concatenate([down, np.cross(rig.barycentre.value, down)])  # R_g G
-    across = np.swapaxes(J_true, -1, -2)
-    F = -across @ np.linalg.solve(
-        J_true @ across, np.broadcast_to(load, (*J_true.shape[:-1],))[..., None]
-    )
-    U = np.swapaxes(np.linalg.svd(J_true, full_matrices=True)[2][..., 6:, :], -1, -2)
-    wrong = J - J_true
-    return (wrong @ F)[..., 0], wrong @ U
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,14 +126,13 @@ def stake(
         single[i, :, i] += np.diag(std[i])
     values, vectors = np.linalg.eigh(covariance)
     steps = (vectors * np.sqrt(np.maximum(values, 0.0))).T.reshape(3 * n, n, 3)
-    R = so3.from_rpy(np.asarray(rpy, dtype=np.float64))
-    off = so3.wrapped(angles - rig.nominal_rpy)
+    R = so3.from_rpy(rpy)
     alone = rms_error(rig, R, so3.from_rpy(single), rotation, internal)
     together = rms_error(rig, R, so3.exp(steps) @ rotation, rotation, internal)
     return Stake(
-        rpy=np.asarray(rpy, dtype=np.float64),
-        internal=internal,
-        off=off,
+        rpy,
+        internal,
+        off=so3.wrapped(angles - rig.nominal_rpy),
         std=std,
         force=alone[..., 0],
         torque=alone[..., 1],

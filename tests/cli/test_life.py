@@ -15,8 +15,7 @@ import yaml
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder, write_run
 from tdfscal.records import Measured
-from tdfscal.simulation import Recorder, reference_rig
-from tdfscal.simulation.scenarios import MOVING, run_moving
+from tdfscal.simulation import MOVING, Recorder, reference_rig, scenarios
 from tdfscal.workflows.recordings import Recording, refuse_repeated
 from tests.cli.running import run
 
@@ -211,7 +210,9 @@ def test_a_moving_log_updates_and_is_pooled(
     rpy = first.truth.rpy
     options = replace(MOVING["motion"], rpy=rpy, duration=20.0)
     write_run(
-        run_moving(rig, "motion", options, np.random.default_rng(8), None), moving, format="parquet"
+        scenarios.run(rig, "motion", options, np.random.default_rng(8), None),
+        moving,
+        format="parquet",
     )
     base, new, pooled = (tmp_path / f"{name}.yaml" for name in ("base", "new", "pooled"))
     plain = ("--trials", 0, "-q", "-o")

@@ -72,10 +72,10 @@ def test_supports_too_soft_to_squeeze_show_no_angle(tmp_path: Path) -> None:
     from dataclasses import replace
 
     from tdfscal.files.writers.campaign import write_run
-    from tdfscal.simulation import MOVING, reference_rig, run_moving
+    from tdfscal.simulation import MOVING, reference_rig, scenarios
 
     soft = replace(MOVING["approach"], stiffness=(1e4, 1e4, 150e6), rate=100.0)
-    played = run_moving(reference_rig(), "approach", soft, np.random.default_rng(0))
+    played = scenarios.run(reference_rig(), "approach", soft, np.random.default_rng(0))
     write_run(played, tmp_path / "soft", format="parquet")
     target = tmp_path / "result.yaml"
     with pytest.raises(NotIdentifiableError, match="does not determine"):

@@ -13,7 +13,7 @@ from tdfscal.files.writers.campaign import write_run
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift
-from tdfscal.simulation import MOVING, reference_rig, run_moving
+from tdfscal.simulation import MOVING, reference_rig, run
 from tdfscal.simulation.faults import Drift as Creep
 from tdfscal.simulation.faults import Faults, Warming
 from tests.motioncal.campaigns import turn_error
@@ -27,7 +27,7 @@ def test_zeros_follow_the_hall_and_the_hour(tmp_path: Path, form: str) -> None:
     rig = replace(reference_rig(), drift=Drift(temperature=1.0, time=0.1))
     faults = Faults(warming=Warming(10.0, SLOPES), drifts=(Creep(2, (3.0, -2.0, 3.0)),))
     options = replace(MOVING["motion"], rate=100.0, faults=faults)
-    played = run_moving(rig, "motion", options, np.random.default_rng(5))
+    played = run(rig, "motion", options, np.random.default_rng(5))
     write_run(played, tmp_path / "warm", format=form)  # type: ignore[arg-type]
     result = tdfscal.calibrate(tmp_path / "warm")
     assert result.accepted

@@ -25,7 +25,6 @@ from tdfscal.simulation import (
     SurveyOptions,
     reference_rig,
     run,
-    run_moving,
 )
 from tdfscal.simulation.months import simulate_months
 
@@ -93,7 +92,7 @@ def simulate_to_folder(
         moving = MOVING[scenario]
         if scenario in ("motion", "stops"):
             moving = replace(moving, tilt=options.tilt, squeeze=squeeze)
-        played = run_moving(drawn, scenario, replace(moving, rate=rate), rng, survey)
+        played = run(drawn, scenario, replace(moving, rate=rate), rng, survey)
     else:
         played = run(drawn, scenario, options, rng, survey)
     write_run(played, folder, format=format, seed=seed, overwrite=overwrite)
