@@ -28,6 +28,7 @@ from tdfscal.selfcal.score_tests import (
     Suspect,
     ask,
     lean_of,
+    moving_zeros,
     stated_suspects,
 )
 from tdfscal.selfcal.suspicion import Suspicion, likeliest, suspicion, worst_zero
@@ -117,15 +118,10 @@ def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:
 
 
 def _stated(fit: MovingFit) -> Iterator[Suspect]:
-    """What the rig file states: exact values as free columns, others as a shift of the prior."""
-    std = prior_std(fit.rig, drifting(fit.rig, fit.slow))
-    slope = fit.slope_at(fit.state)[:, : len(std)]
-    columns = _white(fit, slope)
-    columns[:, std != 0] = 0.0
-    held = np.flatnonzero(np.isfinite(std) & (std > 0))
-    first = len(columns) - len(fit.prior_residual)
-    columns[first + np.arange(len(held)), held] = 1.0
-    yield from stated_suspects(fit.rig, columns, std, fit.state.still.motions)
+    """What the rig file states."""
+    std, priors = prior_std(fit.rig, drifting(fit.rig, fit.slow)), len(fit.prior_residual)
+    columns = _white(fit, fit.slope_at(fit.state)[:, : len(std)])
+    yield from stated_suspects(fit.rig, columns, std, fit.state.still.motions, priors)
 
 
 def _drifts(fit: MovingFit) -> Iterator[Suspect]:
@@ -137,9 +133,7 @@ def _drifts(fit: MovingFit) -> Iterator[Suspect]:
     last = len(fit.psi) - fit.rests
     columns = _white(fit, np.eye(len(fit.psi))[:, last - 3 * n * len(names) : last])
     for name, part in zip(names, np.split(columns, len(names), axis=1), strict=True):
-        for i in range(n):
-            yield name, i, part[:, 3 * i : 3 * i + 3], 1.0
-        yield f"all {name}", 0, part, 1.0
+        yield from moving_zeros(name, part.reshape(-1, n, 3), 1.0)
 
 
 def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:

@@ -120,12 +120,9 @@ def fit_linear(rig: Rig, observed: Postures) -> Fit:
 def evaluate_linear(fit: Fit, rng: np.random.Generator, trials: int) -> Uncertainty:
     """Covariance of the linear estimate: all inputs perturbed, solved again `trials` times."""
     rig, base = fit.rig, fit.state.rotation
-    turns = np.concatenate(
-        [
-            so3.log(linear_rotations(_perturbed(fit, rng, min(_CHUNK, trials - start))) @ _T(base))
-            for start in range(0, trials, _CHUNK)
-        ]
-    ).reshape(trials, -1)
+    sizes = [min(_CHUNK, trials - start) for start in range(0, trials, _CHUNK)]
+    found = np.concatenate([linear_rotations(_perturbed(fit, rng, size)) for size in sizes])
+    turns = so3.log(found @ np.swapaxes(base, 1, 2)).reshape(trials, -1)
     covariance = np.cov(turns, rowvar=False)
     rpy_covariance = so3.rpy_covariance(base, covariance)
     std = prior_std(rig)
@@ -138,10 +135,6 @@ def evaluate_linear(fit: Fit, rng: np.random.Generator, trials: int) -> Uncertai
         effective_dof=np.full((rig.n, 3), np.inf),
         coverage_factor=np.full((rig.n, 3), float(normal_quantile(0.5 + INTERVAL_COVERAGE / 2))),
     )
-
-
-def _T(matrix: FloatArray) -> FloatArray:
-    return np.swapaxes(matrix, -1, -2)
 
 
 def _perturbed(fit: Fit, rng: np.random.Generator, trials: int) -> LinearData:

@@ -37,8 +37,8 @@ from tdfscal.significance import AMBIGUOUS_MOUNTING
 _MANY = 8
 #: Starts drawn evenly over all rotations.
 _DRAWN = 64
-#: Steps for all starts, and then for the best of them.
-_LOOK, _BEST, _FINISH = 6, 40, 40
+#: Steps from each start at most.
+_DESCENT = 40
 #: Two ends are one minimum when no sensor differs by more, rad.
 APART = 0.1
 #: A minimum is offered when its cost is below this many times the lowest, plus so much.
@@ -183,9 +183,7 @@ def minima(
     """
     s = rig.declared.force_sensitivity
     landscape = profile(rig, at, compressed, state, priors, mixing=s).root
-    found = descend(landscape, starts, iterations=_LOOK, tolerance=1e-3)
-    best = np.argsort(found.cost, kind="stable")[:_BEST]
-    found = descend(landscape, found.rotation[best], iterations=_FINISH, tolerance=1e-3)
+    found = descend(landscape, starts, iterations=_DESCENT, tolerance=1e-3)
     order = np.argsort(found.cost, kind="stable")
     limit = _WORTH * float(found.cost[order[0]]) + _MARGIN
     left = found.rotation[order[found.cost[order] <= limit]]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.numerics.distributions import chi2_sf, p_text
-from tdfscal.records import BoolArray, FloatArray, IntArray
+from tdfscal.records import FloatArray, IntArray
 from tdfscal.selfcal.estimator import ROWS, Fit
 from tdfscal.significance import CHANGED_RIG
 
@@ -81,14 +81,14 @@ def examine(fit: Fit, time: FloatArray) -> Stability:
     order = np.argsort(time[fit.weight > 0], kind="stable")
     used = np.flatnonzero(fit.weight > 0)[order]
     e, C, t = fit.residual[used], fit.at.cov[used], time[used]
-    first, second = _returns(fit.postures.position[used])
-    opposite = _opposite(fit.postures.position[used], first, second)
-    every = np.ones(len(first), dtype=bool)
+    place = fit.postures.position[used].reshape(len(used), -1)
+    pairs, came = _returns(place), np.diff(place, axis=0, prepend=place[:1])
+    opposite = np.einsum("pa,pa->p", came[pairs[0]], came[pairs[1]]) < 0
     return Stability(
         drift=_trend(e, C, t),
-        returns=len(first),
-        repeat=_difference(e, C, first, second, every),
-        hysteresis=_difference(e, C, first, second, opposite),
+        returns=pairs.shape[1],
+        repeat=_difference(e, C, *pairs),
+        hysteresis=_difference(e, C, *pairs[:, opposite]),
     )
 
 
@@ -109,45 +109,30 @@ def _change(wrench: FloatArray, chi2: float, dof: int) -> Change:
     return Change(float(lengths[0]), float(lengths[1]), float(chi2_sf(chi2, dof)))
 
 
-def _returns(position: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs (earlier, later) of visits to one place, not one right after the other.
+def _returns(place: FloatArray) -> IntArray:
+    """Pairs (2, m), earlier and later, of visits to one place, not one right after the other.
 
-    Postures in the order of one coordinate are compared with those next to them only. Where a
-    place is visited very often, `_PAIRS` of its pairs say as much as all.
+    Postures (K, 3n) in the order of one coordinate are compared with those next to them only. Where
+    a place is visited very often, `_PAIRS` of its pairs say as much as all.
     """
-    flat = position.reshape(len(position), -1)
-    order = np.argsort(flat[:, np.argmax(np.ptp(flat, axis=0))], kind="stable")
-    along = flat[order, np.argmax(np.ptp(flat, axis=0))]
-    found: list[IntArray] = []
-    count = 0
-    for step in range(1, len(position)):
+    widest = place[:, np.argmax(np.ptp(place, axis=0))]
+    order = np.argsort(widest, kind="stable")
+    along = widest[order]
+    pairs = np.zeros((2, 0), dtype=np.int64)
+    for step in range(1, len(place)):
         near = np.flatnonzero(along[step:] - along[:-step] < SAME_PLACE)
-        if not len(near) or count > _PAIRS:
+        if not len(near) or pairs.shape[1] > _PAIRS:
             break
-        a, b = order[near], order[near + step]
-        same = np.abs(flat[a] - flat[b]).max(axis=1) < SAME_PLACE
-        first, second = np.minimum(a, b)[same], np.maximum(a, b)[same]
-        found.append(np.stack([first, second])[:, second - first > 1])
-        count += found[-1].shape[1]
-    pairs = np.concatenate([np.zeros((2, 0), dtype=np.int64), *found], axis=1)
-    pairs = pairs[:, np.lexsort(pairs[::-1])]
-    return pairs[0], pairs[1]
+        found = np.sort([order[near], order[near + step]], axis=0)
+        same = np.abs(place[found[0]] - place[found[1]]).max(axis=1) < SAME_PLACE
+        pairs = np.hstack([pairs, found[:, same & (found[1] - found[0] > 1)]])
+    return pairs[:, np.lexsort(pairs[::-1])]
 
 
-def _opposite(position: FloatArray, first: IntArray, second: IntArray) -> BoolArray:
-    """Which pairs were reached from opposite sides."""
-    came = np.diff(position, axis=0, prepend=position[:1]).reshape(len(position), -1)
-    return np.asarray(np.einsum("pa,pa->p", came[first], came[second]) < 0)
-
-
-def _difference(
-    e: FloatArray, C: FloatArray, first: IntArray, second: IntArray, which: BoolArray
-) -> Change | None:
-    """Quadratic mean change between the visits of the pairs chosen."""
-    a, b = first[which], second[which]
+def _difference(e: FloatArray, C: FloatArray, a: IntArray, b: IntArray) -> Change | None:
+    """Quadratic mean change between the visits a and b."""
     if len(a) == 0:
         return None
     d = e[b] - e[a]
     chi2 = float(np.einsum("pa,pa->", d, np.linalg.solve(C[a] + C[b], d[..., None])[..., 0]))
-    rms = np.sqrt(np.mean(d**2, axis=0))
-    return _change(rms, chi2, ROWS * len(a))
+    return _change(np.sqrt(np.mean(d**2, axis=0)), chi2, ROWS * len(a))

@@ -25,7 +25,7 @@ from tdfscal.model.statics import balance, features_jacobian
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.covariance import Estimate, Quality
-from tdfscal.selfcal.estimator import Fit
+from tdfscal.selfcal.estimator import ROWS, Fit
 from tdfscal.selfcal.scatter import chance, scatters, wandering
 from tdfscal.selfcal.suspicion import Suspicion, likeliest, suspicion, worst_zero
 from tdfscal.significance import (
@@ -169,27 +169,36 @@ def lean_of(
 
 def _suspects(fit: Fit, time: FloatArray, temperature: FloatArray | None) -> Iterator[Suspect]:
     """What the rig file states, and zeros that move."""
-    rig, n, J = fit.rig, fit.rig.n, fit.slopes
-    std, place = prior_std(rig, fit.postures.motion), layout(n, fit.state.motions)
-    data, exact, held = J.reshape(-1, J.shape[-1]), std == 0, np.isfinite(std) & (std > 0)
-    below = np.zeros((len(fit.prior_residual), data.shape[1]))
-    for row, parameter in enumerate(np.flatnonzero(held)):  # a value moved by one standard dev.
-        below[row, parameter] = 1.0
-    columns = np.concatenate([np.where(exact, data, 0.0), np.where(exact, 0.0, below)])
-    yield from stated_suspects(rig, columns, std, fit.state.motions)
+    rig, K, priors = fit.rig, len(fit.weight), len(fit.prior_residual)
+    columns = np.pad(fit.slopes.reshape(ROWS * K, -1), ((0, priors), (0, 0)))
+    std = prior_std(rig, fit.postures.motion)
+    yield from stated_suspects(rig, columns, std, fit.state.motions, priors)
+    zeros = columns[:, layout(rig.n)["zero"]].reshape(-1, rig.n, 3)
     for group, shape in _shapes(fit, time, temperature):
-        moved = J[:, :, place["zero"]].reshape(len(J), 6, n, 3) * shape[:, None, :, None]
         size = 1.0 if group != "parabola" else float(np.sqrt(_HOUR / np.ptp(time)))
-        for i in range(n):
-            yield group, i, _padded(moved[:, :, i], below), size
-        yield f"all {group}", 0, _padded(moved, below), size
+        each = np.pad(np.repeat(shape, ROWS, axis=0), ((0, priors), (0, 0)))
+        yield from moving_zeros(group, zeros * each[..., None], size)
+
+
+def moving_zeros(group: str, columns: FloatArray, unit: float) -> Iterator[Suspect]:
+    """Zeros of one sensor after the other, and all of them, that move; columns (rows, n, 3)."""
+    for i in range(columns.shape[1]):
+        yield group, i, columns[:, i], unit
+    yield f"all {group}", 0, columns.reshape(len(columns), -1), unit
 
 
 def stated_suspects(
-    rig: Rig, columns: FloatArray, std: FloatArray, motions: int
+    rig: Rig, columns: FloatArray, std: FloatArray, motions: int, priors: int
 ) -> Iterator[Suspect]:
-    """What a rig file states, group by group: columns (rows, P), prior's std (P,)."""
+    """What a rig file states, group by group: exact values as columns, others as a shifted prior.
+
+    columns : (rows, P), whitened, of all parameters; 0 in the last `priors` rows, which are those
+    of the parameters' own priors first. std : (P,), of these priors.
+    """
     place, held = layout(rig.n, motions), np.isfinite(std) & (std > 0)
+    columns = np.where(std == 0, columns, 0.0)
+    shifted = np.flatnonzero(held)  # by one standard deviation
+    columns[len(columns) - priors + np.arange(len(shifted)), shifted] = 1.0
     for group, where in place.items():
         if group in ("rotation", "drift"):
             continue
@@ -204,12 +213,6 @@ def stated_suspects(
                 if group == "sensitivity":
                     alike = columns[:, start : start + 3].sum(axis=1, keepdims=True)
                     yield "gain", index, alike, unit[:1]
-
-
-def _padded(columns: FloatArray, below: FloatArray) -> FloatArray:
-    """Columns (K, 6, ...) as (rows, g), with zeros in the prior's rows."""
-    flat = columns.reshape(columns.shape[0] * 6, -1)
-    return np.concatenate([flat, np.zeros((len(below), flat.shape[1]))])
 
 
 def _shapes(
