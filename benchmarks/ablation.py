@@ -216,6 +216,11 @@ by the gate; accepted without a warning or a rejected posture; accepted although
 more than twice its standard uncertainty.
 
 {checks}
+
+Left out for good: starts of the mounting search by quarter turns of every sensor, and turned so
+that its load points upwards. With 64 starts drawn evenly beside the nominal mounting and the linear
+solution, 140 campaigns as in `mountings` and `minima` end as they did with some 200 starts; of 140
+with 4 to 6 postures and three to nine sensors 130 are right (before, 129), in 0.8 of the time.
 """
 
 
