@@ -14,7 +14,7 @@ from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import reading_gain
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.numerics.least_squares import Spectrum, block_diagonal
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import (
     PRIORS,
@@ -37,17 +37,14 @@ _PLACES = 1000
 class MovingUncertainty:
     """Uncertainty of the rotations and of what motion adds.
 
-    turns : as from static postures. joint : (3n, 3n + m), rad and SI, covariance of the rotations
-    with everything active, and of all active, (p, p), in `posterior`; `undeclared` (p, p) is what
-    that has by errors that the rig file may lack, `at_spectrum` (p, p) what it has without these
-    where the spectrum is certain. moving_std : (8,), of I_O, τ, d.
+    turns : as from static postures. posterior : (p, p), covariance of all active parameters;
+    drawn : what it has where the spectrum is certain. moving_std : (8,), of I_O, τ, d.
     """
 
     turns: Uncertainty
     posterior: FloatArray
-    at_spectrum: FloatArray
+    drawn: FloatArray
     moving_std: FloatArray
-    undeclared: FloatArray | None
 
 
 def posterior(fit: MovingFit, parts: Spectrum) -> tuple[FloatArray, FloatArray]:
@@ -94,19 +91,18 @@ def evaluate(fit: MovingFit, undeclared: FloatArray | None = None) -> MovingUnce
     C, added = posterior(fit, parts)
     p = int(fit.active.sum())
     parted = _shares(fit, C[:p])
-    at_spectrum = np.sum(list(parted.values()), axis=0)
+    drawn = np.sum(list(parted.values()), axis=0)
     parted[SPECTRUM] = added[:p, :p]
     if undeclared is not None:
-        parted[UNDECLARED] = undeclared
-    total = np.sum(list(parted.values()), axis=0)
+        parted[UNDECLARED], drawn = undeclared, drawn + undeclared
+    total = drawn + parted[SPECTRUM]
     std = parameter_std(fit.active, total, parts)
     cut = len(fit.active) - dynamics.PARAMETERS
     R, faked = fit.state.still.rotation, faked_information(fit)
     return MovingUncertainty(
         turns=of_shares(R, parted, faked, parts, std[:cut]),
         posterior=total,
-        at_spectrum=at_spectrum,
-        undeclared=undeclared,
+        drawn=drawn,
         moving_std=std[cut:],
     )
 
@@ -172,18 +168,14 @@ def faked_information(fit: MovingFit) -> FloatArray:
     As `selfcal.covariance.faked_information`, summed over the Fourier coefficients: reading noise
     of density S_F turned by [u]×, through B, weighted by S⁻¹.
     """
-    n = fit.rig.n
     M = sensing(fit.state.still)
-    axes = [so3.hat(M[:, :, a]) for a in range(3)]
-    faked = np.zeros((3 * n, 3 * n))
+    faked = np.zeros(M.shape)
     for item in fit.designs:
-        W = reading_gain(item, fit.noise)
-        C = np.einsum("nrasb,rs->nab", item.lever, W)
-        for turn, measured in zip(axes, fit.rig.axes.T, strict=True):
-            block = np.swapaxes(turn, 1, 2) @ C @ turn
-            for i in np.flatnonzero(measured):
-                faked[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block[i]
-    return faked
+        C = np.einsum("nrasb,rs->nab", item.lever, reading_gain(item, fit.noise))
+        for a, measured in enumerate(fit.rig.axes.T):
+            turn = so3.hat(M[:, :, a])
+            faked[measured] += (np.swapaxes(turn, 1, 2) @ C @ turn)[measured]
+    return block_diagonal(*faked)
 
 
 def quality(fit: MovingFit) -> Quality:

@@ -16,6 +16,7 @@ from tdfscal.model.statics import features
 from tdfscal.motioncal.covariance import MovingUncertainty, faked_information
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.numerics.propagation import MonteCarlo, propagate
 from tdfscal.records import BoolArray, FloatArray
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -44,20 +45,17 @@ class Sampler:
     ) -> None:
         self.fit, self.followed = fit, followed
         rows, model = fit.rows, fit.noise
-        cut = len(fit.psi) - fit.rests
+        q = len(features(fit.state.still, fit.origin, fit.rig.gravity))
         equations = fit.normal_equations()
         here, root = equations.solved(model.log_density)
         variance = model.variance(rows.bins)
-        white = rows.weighted(rows.design[:, :cut], variance)
+        white = rows.weighted(rows.design[:, :q], variance)
         p = int(fit.active.sum())
         # Gain (p, q): where a change of the static features takes the estimate.
         self.gain = -root[:p] @ (root.T @ (rows.weighted(fit.jacobian, variance).T @ white))
-        C = root[:p] @ root.T
-        beside = 0.0 if uncertainty.undeclared is None else uncertainty.undeclared
-        wider = _mapping(C[:, :p], uncertainty.at_spectrum + beside)
-        faked = np.zeros((len(here),) * 2)
-        turns = 3 * fit.rig.n
-        faked[:turns, :turns] = faked_information(fit)
+        wider = _mapping(root[:p] @ root[:p].T, uncertainty.drawn)
+        unfaked = np.zeros((len(here) - 3 * fit.rig.n,) * 2)
+        faked = block_diagonal(faked_information(fit), unfaked)
         values, axes = np.linalg.eigh(model.covariance)
         spread = axes * np.sqrt(np.maximum(values, 0.0))
         self.shift, self.root = [], []
@@ -97,9 +95,7 @@ class Sampler:
         start = features(still, fit.origin, g)
         bent = features(retract(still, full), fit.origin, g) - start
         bent -= step[:, : len(static)] @ fit.slope[: len(start), : len(static)].T
-        out = np.zeros((len(step), self.gain.shape[1]))
-        out[:, : len(start)] = bent
-        return out
+        return np.asarray(bent)
 
 
 def _mapping(before: FloatArray, after: FloatArray) -> FloatArray:

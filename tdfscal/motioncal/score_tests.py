@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.model import dynamics
-from tdfscal.model.parameters import parameter_count, prior_std
+from tdfscal.model.parameters import parameter_count
 from tdfscal.model.statics import balance
 from tdfscal.motioncal.covariance import MovingUncertainty, by_spectrum
-from tdfscal.motioncal.design import drifting, instants, shifted, suspected
+from tdfscal.motioncal.design import instants, shifted, suspected
 from tdfscal.motioncal.estimator import MovingFit
 from tdfscal.motioncal.rows import reading_gain
 from tdfscal.numerics.least_squares import spectrum
@@ -50,9 +50,10 @@ def suspicions(
     parts, turns, p = spectrum(jacobian), uncertainty.turns, int(fit.active.sum())
     suspects, rows = [*_stated(fit), *_drifts(fit)], 2 * len(fit.rows.bins.count)
     bias = noise_scores(fit, fit.slope_at(fit.state))
+    others = (1 - UNDECLARED_GRAVITY_SHARE) / max(1, len(suspects) - 1)
     found = []
     for group, index, columns, unit in suspects:
-        level = suspect_level(group, len(suspects))
+        level = UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
         known = parts.left.T @ columns
         apart = columns - parts.left @ known
         lean = np.zeros(columns.shape[1])
@@ -88,12 +89,6 @@ def undeclared(doubts: tuple[Suspicion, ...]) -> FloatArray | None:
     return np.asarray((moves.T * (share / share.sum())) @ moves)
 
 
-def suspect_level(group: str, count: int) -> float:
-    """Share of the level per log that one of `count` suspects has."""
-    others = (1 - UNDECLARED_GRAVITY_SHARE) / max(1, count - 1)
-    return UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
-
-
 def _widened(fit: MovingFit, columns: FloatArray, lean: FloatArray, asked: Asked) -> Asked:
     """The test with what the spectrum's own uncertainty adds to that of the amount."""
     equations, own = fit.normal_equations(columns), slice(-len(lean), None)
@@ -119,7 +114,7 @@ def _white(fit: MovingFit, slope: FloatArray) -> FloatArray:
 
 def _stated(fit: MovingFit) -> Iterator[Suspect]:
     """What the rig file states."""
-    std, priors = prior_std(fit.rig, drifting(fit.rig, fit.slow)), len(fit.prior_residual)
+    std, priors = fit.priors.still.full_std, len(fit.prior_residual)
     columns = _white(fit, fit.slope_at(fit.state)[:, : len(std)])
     yield from stated_suspects(fit.rig, columns, std, fit.state.still.motions, priors)
 

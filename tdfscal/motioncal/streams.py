@@ -15,7 +15,7 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.records import BoolArray, FloatArray, Log, Series
-from tdfscal.wrench.resampling import joined
+from tdfscal.wrench.resampling import joined, together
 
 #: Rate of the even time base, Hz, or that of the slowest stream where it is lower.
 RATE = 20.0
@@ -82,7 +82,7 @@ class Decimator:
                 self._first = streams
                 return
             self._begin(streams)
-        if len(self._groups) == 1 and not _together(streams):
+        if len(self._groups) == 1 and not together(streams):
             self._groups = self._groups[0].parted()
         members = len(streams) // len(self._groups)
         for k, group in enumerate(self._groups):
@@ -120,7 +120,7 @@ class Decimator:
         self._rate = 1 / max(spacing)
         self._step = 1 / min(RATE, self._rate)
         self._start = max(float(stream.time[0]) for stream in streams)
-        parts = [self._full] if _together(streams) else np.split(self._full, len(streams))
+        parts = [self._full] if together(streams) else np.split(self._full, len(streams))
         self._groups = [
             _Group(full, own, self._start, self._step)
             for full, own in zip(parts, spacing[: len(parts)], strict=True)
@@ -148,12 +148,6 @@ def slow_streams(pieces: Iterable[Log], capacity: FloatArray) -> Slow:
     for piece in pieces:
         decimator.add(piece)
     return decimator.finish()
-
-
-def _together(streams: list[Series]) -> bool:
-    """Whether all streams have the same stamps."""
-    stamps = streams[0].time
-    return all(s.time is stamps or np.array_equal(s.time, stamps) for s in streams)
 
 
 class _Group:

@@ -33,7 +33,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
-from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.records import Rig, UncertainValue
 from tdfscal.validation import causes
 from tdfscal.validation.verdict import Verdict
 from tdfscal.validation.whitening import Whitened, calibration_error, whiten
@@ -147,7 +147,10 @@ def _whitened(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Whiten
     U, seen, _ = np.linalg.svd(J * np.where(np.isfinite(width), width, 1.0), full_matrices=False)
     U = U[:, seen > _SEEN]
     r, J = U.T @ r, U.T @ J
-    own = np.linalg.cholesky(np.eye(len(r)) + _by_spectrum(fit, J))
+    # What the spectrum's own uncertainty adds to the covariance of the rows.
+    _, added = posterior(fit, fit.information())
+    columns = J[:, np.concatenate([fit.active, np.ones(fit.rests, dtype=np.bool_)])]
+    own = np.linalg.cholesky(np.eye(len(r)) + columns @ added @ columns.T)
     r, J = np.linalg.solve(own, r), np.linalg.solve(own, J)
     root, unknown = calibration_error(given, drifting(priors.rig, priors.slow))
     # Inertia, friction and delay are no part of what is tested.
@@ -155,10 +158,3 @@ def _whitened(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Whiten
     moving = np.arange(dynamics.PARAMETERS + at.rests) < dynamics.PARAMETERS
     nothing = np.zeros((0, 6, 6))
     return whiten(r, J, nothing, root, np.append(unknown, moving), len(r), priors.rig.n)
-
-
-def _by_spectrum(fit: MovingFit, J: FloatArray) -> FloatArray:
-    """What the spectrum's own uncertainty adds to the covariance of rows with the Jacobian J."""
-    _, added = posterior(fit, fit.information())
-    columns = J[:, np.concatenate([fit.active, np.ones(fit.rests, dtype=np.bool_)])]
-    return np.asarray(columns @ added @ columns.T)

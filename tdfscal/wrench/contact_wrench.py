@@ -22,7 +22,7 @@ from tdfscal.model.postures import Postures, alike
 from tdfscal.model.statics import Balance, balance, features_jacobian, free
 from tdfscal.numerics import so3
 from tdfscal.numerics.in_place import dot
-from tdfscal.records import BoolArray, FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.wrench.kinematics import Motion, motion, poses, rotations
 from tdfscal.wrench.resampling import Samples
 
@@ -208,7 +208,10 @@ def _std(
     given: Calibrated, time: FloatArray, position: FloatArray, force: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Standard uncertainties (N, 6) with what samples add and without, by short blocks' means."""
-    start = _blocks(time)
+    by_time = np.floor((time - time[0]) / _SPAN)
+    new = np.append(True, np.diff(by_time) > 0)
+    new[::_BLOCK] = True
+    start = np.flatnonzero(new)
     count = np.diff(np.append(start, len(time)))
     position, force = (
         np.add.reduceat(v, start, axis=0) / count[:, None, None] for v in (position, force)
@@ -219,14 +222,6 @@ def _std(
     both = np.sqrt(np.concatenate([common + own, common], axis=1))
     std, calibration_std = np.split(np.repeat(both, count, axis=0), 2, axis=1)
     return std, calibration_std
-
-
-def _blocks(time: FloatArray) -> IntArray:
-    """First samples of blocks that are short in time and in number."""
-    by_time = np.floor((time - time[0]) / _SPAN)
-    new = np.append(True, np.diff(by_time) > 0)
-    new[::_BLOCK] = True
-    return np.flatnonzero(new)
 
 
 def at_rest(given: Calibrated, samples: Iterable[Samples]) -> Iterator[Wrenches]:

@@ -15,45 +15,31 @@ class Envelope:
 
     def __init__(self) -> None:
         self._size = 1
-        self._rest: tuple[FloatArray, FloatArray] | None = None
-        self._time: list[FloatArray] = []
-        self._low: list[FloatArray] = []
-        self._high: list[FloatArray] = []
-        self._count = 0
+        #: Bins, and samples that do not fill one yet: a time, the smallest, the largest.
+        self._bins: list[FloatArray] = []
+        self._rest: list[FloatArray] = []
 
     def add(self, time: FloatArray, value: FloatArray) -> None:
         """Take in samples: time (N,), s; value (N, C)."""
-        if self._rest is not None:
-            time = np.concatenate([self._rest[0], time])
-            value = np.concatenate([self._rest[1], value])
-        whole = len(time) // self._size * self._size
-        self._rest = time[whole:].copy(), value[whole:].copy()
-        if not whole:
-            return
-        blocks = value[:whole].reshape(-1, self._size, value.shape[1])
-        self._time.append(time[:whole].reshape(-1, self._size).mean(axis=1))
-        self._low.append(blocks.min(axis=1))
-        self._high.append(blocks.max(axis=1))
-        self._count += whole // self._size
-        while self._count > _BINS:
-            self._halve()
-
-    def _halve(self) -> None:
-        """Join neighbouring bins; an odd one at the end stays as if it were two."""
-        time, low, high = map(np.concatenate, (self._time, self._low, self._high))
-        if len(time) % 2:
-            time, low, high = (np.concatenate([a, a[-1:]]) for a in (time, low, high))
-        self._time = [time.reshape(-1, 2).mean(axis=1)]
-        self._low = [low.reshape(-1, 2, low.shape[1]).min(axis=1)]
-        self._high = [high.reshape(-1, 2, high.shape[1]).max(axis=1)]
-        self._count, self._size = len(self._time[0]), 2 * self._size
+        rows = np.concatenate([*self._rest, np.column_stack([time, value, value])])
+        whole = len(rows) // self._size * self._size
+        self._rest = [rows[whole:].copy()]
+        bins = np.concatenate([*self._bins, _joined(rows[:whole], self._size)])
+        while len(bins) > _BINS:
+            # An odd one at the end stays as if it were two.
+            bins = _joined(np.concatenate([bins, bins[len(bins) // 2 * 2 :]]), 2)
+            self._size *= 2
+        self._bins = [bins]
 
     def finish(self) -> tuple[FloatArray, FloatArray]:
         """Return time (2M,) and value (2M, C): of each bin its smallest and its largest."""
-        time, low, high = list(self._time), list(self._low), list(self._high)
-        if self._rest is not None and len(self._rest[0]):
-            time.append(self._rest[0].mean(keepdims=True))
-            low.append(self._rest[1].min(axis=0, keepdims=True))
-            high.append(self._rest[1].max(axis=0, keepdims=True))
-        both = np.stack([np.concatenate(low), np.concatenate(high)], axis=1)
-        return np.repeat(np.concatenate(time), 2), both.reshape(-1, both.shape[2])
+        rest = [_joined(rows, len(rows)) for rows in self._rest if len(rows)]
+        bins = np.concatenate([*self._bins, *rest])
+        return np.repeat(bins[:, 0], 2), bins[:, 1:].reshape(2 * len(bins), -1)
+
+
+def _joined(bins: FloatArray, size: int) -> FloatArray:
+    """So many bins (M, 1 + 2C) after the other as one."""
+    parts = bins.reshape(-1, size, bins.shape[1])
+    low, high = np.split(parts[:, :, 1:], 2, axis=2)
+    return np.column_stack([parts[:, :, 0].mean(axis=1), low.min(axis=1), high.max(axis=1)])

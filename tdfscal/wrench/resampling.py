@@ -58,6 +58,12 @@ class Tally:
     unreadable: int = 0
 
 
+def together(streams: Sequence[Series]) -> bool:
+    """Whether all streams have the same stamps."""
+    stamps = streams[0].time
+    return all(s.time is stamps or np.array_equal(s.time, stamps) for s in streams)
+
+
 def aligned(pieces: Iterable[Log], tally: Tally) -> Iterator[Samples]:
     """Bring the pieces of a log to one time base, in bounded memory.
 
@@ -69,7 +75,7 @@ def aligned(pieces: Iterable[Log], tally: Tally) -> Iterator[Samples]:
         streams = [*piece.position, *piece.force]
         held = [joined(a, b) for a, b in zip(held, streams, strict=True)] if held else streams
         base = len(piece.position)
-        if all(s.time is held[0].time or np.array_equal(s.time, held[0].time) for s in held):
+        if together(held):
             yield from _sound(held[base].time, [s.value for s in held], tally)
             held = [Series(s.time[:0], s.value[:0]) for s in held]
         elif min(s.time.size for s in held):
