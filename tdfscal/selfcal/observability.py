@@ -116,14 +116,11 @@ class Observability:
 
     @property
     def verdict(self) -> str:
-        """One sentence."""
-        if self.identified:
-            w = self.weakest
-            every = "every angle"
-            if self.undetermined:
-                every = f"every angle of a sensor but {', '.join(self.undetermined)}"
-            return f"{every} is determined by the data; the weakest is {w.name}, {_mrad(w.std)}"
-        return f"the data do not determine {', '.join(self._open)}"
+        """One sentence on what is identified."""
+        w, every = self.weakest, "every angle"
+        if self.undetermined:
+            every = f"every angle of a sensor but {', '.join(self.undetermined)}"
+        return f"{every} is determined by the data; the weakest is {w.name}, {_mrad(w.std)}"
 
 
 def require_angles(
@@ -189,7 +186,8 @@ def verdict(
         if angle.identified:
             continue
         i, j = divmod(k, 3)
-        weak.append(_explain(angle, np.eye(3)[j], axis[i], spread[i], across[i], limit, moving))
+        off = float(np.arccos(min(1.0, abs(axis[i, j]))))
+        weak.append(_explain(angle, off, spread[i], across[i], limit, moving))
     lacks = {name for name, axes in zip(rig.supports, rig.axes, strict=True) if not axes.all()}
     return Observability(
         angles,
@@ -201,15 +199,9 @@ def verdict(
 
 
 def _explain(
-    angle: Angle,
-    turn: FloatArray,
-    load: FloatArray,
-    spread: float,
-    across: float,
-    limit: float,
-    moving: bool,
+    angle: Angle, off: float, spread: float, across: float, limit: float, moving: bool
 ) -> Weakness:
-    """Say why an angle is weak and what would help."""
+    """Say why an angle is weak and what would help; off : rad, its axis from the loads'."""
     longer = "move for longer" if moving else "record more postures"
     seen = "too short or too small a motion" if moving else "too few or too similar postures"
     if angle.std < limit:
@@ -218,7 +210,6 @@ def _explain(
             f"its standard uncertainty, {_mrad(angle.std)}, is mostly that of its prior",
             f"{longer} or squeeze harder, or widen rpy_std to let the data speak",
         )
-    off = np.arccos(min(1.0, abs(float(turn @ load)) / float(np.linalg.norm(turn))))
     if off > _ALONG_LOAD:
         return Weakness(
             angle,
