@@ -90,8 +90,7 @@ class Places:
 
     known: pq.FileMetaData
     columns: Sequence[int]
-    begins: list[int] = field(default_factory=list)
-    ends: list[int] = field(default_factory=list)
+    taken: list[tuple[int, int]] = field(default_factory=list)
 
     def add(self, group: int) -> None:
         """Note a row group of which pyarrow has begun to read.
@@ -104,12 +103,10 @@ class Places:
             places = (chunk.data_page_offset, chunk.dictionary_page_offset)
             begin = min((place for place in places if place), default=0)
             end = begin + chunk.total_compressed_size
-            k = bisect_right(self.begins, begin)
-            after = self.begins[k] if k < len(self.begins) else end
-            if end > after or (k and self.ends[k - 1] > begin):
+            k = bisect_right(self.taken, (begin, end))
+            if any(b < end and begin < e for b, e in self.taken[max(k - 1, 0) : k + 1]):
                 raise ValueError("the footer contradicts itself about where its columns lie")
-            self.begins.insert(k, begin)
-            self.ends.insert(k, end)
+            self.taken.insert(k, (begin, end))
 
 
 def leaves_of(file: pq.ParquetFile) -> list[Any]:
