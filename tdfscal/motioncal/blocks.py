@@ -7,6 +7,7 @@ data: ∫ w x'' e^{−iωt} dt = ∫ (w'' − 2 i ω w' − ω² w) x e^{−iωt
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,6 +27,11 @@ _RAMP, _RAMP_SHARE = 2.0, 0.12
 LONGEST = 240.0
 #: Shortest block, s.
 SHORTEST = 4.0
+#: Speed of the NCPs below which the terminal rests, m/s, the time over which it is seen, and the
+#: shortest rest, s.
+_SLOW, _SEEN, _REST = 2.0e-4, 0.5, 1.5
+#: Rests at most that have unknowns of their own, the longest first.
+_MOST_RESTS = 60
 #: Fewest instants of a block.
 _FEWEST = 40
 
@@ -148,3 +154,30 @@ def _taper(N: int, step: float) -> FloatArray:
     w1 = 140 * u**3 * (1 - u) ** 3
     w2 = 420 * u**2 * (1 - u) ** 2 * (1 - 2 * u)
     return np.stack([w, side * w1 / ramp, w2 / ramp**2])
+
+
+def rests_of(slow: Slow, blocks: Sequence[Block]) -> tuple[tuple[slice, ...], ...]:
+    """Rests of every block, as rows of it, in their order.
+
+    An error of the servo positions is one of the place, not of the time. While the terminal moves
+    it is a noise with a spectrum; during a rest it is one unknown constant, and no length of the
+    rest tells more about it. So every rest has a turn of its registered pose as an unknown of its
+    own, with the positioners' stated uncertainty as its prior.
+    """
+    found = [(k, run) for k, block in enumerate(blocks) for run in _resting(slow, block)]
+    longest = sorted(found, key=lambda item: item[1].start - item[1].stop)[:_MOST_RESTS]
+    return tuple(
+        tuple(sorted((run for b, run in longest if b == k), key=lambda run: run.start))
+        for k in range(len(blocks))
+    )
+
+
+def _resting(slow: Slow, block: Block) -> list[slice]:
+    place = slow.position[block.index].reshape(len(block), -1)
+    lag = max(1, round(_SEEN / slow.step))
+    if len(place) <= lag:
+        return []
+    way = np.abs(place[lag:] - place[:-lag]).max(axis=1)
+    still = [slice(run.start, run.stop + lag) for run in runs(way < _SLOW * lag * slow.step)]
+    least = max(2, round(_REST / slow.step))
+    return [run for run in still if run.stop - run.start >= least]

@@ -139,7 +139,12 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
         block, N = item.block, len(item.turned)
         frequency = block.frequency
         turned = np.swapaxes(item.turned, 1, 2) * block.taper[0][:, None, None]
-        answer = turned @ _answer(fit, item, C)
+        # Change of the parameters by a unit wrench at every instant, Re Σ_f gain e^{−iωt}: of a
+        # real transform all coefficients but the mean count twice.
+        mix, weight = item.mix, item.weight(fit.noise)[..., None]
+        gain = (mix.T @ (weight * (mix @ item.wrench(fit.slope)))).conj() @ C.T
+        gain[1:] /= 2
+        answer = turned @ (block.scale * N * np.fft.irfft(gain.conj(), N, axis=0))
         few = np.linspace(0, N, min(N, _PLACES), endpoint=False).astype(int)
         answer = np.add.reduceat(answer, few, axis=0)
         place = fit.slow.position[block.index][few].reshape(len(few), -1)
@@ -151,15 +156,6 @@ def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:
         flat = answer.reshape(len(few), -1)
         out += power * answer.reshape(-1, p).T @ (alike @ flat).reshape(-1, p)
     return out
-
-
-def _answer(fit: MovingFit, item: BlockDesign, C: FloatArray) -> FloatArray:
-    """Change (N, 6, p) of the active parameters by a unit wrench at every instant of a block."""
-    mix, weight, N = item.mix, item.weight(fit.noise)[..., None], len(item.turned)
-    gain = (mix.T @ (weight * (mix @ item.wrench(fit.slope)))).conj() @ C.T
-    # Re Σ_f gain e^{−iωt}: of a real transform all coefficients but the mean count twice.
-    gain[1:] /= 2
-    return np.asarray(item.block.scale * N * np.fft.irfft(gain.conj(), N, axis=0))
 
 
 def faked_information(fit: MovingFit) -> FloatArray:

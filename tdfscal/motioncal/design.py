@@ -13,10 +13,9 @@ from tdfscal.model.parameters import State, gravity, symmetric
 from tdfscal.model.postures import Postures, alike
 from tdfscal.model.statics import Balance
 from tdfscal.model.zero_motion import ZeroMotion, zero_motion
-from tdfscal.motioncal import rests
 from tdfscal.motioncal.across import Across, across, filled
 from tdfscal.motioncal.blocks import Block, ComplexArray
-from tdfscal.motioncal.noise import Bins, NoiseModel
+from tdfscal.motioncal.noise import UNSTATED, Bins, NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.splines import even_spline
 from tdfscal.records import FloatArray, Rig
@@ -31,6 +30,8 @@ _HALF = 3
 _WIDE = 6
 #: One of so many instants is enough for mean covariances: they change as the loads do.
 _EVERY = 4
+#: Way over which the positioners' errors are still those of the place, m.
+_LEAD = 0.01
 #: Shift of the poses for the derivative by the delay, s.
 _SHIFT = 5.0e-3
 #: Rows of the force and of the moment.
@@ -118,7 +119,7 @@ def block_design(
     delayed = ((after - before) / (2 * _SHIFT))[..., None]
     some = slice(None, None, _EVERY)
     weight = block.taper[0, some] ** 2 / np.sum(block.taper[0, some] ** 2)
-    near = rests.nearness(slow, block, resting)
+    near = _nearness(slow, block, resting)
     # What the unknown turns of the rests leave of the positioners' errors.
     left = np.maximum(1 - np.sum(near**2, axis=1), 0.0)[some] * weight
     turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
@@ -140,7 +141,7 @@ def block_design(
         bins=_bins(block, ratio),
         lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
         turned=turned,
-        rests=seen.transform(rests.columns(rig, at, near, resting)),
+        rests=seen.transform(_turns(rig, at, near, resting)),
         place=place,
     )
     return result, statics.balance(observed.subset(slice(0, 1)), state, centre, rig.gravity)
@@ -165,6 +166,35 @@ def _bins(block: Block, ratio: FloatArray) -> Bins:
     both = np.where(np.arange(len(f)) > 0, 2.0, 1.0) * block.share
     r = len(ratio)
     return Bins(np.repeat(f, r), np.tile(ratio, len(f)), np.repeat(both, r))
+
+
+def _nearness(slow: Slow, block: Block, resting: Sequence[slice]) -> FloatArray:
+    """Share (N, R) of the positioners' error at every rest that each instant has in common."""
+    place = slow.position[block.index]
+    out = np.zeros((len(place), len(resting)))
+    for k, run in enumerate(resting):
+        way = np.linalg.norm(place - place[run].mean(axis=0), axis=2).max(axis=1)
+        near = np.exp(-0.5 * (way / _LEAD) ** 2)
+        # A place that is come back to counts as another rest.
+        far = np.flatnonzero(way > 3 * _LEAD)
+        near[: max(far[far < run.start], default=0)] = 0.0
+        near[min(far[far >= run.stop], default=len(near)) :] = 0.0
+        out[:, k] = near
+    return out
+
+
+def _turns(rig: Rig, at: Balance, near: FloatArray, resting: Sequence[slice]) -> FloatArray:
+    """Wrench (N, 6, 3 R) of a unit turn at every rest, in its prior's standard uncertainties.
+
+    at : the balance of the block's instants, with positions of unit covariance.
+    """
+    std = max(rig.declared.positioner, UNSTATED)
+    out = np.zeros((len(near), 6, 3 * len(resting)))
+    for k, run in enumerate(resting):
+        middle = (run.start + run.stop) // 2
+        turn = at.noise_turn @ np.linalg.cholesky(at.turn_cov[middle])
+        out[:, :, 3 * k : 3 * k + 3] = std * near[:, k, None, None] * turn
+    return out
 
 
 def instants(rig: Rig, slow: Slow, position: FloatArray, rows: slice) -> Postures:

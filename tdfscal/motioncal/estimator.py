@@ -17,10 +17,9 @@ from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, retract, with_motions
 from tdfscal.model.statics import Balance, features, features_jacobian
 from tdfscal.motioncal import noise
-from tdfscal.motioncal.blocks import Block, ComplexArray
+from tdfscal.motioncal.blocks import Block, ComplexArray, rests_of
 from tdfscal.motioncal.design import BlockDesign, block_design, drifting
 from tdfscal.motioncal.noise import NoiseModel
-from tdfscal.motioncal.rests import rests as find_rests
 from tdfscal.motioncal.rows import NormalEquations, Rows, gather
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics.least_squares import (
@@ -252,7 +251,7 @@ def at_state(
 ) -> MovingFit:
     """Linearise at a state; without a noise model, with one that is flat."""
     rig, slow = priors.rig, priors.slow
-    resting = find_rests(slow, blocks)
+    resting = rests_of(slow, blocks)
     edges = np.cumsum([0, *(3 * len(own) for own in resting)]).tolist()
     pairs = [
         block_design(rig, slow, block, state.still, state.moving, own, slice(*place))

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.motioncal.blocks import blocks
+from tdfscal.motioncal.blocks import blocks, rests_of
 from tdfscal.motioncal.estimator import MovingPriors, at_state
-from tdfscal.motioncal.rests import rests
 from tdfscal.simulation.moving_options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, true_state
 
@@ -17,16 +16,16 @@ STOPS = replace(MovingOptions.stops(), rate=100.0, stiffness=(2e8, 2e8, 2e8), du
 
 def test_the_stops_of_a_log_are_its_rests() -> None:
     _, slow, cut = played(STOPS, 7)
-    rows = rests(slow, cut)[0]
+    rows = rests_of(slow, cut)[0]
     assert len(rows) == 8
     assert all(5.5 < (run.stop - run.start) * slow.step < 7.0 for run in rows)
 
 
 def test_a_motion_without_a_stop_has_none() -> None:
     _, slow, cut = played(MovingOptions(rate=100.0))
-    assert rests(slow, cut) == ((),)
+    assert rests_of(slow, cut) == ((),)
     still = replace(slow, position=np.broadcast_to(slow.position[0], slow.position.shape))
-    assert [len(own) for own in rests(still, blocks(still, ~still.clipped))] == [1]
+    assert [len(own) for own in rests_of(still, blocks(still, ~still.clipped))] == [1]
 
 
 def test_what_a_displaced_rest_does_to_the_balance_is_a_turn_of_its_own() -> None:
@@ -34,7 +33,7 @@ def test_what_a_displaced_rest_does_to_the_balance_is_a_turn_of_its_own() -> Non
     campaign, slow, cut = played(STOPS, 7)
     rig, state = campaign.rig, true_state(campaign)
     plain = at_state(MovingPriors(rig, slow, DELAY), cut, state, None)
-    run = rests(slow, cut)[0][3]
+    run = rests_of(slow, cut)[0][3]
     way = np.linalg.norm(slow.position - slow.position[run].mean(axis=0), axis=2).max(axis=1)
     near = np.exp(-0.5 * (way / 0.01) ** 2)
     near[: run.start - 40] = near[run.stop + 40 :] = 0.0
