@@ -214,7 +214,7 @@ def test_cost_follows_its_assumptions(
     assumed.write_text("trackr: 2\n", encoding="utf-8")
     seen = run(capsys, *line[:4], tmp_path / "new", *line[5:], "-q")
     assert seen.status == 2
-    assert "the nearest known key is 'tracker'" in " ".join(seen.err.split())
+    assert "the nearest known key is `tracker`" in " ".join(seen.err.split())
 
 
 def test_bad_input_is_refused_with_the_reason(

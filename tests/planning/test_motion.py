@@ -95,7 +95,9 @@ def test_a_plan_beats_random_motions_and_the_waypoints_carry_it() -> None:
     assert p.improvement > 1.1
     course, knots = p.trajectory.at(p.time), p.waypoints
     assert len(knots) < len(p.time) / 2
-    spline = CubicSpline(knots, p.position(p.trajectory.at(knots)), bc_type="clamped")
+    spline = CubicSpline(
+        knots, p.trajectory.at(knots).position(p.request.limits), bc_type="clamped"
+    )
     off = spline(p.time) - course.position(p.request.limits)
     assert np.abs(off).max() < 1e-4
     # Springs that carry only the distances between hinges tell what it squeezes amiss.
@@ -110,7 +112,7 @@ def test_a_plan_beats_random_motions_and_the_waypoints_carry_it() -> None:
 def test_a_machine_that_drives_it_is_as_certain_as_was_said() -> None:
     """Stated σ of six campaigns against the prediction: the draws of the error fields differ."""
     p = plan()
-    way = time_table(RIG.hinge, p.time, p.position(p.trajectory.at(p.time)))
+    way = time_table(RIG.hinge, p.time, p.trajectory.at(p.time).position(p.request.limits))
     options = MovingOptions(
         rate=100.0,
         noise=1.1,
