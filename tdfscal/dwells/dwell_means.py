@@ -21,9 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.dwells.bins import Bins
-from tdfscal.dwells.noise_level import (
-    runs,
-)
+from tdfscal.dwells.noise_level import runs
 from tdfscal.dwells.noise_spectrum import Ordinates, Spectrum, density, spectrum, together
 from tdfscal.numerics.threads import in_threads
 from tdfscal.records import BoolArray, FloatArray, IntArray
@@ -42,11 +40,6 @@ class Extent:
     begin: int
     end: int
     used: BoolArray
-
-    @classmethod
-    def whole(cls, begin: int, end: int) -> Extent:
-        """All bins from begin to end."""
-        return cls(begin, end, np.ones(end - begin, dtype=np.bool_))
 
     @property
     def rows(self) -> IntArray:

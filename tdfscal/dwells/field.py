@@ -76,9 +76,9 @@ def prepare(bins: Bins, options: DwellOptions) -> Field:
     axes = 3 * len(bins.supports)
     every = signals(bins)
     positions, forces = every.axes(slice(axes)), every.axes(slice(axes, None))
-    moving, position_noise = segment(
-        positions, every.gap | _jumps(bins), bins.width, options.position_threshold
-    )
+    step = np.diff(bins.start, prepend=bins.start[0] - bins.width)
+    gap = every.gap | (step > 1.5 * bins.width)  # or a stretch without any sample before it
+    moving, position_noise = segment(positions, gap, bins.width, options.position_threshold)
     moving = _dilated(moving)
     rests = runs(~moving)
     rate = drift_of_rests(forces.value, *rests, bins.width)
@@ -119,12 +119,6 @@ def within(field: Field, extents: list[Extent]) -> Field:
     for extent in extents:
         out[extent.rows] = False
     return replace(field, noise=without_creep(difference_noise(field.signals, out, LONGEST)))
-
-
-def _jumps(bins: Bins) -> BoolArray:
-    """Bins that follow a stretch without any sample."""
-    step = np.diff(bins.start, prepend=bins.start[0] - bins.width)
-    return np.asarray(step > 1.5 * bins.width)
 
 
 def _dilated(flag: BoolArray) -> BoolArray:

@@ -51,7 +51,13 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
         raise DataError("the log is empty", hint="give a log with recorded samples")
     warnings: list[str] = []
     thermometer = Thermometer()
-    rest = thermometer.passing(_noting(chain([first], stream), warnings))
+
+    def noted() -> Iterator[Log]:
+        for piece in chain([first], stream):
+            warnings.extend(piece.warnings)
+            yield piece
+
+    rest = thermometer.passing(noted())
     if first.rows == "postures":
         found = postures_as_dwells(rest)
     else:
@@ -90,13 +96,6 @@ def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
     if offset is not None and offset.large:
         return replace(dwells, warnings=(*dwells.warnings, f"clocks: {offset}"))
     return dwells
-
-
-def _noting(pieces: Iterable[Log], warnings: list[str]) -> Iterator[Log]:
-    """Pass pieces on and keep their warnings."""
-    for piece in pieces:
-        warnings.extend(piece.warnings)
-        yield piece
 
 
 def _spans(field: Field, extents: list[Extent]) -> FloatArray:

@@ -64,10 +64,6 @@ class Noise:
     quantum: FloatArray
     smooth: BoolArray
 
-    def times(self, factor: FloatArray) -> Noise:
-        """The noise of each axis (A,) times a factor."""
-        return replace(self, difference=self.difference * factor)
-
     def of_mean(self, length: IntArray | int) -> FloatArray:
         """Standard deviation of a window's mean, length(s) in bins → (..., A).
 

@@ -10,9 +10,7 @@ import numpy as np
 
 from tdfscal.dwells.dwell_means import Extent, evenly
 from tdfscal.dwells.field import Field
-from tdfscal.dwells.noise_level import (
-    runs,
-)
+from tdfscal.dwells.noise_level import runs
 from tdfscal.dwells.settling import Settled, Stretch, one_level, settled_part
 from tdfscal.records import FloatArray, IntArray, LeftOut
 from tdfscal.significance import SAME_LEVEL
@@ -174,7 +172,8 @@ def _within_rest(
         if field.ringing:
             reason += f": they ring ({field.ringing})"
         return [], [field.out(begin, end, reason)]
-    return [Extent.whole(part.begin, part.end) for part in settled], unsettled
+    kept = [Extent(a.begin, a.end, np.ones(a.end - a.begin, np.bool_)) for a in settled]
+    return kept, unsettled
 
 
 def _settled_parts(

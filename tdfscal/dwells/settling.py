@@ -103,7 +103,8 @@ class Stretch:
         """With the noise of each axis (A,) times a factor."""
         if np.all(factor == 1.0):
             return self
-        return replace(self, noise=self.noise.times(factor), long_run=self.long_run * factor)
+        noise = replace(self.noise, difference=self.noise.difference * factor)
+        return replace(self, noise=noise, long_run=self.long_run * factor)
 
     def misfit(self, difference: FloatArray, variance: FloatArray, p: float) -> BoolArray:
         """Does a difference of means (..., A) contradict the noise, with false alarm p?
