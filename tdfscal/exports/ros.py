@@ -10,8 +10,6 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import Mounting
 from tdfscal.files.saving import to_yaml
 
-_NAMESPACE = "tdfs_calibration"
-
 _PUBLISHER = "ros2 run tf2_ros static_transform_publisher"
 
 
@@ -22,9 +20,24 @@ def ros_transforms(c: Calibration, parent: str = "bcs") -> str:
     """
     base = frame(parent)
     lines = _comments(c, base)
-    for support in c.mounted:
-        lines.append(f"# {_PUBLISHER} {' '.join(_arguments(support, base))}")
-    return "\n".join(lines) + "\n" + to_yaml(_document(c, base))
+    lines += [f"# {_PUBLISHER} {' '.join(_arguments(support, base))}" for support in c.mounted]
+    transforms = [
+        {
+            "header": {"frame_id": base},
+            "child_frame_id": child(support.name),
+            "transform": {
+                "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
+                "rotation": dict(zip("xyzw", support.quaternion, strict=True)),
+            },
+        }
+        for support in c.mounted
+    ]
+    document: dict[str, object] = {"convention": c.convention, "static_transforms": transforms}
+    document["zero"] = {support.name: list(support.offset) for support in c.supports}
+    if any(s.sensitivity for s in c.supports):
+        rows = {s.name: [list(row) for row in s.sensitivity or ()] for s in c.supports}
+        document["sensitivity"] = rows
+    return "\n".join(lines) + "\n" + to_yaml(document)
 
 
 def ros_parameters(c: Calibration, parent: str = "bcs") -> str:
@@ -52,7 +65,7 @@ def ros_parameters(c: Calibration, parent: str = "bcs") -> str:
         "sensors": list(mountings),
         "mounting": mountings,
     }
-    text = to_yaml({"/**": {"ros__parameters": {_NAMESPACE: values}}})
+    text = to_yaml({"/**": {"ros__parameters": {"tdfs_calibration": values}}})
     return "\n".join(_comments(c, base)) + "\n" + text
 
 
@@ -106,23 +119,3 @@ def _arguments(support: Mounting, base: str) -> list[str]:
 def _node(support: str) -> str:
     """A node's name: letters, digits and _."""
     return re.sub(r"[^A-Za-z0-9_]", "_", f"mounting_of_{child(support)}")
-
-
-def _document(c: Calibration, base: str) -> dict[str, object]:
-    transforms = [
-        {
-            "header": {"frame_id": base},
-            "child_frame_id": child(support.name),
-            "transform": {
-                "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
-                "rotation": dict(zip("xyzw", support.quaternion, strict=True)),
-            },
-        }
-        for support in c.mounted
-    ]
-    document: dict[str, object] = {"convention": c.convention, "static_transforms": transforms}
-    document["zero"] = {support.name: list(support.offset) for support in c.supports}
-    if any(s.sensitivity for s in c.supports):
-        rows = {s.name: [list(row) for row in s.sensitivity or ()] for s in c.supports}
-        document["sensitivity"] = rows
-    return document

@@ -93,17 +93,12 @@ class Report:
     created: str = ""
 
     def brief(self) -> Iterator[Block]:
-        """Blocks of a rendering without pages."""
-        for section in self.sections:
-            if not section.page_only:
-                for block in section.blocks:
-                    yield block.brief() if isinstance(block, Items) else block
-
-    def closing(self) -> Iterator[Items]:
-        """Lists that a rendering without pages ends with."""
-        for caption, items in (("Warnings", self.warnings), ("What next", self.advice)):
-            if items:
-                yield Items(caption, items).brief()
+        """Blocks of a rendering without pages; warnings and advice are its end."""
+        shown = [block for section in self.sections if not section.page_only
+                 for block in section.blocks]  # fmt: skip
+        ends = (Items("Warnings", self.warnings), Items("What next", self.advice))
+        for block in (*shown, *(end for end in ends if end.items)):
+            yield block.brief() if isinstance(block, Items) else block
 
 
 def by_angle(names: Iterable[str], cells: Callable[[int, int], Iterable[str]]) -> tuple[Row, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from string import ascii_uppercase
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,6 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle, illustrated
 from tdfscal.reporting.phrases import METHODS, chi_squared, probability, utc
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
-
-_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +80,8 @@ def several_report(view: Several, drawings: tuple[Drawing, ...] = ()) -> Report:
 
 def letter(index: int) -> str:
     """A to Z, then A2 to Z2 and so on."""
-    turn, place = divmod(index, len(_LETTERS))
-    return _LETTERS[place] + (str(turn + 1) if turn else "")
+    turn, place = divmod(index, 26)
+    return ascii_uppercase[place] + (str(turn + 1) if turn else "")
 
 
 def document(view: Several) -> dict[str, Any]:

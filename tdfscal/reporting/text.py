@@ -25,7 +25,7 @@ def render(report: Report) -> str:
     lines += wrapped(report.subtitle, "", "")
     lines += wrapped(report.claim, "", "")
     lines += _bullets(report.reasons)
-    for block in (*report.brief(), *report.closing()):
+    for block in report.brief():
         caption, body = parts(block)
         lines += ["", *caption, *body]
     return "\n".join(lines) + "\n"
@@ -57,7 +57,7 @@ def show_on(console: Console, report: Report) -> None:
     for reason in report.reasons:
         head.append(f"\n- {reason}")
     console.print(Panel(head, title=Text(report.title), title_align="left", border_style=colour))
-    for block in (*report.brief(), *report.closing()):
+    for block in report.brief():
         caption, body = parts(block)
         for line in caption:
             console.print(Text(line, style="bold"))

@@ -51,16 +51,12 @@ def date_of(month: float) -> datetime:
 
 def _of(life: Life, i: int) -> Drawing:
     own = [alarm for alarm in life.alarms if alarm.sensor == i]
-    said = " ".join(_said(life, alarm) for alarm in own) or _calm(life, i)
+    moved = 1e3 * float(np.abs(life.path[-1, i] - life.path[0, i]).max())
+    way = f"moves by {moved:.2g} mrad" if moved >= _STILL else "does not move"
+    calm = f"No alarm; between the first and the last check the path {way}."
+    said = " ".join(_said(life, alarm) for alarm in own) or calm
     title = f"{life.supports[i]} over time"
     return Drawing(f"history-{i + 1}", title, said, lambda: _paint(life, i, own))
-
-
-def _calm(life: Life, i: int) -> str:
-    change = 1e3 * float(np.abs(life.path[-1, i] - life.path[0, i]).max())
-    if change < _STILL:
-        return "No alarm; the path does not move between the first and the last check."
-    return f"No alarm; between the first and the last check the path moves by {change:.2g} mrad."
 
 
 def _said(life: Life, alarm: Alarm) -> str:
