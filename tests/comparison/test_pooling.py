@@ -40,8 +40,8 @@ def joint_least_squares(campaigns: list[Recorded]) -> tuple[FloatArray, FloatArr
         for k, (item, state) in enumerate(zip(campaigns, states, strict=True)):
             assert item.postures is not None
             at = at_state(rig, item.postures, state, np.ones(len(item.postures)))
-            J = (at.whitener @ at.jacobian).reshape(-1, C + o)
-            r = (at.whitener @ at.residual[..., None]).ravel()
+            J = (at.at.whitener @ at.jacobian).reshape(-1, C + o)
+            r = (at.at.whitener @ at.residual[..., None]).ravel()
             own = np.abs(at.prior_jacobian[:, ~common]).any(axis=1)
             kept = np.flatnonzero(own | (k == 0))
             J = np.concatenate([J, at.prior_jacobian[kept]])
