@@ -13,6 +13,8 @@ from tdfscal.records import FloatArray
 
 SAMPLES: Final = 512
 """Rows or messages sampled of each block that is read."""
+_LONGEST: Final = 1000
+"""Letters; a longer name is no axis's: the work grows with the square of its length."""
 
 Format = Literal["csv", "parquet", "mcap", "bag"]
 
@@ -104,18 +106,19 @@ def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
 
     Each name goes to one vector; of several letters that would do, the last one is the axis.
     """
-    groups: dict[tuple[str, bool], dict[str, str]] = {}
-    for name in names:
-        for place in reversed([k for k, letter in enumerate(name) if letter in "xyzXYZ"]):
-            letter = name[place]
-            key = (f"{name[:place]}*{name[place + 1 :]}", letter.isupper())
-            groups.setdefault(key, {})[letter.lower()] = name
+    there = {name for name in names if len(name) <= _LONGEST}
     taken: set[str] = set()
     found = []
-    for (label, _), members in groups.items():
-        if len(members) == 3 and not taken & set(members.values()):
-            taken |= set(members.values())
-            found.append((label, (members["x"], members["y"], members["z"])))
+    for name in names:
+        if name not in there:
+            continue
+        for place in reversed([k for k, letter in enumerate(name) if letter in "xyzXYZ"]):
+            before, after = name[:place], name[place + 1 :]
+            axes = "XYZ" if name[place].isupper() else "xyz"
+            x, y, z = (before + axis + after for axis in axes)
+            if there >= {x, y, z} and not taken & {x, y, z}:
+                taken |= {x, y, z}
+                found.append((f"{before}*{after}", (x, y, z)))
     return found
 
 
