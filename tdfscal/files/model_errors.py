@@ -56,8 +56,8 @@ def require_format(document: Document, expected: str, error: type[TdfscalError])
     if content["format"] == expected:
         return
     where, shown = document.where(("format",)), shorten(str(content["format"]))
-    number = shown.removeprefix(f"{kind}/")
-    if number.isdecimal() and int(number) > int(version):
+    named, _, number = shown.rpartition("/")
+    if named == kind and number.isdecimal() and int(number) > int(version):
         what = f"is of the newer format {shown}; this program reads {expected}"
         raise error(what, where=where, hint="update tdfscal")
     if kind == "tdfscal-calibration":

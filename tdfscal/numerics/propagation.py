@@ -68,16 +68,18 @@ def propagate(
 ) -> MonteCarlo:
     """Draw blocks of outputs until their averages are stable or the trials run out (7.9.4).
 
+    Blocks are alike in size, so that their averages count alike.
+
     draw : returns (size, …) independent values of the output. std : (…), its standard
-    uncertainty, for the tolerance.
+    uncertainty, for the tolerance. max_trials : two or more, as one has no spread.
     """
     tolerance = numerical_tolerance(std, digits)
     tail = 100 * (1 - coverage) / 2
     summaries: list[FloatArray] = []
     sample = np.empty(0)
-    trials, stable = 0, False
+    trials, stable, blocks = 0, False, -(-max_trials // BLOCK)
     while trials < max_trials and not stable:
-        block = draw(min(BLOCK, max_trials - trials))
+        block = draw(max_trials * (len(summaries) + 1) // blocks - trials)
         sample = block if trials == 0 else sample
         trials += len(block)
         low, high = np.percentile(block, [tail, 100 - tail], axis=0)

@@ -113,17 +113,21 @@ def _tried(fit: Fit) -> tuple[int, float, list[_Tried]]:
     # Where hinges are exact a hinge's error cannot be told from a datum's.
     hinge = fit.rig.declared.hinge
     prior = np.eye(3 * n, 6 * n + 2, 3 * n) / hinge if hinge > 0 else np.zeros((0, 6 * n + 2))
-    below = np.zeros((len(prior), 3))
+    below = np.zeros((len(prior), 9))
     left = spectrum(np.concatenate([white(nuisances), prior])).left
     off = np.concatenate([white((p - arm - T[:, None])[..., None])[:, 0], below[:, 0]])
     off -= left @ (left.T @ off)
+    del nuisances  # long campaigns: as large as all that follows
     tried, away = [], p - p.mean(axis=0)
+    every = np.concatenate([errors for _, errors in _WAYS.values()])
     for i in range(n):
-        for way, (_, errors) in _WAYS.items():
-            frame = np.zeros((K, n, 3, 3))
-            frame[:, i] = np.einsum("cab,kb->kac", errors, away[:, i])
-            columns = np.concatenate([white(frame), below])
-            asked = ask(columns - left @ (left.T @ columns), columns, -off, seen_from=_SEEN)
+        frame = np.zeros((K, n, 3, 9))
+        frame[:, i] = np.einsum("cab,kb->kac", every, away[:, i])
+        columns = np.concatenate([white(frame), below])
+        apart = columns - left @ (left.T @ columns)
+        for first, (way, (_, errors)) in zip((0, 3, 6), _WAYS.items(), strict=True):
+            own = slice(first, first + 3)
+            asked = ask(apart[:, own], columns[:, own], -off, seen_from=_SEEN)
             tried.append(_Tried(i, way, asked, np.tensordot(asked.amount, errors, axes=1)))
     dof = K * (3 * n - 6) + len(prior) - left.shape[1]
     return dof, float(off @ off), tried

@@ -50,6 +50,13 @@ def at_least(option: str, value: float | None, least: float) -> None:
         raise UsageError(f"{value:g} is too small", where=option, hint=f"give {least:g} or more")
 
 
+def check_trials(trials: int | None) -> None:
+    """Raise UsageError for a number of Monte Carlo trials that gives no standard uncertainty."""
+    at_least("--trials", trials, 0)
+    if trials == 1:
+        raise UsageError("one trial has no spread", where="--trials", hint="give 0, or 2 or more")
+
+
 def numbers(option: str, value: Numbers) -> tuple[float, ...]:
     """Return finite numbers, of a sequence or of text such as `0.1,0.1,0.2`. Raises UsageError."""
     try:

@@ -31,6 +31,7 @@ from tdfscal.workflows.arguments import (
     PathLike,
     PathLikes,
     at_least,
+    check_trials,
     listed,
     one,
     one_of,
@@ -100,7 +101,7 @@ def calibrate(
     one_of("--samples", samples, get_args(Samples))
     one_of("--estimator", estimator, get_args(Estimator))
     _check_samples(samples, method, estimator)
-    at_least("--trials", trials, 0)
+    check_trials(trials)
     at_least("--seed", seed, 0)
     check_outputs(
         {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},

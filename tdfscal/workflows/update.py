@@ -25,7 +25,16 @@ from tdfscal.numerics.information import contrast
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.significance import CAMPAIGN_MISFIT
-from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, at_least, listed, one, window
+from tdfscal.workflows.arguments import (
+    Instant,
+    PathLike,
+    PathLikes,
+    at_least,
+    check_trials,
+    listed,
+    one,
+    window,
+)
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, as_calibration, paths_of
 from tdfscal.workflows.campaign import campaign_folders, inputs_read, resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
@@ -85,7 +94,7 @@ def update(
         DataError, NotIdentifiableError, NotConvergedError.
     """
     target, page, rig_file, files = one(output), one(html), one(rig), listed(paths)
-    at_least("--trials", trials, 0)
+    check_trials(trials)
     at_least("--seed", seed, 0)
     check_outputs(
         {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},

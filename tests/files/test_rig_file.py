@@ -364,6 +364,7 @@ def test_many_faults_are_one_short_paragraph() -> None:
         ("name: x\n", "no `format`"),
         ("formt: tdfscal-rig/1\n", "ename `formt` to `format`"),
         (altered("tdfscal-rig/1", "tdfscal-rig/2"), "newer format tdfscal-rig/2"),
+        (altered("tdfscal-rig/1", "2"), "its format is `2`, not"),
         (altered("tdfscal-rig/1", "tdfscal-rig/x"), "its format is `tdfscal-rig/x`"),
         (altered("tdfscal-rig/1", "tdfscal-calibration/1"), "is not a rig file"),
         (altered("tdfscal-rig/1", "[1]"), "is not a rig file"),

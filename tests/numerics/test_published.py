@@ -83,6 +83,22 @@ def test_jcgm_101_9_2_2_normal_inputs_are_validated() -> None:
     assert found.validates(-half, half)
 
 
+@pytest.mark.parametrize("trials", [2, 9_999, 10_001, 20_002])
+def test_all_trials_count_alike(trials: int) -> None:
+    """Blocks of 10 000 and one of a few would weigh the few as much as the many."""
+    sizes: list[int] = []
+    rng = np.random.default_rng(4)
+
+    def draw(size: int) -> FloatArray:
+        sizes.append(size)
+        return rng.standard_normal((size, 1))
+
+    found = propagate(draw, np.array([1e-9]), 0.95, trials)  # never stable
+    assert sum(sizes) == found.trials == trials
+    assert max(sizes) - min(sizes) <= 1
+    assert np.isfinite(found.std).all()
+
+
 def test_jcgm_101_9_3_mass_calibration() -> None:
     """Table 6: mean 1.2341 mg, u = 0.0754 mg, [1.0834, 1.3825]; first-order GUM not validated."""
     rng = np.random.default_rng(2)

@@ -122,6 +122,7 @@ BAD = {
     "no header, seven": ("P1,1,2,3,4,5,6\n", "line 1.*7 columns"),
     "polar numbers": ("P1,1\n", "line 1.*2 columns"),
     "nan": (HEAD + "ncp1,P1,1,2,3\nncp1,P2,nan,2,3\n", "line 3.*finite"),
+    "no length": (HEAD + "ncp1,P1,1,2,3\nncp1,P2,1e300,2,3\n", "line 3.*1e300"),
     "inf": (HEAD + "ncp1,P1,1,inf,3\n", "line 2.*finite"),
     "too large": (HEAD + "ncp1,P1,1,1e999,3\n", "line 2.*finite"),
     "text": (HEAD + "ncp1,P1,1,two,3\n", "line 2.*`two`"),

@@ -144,7 +144,7 @@ def by_cells(rows: Sequence[Sequence[str]], uncertain: bool, comma: bool, where:
     if all(number is None for number in numbers_of[0]):
         what = "no line names the columns group, point, x, y and z; the first reads"
         hint = "begin the file with `group,point,x,y,z`"
-        refuse(where, f"{what} `{', '.join(rows[0])[:60]}`", hint)
+        refuse(where, f"{what} {', '.join(rows[0])[:60]}", hint)
     names = next(
         (i for i in range(count) if all(r[i] is not None for r in numbers_of if i < len(r))), count
     )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable
 from typing import NoReturn
 
 from tdfscal.errors import DataError
+from tdfscal.files.field_types import LARGEST
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:e([+-]?\d+))?", re.IGNORECASE)
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
@@ -28,12 +28,12 @@ def refuse(where: str, what: str, hint: str) -> NoReturn:
 
 
 def as_number(cell: str, *, comma: bool = False) -> float | None:
-    """Return the finite number of a cell; None where it is none. comma : decimal comma allowed."""
+    """Return the number of a cell; None where it is none, or no length. comma : decimal comma."""
     text = _plain(cell, comma)
     if not _NUMBER.fullmatch(text):
         return None
     value = float(text)
-    return value if math.isfinite(value) else None
+    return value if abs(value) <= LARGEST else None
 
 
 def last_digit(cells: Iterable[str], *, comma: bool = False) -> float:
