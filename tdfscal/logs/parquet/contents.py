@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,10 +10,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from tdfscal.files.arrow import as_arrow
 from tdfscal.logs.common.contents import SAMPLES, Contents
 from tdfscal.logs.common.damage import damage
-from tdfscal.logs.common.table import Sampled, repeated, sampled, table_contents
-from tdfscal.logs.parquet.footer import check_pages, is_no_number, leaves_of, open_parquet
+from tdfscal.logs.common.table import Sampled, holes, repeated, sampled, table_contents
+from tdfscal.logs.parquet.dates import begins_with_date, seconds_of_texts
+from tdfscal.logs.parquet.footer import check_pages, is_no_number, is_text, leaves_of, open_parquet
 from tdfscal.logs.parquet.reader import batches
 
 _OPENING: Final = 4096
@@ -28,17 +31,36 @@ def parquet_contents(path: Path) -> Contents:
         leaves = leaves_of(file)
         twice = repeated([leaf.path for leaf in leaves])
         small = [f.path for f in leaves if is_no_number(f) is None and f.path not in twice]
+        texts = [f.path for f in leaves if is_text(f) and f.path not in twice]
+        check_pages(path, file, texts[:1])
+        dated = {name for name in texts if _is_dated(file, name)}
+        small += dated
         for begin in range(0, len(small), _TOGETHER):
             portion = small[begin : begin + _TOGETHER]
             check_pages(path, file, portion)
             looked_at = _looked_at(file, portion)
             most = -(-_GROUPS * SAMPLES // max(len(looked_at), 1))
             for name in looked_at[0][1].column_names if looked_at else ():
-                found = sampled([(row, table.column(name)) for row, table in looked_at], most)
+                parts = [(row, table.column(name)) for row, table in looked_at]
+                if name in dated:
+                    parts = [(row, _seconds(column)) for row, column in parts]
+                found = sampled(parts, most)
                 if found is not None:
                     numbers[name] = found
-        columns = [(leaf.path, _kind(leaf), None) for leaf in leaves]
+        columns = [(f.path, "date and time" if f.path in dated else _kind(f), None) for f in leaves]
         return table_contents(path, "parquet", file.metadata.num_rows, columns, numbers)
+
+
+def _is_dated(file: pq.ParquetFile, name: str) -> bool:
+    """Whether a column of texts begins with a date; a damaged one is not asked for yet."""
+    with suppress(pa.ArrowException, OSError, ValueError):
+        first = next(batches(file, 0, [name], 1), None)
+        return first is not None and begins_with_date(first.column(name))
+    return False
+
+
+def _seconds(column: pa.ChunkedArray) -> Any:
+    return pa.chunked_array([as_arrow(seconds_of_texts(column), holes(column))])
 
 
 def _looked_at(file: pq.ParquetFile, names: list[str]) -> list[tuple[int, pa.Table]]:

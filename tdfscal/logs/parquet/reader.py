@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 
 from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
+from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common import units
 from tdfscal.logs.common.damage import damage, one_line
 from tdfscal.logs.common.request import (
@@ -25,11 +26,13 @@ from tdfscal.logs.common.request import (
     takes_turns,
 )
 from tdfscal.logs.common.table import TICKS, holes, is_number
+from tdfscal.logs.parquet.dates import begins_with_date, seconds_of_texts
 from tdfscal.logs.parquet.footer import (
     Places,
     check_pages,
     is_duration,
     is_no_number,
+    is_text,
     leaves_of,
     open_parquet,
     stated_twice,
@@ -50,10 +53,12 @@ def read_parquet(path: Path, request: Request, *, salvage: bool, reached: Reache
         leaves = leaves_of(file)
         column_of = columns_of(request, [leaf.path for leaf in leaves])
         names = list(column_of)
+        timed = request.mapping.time_field in column_of
         for name, k in column_of.items():
+            if name == request.mapping.time_field and is_text(leaves[k]):
+                continue
             if (holds := is_no_number(leaves[k])) is not None:
                 raise _no_numbers(name, holds)
-        timed = request.mapping.time_field in column_of
         verified = check_pages(path, file, names)
         if verified and (what := stated_twice(file, names)):
             raise DataError(what)
@@ -142,7 +147,26 @@ def _time(column: Any, name: str, request: Request, first_row: int) -> FloatArra
         # Such a column knows its own unit.
         ticks = column.cast(pa.int64())
         return _numbers(ticks, name, first_row) / TICKS[column.type.unit]
+    if pa.types.is_dictionary(column.type):
+        return _dates(column, name, first_row)
     return _numbers(column, name, first_row) * units.factor("time", request.mapping.time_unit)
+
+
+def _dates(column: Any, name: str, first_row: int) -> FloatArray:
+    """Return a column of dates with times of day as (N,) s."""
+    if column.null_count:
+        raise _empty(name, first_row + int(np.argmax(holes(column))))
+    if not first_row and not begins_with_date(column):
+        raise _no_numbers(name, "string")
+    seconds = seconds_of_texts(column)
+    if np.isnan(seconds).any():
+        k = int(np.argmax(np.isnan(seconds)))
+        raise DataError(
+            f"{shorten(column[k].as_py())!r} is no date and time as the row before has one",
+            where=f"column {name}, row {first_row + k}",
+            hint="write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05; rows count from 0",
+        )
+    return seconds
 
 
 def _numbers(column: Any, name: str, first_row: int) -> FloatArray:

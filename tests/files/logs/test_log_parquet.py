@@ -253,3 +253,51 @@ def test_no_column_is_read_from_where_another_lies(tmp_path: Path, dictionaries:
     path.write_bytes(sound[:start] + sound[start:].replace(own, other))
     with pytest.raises(DataError, match="where its columns lie"):
         read_log([path], None, SUPPORTS)
+
+
+@pytest.mark.parametrize("kind", [pa.string(), pa.dictionary(pa.int32(), pa.large_string())])
+@pytest.mark.parametrize("written", ["%Y-%m-%dT%H:%M:%S.%f+01:00", "%d.%m.%Y %H:%M:%S.%f"])
+def test_dates_as_texts_are_read_as_in_csv(tmp_path: Path, kind: pa.DataType, written: str) -> None:
+    frame = table(make_truth())
+    stamps = pd.to_datetime(frame["time"] + 1.7e9, unit="s").dt.strftime(written)
+    frame = frame.assign(time=stamps, note="sound")
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    columns = pa.Table.from_pandas(frame)
+    at = columns.schema.get_field_index("time")
+    columns = columns.set_column(at, "time", columns.column("time").cast(kind))
+    path = tmp_path / "log.parquet"
+    pq.write_table(columns, path, row_group_size=17, write_page_checksum=True)
+    text, log = (read_log([p], None, SUPPORTS) for p in (tmp_path / "log.csv", path))
+    assert same_numbers(text, log)
+    assert log.inputs[0].integrity == "verified"
+    described = [describe_logs([p]) for p in (tmp_path / "log.csv", path)]
+    assert described[0].mapping == described[1].mapping
+    assert described[1].mapping is not None
+    assert described[1].mapping.time_field == "time"
+    kinds = [{f.name: f.kind for f in d.contents[0].streams[0].fields} for d in described]
+    assert kinds[0]["time"] == kinds[1]["time"] == "date and time"
+
+
+@pytest.mark.parametrize(
+    ("time", "match"),
+    [
+        (["0.1", "0.2", "0.3"], "column time holds string, not numbers"),
+        (["2026-11-21T14:03:05", None, "2026-11-21T14:03:06"], "column time, row 1: .* is empty"),
+        (["2026-11-21T14:03:05", "2026-11-21T14:03:06", "noon"], "row 2: 'noon' is no date and"),
+    ],
+)
+def test_texts_that_are_no_dates_are_named(
+    tmp_path: Path, time: list[str | None], match: str
+) -> None:
+    with pytest.raises(DataError, match=match):
+        read(tmp_path, plain(time=time))
+
+
+def test_a_long_text_of_many_rows_is_there_once(tmp_path: Path) -> None:
+    rows = 1 << 16
+    columns: dict[str, Any] = {name: np.sin(np.arange(rows)) for name in DEFAULT}
+    columns["time"] = pa.DictionaryArray.from_arrays(
+        np.zeros(rows, dtype=np.int32), ["x" * 100_000]
+    )
+    with pytest.raises(DataError, match="column time holds string"):
+        read(tmp_path, columns)
