@@ -48,16 +48,18 @@ def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> i
             elif not words and carried is not None:
                 hand_over(getattr(result, carried))
         if words:
+            # Made before: of what goes wrong here, only the writing is forgiven.
+            text = _in_words(result, _places(result, asked, written=written))
             with reporting():
-                _show(result, _places(result, asked, written=written))
-        for text in result.notes:
-            say(f"tdfscal: warning: {text}")
+                sys.stdout.write(text)
+        for note in result.notes:
+            say(f"tdfscal: warning: {note}")
     except (KeyboardInterrupt, Signalled):
         if outputs is None or not outputs.appeared:
             raise
         leave_stdout()  # the files are there: only the rest of the report is cut off
-    for text in result.details if verbose else ():
-        say(text)
+    for detail in result.details if verbose else ():
+        say(detail)
     if result.exit_status and "allow_rejected" in asked:
         nothing = "only its page was written" if "html" in asked else "nothing was written"
         what = "it was written as rejected" if written else nothing
@@ -75,18 +77,17 @@ def _places(result: Result, asked: Mapping[str, Any], *, written: bool) -> list[
     return [*places, *(str(asked[option]) for option in ("html", "figures") if option in asked)]
 
 
-def _show(result: Result, places: list[str]) -> None:
-    """Print a result in words, in colours on a terminal, and what was written."""
-    from tdfscal.reporting.text import show
+def _in_words(result: Result, places: list[str]) -> str:
+    """Return a result in words, in colours for a terminal, and what was written."""
+    from tdfscal.reporting.text import shown
 
     report = result.to_report()
-    if report is not None:
-        show(report)
-    elif not sys.stdout.write(result.text):
-        return
-    if places:
-        *others, last = map(visible, places)
-        print(f"\nwrote {', '.join(others)} and {last}" if others else f"\nwrote {last}")
+    text = result.text if report is None else shown(report)
+    if not text or not places:
+        return text
+    *others, last = map(visible, places)
+    files = f"{', '.join(others)} and {last}" if others else last
+    return f"{text}\nwrote {files}\n"
 
 
 def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> str | None:

@@ -31,14 +31,16 @@ def render(report: Report) -> str:
     return "\n".join(lines) + "\n"
 
 
-def show(report: Report) -> None:
-    """Print a report; NO_COLOR and TERM=dumb are obeyed."""
+def shown(report: Report) -> str:
+    """Return the report as standard output shows it; NO_COLOR and TERM=dumb are obeyed."""
     if not sys.stdout.isatty():
-        sys.stdout.write(render(report))
-        return
+        return render(report)
     from rich.console import Console
 
-    show_on(Console(highlight=False, width=width()), report)
+    console = Console(highlight=False, width=width())
+    with console.capture() as printed:
+        show_on(console, report)
+    return printed.get()
 
 
 def show_on(console: Console, report: Report) -> None:

@@ -293,6 +293,18 @@ def test_a_report_that_nobody_gets_changes_nothing(
         assert run(capsys, "validate", "own.yaml", "turned", "-q").status == 1
 
 
+def test_a_report_that_cannot_be_made_is_an_error(
+    home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(report: object) -> str:
+        raise ValueError("no such row")
+
+    monkeypatch.setattr("tdfscal.reporting.text.shown", broken)
+    seen = run(capsys, "report", "own.yaml")
+    assert (seen.status, seen.out) == (70, "")
+    assert "no such row" in seen.err
+
+
 @needs_full
 @pytest.mark.parametrize("kind", ["closed", "full"])
 @pytest.mark.parametrize(

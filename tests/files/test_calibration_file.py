@@ -199,6 +199,13 @@ def swap_supports(content: dict[str, Any]) -> None:
     content["supports"][:2] = content["supports"][1::-1]
 
 
+def exact_for(*names: str) -> Change:
+    """A quantity taken as exact, with its effect on these supports."""
+    effects = [{"name": name, "turn": [1e-3, 0.0, 0.0]} for name in names]
+    quantity = {"name": "base level", "error": 1e-3, "unit": "rad", "supports": effects}
+    return put("taken_as_exact", [quantity])
+
+
 BROKEN = [
     (put("format", "tdfscal-calibration/2"), "newer format", "format"),
     (put("format", "tdfscal-rig/1"), "not a calibration file", "format"),
@@ -244,6 +251,15 @@ BROKEN = [
     (put("observability", "correlations", 0, "value", -1.1), "equal to -1", "value"),
     (put("observability", "angles", 0, "angle", "tilt"), "'roll'", "angle"),
     (put("budget", "sources", ["noise"]), "sources", "budget.angles[0].variance"),
+    (put("budget", "sources", ["noise", "zero", "noise"]), "twice", "budget.sources"),
+    (drop("budget", "angles", 8), "yaw of ncp1", "budget.angles"),
+    (put("budget", "angles", 3, "support", "ncp9"), "yaw of ncp1", "budget.angles"),
+    (put("budget", "angles", 3, "angle", "yaw"), "yaw of ncp1", "budget.angles"),
+    (exact_for(), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
+    (exact_for("ncp1", "ncp2"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
+    (exact_for("ncp1", "ncp2", "ncp2"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
+    (exact_for(*NAMES, "ncp3"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
+    (exact_for("ncp1", "ncp2", "ncp9"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
     (put("monte_carlo", "low", [[0.0, 0.0, 0.0]]), "row per support", "monte_carlo.low"),
     (put("monte_carlo", "trials", 0), "greater than 0", "monte_carlo.trials"),
     (put("rig", "terminal", "mass", "value", -1.0), "greater than 0", "rig.terminal.mass"),
@@ -291,6 +307,11 @@ def test_nothing_infinite_gets_in(
         Calibration.model_validate(content)
     with pytest.raises(DataError, match="finite"):
         parse_calibration(to_yaml(content).encode(), "c.yaml")
+
+
+def test_what_is_taken_as_exact_is_of_every_support(content: dict[str, Any]) -> None:
+    exact_for(*NAMES)(content)
+    Calibration.model_validate(content)
 
 
 def test_changes_below_rounding_are_taken(content: dict[str, Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
+import sys
 from typing import Any
 
 import pytest
@@ -16,7 +17,7 @@ from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.history import short
 from tdfscal.reporting.text import render as as_text
-from tdfscal.reporting.text import show, show_on, table
+from tdfscal.reporting.text import show_on, shown, table
 from tests.reporting.pages import render_page
 from tests.reporting.samples import NASTY, changed, fit_with, sample, surveyed
 
@@ -132,10 +133,14 @@ def test_markup_in_names_is_only_text(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "[red]not markup[/red]" in on_terminal(c, monkeypatch)
 
 
-def test_a_pipe_gets_plain_text(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pipe_gets_plain_text_and_a_terminal_a_frame(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     c = sample().calibration
-    show(calibration_report(c))
-    assert capsys.readouterr().out == render(c)
+    assert shown(calibration_report(c)) == render(c)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert "╭" in shown(calibration_report(c))
+    assert capsys.readouterr().out == ""
 
 
 def test_the_turn_from_a_nominal_mounting_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:

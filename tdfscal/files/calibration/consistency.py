@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -84,6 +85,20 @@ def _check_names(c: Calibration) -> None:
             f"must be {stand[0]}.rx, {stand[0]}.ry and so on, in the order of the supports",
             *("covariance", "parameters"),
         )
+    _check_lists(c, stand)
+
+
+def _check_lists(c: Calibration, stand: tuple[str, ...]) -> None:
+    """Refuse a list per sensor that is not of those with a rotation, in their order."""
+    sensors = f"{', '.join(stand)}, in this order, each once"
+    for index, quantity in enumerate(c.taken_as_exact):
+        if tuple(effect.name for effect in quantity.supports) != stand:
+            raise fault(f"must be of {sensors}", "taken_as_exact", index, "supports", hint=ALTERED)
+    if c.budget is not None:
+        named = [(entry.support, entry.angle) for entry in c.budget.angles]
+        if named != list(product(stand, ANGLES)):
+            what = f"must be roll, pitch, yaw of {sensors}"
+            raise fault(what, "budget", "angles", hint=ALTERED)
 
 
 def _check_rows(c: Calibration) -> None:

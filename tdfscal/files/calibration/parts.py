@@ -310,6 +310,8 @@ class Budget(Strict):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
+        if len(set(self.sources)) < len(self.sources):
+            raise fault("names a source twice", "sources")
         for index, angle in enumerate(self.angles):
             if set(angle.variance) != set(self.sources):
                 raise fault("does not name the sources listed", "angles", index, "variance")
