@@ -90,17 +90,19 @@ class Decimator:
         self._advance(_REACH)
 
     def finish(self) -> Slow:
-        """Return the slow streams. Raises DataError where a stream has too few samples."""
-        if not self._groups:
-            raise DataError(
-                "the log holds too few samples to tell its rate",
-                where="log",
-                hint="record at least a few seconds of every stream",
-            )
+        """Return the slow streams. Raises DataError where the log is too short for any."""
         for group in self._groups:
             group.finish()
-        self._advance(0.0)
-        time, clipped, value = np.split(np.concatenate(self._out), [1, 2], axis=1)
+        if self._groups:
+            self._advance(0.0)
+        samples = np.concatenate(self._out)
+        if not len(samples):
+            raise DataError(
+                "the log is too short to tell a motion",
+                where="log",
+                hint="record at least a few seconds of every stream; check the unit of its time",
+            )
+        time, clipped, value = np.split(samples, [1, 2], axis=1)
         position, force = np.split(value.reshape(len(value), -1, 3), 2, axis=1)
         return Slow(
             supports=self._supports,

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tdfscal.errors import DataError
 from tdfscal.motioncal.blocks import blocks
 from tdfscal.motioncal.streams import Slow, slow_streams
 from tdfscal.records import Log, Series
@@ -124,3 +125,11 @@ def test_weak_derivatives_are_those_of_the_signal() -> None:
     size = np.abs(second).max()
     assert np.abs(block.transform(signal, derivative=1) - first).max() < 1e-5 * size
     assert np.abs(block.transform(signal, derivative=2) - second).max() < 1e-5 * size
+
+
+@pytest.mark.parametrize("length", [2e-6, 3e-5])
+def test_a_log_of_microseconds_is_refused(length: float) -> None:
+    """As of a clock in seconds that was declared in microseconds."""
+    time = np.linspace(0.0, length, 4000)
+    with pytest.raises(DataError, match="unit of its time"):
+        slow_streams([log(time, np.sin(1e6 * time))], OPEN)
