@@ -11,6 +11,14 @@ from pathlib import Path
 Share = Callable[[float], None]
 
 
+def _unheard(text: str) -> None:
+    """Nobody listens."""
+
+
+def _unseen(paths: Sequence[Path]) -> AbstractContextManager[Share | None]:
+    return nullcontext()
+
+
 @dataclass(frozen=True, slots=True)
 class Progress:
     """Called while a command works.
@@ -19,11 +27,9 @@ class Progress:
     reading : with the log files that are read; gives what takes the share of them, or None.
     """
 
-    stage: Callable[[str], None] = lambda stage: None
-    count: Callable[[str], None] = lambda line: None
-    reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = lambda paths: (
-        nullcontext()
-    )
+    stage: Callable[[str], None] = _unheard
+    count: Callable[[str], None] = _unheard
+    reading: Callable[[Sequence[Path]], AbstractContextManager[Share | None]] = _unseen
 
 
 SILENT = Progress()

@@ -149,7 +149,8 @@ def check_rotation(support: Mounting, covariance: FloatArray, index: int) -> Non
     """
     R, place = np.array(support.rotation), ("supports", index)
     if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) or np.linalg.det(R) < 0:
-        raise fault("is not a rotation: not orthonormal, or det ≠ +1", *place, "rotation")
+        what = "is not a rotation: not orthonormal, or det ≠ +1"
+        raise fault(what, *place, "rotation", hint=ALTERED)
     _same(so3.from_rpy(support.rpy), R, *place, "rpy", what="the angles of `rotation`")
     turned = _from_quaternion(support.quaternion)
     _same(turned, R, *place, "quaternion_xyzw", what="the quaternion of `rotation`")

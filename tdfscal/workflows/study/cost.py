@@ -79,5 +79,10 @@ def read_assumptions(path: Path) -> Assumptions:
     """Numbers by the names of `Assumptions`; what is left out stays. Raises UsageError."""
     keys: Any = {f.name: (float, f.default) for f in fields(Assumptions)}
     model = create_model("Assumptions", __config__=ConfigDict(extra="forbid", strict=True), **keys)
-    found = checked(model, read_document(path, UsageError), UsageError)
+    document = read_document(path, UsageError)
+    if not isinstance(document.content, dict):
+        raise UsageError(
+            "holds no keys", where=str(path), hint=f"write lines such as `{next(iter(keys))}: 4.0`"
+        )
+    found = checked(model, document, UsageError)
     return Assumptions(**found.model_dump())
