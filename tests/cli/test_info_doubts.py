@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -195,6 +196,16 @@ def test_header_times_that_cannot_be_used(
     assert why in note
     assert "/tdfs2/wrench" in note
     assert found["dwells"]["count"] == 16
+
+
+def test_header_times_that_cannot_be_used_are_said_once() -> None:
+    contents = formats.contents_of(SAMPLES / "mcap/log.mcap")
+    streams = tuple(replace(s, unusable=f"one of {s.name} is odd") for s in contents.streams)
+    notes = guess_mapping(replace(contents, streams=streams)).notes
+    (note,) = [note for note in notes if "header times" in note]
+    assert note.startswith("time source: log, as header times cannot be used: one of /ncp1")
+    assert note.count("cannot be") == note.count("is odd") == 1
+    assert "; nor can those of /" in note
 
 
 @pytest.fixture

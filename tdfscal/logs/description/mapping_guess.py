@@ -258,10 +258,14 @@ def _time_source(
     streams = [stream for stream in contents.streams if stream.name in named]
     if not all(stream.stamped for stream in streams):
         return "log", []
-    why = [stream.unusable for stream in streams if stream.unusable]
-    if not why:
+    unusable = [stream for stream in streams if stream.unusable]
+    if not unusable:
         return "header", []
-    return "log", [f"time source: log, as {'; '.join(why)}"]
+    first, *others = unusable
+    note = f"time source: log, as header times cannot be used: {first.unusable}"
+    if others:
+        note += f"; nor can those of {', '.join(stream.name for stream in others)}"
+    return "log", [note]
 
 
 def _time(columns: Sequence[Column]) -> tuple[Column, Finding] | None:

@@ -209,17 +209,17 @@ class Stamps:
         except DataError as error:
             self._fault = error.what
         except UNREADABLE as error:
-            self._fault = f"a header time of {self._topic} cannot be read: {one_line(error)}"
+            self._fault = f"one of {self._topic} cannot be read ({one_line(error)})"
 
     def unusable(self) -> str | None:
         """Why the header times cannot be used, if so."""
         if not self._skew.count and self._fault is None:
-            return f"the header times of {self._topic} are all zero"
+            return f"those of {self._topic} are all zero"
         # Where the recorder stalled, it is its own time that jumps.
         header, log = self._longest
         if self._skew.worst > MAX_DEPARTURE and log - header < self._skew.worst / 2.0:
             return (
-                f"the header times of {self._topic} leave their usual distance to the recorder's "
+                f"those of {self._topic} leave their usual distance to the recorder's "
                 f"by up to {self._skew.worst:.3g} s"
             )
         if self._fault is None:
@@ -227,4 +227,4 @@ class Stamps:
                 self._clock.finish()
             except DataError as error:
                 self._fault = error.what
-        return None if self._fault is None else f"by their header times, {self._fault}"
+        return self._fault
