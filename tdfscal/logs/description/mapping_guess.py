@@ -95,12 +95,16 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
         source, why = _time_source(used, contents)
         mapping = replace(mapping, time_source=source)
         notes += why
-    elif timed := _time([c for c in contents.columns if c.name not in used]):
+    elif timed := _time([c for c in contents.columns if c.name and c.name not in used]):
         column, unit = timed
         seconds = cast(TimeUnit, unit.unit)
         mapping = replace(mapping, time_field=column.name, time_unit=seconds)
         notes += unit.notes
         problems += unit.problems
+    elif any(not column.name for column in contents.columns):
+        number = [field.name for field in contents.streams[0].fields].index("") + 1
+        nameless = f"column {number} has no name, and ascends as a time does: name it"
+        return Guess(None, (*notes, f"no mapping is guessed: {nameless}"), tuple(problems))
     elif rows <= _MOST_POSTURES:
         mapping = replace(mapping, rows="postures")
         notes.append("no column ascends as a time does, so each row is taken for a posture")

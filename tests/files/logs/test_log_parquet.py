@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+import tdfscal
 from tdfscal.errors import DataError
 from tdfscal.logs import iter_log, read_log
 from tdfscal.logs.describe import describe_logs
@@ -301,3 +302,10 @@ def test_a_long_text_of_many_rows_is_there_once(tmp_path: Path) -> None:
     )
     with pytest.raises(DataError, match="column time holds string"):
         read(tmp_path, columns)
+
+
+def test_a_time_without_a_name_is_named_by_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    table(make_truth()).rename(columns={"time": ""}).to_parquet(path)
+    with pytest.raises(DataError, match=r"log\.parquet: .*column \d+ has no name, and ascends"):
+        tdfscal.init(path)
