@@ -62,13 +62,19 @@ def describe_logs(
     contents = tuple(seen[path] if path in seen else contents_of(path) for path in files)
     guess = guess_mapping(contents[0], known)
     if _mapping(guess, rig)[0] != info.mapping:
+        # Where a damaged line is why nothing is guessed any more, the first reading has named it.
+        damaged = () if info.inputs else info.problems
         info = read(guess)
+        if info.mapping is None:
+            info = replace(info, problems=damaged)
     problems = [f"{c.path}: {what}" for c in contents for what in c.problems]
     problems += [f"{contents[0].path}: {what}" for what in guess.problems]
     if info.mapping is not None and info.source == "rig":
         mapping = info.mapping
         problems += [f"{c.path}: {what}" for c in contents for what in declared_time(c, mapping)]
-    problems += info.problems if info.mapping is not None else guess.notes
+    problems += info.problems
+    if info.mapping is None:
+        problems += guess.notes
     unique = tuple(dict.fromkeys(map(printable, problems)))
     return replace(info, contents=contents, guess=guess, problems=unique)
 

@@ -132,10 +132,12 @@ def init(
 
 def _why_not(info: LogInfo) -> str:
     """Why no mapping was guessed, each reason once and without the file's name."""
-    path, none = f"{info.contents[0].path}: ", "no mapping is guessed"
-    said = [text.removeprefix(path) for text in (*info.problems, *info.guess.notes)]
+    first, none = info.contents[0].path, "no mapping is guessed"
+    said = [text.removeprefix(f"{first}: ") for text in (*info.problems, *info.guess.notes)]
     decisive = [text for text in said if none in text]
-    return "; ".join(dict.fromkeys(decisive or said)) or none
+    damaged = [text for text in info.problems if text.startswith(f"{first}, line")]
+    lines = [text.removeprefix(f"{first}, ").rstrip(".") for text in damaged]
+    return "; ".join(dict.fromkeys((*decisive, *lines) if decisive else said)) or none
 
 
 def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:

@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
+import tdfscal
 from benchmarks.bitflips import KINDS, REFUSED, SAME, Kind, attempt, count, places
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.logs import read_log
@@ -284,3 +285,13 @@ def test_a_page_that_states_too_much_is_refused(
     monkeypatch.setattr("tdfscal.logs.parquet.footer.MAX_PAGES", 1 << 12)
     with pytest.raises(DataError, match=r"a page states .* bytes"):
         read_log([path], None, SUPPORTS)
+
+
+def test_init_names_the_line_that_keeps_a_column_from_being_the_time(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    table(make_truth(8000)).to_csv(path, index=False)
+    lines = path.read_bytes().split(b"\n")
+    lines[7000] = b"\xff\xfe" + lines[7000]
+    path.write_bytes(b"\n".join(lines))
+    with pytest.raises(DataError, match=r"as a time does.*; line 7001, column time"):
+        tdfscal.init(path)
