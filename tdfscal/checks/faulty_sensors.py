@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.errors import DataError
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.model.parameters import nominal
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 
 AXES = ("x", "y", "z")
@@ -14,6 +15,8 @@ AXES = ("x", "y", "z")
 _AT = 1e-6
 #: An axis that varies by this share of what the others do, and by so many times its noise, lives.
 _FOLLOWS, _AUDIBLE = 0.1, 10.0
+#: Share of a direction that the axes of all sensors measure, below which they miss it.
+_ALONG = 1e-3
 #: Relative; what rounding makes of one reading.
 _ROUNDED = 1e-12
 #: Dwells with one reading, of the last, that freeze an axis: no noise repeats itself so often.
@@ -107,6 +110,22 @@ def check_unmeasured(
             where="log forces",
             hint=f"add {AXES[j]} to the axes of {supports[i]} in rig.yaml, or check the force "
             "fields",
+        )
+
+
+def check_directions(rig: Rig) -> None:
+    """Raise NotIdentifiableError where the sensors together miss a direction of forces.
+
+    Of load cells that all stand alike no balance holds that has not a free force in it.
+    """
+    sensor, axis = np.nonzero(rig.axes)
+    measured = nominal(rig).rotation[sensor, :, axis]
+    if np.linalg.matrix_rank(measured, _ALONG) < 3:
+        raise NotIdentifiableError(
+            "the sensors together do not measure forces in all directions, so that the balance of "
+            "forces and moments says nothing of their angles",
+            where="rig.yaml, supports.axes",
+            hint="at least one sensor has to measure the horizontal forces too",
         )
 
 

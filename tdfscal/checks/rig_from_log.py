@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from tdfscal.errors import DataError
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 
@@ -54,7 +55,20 @@ def sketch_rig(position: FloatArray, force: FloatArray, gravity: float) -> RigSk
     Returns
     -------
     RigSketch : with the posture nearest to the mean of all as its reference.
+
+    Raises
+    ------
+    DataError
+        No instant has finite numbers in all fields; others are left out.
     """
+    whole = np.isfinite(position).all(axis=(1, 2)) & np.isfinite(force).all(axis=(1, 2))
+    if not whole.any():
+        raise DataError(
+            "no instant has finite numbers in all fields",
+            where="log",
+            hint="check the cells of the log; `tdfscal info LOG` names the first that is none",
+        )
+    position, force = position[whole], force[whole]
     hinge, reference, spread = _shape(position)
     rotation, upright, turned = _mounting(position, force)
     load = np.einsum("nij,knj->kni", rotation, force)

@@ -72,7 +72,8 @@ def _represent_list(dumper: _PlainDumper, data: list[Any]) -> yaml.Node:
     return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=short)
 
 
-def _represent_text(dumper: _PlainDumper, data: str) -> yaml.Node:
+def represent_text(dumper: yaml.SafeDumper, data: str) -> yaml.Node:
+    """Write a text so that YAML 1.1 and 1.2 both read it as one."""
     try:
         ambiguous = not isinstance(plain_scalar(data), str)
     except OverflowError:
@@ -83,4 +84,4 @@ def _represent_text(dumper: _PlainDumper, data: str) -> yaml.Node:
 
 
 _PlainDumper.add_representer(list, _represent_list)
-_PlainDumper.add_representer(str, _represent_text)
+_PlainDumper.add_representer(str, represent_text)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.checks.faulty_sensors import AXES, axes_line, check_unmeasured
+from tdfscal.checks.faulty_sensors import AXES, axes_line, check_directions, check_unmeasured
 from tdfscal.errors import DataError
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, Stretch, blocks, runs
 from tdfscal.motioncal.streams import Slow
@@ -51,6 +51,8 @@ def usable_samples(rig: Rig, slow: Slow) -> Usable:
 def check_stream(rig: Rig, slow: Slow) -> None:
     """Raise DataError where a declaration has no place in motion, or the streams are unfit.
 
+    NotIdentifiableError where the sensors together miss a direction of forces.
+
     Unfit: a component is dead, or one that is not measured follows the load, or positions are too
     coarse.
     """
@@ -60,6 +62,7 @@ def check_stream(rig: Rig, slow: Slow) -> None:
             where="rig.yaml, drift.temperature",
             hint="name the field in log.temperature, or take drift.temperature out",
         )
+    check_directions(rig)
     check_unmeasured(
         rig.supports,
         rig.axes,

@@ -11,8 +11,8 @@ from tdfscal.records import FloatArray
 
 def chi2_sf(x: npt.ArrayLike, dof: npt.ArrayLike) -> FloatArray:
     """Probability that χ² with dof degrees of freedom exceeds x; 1 where there is none."""
-    some = np.maximum(dof, 1)
-    return np.where(np.asarray(dof) > 0, special.chdtrc(some, x), 1.0)
+    none = np.asarray(dof) <= 0
+    return np.where(none, 1.0, special.chdtrc(np.where(none, 1.0, dof), x))
 
 
 def p_text(p: float) -> str:

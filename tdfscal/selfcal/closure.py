@@ -22,7 +22,7 @@ from tdfscal.model.pose import register
 from tdfscal.model.statics import forces, wrench
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import spectrum
+from tdfscal.numerics.least_squares import spectrum, triangular
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.covariance import Estimate
 from tdfscal.selfcal.estimator import Fit
@@ -114,10 +114,11 @@ def _tried(fit: Fit) -> tuple[int, float, list[_Tried]]:
     hinge = fit.rig.declared.hinge
     prior = np.eye(3 * n, 6 * n + 2, 3 * n) / hinge if hinge > 0 else np.zeros((0, 6 * n + 2))
     below = np.zeros((len(prior), 9))
-    left = spectrum(np.concatenate([white(nuisances), prior])).left
+    rows = np.concatenate([white(nuisances), prior])
+    del nuisances  # in long campaigns as large as all that follows
+    left = rows @ spectrum(triangular(rows), len(rows)).root
     off = np.concatenate([white((p - arm - T[:, None])[..., None])[:, 0], below[:, 0]])
     off -= left @ (left.T @ off)
-    del nuisances  # long campaigns: as large as all that follows
     tried, away = [], p - p.mean(axis=0)
     every = np.concatenate([errors for _, errors in _WAYS.values()])
     for i in range(n):

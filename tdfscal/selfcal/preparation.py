@@ -40,11 +40,13 @@ class Usable:
 def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     """Hold the dwells against the rig file and leave out what no sensor can have felt.
 
-    Raises DataError where there is nothing left, or log and rig file contradict each other.
+    Raises DataError where there is nothing left, or log and rig file contradict each other;
+    NotIdentifiableError where the sensors together miss a direction of forces.
     """
     if len(dwells) == 0:
         raise no_dwell(dwells)
     log_against_rig.check_geometry(rig, dwells.position)
+    faulty_sensors.check_directions(rig)
     screened = faulty_sensors.screen(rig, dwells)
     index = np.flatnonzero(screened.keep)
     if len(index) == 0:

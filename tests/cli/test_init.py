@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -321,3 +322,12 @@ def test_without_positions_nothing_is_drafted(tmp_path: Path) -> None:
     with pytest.raises(TdfscalError, match="nowhere"):
         tdfscal.init(tmp_path / "nowhere.csv")
     assert json.dumps(unconfirmed("a: 1  # confirm: x\n")) == '["a (line 1)"]'
+
+
+def test_a_name_that_reads_as_a_number_is_a_text(tmp_path: Path) -> None:
+    """089 is a number in YAML 1.2 and none in 1.1; a folder of campaigns may be called so."""
+    log = tmp_path / "089" / "log.csv"
+    log.parent.mkdir()
+    shutil.copy(Path(__file__).parents[2] / "sample_data" / "csv" / "log.csv", log)
+    tdfscal.init(log, output=log.with_name("rig.yaml"))
+    assert tdfscal.load_rig(log.with_name("rig.yaml")).rig.name == "089"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.checks import faulty_sensors
-from tdfscal.errors import DataError, RigError
+from tdfscal.errors import DataError, NotIdentifiableError, RigError
 from tdfscal.model import free_forces
 from tdfscal.model.parameters import layout, nominal, parameter_count, retract
 from tdfscal.model.statics import balance, features, features_jacobian, postures
@@ -128,6 +129,14 @@ def test_two_load_cells_are_started_in_the_lowest_minimum() -> None:
         result = fit(rig, seen, best_start(rig, seen).state)
         assert result.converged
         assert result.cost < chi2_quantile(1 - 1e-6, result.dof)
+
+
+def test_load_cells_alone_determine_nothing() -> None:
+    """Every balance of theirs has a free force in it: there is no row left to fit."""
+    rig = lacking(*product(range(4), (0, 1)), n=4)
+    dwells = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(1), 1).dwells(0)
+    with pytest.raises(NotIdentifiableError, match="all directions"):
+        self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
 
 
 def test_one_of_many_sensors_is_found_turned() -> None:

@@ -13,6 +13,7 @@ import yaml
 from tdfscal.checks.rig_from_log import RigSketch
 from tdfscal.errors import visible
 from tdfscal.files.rig.model import RIG_FORMAT
+from tdfscal.files.saving import represent_text
 
 #: What a line says whose value the user has still to confirm.
 CONFIRM: Final = "confirm"
@@ -156,12 +157,7 @@ class _OneLine(yaml.SafeDumper):
     """Writes every text on the line where it stands, whatever it holds."""
 
 
-_OneLine.add_representer(
-    str,
-    lambda dumper, text: dumper.represent_scalar(
-        "tag:yaml.org,2002:str", text, style=None if text.isprintable() else '"'
-    ),
-)
+_OneLine.add_representer(str, represent_text)
 
 
 def _flow(value: Any) -> str:
