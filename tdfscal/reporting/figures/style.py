@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -15,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Outline
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter
 from matplotlib.transforms import Affine2D
 
 from tdfscal.errors import visible
@@ -87,13 +89,21 @@ def projection(azimuth: float, elevation: float) -> npt.NDArray[np.float64]:
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce]])
 
 
+def _within_a_decade(axis: Axis, value: float, _: int) -> str:
+    low, high = axis.get_view_interval()
+    return f"{value:g}" if high < 10 * low and f"{value:e}"[0] in "25" else ""
+
+
 def logarithmic(ax: Axes, which: str = "y") -> None:
-    """Logarithmic axes, "x", "y" or "xy", with plain numbers at the decades."""
+    """Logarithmic axes, "x", "y" or "xy", with plain numbers at the decades.
+
+    Where less than a decade is seen, at its 2 and 5 too.
+    """
     for name in which:
         getattr(ax, f"set_{name}scale")("log")
         axis = getattr(ax, f"{name}axis")
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
+        axis.set_minor_formatter(FuncFormatter(partial(_within_a_decade, axis)))
 
 
 def tip(artist: Artist, text: str) -> None:
