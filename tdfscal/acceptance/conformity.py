@@ -89,7 +89,7 @@ def assess(given: Calibrated) -> Conformity:
     A limit that is stated nowhere is ∞.
     """
     stated = given.rig.acceptance
-    cov = covariance(given, *_standing(given, stated.contact_rpy))[0]
+    cov = covariance(given, *at_rest(given, stated.contact_rpy))[0]
     force, torque = (
         _limited(quantity, unit, part, np.inf if limit is None else limit)
         for quantity, unit, part, limit in (
@@ -100,7 +100,7 @@ def assess(given: Calibrated) -> Conformity:
     return Conformity(stated.contact_rpy, force, torque, cov)
 
 
-def _standing(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:
+def at_rest(given: Calibrated, rpy: tuple[float, float, float]) -> tuple[FloatArray, FloatArray]:
     """Servo positions and readings, (1, n, 3) each, of the smallest forces at a posture."""
     state = given.state
     R = so3.from_rpy(np.array(rpy))

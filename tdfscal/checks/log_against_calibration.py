@@ -33,13 +33,13 @@ _BETTER = 5.0
 
 
 class Inspection:
-    """Keeps evenly spaced samples of a log that passes, and judges them at its end."""
+    """Keeps evenly spaced samples of a log that passes, `kept`, and judges them at its end."""
 
     def __init__(self, given: Calibrated) -> None:
         self._given = given
         self._stride = 1
         self._passed = 0
-        self._kept: Samples | None = None
+        self.kept: Samples | None = None
 
     def watch(self, pieces: Iterable[Samples]) -> Iterator[Samples]:
         """Pass the pieces on.
@@ -60,12 +60,12 @@ class Inspection:
         part = piece.rows(slice(-self._passed % self._stride, None, self._stride))
         self._passed += piece.time.size
         # Joined is copied: a view would hold the whole piece in memory.
-        kept = Samples.joined([part] if self._kept is None else [self._kept, part])
+        kept = Samples.joined([part] if self.kept is None else [self.kept, part])
         while kept.time.size > _KEPT:
             # All that is kept lies on multiples of the stride: every second one stays.
             kept = kept.rows(slice(None, None, 2))
             self._stride *= 2
-        self._kept = kept
+        self.kept = kept
 
     def finish(self) -> list[str]:
         """Judge what has passed, and return warnings.
@@ -75,9 +75,9 @@ class Inspection:
         DataError
             The positions do not fit the hinges, or the forces have another unit or sign.
         """
-        if self._kept is None:
+        if self.kept is None:
             return []
-        given, seen = self._given, self._kept
+        given, seen = self._given, self.kept
         log_against_rig.check_geometry(given.rig, seen.position)
         _check_forces(given, seen)
         notes = (log_against_rig.turned(given.rig, seen.position), _doubt(given, seen))

@@ -153,7 +153,7 @@ def swing(
     at = body(truth, inertia, damping, start.rotation)
     rest = terminal.translation.copy()
     terminal.translation = rest + np.array([2e-5, 0.0, 2e-5])
-    terminal.force = terminal._pull(np.zeros_like(stand))
+    terminal.force = terminal.pull(np.zeros_like(stand))
     tip = np.zeros((1, 6))
     energy, height = [], []
     for _ in range(round(seconds / step)):

@@ -75,8 +75,8 @@ def test_open_parameters_never_conform_to_a_limit() -> None:
 
 
 def test_the_posture_is_at_rest() -> None:
-    from tdfscal.acceptance.conformity import _standing
+    from tdfscal.acceptance.conformity import at_rest
 
-    position, reading = _standing(GIVEN, (0.05, -0.03, 0.2))
+    position, reading = at_rest(GIVEN, (0.05, -0.03, 0.2))
     value = wrenches(GIVEN, np.zeros(1), position, reading).value
     assert np.abs(value).max() < 1e-8

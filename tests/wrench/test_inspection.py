@@ -107,7 +107,7 @@ def test_a_long_log_is_thinned_evenly_and_its_pieces_let_go() -> None:
     inspection = Inspection(MANY.given[0])
     many = [Samples(seen.time + k * seen.time.size, seen.position, seen.force) for k in range(40)]
     assert list(inspection.watch(many)) == many
-    kept = inspection._kept
+    kept = inspection.kept
     assert kept is not None
     assert 512 <= kept.time.size <= 1024
     everything = np.concatenate([piece.time for piece in many])

@@ -157,14 +157,14 @@ class Terminal:
         # To the third order in a turn of microradians.
         self.rotation = self.rotation + turn @ (self.rotation + 0.5 * (turn @ self.rotation))
         self.rate = self.rate + change[:, 6:]
-        self.force = self._pull(speed)
+        self.force = self.pull(speed)
 
     def _linearise(self) -> None:
         own = body(self._truth, self._inertia, self._damping, self.rotation)
         self._decay, self._gain = own.decay[:, None, None], own.step(self._step)
         self._linearised = self.rotation
 
-    def _pull(self, speed: FloatArray) -> FloatArray:
+    def pull(self, speed: FloatArray) -> FloatArray:
         """−K (stretch + decay · its rate), (L, n, 3), N; speed : (L, n, 3), m/s, of carriages."""
         arm = self._levers[:, :-1] @ np.swapaxes(self.rotation, -1, -2)
         stretch = arm + (self.translation[:, None, :] - self._stand)
