@@ -8,7 +8,7 @@ of time, and each is held against the rest before anything is pooled.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from tdfscal.model.parameters import (
     CONSTANTS,
     State,
     nominal,
+    placed,
     prior_std,
     retract,
     with_motions,
@@ -126,11 +127,7 @@ class Pool:
             variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
             std = np.zeros(len(part.places))
             std[part.places] = np.where(part.open, np.inf, np.sqrt(variance))
-        std[: 3 * rig.n] = 0.0
-        nothing = replace(
-            state, **{f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)}
-        )
-        return state, retract(nothing, std)
+        return state, placed(state, std)
 
 
 def pool(campaigns: Sequence[Recorded]) -> Pool:

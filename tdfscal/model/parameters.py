@@ -9,7 +9,7 @@ parameters. State arrays may carry leading batch axes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import prod
 
 import numpy as np
@@ -126,6 +126,14 @@ def retract(state: State, step: FloatArray) -> State:
         part = step[..., place[name]].reshape(batch + shape)
         moved[name] = so3.exp(part) @ value if name == "rotation" else value + part
     return State(**moved)
+
+
+def placed(state: State, std: FloatArray) -> State:
+    """Standard uncertainties (P,) in the places of the parameters they are of; no rotations."""
+    empty = State(**{f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)})
+    step = std.copy()
+    step[: 3 * state.n] = 0.0
+    return retract(empty, step)
 
 
 def vector(state: State) -> FloatArray:

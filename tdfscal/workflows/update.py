@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,11 @@ from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import together
 from tdfscal.model.earlier import information_of
-from tdfscal.model.parameters import State, retract, starting_state
+from tdfscal.model.parameters import placed, starting_state
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.information import contrast
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import (
@@ -177,7 +177,7 @@ def _contribution(rig: Rig, own: Own, read: Read) -> tuple[Misfit, dict[str, Any
             own.uncertainty.parameter_std,
         )
         postures = int(sum(own.fit.weight > 0))
-    published = _as_state(given.state, published_std(given, std))
+    published = placed(given.state, published_std(given, std))
     this = campaign_document(
         read.name,
         read.measured,
@@ -199,11 +199,3 @@ def _text(found: Misfit, earlier: Earlier) -> str:
         f"({p_text(found.p_value)}): calibrate anew instead of updating; or declare drift.angle, "
         "where its angles walk"
     )
-
-
-def _as_state(state: State, std: FloatArray) -> State:
-    """Standard uncertainties (P,) in the places of the parameters they are of."""
-    empty = {f.name: np.zeros_like(getattr(state, f.name)) for f in fields(State)}
-    step = std.copy()
-    step[: 3 * state.n] = 0.0
-    return retract(State(**empty), step)

@@ -83,22 +83,20 @@ class YamlBuilder:
 
     def _collection(self, start: yaml.NodeEvent, events: Iterator[Any], place: Place) -> _Node:
         """The mapping or list that has begun, up to its end."""
-        content: dict[str | int, Any] = {}
+        mapping = isinstance(start, yaml.MappingStartEvent)
+        content: dict[str | int, Any] = {}  # a list's by their place
         size, height = 1, 1
         for event in events:
             if not isinstance(event, yaml.NodeEvent):  # the end
                 break
-            key: str | int = len(content)
-            if isinstance(start, yaml.MappingStartEvent):
-                key, event = self._key(event, content), next(events)
-            node = self._node(event, events, (*place, key))
+            key = self._key(event, content) if mapping else len(content)
+            node = self._node(next(events) if mapping else event, events, (*place, key))
             content[key] = node.value
             size, height = size + node.size, max(height, node.height + 1)
             if size > MAX_VALUES:
                 self._fail(
                     f"holds more than {MAX_VALUES} values", event, "write out what is needed"
                 )
-        mapping = isinstance(start, yaml.MappingStartEvent)
         return _Node(content if mapping else list(content.values()), size, height)
 
     def _key(self, event: yaml.NodeEvent, known: Container[str | int]) -> str:
