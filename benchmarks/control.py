@@ -14,10 +14,10 @@ import tempfile
 import time
 from pathlib import Path
 
+from studies.commands.assembly import success
+from studies.commands.paper import paper
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.reporting.layout import Items, Report, Table
-from tdfscal.workflows.study.assembly import success
-from tdfscal.workflows.study.paper import paper
 
 
 def show(report: Report) -> None:

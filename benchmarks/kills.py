@@ -39,9 +39,6 @@ LINES = (
     "monitor c@.yaml C% --html out/m.html",
     "export c@.yaml --to urdf -o out/x.urdf",
     "init C@ -o out/rig.yaml",
-    "study sensitivity C@ --calibration c@.yaml -o out",
-    "study accuracy C@ -o out --runs 2 --postures 6 --workers 1 --seed @",
-    "study free-space C@ -o out --runs 1 --seed @",
     "simulate out/s --postures 4 --rate 20 --seed @ --force",
     "schema out/schemas",
 )

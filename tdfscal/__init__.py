@@ -49,7 +49,6 @@ __all__ = [
     "save_calibration",
     "schema",
     "simulate",
-    "study",
     "update",
     "validate",
 ]

@@ -16,7 +16,6 @@ from tdfscal.files.rig.reading import LoadedRig as LoadedRig
 from tdfscal.files.rig.reading import load_rig as load_rig
 from tdfscal.records import Dwells as Dwells
 from tdfscal.records import Log as Log
-from tdfscal.workflows import study as study
 from tdfscal.workflows.apply import apply as apply
 from tdfscal.workflows.arguments import PathLike, PathLikes, listed
 from tdfscal.workflows.calibrate import calibrate as calibrate

@@ -16,7 +16,7 @@ HEAVY = {"pydantic", "pandas", "pyarrow", "mcap", "rosbags", "typer", "rich", "y
 ORDER = (
     "errors", "memory", "records", "significance", "numerics", "model", "simulation", "dwells",
     "wrench", "checks", "acceptance", "selfcal", "motioncal", "trackercal", "comparison",
-    "validation", "planning", "studies", "files", "logs", "reporting", "exports", "workflows",
+    "validation", "planning", "files", "logs", "reporting", "exports", "workflows",
     "api", "cli",
 )  # fmt: skip
 #: Rooms whose folders are in order too.
@@ -60,6 +60,12 @@ def test_imports_go_one_way(path: Path) -> None:
 )
 def test_steps_know_no_heavy_library(path: Path) -> None:
     assert not {n.split(".")[0] for n in imported(path)} & HEAVY
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_the_package_knows_nothing_of_studies_and_tests(path: Path) -> None:
+    others = {"studies", "tests", "benchmarks"}
+    assert not {n.split(".")[0] for n in imported(path)} & others
 
 
 def test_no_module_lies_flat_but_the_few_that_everything_uses() -> None:

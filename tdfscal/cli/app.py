@@ -11,7 +11,7 @@ import typer
 from tdfscal import __version__
 from tdfscal.cli.options import Option
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import STUDY, Grouped
+from tdfscal.cli.words import Grouped
 
 app = typer.Typer(
     name="tdfscal",
@@ -23,8 +23,6 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Calibrate how three-axis force sensors are mounted on a parallel assembly mechanism.",
 )
-study = typer.Typer(cls=Grouped, no_args_is_help=True, help="The paper's studies, on any rig.")
-app.add_typer(study, name="study", rich_help_panel=STUDY)
 
 
 def _version(value: bool) -> None:
@@ -56,13 +54,10 @@ def command(
     text : what it does, in one sentence. dash : options that take `-` for standard output, and
     the text of the result that it gets. options : in the order of the help.
     """
-    name, word = example.split()[:2]
-    place, workflow = app, name
-    if name == "study":
-        place, name, workflow = study, word, f"study.{word.replace('-', '_')}"
+    name = example.split()[0]
 
     def call(**asked: Any) -> int:
-        return perform(workflow, asked, dash or {})
+        return perform(name, asked, dash or {})
 
     call.__doc__ = text
     parameters = [
@@ -70,4 +65,4 @@ def command(
         for each, (kind, described) in options.items()
     ]
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-    place.command(name, rich_help_panel=purpose, epilog=f"Example: tdfscal {example}")(call)
+    app.command(name, rich_help_panel=purpose, epilog=f"Example: tdfscal {example}")(call)

@@ -1,4 +1,4 @@
-"""Every command but the studies: its purpose, an example, what it does, its options."""
+"""Every command: its purpose, an example, what it does, its options."""
 
 from __future__ import annotations
 

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> int:
     """Call `tdfscal.workflows.<name>` with a command's options and print its result.
 
-    name : of the module and its function; `study.accuracy` of one in `study`. options : all of the
-    command's; None leaves one to the function; `json`, `quiet`, `verbose` concern the printing.
+    name : of the module and its function. options : all of the command's; None leaves one to the
+    function; `json`, `quiet`, `verbose` concern the printing.
     dash : options that take `-` for standard output, and the text of the result that it gets.
 
     Raises TdfscalError by cause.
@@ -105,9 +105,8 @@ def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> s
 
 
 def _call(name: str, asked: dict[str, Any]) -> Result:
-    place, _, own = name.rpartition(".")
-    module = import_module(f"tdfscal.workflows.{place or own}")
-    function: Callable[..., Result] = getattr(module, own)
+    module = import_module(f"tdfscal.workflows.{name}")
+    function: Callable[..., Result] = getattr(module, name)
     parameters = signature(function).parameters
     if "command" in parameters:  # as the user gave it
         line = " ".join(["tdfscal", *sys.argv[1:]])

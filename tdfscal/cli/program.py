@@ -12,7 +12,7 @@ import typer
 import typer.main
 
 from tdfscal import memory
-from tdfscal.cli import commands, study  # noqa: F401 - they register the commands
+from tdfscal.cli import commands  # noqa: F401 - registers the commands
 from tdfscal.cli.app import app
 from tdfscal.cli.streams import say
 from tdfscal.cli.words import mistake, misuse, plainly_typed

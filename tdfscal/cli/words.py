@@ -9,9 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 #: Purposes in the order of the help; a command names its own as `rich_help_panel`.
-_PURPOSES = CALIBRATE, CHECK, USE, PLAN, STUDY = (
-    "Calibrate", "Check", "Put to work", "Plan and try", "Study",
-)  # fmt: skip
+_PURPOSES = CALIBRATE, CHECK, USE, PLAN = "Calibrate", "Check", "Put to work", "Plan and try"
 #: What pydantic-like messages of the option parser mean, in words.
 _PLAIN = (
     (r"Input should be a valid integer.*", "this is no whole number"),

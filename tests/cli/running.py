@@ -6,7 +6,6 @@ import csv
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -43,13 +42,3 @@ def rows(path: Path) -> list[dict[str, str]]:
     """Rows of a CSV file by its header."""
     with path.open(encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
-
-
-def shortened(monkeypatch: pytest.MonkeyPatch, setup: type, **shorter: float) -> None:
-    """A study that takes less time than it would by default."""
-    original: Any = setup.__init__  # type: ignore[misc]
-
-    def init(self: Any, *args: Any, **kwargs: Any) -> None:
-        original(self, *args, **{**shorter, **kwargs})
-
-    monkeypatch.setattr(setup, "__init__", init)

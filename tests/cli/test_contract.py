@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,8 @@ import pytest
 import typer.main
 
 from tdfscal.cli.program import app
-from tdfscal.studies import cost, docking, free_space, success
 from tests.cli import world
-from tests.cli.running import Run, run, shortened
+from tests.cli.running import Run, run
 from tests.docs.pages import table
 
 ERRORS = (2, 3, 4)
@@ -38,8 +36,7 @@ class Case:
 
     @property
     def command(self) -> str:
-        words = self.line.split()
-        return " ".join(words[: 2 if words[0] == "study" else 1])
+        return self.line.split()[0]
 
 
 FAST = "--postures 4 --candidates 20"
@@ -104,22 +101,6 @@ CASES = [
     Case("simulate out/new --postures 3 --rate 10 --force", 0, "out/new"),
     Case("simulate out/odd --scenario odd", 2, "zero-shift"),
     Case("simulate campaign", 2, "campaign"),
-    Case("study accuracy campaign -o out/a --runs 2 --postures 6 --workers 1", 0, "out/a"),
-    Case("study accuracy nowhere -o out/none", 2, "nowhere"),
-    Case("study cost campaign -o out/c --runs 1", 0, "out/c"),
-    Case("study cost campaign -o out/none --assumptions rejected.yaml", 2, "rejected.yaml"),
-    Case("study docking campaign -o out/d --runs 1 --engagement 4", 0, "out/d"),
-    Case("study docking campaign -o out/none --filter -1", 2, "--filter"),
-    Case("study docking campaign -o out/none --calibration broken.yaml", 3, "broken.yaml"),
-    Case("study free-space campaign -o out/f --runs 1 --moves move.csv", 0, "out/f"),
-    Case("study free-space campaign -o out/none --moves empty.csv", 2, "empty.csv"),
-    Case("study free-space campaign -o out/none --calibration broken.yaml", 3, "broken.yaml"),
-    Case("study paper campaign -o out/p --runs 1 --campaigns 2 --engagement 4", 0, "out/p"),
-    Case("study paper nowhere -o out/none", 2, "nowhere"),
-    Case("study sensitivity campaign -o out/s --squeeze 0", 0, "out/s"),
-    Case("study sensitivity campaign -o out/none --rpy a,b", 2, "--rpy"),
-    Case("study success campaign -o out/y --runs 1 --engagement 4 --errors 1", 0, "out/y"),
-    Case("study success campaign -o out/none --errors a", 2, "--errors"),
     Case("update own.yaml brief -o out/u.yaml --trials 0", 0, "ACCEPTED"),
     Case("update own.yaml turned -o out/kept.yaml --trials 0", 1, "REJECTED"),
     Case("update own.yaml campaign -o out/kept.yaml", 2, "the same recording"),
@@ -165,35 +146,12 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def studied() -> dict[str, Any]:
-    """The control studies once worked out: each takes seconds, and is asked for twice."""
-    return {}
-
-
 @pytest.fixture(autouse=True)
-def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def here(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in the folder; leave out drawing figures, which takes seconds too."""
-
-    def once(name: str, study: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*arguments: Any, **options: Any) -> Any:
-            if name not in studied:
-                studied[name] = study(*arguments, **options)
-            return studied[name]
-
-        return call
-
     monkeypatch.chdir(home)
     monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
     monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
-    monkeypatch.setattr(docking, "docking", once("docking", docking.docking))
-    monkeypatch.setattr(free_space, "free_space", once("free space", free_space.free_space))
-    shortened(monkeypatch, docking.Setup, gap=0.005, ramp=0.5)
-    shortened(monkeypatch, free_space.Setup, duration=1.0, rest=1.0)
-    monkeypatch.setattr(success, "FACTORS", (1.0,))
-    monkeypatch.setattr(success, "success", once("success", success.success))
-    monkeypatch.setattr(cost, "SECONDS", (20.0,))
-    monkeypatch.setattr(cost, "cost", once("cost", cost.cost))
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -275,11 +233,10 @@ def test_json_of_an_error_is_nothing(case: Case, capsys: pytest.CaptureFixture[s
     assert (seen.status, seen.out) == (case.status, "")
 
 
-def test_bare_groups_show_their_help(capsys: pytest.CaptureFixture[str]) -> None:
-    for words in ((), ("study",)):
-        seen = run(capsys, *words)
-        assert (seen.status, seen.out) == (2, "")
-        assert "Commands:" in seen.err
+def test_the_bare_program_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    seen = run(capsys)
+    assert (seen.status, seen.out) == (2, "")
+    assert "Commands:" in seen.err
 
 
 @each("name", ["", *COMMANDS])

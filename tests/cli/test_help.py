@@ -19,18 +19,12 @@ from tdfscal.simulation import MOVING, SCENARIOS
 from tests.cli.running import SAMPLES, run
 
 GROUP: Any = command()
-STUDIES: Any = GROUP.commands["study"]
-COMMANDS = {
-    **{name: c for name, c in GROUP.commands.items() if name != "study"},
-    **{f"study {name}": c for name, c in STUDIES.commands.items()},
-}
+COMMANDS: dict[str, Any] = GROUP.commands
 
 
 def test_the_help_lists_every_command_under_a_purpose(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "--help").out
-    order = [
-        f"\n  {title}:" for title in ("Calibrate", "Check", "Put to work", "Plan and try", "Study")
-    ]
+    order = [f"\n  {title}:" for title in ("Calibrate", "Check", "Put to work", "Plan and try")]
     places = [said.index(title) for title in order]
     assert places == sorted(places)
     for name in GROUP.commands:

@@ -64,8 +64,6 @@ MISTAKES: tuple[tuple[str, int, str], ...] = (
     ("simulate new --scenario fire", 2, "self, tracker, contact"),
     ("simulate new --format xlsx", 2, "'csv', 'parquet', 'mcap'"),
     ("simulate new --postures 0", 2, "greater than or equal to 1"),
-    ("study acuracy campaign", 2, "did you mean accuracy?"),
-    ("study sensitivity campaign", 2, "Example: tdfscal study sensitivity"),
     ("monitor", 2, "Example: tdfscal monitor"),
     ("info log.csv", 2, "log.csv"),
     ("info campaign/rig.yaml", 2, "not a log"),

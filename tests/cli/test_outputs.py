@@ -134,19 +134,6 @@ def test_folders_of_outputs_never_replace_an_input(
         assert [p.name for p in folder.iterdir()] == ["angles.svg"]
 
 
-def test_a_study_does_not_write_over_the_log_in_its_folder(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / "C"
-    shutil.copytree(SAMPLES / "csv", folder)
-    (folder / "log.csv").rename(folder / "sensitivity.csv")
-    before = contents(folder)
-    seen = run(capsys, "study", "sensitivity", folder, "-o", folder, "--squeeze", 0)
-    assert seen.status == 2
-    assert "replace an input" in seen.err
-    assert contents(folder) == before
-
-
 def test_two_outputs_of_one_name_are_refused(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -184,7 +171,6 @@ def test_a_name_ends_in_what_the_file_is(
         ("report own.yaml --html OUT/page.html", "page.html"),
         ("report own.yaml --figures OUT", "angles.svg"),
         ("schema OUT", "rig.schema.json"),
-        ("study sensitivity C -o OUT --squeeze 0", "sensitivity.csv"),
     ],
 )
 def test_an_output_that_is_write_protected_stays(
@@ -387,27 +373,6 @@ def test_what_dead_runs_leave_is_removed_and_what_living_ones_write_is_not(
         assert not dead.exists()
         assert living.exists()
     assert {p.name for p in tmp_path.iterdir()} == {"living.html", "page.html"}
-
-
-def test_a_study_that_fails_leaves_the_folder_as_it_was(
-    home: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Also the folder itself, where it was made for the study."""
-
-    def stop(*arguments: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("tdfscal.reporting.figures.style.save", stop)
-    old = tmp_path / "old"
-    old.mkdir()
-    (old / "sensitivity.csv").write_text("before")
-    for folder in (old, tmp_path / "new" / "er"):
-        assert run(capsys, "study", "sensitivity", "C", "-o", folder).status == 130
-    assert contents(tmp_path) == {"old/sensitivity.csv": b"before"}
-    assert not (tmp_path / "new").exists()
 
 
 def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:

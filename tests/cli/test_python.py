@@ -20,16 +20,12 @@ import tdfscal
 from tdfscal.cli.program import app
 from tdfscal.errors import DataError, NotIdentifiableError, RejectedError, RigError, UsageError
 from tdfscal.files.calibration.document import file_content
-from tdfscal.studies import cost, docking, free_space, success
 from tests.cli import world
-from tests.cli.running import SAMPLES, run, shortened
+from tests.cli.running import SAMPLES, run
 
 #: What differs from call to call: the time, and how the call was written down.
 PASSING = ("content_sha256", "created", "command")
 SMALL: dict[str, Any] = {"postures": 4, "candidates": 20}
-#: Studies whose numbers take long to work out twice.
-LONG = ("docking", "paper")
-CONTROL: dict[str, Any] = {"runs": 1, "output": "out/f"}
 
 
 @dataclass(frozen=True)
@@ -63,22 +59,6 @@ BOTH = [
     Both("update own.yaml turned -o out/u.yaml --trials 0",
          lambda: tdfscal.update("own.yaml", "turned", output="out/u.yaml", trials=0)),
     Both("monitor own.yaml turned", lambda: tdfscal.monitor("own.yaml", "turned")),
-    Both("study sensitivity campaign -o out/s --rpy 0.1,0,0 --calibration own.yaml",
-         lambda: tdfscal.study.sensitivity("campaign", output="out/s", rpy=(0.1, 0, 0),
-                                           calibration="own.yaml")),
-    Both("study accuracy campaign -o out/a --runs 2 --postures 6 --workers 1",
-         lambda: tdfscal.study.accuracy("campaign", output="out/a", runs=2, postures=6,
-                                        workers=1)),
-    Both("study free-space campaign -o out/f --runs 1 --moves move.csv",
-         lambda: tdfscal.study.free_space("campaign", moves="move.csv", **CONTROL)),
-    Both("study docking campaign -o out/f --runs 1 --engagement 20",
-         lambda: tdfscal.study.docking("campaign", engagement=20.0, **CONTROL)),
-    Both("study cost campaign -o out/f --runs 1",
-         lambda: tdfscal.study.cost("campaign", **CONTROL)),
-    Both("study paper campaign -o out/f --runs 1 --campaigns 2 --engagement 4",
-         lambda: tdfscal.study.paper("campaign", campaigns=2, engagement=4.0, **CONTROL)),
-    Both("study success campaign -o out/f --runs 1 --engagement 4 --errors 1",
-         lambda: tdfscal.study.success("campaign", engagement=4.0, errors=(1.0,), **CONTROL)),
     Both("simulate out/new --postures 3 --rate 10 --force",
          lambda: tdfscal.simulate("out/new", postures=3, rate=10.0, force=True)),
     Both("schema out/schemas", lambda: tdfscal.schema("out/schemas")),
@@ -118,10 +98,6 @@ BAD: list[tuple[str, Callable[[], Any], type[tdfscal.TdfscalError]]] = [
     ("simulate campaign", lambda: tdfscal.simulate("campaign"), UsageError),
     ("simulate out/odd --scenario odd",
      lambda: tdfscal.simulate("out/odd", scenario="odd"), UsageError),
-    ("study sensitivity campaign -o out/n --span 9",
-     lambda: tdfscal.study.sensitivity("campaign", span=9.0), UsageError),
-    ("study free-space campaign -o out/n --moves empty.csv",
-     lambda: tdfscal.study.free_space("campaign", moves="empty.csv"), UsageError),
     ("schema empty.csv", lambda: tdfscal.schema("empty.csv"), UsageError),
 ]  # fmt: skip
 
@@ -133,35 +109,12 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def studied() -> dict[str, Any]:
-    """The control studies once worked out: each takes seconds."""
-    return {}
-
-
 @pytest.fixture
-def here(home: Path, studied: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def here(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in the folder; draw no figures into files, which takes seconds too."""
-
-    def once(name: str, study: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*arguments: Any, **options: Any) -> Any:
-            if name not in studied:
-                studied[name] = study(*arguments, **options)
-            return studied[name]
-
-        return call
-
     monkeypatch.chdir(home)
     monkeypatch.setattr("tdfscal.reporting.figures.style.save", lambda *a, **k: [])
     monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
-    monkeypatch.setattr(docking, "docking", once("docking", docking.docking))
-    monkeypatch.setattr(free_space, "free_space", once("free space", free_space.free_space))
-    shortened(monkeypatch, docking.Setup, gap=0.005, ramp=0.5)
-    shortened(monkeypatch, free_space.Setup, duration=1.0, rest=1.0)
-    monkeypatch.setattr(success, "FACTORS", (1.0,))
-    monkeypatch.setattr(success, "success", once("success", success.success))
-    monkeypatch.setattr(cost, "SECONDS", (20.0,))
-    monkeypatch.setattr(cost, "cost", once("cost", cost.cost))
 
 
 def leaves(command: Any, name: str = "") -> dict[str, Any]:
@@ -180,8 +133,7 @@ COMMANDS = leaves(typer.main.get_command(app))
 
 def named(line: str) -> str:
     """The command of a command line."""
-    words = line.split()
-    return " ".join(words[: 2 if words[0] == "study" else 1])
+    return line.split()[0]
 
 
 def function_of(command: str) -> Callable[..., Any]:
@@ -202,15 +154,7 @@ def lasting(document: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize(
-    "both",
-    [
-        pytest.param(
-            both, marks=pytest.mark.slow if both.line.split()[1] in LONG else (), id=both.line
-        )
-        for both in BOTH
-    ],
-)
+@pytest.mark.parametrize("both", BOTH, ids=lambda both: both.line)
 def test_python_and_json_are_the_same_numbers(
     both: Both, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -267,7 +211,6 @@ def test_errors_are_those_of_the_command(
         lambda: tdfscal.plan("campaign", postures=0),
         lambda: tdfscal.export("own.yaml", "matlab"),  # type: ignore[arg-type]
         lambda: tdfscal.simulate("out/x", rate=1.0),
-        lambda: tdfscal.study.docking("campaign", runs=0),
         lambda: tdfscal.load_calibration("own.yaml").plot("nothing"),
     ],
 )

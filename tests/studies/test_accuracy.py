@@ -7,15 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tdfscal.model.statics import postures
-from tdfscal.numerics import so3
-from tdfscal.records import FloatArray
-from tdfscal.reporting.studies.accuracy import report
-from tdfscal.reporting.text import render
-from tdfscal.selfcal.linear_method import fit_linear
-from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.simulation import Options, reference_rig, simulate_dwells
-from tdfscal.studies.accuracy import (
+from studies.reports.accuracy import report
+from studies.runs.accuracy import (
     NAMES,
     Accuracy,
     MethodResult,
@@ -24,6 +17,13 @@ from tdfscal.studies.accuracy import (
     commanded,
     run_block,
 )
+from tdfscal.model.statics import postures
+from tdfscal.numerics import so3
+from tdfscal.records import FloatArray
+from tdfscal.reporting.text import render
+from tdfscal.selfcal.linear_method import fit_linear
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.simulation import Options, reference_rig, simulate_dwells
 
 RIG = reference_rig()
 OPTIONS = Options(squeeze=200.0)

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies.reports.sensitivity import document as sensitivity_document
+from studies.runs.sensitivity import jacobian, sensitivity
 from tdfscal.errors import UsageError
 from tdfscal.numerics import so3
 from tdfscal.records import UncertainValue
-from tdfscal.reporting.studies.sensitivity import document as sensitivity_document
 from tdfscal.simulation import make_rig, reference_rig
-from tdfscal.studies.sensitivity import jacobian, sensitivity
 
 
 def test_the_reference_rig_has_81_7_newtons_for_roll_and_pitch_and_none_for_yaw() -> None:

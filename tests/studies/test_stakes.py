@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from studies.runs.sensitivity import rms_error, stake
 from tdfscal.numerics import so3
 from tdfscal.simulation import make_rig, reference_rig
-from tdfscal.studies.sensitivity import rms_error, stake
 
 RNG = np.random.default_rng(3)
 

@@ -1,0 +1,1 @@
+"""What the studies simulate, and the records that they make of it."""

@@ -1,0 +1,122 @@
+"""The gears: energy, clearances, friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies.control.contact import GearPair, coordinates
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray
+from tdfscal.simulation import rotations
+from tests.studies.benches import caught
+
+SMOOTH = GearPair(friction=0.0)
+
+
+def loop(rng: np.random.Generator, depth: float, count: int, aside: float = 3e-4) -> FloatArray:
+    """A closed path (count + 1, 6) about `depth` that presses in every direction."""
+    phase = 2.0 * np.pi * np.arange(count + 1) / count
+    size = np.array([aside, aside, 2e-3, 1e-3, 1e-3, 2e-3])
+    q = np.zeros((count + 1, 6))
+    for k in (1, 2, 3):
+        a, b = rng.normal(size=(2, 6)) * size / k
+        q += np.cos(k * phase)[:, None] * a + np.sin(k * phase)[:, None] * b
+    q[:, 2] += depth
+    return q
+
+
+def work(gears: GearPair, q: FloatArray, *, rub: bool) -> tuple[float, float]:
+    """Work on the gears along a path, and the sum of its parts' sizes, J."""
+    middle, step = 0.5 * (q[1:] + q[:-1]), np.diff(q, axis=0)
+    part = np.sum(gears.wrench(middle, step / 1e-3 if rub else None) * step, axis=1)
+    return float(part.sum()), float(np.abs(part).sum())
+
+
+@pytest.mark.parametrize("depth", [0.0, 1.5e-3, 3.0e-3, 0.008, 0.1, 1.0 / 3.0])
+def test_contact_without_friction_conserves_energy(depth: float) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(2):
+        # Shallow paths must reach the lead-in, 1.7 mm wide.
+        q = loop(rng, depth, 60_000, 3e-3 if depth < 3e-3 else 3e-4)
+        net, gross = work(SMOOTH, q, rub=False)
+        assert gross > 1e-4
+        assert abs(net) < 2e-4 * gross
+
+
+@pytest.mark.parametrize("depth", [1.5e-3, 0.008, 1.0 / 3.0])
+def test_friction_only_takes_energy(depth: float) -> None:
+    q = loop(np.random.default_rng(2), depth, 4_000)
+    middle, rate = 0.5 * (q[1:] + q[:-1]), np.diff(q, axis=0) / 1e-3
+    rubbing = GearPair().wrench(middle, rate) - SMOOTH.wrench(middle)
+    power = np.sum(rubbing * rate, axis=1)
+    assert power.max() <= 1e-12
+    assert power.min() < -1e-3
+
+
+def test_clearance_and_stiffness() -> None:
+    gears = SMOOTH
+    q = np.zeros((4, 6))
+    q[:, 2] = 0.1
+    q[:, 0] = [0.0, 4.99e-5, 6.0e-5, -6.0e-5]
+    force = gears.wrench(q)
+    assert not force[:2].any()
+    # Tip and mouth bear on one tooth each, 10 µm beyond the clearance.
+    assert force[2, 0] == pytest.approx(-2 * gears.stiffness * 1e-5, rel=1e-9)
+    np.testing.assert_allclose(force[3, :3], -force[2, :3], atol=1e-12)
+    twisted = np.zeros((2, 6))
+    twisted[:, 2], twisted[:, 5] = 0.1, [1.99e-4, 3e-4]
+    torque = gears.wrench(twisted)[:, 5]
+    assert torque[0] == 0.0
+    assert torque[1] == pytest.approx(-gears.stiffness * gears.radius**2 * 1e-4, rel=1e-9)
+
+
+def test_tilt_limit_is_the_papers() -> None:
+    assert GearPair().tilt == pytest.approx(3e-4, rel=1e-9)
+    q = np.zeros((2, 6))
+    limit = GearPair().tilt * (1 / 3) / (1 / 3 - 3e-3)  # the lead-in does not bear
+    q[:, 2], q[:, 4] = 1 / 3, [0.99 * limit, 1.01 * limit]
+    q[:, 0] = q[:, 4] * (1 / 3 - 3e-3) / 2  # leaning about the middle of the engagement
+    force = SMOOTH.wrench(q)
+    assert not force[0, :2].any()
+    assert abs(force[1, 4]) > 0.0
+
+
+def test_coulomb_at_speed() -> None:
+    gears = GearPair()
+    q = np.zeros((1, 6))
+    q[0, :3] = [7e-5, 0.0, 0.1]
+    rate = np.zeros((1, 6))
+    rate[0, 2] = 1.0
+    force = gears.wrench(q, rate)[0]
+    normal = 2 * gears.stiffness * 2e-5
+    assert force[2] == pytest.approx(-gears.friction * normal, rel=1e-6)
+    assert gears.wrench(q, -rate)[0, 2] == pytest.approx(gears.friction * normal, rel=1e-6)
+
+
+def test_lead_in_pushes_towards_the_bore_and_face_beyond_it() -> None:
+    q = np.zeros((2, 6))
+    q[:, 2] = 2e-4
+    q[:, 0] = [caught(SMOOTH) - 5e-5, caught(SMOOTH) + 2e-3]
+    found, missed = SMOOTH.wrench(q)
+    assert found[0] < 0.0
+    assert found[2] < 0.0
+    assert missed[0] == 0.0
+    assert missed[2] < 0.0
+
+
+def test_coordinates_are_of_the_shaft_in_the_bore() -> None:
+    rng = np.random.default_rng(3)
+    mouth = rng.normal(size=3)
+    small = 1e-5 * rng.normal(size=(5, 6))
+    q = coordinates(mouth, mouth + small[:, :3], rotations.exp(small[:, 3:]))
+    np.testing.assert_allclose(q, small, atol=1e-12)
+
+
+def test_impossible_gears_are_refused() -> None:
+    with pytest.raises(UsageError, match="clearance"):
+        replace(GearPair(), clearance=0.0)
+    with pytest.raises(UsageError, match="lead-in"):
+        GearPair(length=1e-3)

@@ -1,0 +1,345 @@
+"""The closed loop against closed forms and the static simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies.control.contact import GearPair
+from studies.control.impedance import Impedance, transition
+from studies.control.loop import Loop, simulate
+from studies.control.reference import Reference, require_within
+from studies.control.runs import Controller
+from studies.control.sensors import Sensing, WrenchObserver
+from studies.control.servo import Servo
+from studies.control.stability import (
+    GAIN_MARGIN,
+    designed,
+    growth,
+    nominal_body,
+    require_stable,
+    sample_map,
+)
+from studies.control.terminal import Terminal, body, inertia_of
+from tdfscal.errors import UsageError
+from tdfscal.records import FloatArray
+from tdfscal.simulation import Load, Pose, rotations, settle
+from tdfscal.simulation.truth import stated
+from tdfscal.wrench.filtering import Causal, Walk
+from tests.simulation.rigs import exact_rig, loose_rig
+from tests.studies.benches import HOME, IDEAL, SHORT, caught, dock, fleet, poses, truths
+
+
+def still(seconds: float, lanes: int, step: float) -> Reference:
+    zero = np.zeros(round(seconds / step))
+    return Reference(poses(lanes), poses(lanes), zero, zero, zero)
+
+
+def test_transition_is_exact() -> None:
+    """Against the oscillator's closed form, over- and underdamped."""
+    impedance = Impedance(damping=(3e4, 100.0, 2 * np.sqrt(500 * 1e4), 2400.0, 2400.0, 2400.0))
+    t = 0.03
+    state, drive = transition(impedance, t)
+    M, B, K = (np.array(v)[:2] for v in (impedance.mass, impedance.damping, impedance.stiffness))
+    root = np.sqrt(((B / M) ** 2 - 4 * K / M).astype(complex))
+    a, b = (-B / M + root) / 2, (-B / M - root) / 2
+    to_rest = (a * np.exp(b * t) - b * np.exp(a * t)) / (a - b)
+    np.testing.assert_allclose(state[:2, 0, 0], to_rest.real, rtol=1e-12)
+    np.testing.assert_allclose(drive[:2, 0], ((1 - to_rest) / K).real, rtol=1e-9)
+    # The same from many small steps, also at critical damping.
+    fine, push = transition(impedance, t / 64)
+    d = np.tile([1.0, 0.2], (6, 1))
+    whole = (state @ d[..., None])[..., 0] + drive
+    for _ in range(64):
+        d = (fine @ d[..., None])[..., 0] + push
+    np.testing.assert_allclose(d, whole, rtol=1e-10)
+
+
+def test_rest_is_the_static_simulators() -> None:
+    """Carriages wander and a contact pushes: the terminal ends where `settle` puts it."""
+    lanes, rng = 4, np.random.default_rng(1)
+    truth = truths(lanes)
+    start = poses(lanes)
+    stand = start.place(truth.hinge)
+    inertia = np.broadcast_to(inertia_of(loose_rig()), (lanes, 3, 3))
+    terminal = Terminal(truth, inertia, 0.05, stand, start, 4e-3)
+    goal = Pose(
+        rotations.exp(rng.normal(0, 0.02, (lanes, 3))), HOME + rng.normal(0, 0.01, (lanes, 3))
+    ).place(truth.hinge) + rng.normal(0, 1e-5, stand.shape)
+    wrench = np.concatenate([rng.normal(0, 20, (lanes, 3)), rng.normal(0, 5, (lanes, 3))], axis=1)
+    for share in np.linspace(0.0, 1.0, 400):
+        terminal.move(stand + share * (goal - stand), share * wrench)
+    for _ in range(800):
+        terminal.move(goal, wrench)
+    R = terminal.rotation
+    lcs = (wrench.reshape(lanes, 2, 3) @ R)[:, None]
+    rest = settle(
+        truth,
+        goal[:, None],
+        Load(lcs, np.zeros((lanes, 1, 3))),
+        Pose(start.rotation[:, None], start.translation[:, None]),
+    )
+    np.testing.assert_allclose(terminal.force, rest.force[:, 0], atol=1e-4)
+    np.testing.assert_allclose(terminal.translation, rest.pose.translation[:, 0], atol=1e-11)
+    np.testing.assert_allclose(R, rest.pose.rotation[:, 0], atol=1e-11)
+
+
+def test_forces_balance_in_motion() -> None:
+    """Pressed ever harder on its seat, the wrench of a controller that knows the truth is the
+    contact, as late as its filters are.
+    """
+    tireless = replace(IDEAL, thresholds=(1e6, 1e6, 1e6))
+    traces = dock(truths(2), tireless, shift=(2e-4, -1e-4)).traces
+    lag = np.abs(traces.measured - traces.contact)[-1].max(axis=-1)
+    assert np.abs(traces.contact[-1, :, 2]).min() > 30.0
+    # K v = 15 N/s, smoothed over 0.1 s, filtered over four samples.
+    assert lag.max() < 1.05 * 15.0 * (0.1 + IDEAL.sensing.delay + 2 * IDEAL.step) + 0.1
+
+
+def test_docked_position_is_the_geometric_one() -> None:
+    """No friction, noise or angle errors: play used up, shoulder pressed by the threshold."""
+    gears = replace(SHORT, friction=0.0)
+    off = 4e-4
+    result = dock(truths(3), IDEAL, gears=gears, shift=(off, 0.0))
+    assert np.all(result.seated)
+    x, y, depth, tilt_x, tilt_y, psi = result.q.T
+    force = result.traces.contact[-1]
+    pressed = -force[:, 2] / gears.seat_stiffness
+    np.testing.assert_allclose(depth, gears.length + pressed, atol=1e-6)
+    # Between wall and plan: the tip lies beyond its play by its force over a tooth's stiffness.
+    beyond = x - gears.clearance
+    assert np.all(beyond > 0.0)
+    assert np.all(beyond < IDEAL.impedance.stiffness[0] * off / gears.stiffness)
+    assert np.abs(y).max() <= gears.clearance
+    assert np.abs(psi).max() <= gears.twist
+    # Wall and mouth share the load: what tilt is left is the impedance's answer to a few N·mm.
+    assert np.hypot(tilt_x, tilt_y).max() < gears.tilt
+
+
+@pytest.mark.slow
+def test_halving_the_step_changes_maxima_little() -> None:
+    truth = truths(3, seed=4)
+    turned = truth.rotation @ rotations.exp(np.full(3, 2e-3))
+    wrong = replace(stated(loose_rig(), 3), rotation=turned)
+    runs = [
+        dock(
+            truth,
+            replace(IDEAL, step=step),
+            shift=(3e-4, 2e-4),
+            assumed=wrong,
+            repeat=1e-5,
+            beyond=0.0,
+        )
+        for step in (4e-3, 2e-3)
+    ]
+    coarse, fine = (r.peak_length[:, 1:3].max(axis=1) for r in runs)
+    assert fine.min() > 0.5
+    np.testing.assert_allclose(coarse, fine, rtol=0.04)
+
+
+def swing(
+    damping: float, step: float, seconds: float, gears: GearPair | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Energy (N,), J, and height (N,), m, of a terminal let go 20 µm beside its rest; with gears it
+    swings against their wall.
+    """
+    truth = truths(1, loose=False)
+    start = poses(1)
+    inertia = inertia_of(exact_rig())[None]
+    stand = start.place(truth.hinge)
+    terminal = Terminal(truth, inertia, damping, stand, start, step)
+    at = body(truth, inertia, damping, start.rotation)
+    rest = terminal.translation.copy()
+    terminal.translation = rest + np.array([2e-5, 0.0, 2e-5])
+    terminal.force = terminal.pull(np.zeros_like(stand))
+    tip = np.zeros((1, 6))
+    energy, height = [], []
+    for _ in range(round(seconds / step)):
+        wall = 0.0
+        contact = np.zeros((1, 6))
+        if gears is not None:
+            x = terminal.translation[0, 0] - rest[0, 0]
+            tip[0, 0], tip[0, 2] = x + gears.clearance, 0.1
+            wall = gears.stiffness * x**2 if x > 0 else 0.0  # tip and mouth
+            tip[0, 0] += 0.5 * step * terminal.rate[0, 0]
+            contact[0, :3] = gears.wrench(tip)[0, :3]
+        q = np.concatenate(
+            [terminal.translation[0] - rest[0], 0.5 * rotations.vee(terminal.rotation[0])]
+        )
+        v = terminal.rate[0]
+        energy.append(0.5 * v @ at.mass[0] @ v + 0.5 * q @ at.stiffness[0] @ q + wall)
+        height.append(q[2])
+        terminal.move(stand, contact)
+    return np.array(energy), np.array(height)
+
+
+def test_the_body_swings_at_its_natural_frequency_and_keeps_its_energy() -> None:
+    """Free of damping and contact, whatever the step: inertia and springs, and nothing else."""
+    free = 1e-9
+    energy, height = swing(free, 4e-3, 1.0)
+    np.testing.assert_allclose(energy, energy[0], rtol=0.01)  # over 55 swings
+    vertical = np.sqrt(60e6 / 500.0)
+    np.testing.assert_allclose(
+        height, 2e-5 * np.cos(vertical * 4e-3 * np.arange(len(height))), atol=2e-8
+    )
+    # Damped: the envelope is exp(−ζ ω t).
+    _, height = swing(0.05, 1e-3, 0.2)
+    peaks = np.abs(height[180:]).max() / 2e-5
+    assert np.exp(-0.05 * vertical * 0.2) < peaks < np.exp(-0.05 * vertical * 0.18)
+
+
+def test_energy_does_not_grow_in_contact() -> None:
+    """Held half a step ahead, the contact's force does no net work; damping takes energy."""
+    gears = GearPair(friction=0.0)
+    energy, _ = swing(1e-9, 1e-3, 2.0, gears)
+    assert abs(energy[-200:].mean() / energy[:200].mean() - 1.0) < 0.02
+    energy, _ = swing(0.02, 1e-3, 1.0, gears)
+    assert energy[-1] < 0.02 * energy[0]
+
+
+def test_a_light_virtual_mass_shakes_the_loop_up_as_its_eigenvalue_says() -> None:
+    """80 kg that carry 500: the sensors feel m·a, and the answer to it is six times too large."""
+    heavy = Controller(sensing=Sensing(noise=0.0, gain=1.0), servo=Servo(resolution=0.0))
+    light = replace(heavy, impedance=replace(heavy.impedance, mass=(80.0,) * 3 + (12.0,) * 3))
+    at = nominal_body(exact_rig(), light)
+    expected = growth(at, light, np.zeros((6, 6)))
+    assert 1.1 < expected < 1.7
+    truth = truths(1, loose=False)
+    pushed = replace(truth, zero=truth.zero + 1e-6)
+    machines = fleet(truth, pushed, rig=exact_rig(), tared=False)
+    quick = replace(light, trace_rate=250.0)
+    traces = Loop(machines, quick, still(0.6, 1, 4e-3)).run().traces
+    size = np.linalg.norm(traces.deviation[:, 0], axis=1)
+    # Oscillations beat against each other; over 50 samples the largest wins.
+    rate = (size[140:150].max() / size[90:100].max()) ** (1 / 50)
+    assert rate == pytest.approx(expected, rel=0.01)
+    with pytest.raises(UsageError, match=r"unstable in free space: a virtual mass of 80 kg"):
+        require_stable(exact_rig(), light)
+    settled = Loop(machines, replace(Controller(), trace_rate=250.0), still(0.4, 1, 4e-3)).run()
+    assert np.abs(settled.traces.deviation).max() < 1e-4
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e7])
+def test_the_designed_loop_is_stable_up_to_its_margin_and_at_half_the_step(
+    stiffness: float,
+) -> None:
+    rig, gears = loose_rig(), GearPair(stiffness=stiffness, seat_stiffness=2 * stiffness)
+    found = designed(rig, Controller(), gears)
+    around = gears.stiffest
+    at = nominal_body(rig, found)
+    for share in (0.0, 1e-2, 0.1, 1.0, GAIN_MARGIN):
+        one = growth(at, found, share * around)
+        half = growth(at, replace(found, step=0.5 * found.step), share * around)
+        assert one < 1.0
+        assert half < 1.0
+        if stiffness < 1e7:
+            assert half == pytest.approx(one, abs=1e-3)
+    less = replace(found.impedance, damping=tuple(0.3 * b for b in found.impedance.damping))
+    if stiffness > 1e5:  # below, critical damping is more than the contact asks for
+        assert growth(at, replace(found, impedance=less), GAIN_MARGIN * around) > 1.0
+
+
+def test_perfect_calibration_leaves_only_noise() -> None:
+    """The deviation's scatter is that of white noise through the loop, inertia and all."""
+    lanes = 60
+    rig = exact_rig()
+    truth = truths(lanes, loose=False)
+    controller = Controller(servo=Servo(resolution=0.0))
+    machines = fleet(truth, rig=rig, tared=False, noise=5)
+    d = simulate(machines, controller, still(5.0, lanes, controller.step)).traces.deviation[-1]
+    # Noise is added where the filtered wrench is made: its column of the map, by g / (1 − g).
+    A = sample_map(nominal_body(rig, controller), controller, np.zeros((6, 6)))
+    g = controller.sensing.gain
+    column = g / (1.0 - g) * A[:, 36:]
+    force = np.tile(np.eye(3), (1, 3))
+    lever = np.concatenate(
+        [rotations.hat(h) for h in rig.hinge - np.array(controller.impedance.centre)], axis=1
+    )
+    into = column @ np.concatenate([force, lever])  # of the nine channels, aligned sensors
+    P = np.zeros_like(A)
+    for _ in range(1250):
+        P = A @ P @ A.T + into @ into.T
+    sd = controller.sensing.noise * np.sqrt(np.diagonal(P)[24:30])
+    chi2 = float(np.sum((d / sd)[:, :3] ** 2))
+    assert abs(chi2 - 3 * lanes) < 3.3 * np.sqrt(2 * 3 * lanes)
+    assert np.abs(d[:, :3]).max() < 1e-4
+
+
+def test_false_force_displaces_by_its_stiffness() -> None:
+    """Free space, untared: K (x − x_d) = false wrench."""
+    truth, controller = truths(2), IDEAL
+    wrong = replace(truth, zero=truth.zero + np.array([1.0, -2.0, 0.5]))
+    machines = fleet(truth, wrong, tared=False)
+    result = simulate(machines, controller, still(30.0, 2, controller.step))
+    K = np.array(controller.impedance.stiffness)
+    np.testing.assert_allclose(result.traces.deviation[-1] * K, result.traces.measured[-1]
+                               - np.concatenate([np.zeros((2, 3)), np.cross(
+                                   np.array(controller.impedance.centre),
+                                   result.traces.measured[-1][:, :3])], axis=1),
+                               rtol=1e-3, atol=1e-4)  # fmt: skip
+    assert np.abs(result.traces.deviation[-1][:, :3]).max() > 1e-4
+
+
+@pytest.mark.slow
+def test_same_seed_same_numbers_and_other_noise_other_numbers() -> None:
+    truth = truths(2)
+    controller = replace(IDEAL, sensing=Sensing(noise=1.75))
+    first, again, other = (
+        dock(truth, controller, noise=seed, shift=(2e-4, 0.0), beyond=0.0) for seed in (1, 1, 2)
+    )
+    assert first.peak.max() > 1.0
+    np.testing.assert_array_equal(first.peak, again.peak)
+    assert not np.array_equal(first.peak, other.peak)
+
+
+def test_jamming_is_recognised() -> None:
+    """Beyond the lead-in's reach the shaft lands on the face."""
+    result = dock(truths(1), IDEAL, shift=(caught(SHORT) + 1.5e-3, 0.0))
+    assert result.jammed.all()
+    assert not result.seated.any()
+    assert result.q[0, 2] < SHORT.length / 2
+
+
+def test_unstable_impedance_is_refused() -> None:
+    soft = Impedance(damping=(4e3,) * 3 + (1200.0,) * 3)
+    with pytest.raises(UsageError, match="unstable in contact"):
+        dock(truths(1), replace(IDEAL, impedance=soft))
+    slow = replace(IDEAL, servo=Servo(bandwidth=1.0))
+    with pytest.raises(UsageError, match=r"servos of 159 ms"):
+        require_stable(loose_rig(), slow, GearPair())
+
+
+def test_the_loop_filters_as_the_causal_filter_does() -> None:
+    """What the controller makes of its readings is `filtering.Causal` of them."""
+    walk = Walk.of(3.0, 1.75, 4e-3)
+    truth = truths(1, loose=False)
+    sensing = Sensing(gain=walk.gain, watch=1e-9)  # records are not smoothed
+    controller = Controller(
+        sensing=sensing, servo=Servo(resolution=0.0), trace_rate=250.0, readings=True
+    )
+    assert sensing.delay == pytest.approx(walk.delay, rel=1e-12)
+    rig = exact_rig()
+    machines = fleet(truth, rig=rig, tared=False, noise=5)
+    traces = simulate(machines, controller, still(0.4, 1, controller.step)).traces
+    reading = Causal(walk)(traces.reading)[:, 0]
+    centre = np.array(controller.impedance.centre)
+    for k in (0, 30, 99):
+        # One sample is taken with the posture of the step before, microradians away.
+        seen = WrenchObserver(truth, centre).wrench(reading[None, k], np.eye(3)[None])
+        np.testing.assert_allclose(traces.measured[k, 0, :3], seen[0, :3], atol=0.05)
+    raw = WrenchObserver(truth, centre).wrench(traces.reading[99], np.eye(3)[None])
+    assert np.abs(raw[0, :3] - traces.measured[99, 0, :3]).max() > 0.5
+
+
+def test_step_must_divide_the_sample() -> None:
+    with pytest.raises(UsageError, match="does not divide"):
+        dock(truths(1), replace(IDEAL, step=3e-3))
+
+
+def test_posture_outside_the_travel_is_refused() -> None:
+    with pytest.raises(UsageError, match="ncp1 would have to move 300 mm"):
+        require_within(
+            exact_rig(), poses(1, np.array([0.3, 0, 0])), tuple(HOME), (0.25, 0.25, 0.5), "posture"
+        )
