@@ -11,7 +11,8 @@ from scipy import special
 
 from tdfscal.errors import DataError
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.numerics.information import Contrast, Information, contrast, inverse, p_value
 from tdfscal.records import FloatArray, Rotations
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
@@ -25,8 +26,9 @@ class Comparison:
     rotation_vector : (n, 3), rad, d_i = log(X_{A,i} X_{B,i}ᵀ) in the BCS; its covariance (3n, 3n)
     is the sum of both. rpy : (n, 3), rad, roll, pitch, yaw of A minus those of B, in (−π, π];
     rpy_std : its standard uncertainty. en : (n, 3), |rpy| / √(U_A² + U_B²), U with k = 2.
-    chi2 of all rotation vectors together with dof = 3n, p_value. verified : χ² is plausible; E_n
-    only explains, since of nine angles one exceeds 1 by chance in a third of sound comparisons.
+    chi2 of all rotation vectors together, its dof (3n where both know all of them) and p_value.
+    verified : χ² is plausible; E_n only explains, since of nine angles one exceeds 1 by chance in a
+    third of sound comparisons.
     verdict : the same in words. detectable : (n, 3), rad, the smallest change of each angle alone
     that the test would have seen with probability `significance.DETECTION_POWER`.
     """
@@ -99,38 +101,50 @@ def compare_pair(a: tuple[str, Rotations], b: tuple[str, Rotations]) -> Comparis
         _require_covariance(name, rotations)
     n = len(first.supports)
     d = so3.log(first.rotation @ np.swapaxes(second.rotation, 1, 2))
-    covariance = first.covariance + second.covariance
-    chi2 = float(d.reshape(-1) @ np.linalg.solve(covariance, d.reshape(-1)))
-    p_value = float(chi2_sf(chi2, 3 * n))
+    known = inverse(first.covariance)
+    departure = contrast(
+        Information(inverse(second.covariance), np.zeros(3 * n)),
+        Information(known, known @ d.reshape(-1)),
+    )
+    chi2, dof = departure.chi2()
+    p = p_value((chi2, dof))
     rpy = so3.deviations(first.rotation, second.rotation)
     std = np.hypot(rpy_std(first), rpy_std(second))
     en = np.abs(rpy) / (COVERAGE_FACTOR * std)
-    verified = p_value >= INCOMPATIBLE
+    verified = p >= INCOMPATIBLE
     return Comparison(
         names=(a[0], b[0]),
         supports=first.supports,
         rotation_vector=d,
-        covariance=covariance,
+        covariance=first.covariance + second.covariance,
         rpy=rpy,
         rpy_std=std,
         en=en,
         chi2=chi2,
-        dof=3 * n,
-        p_value=p_value,
+        dof=dof,
+        p_value=p,
         verified=verified,
-        verdict=_verdict((a[0], b[0]), first.supports, rpy, en, p_value),
-        detectable=_detectable(first.rotation, covariance),
+        verdict=_verdict((a[0], b[0]), first.supports, rpy, en, p),
+        detectable=smallest_changes(first.rotation, departure, dof, INCOMPATIBLE),
     )
 
 
-def _detectable(rotation: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Smallest change (n, 3), rad, of one angle alone that the joint χ² sees; by its power."""
+def smallest_changes(
+    rotation: FloatArray, departure: Contrast, dof: int, level: float
+) -> FloatArray:
+    """Smallest change (n, 3), rad, of one angle alone that a χ² sees; ∞ where none is seen.
+
+    rotation : (n, 3, 3). dof, level : of the test; power: `significance.DETECTION_POWER`.
+    """
     n = len(rotation)
-    threshold = float(chi2_quantile(1 - INCOMPATIBLE, 3 * n))
-    offset = float(special.chndtrinc(threshold, 3 * n, 1 - DETECTION_POWER))
-    information = np.linalg.inv(covariance).reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)]
+    threshold = float(chi2_quantile(1 - level, dof)) if dof else np.inf
+    offset = float(special.chndtrinc(threshold, dof, 1 - DETECTION_POWER)) if dof else np.inf
+    turns = departure.matrix[: 3 * n, : 3 * n].reshape(n, 3, n, 3)
+    information = turns[np.arange(n), :, np.arange(n)]
     turn = np.linalg.inv(so3.rpy_jacobian(rotation))  # columns: the turns that the angles are
-    return np.asarray(np.sqrt(offset / np.einsum("iaj,iab,ibj->ij", turn, information, turn)))
+    seen = np.einsum("iaj,iab,ibj->ij", turn, information, turn)
+    least = np.divide(offset, seen, out=np.full((n, 3), np.inf), where=seen > 0)
+    return np.asarray(np.sqrt(least))
 
 
 def in_order_of(model: Rotations, other: Rotations) -> Rotations:
@@ -169,24 +183,24 @@ def _verdict(
     supports: tuple[str, ...],
     rpy: FloatArray,
     en: FloatArray,
-    p_value: float,
+    p: float,
 ) -> str:
     i, k = np.unravel_index(int(np.argmax(en)), en.shape)
     worst = f"{ANGLES[k]} of {supports[i]}: {rpy[i, k] * 1e3:+.3g} mrad, E_n = {en[i, k]:.2f}"
     pair = f"{names[0]} and {names[1]}"
     above = int(np.sum(en > 1))
-    if p_value < INCOMPATIBLE:
+    if p < INCOMPATIBLE:
         if above:
             return (
                 f"not compatible: {pair} differ beyond their uncertainties (joint p = "
-                f"{p_value:.2g}), in {above} of {en.size} angles by themselves (worst: {worst})"
+                f"{p:.2g}), in {above} of {en.size} angles by themselves (worst: {worst})"
             )
         return (
             f"not compatible: no single angle is beyond its uncertainty (worst: {worst}), but all "
-            f"differences together are (p = {p_value:.2g})"
+            f"differences together are (p = {p:.2g})"
         )
     alone = f"; {above} of {en.size} angles alone exceed E_n = 1, as chance has it" if above else ""
     return (
         f"metrologically compatible: {pair} agree within their uncertainties (worst: {worst}; "
-        f"p = {p_value:.2g}{alone})"
+        f"p = {p:.2g}{alone})"
     )

@@ -105,7 +105,7 @@ def live(
     """
     gaps = np.diff([c.month for c in checks], prepend=checks[0].month)
     birge = max(1.0, float(np.sqrt(fit[0] / fit[1]))) if fit[1] > 0 else 1.0
-    checks = [Check(c.name, c.month, c.own.scaled(birge)) for c in checks]
+    checks = [Check(c.name, c.month, c.own.beside(prior).scaled(birge)) for c in checks]
     own, n, R = [check.own for check in checks], rig.n, reference.rotation
 
     def steps(walk: float) -> list[FloatArray]:

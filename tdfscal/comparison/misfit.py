@@ -3,34 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.comparison.eliminated import Eliminated
+from tdfscal.comparison.eliminated import Eliminated, stated
 from tdfscal.comparison.walk import others
-from tdfscal.model.earlier import information_of
-from tdfscal.numerics.information import Contrast, Information, contrast, nothing, p_value
+from tdfscal.model.earlier import free_constants, information_of
+from tdfscal.model.parameters import CONSTANTS, layout, starting_state
+from tdfscal.numerics.information import (
+    Contrast,
+    Information,
+    contrast,
+    nothing,
+    p_value,
+)
 from tdfscal.records import FloatArray, Rig
-from tdfscal.significance import CAMPAIGN_MISFIT
+from tdfscal.selfcal.estimator import Priors
+from tdfscal.significance import CAMPAIGN_MISFIT, CAUSE_EXPLAINS
+
+#: Stated standard uncertainties by which hinges, datums, gains or the base may have changed: by
+#: more, positions or weight would tell it without any force (theory, section 14).
+_ALLOWED = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """A campaign that does not fit the others, and the sensor that explains it best, if one does.
+    """A campaign that does not fit the others, and the one cause that explains it, if one does.
 
-    turn : (3,), rad, BCS, of that sensor; p_value : that chance alone departs as much.
+    cause : group of `model.parameters.CONSTANTS` whose change takes the misfit away; None where no
+    single one does. sensor : name of the one that turned, where the cause is a rotation; turn :
+    (3,), rad, BCS, its most likely turn. p_value : that chance alone departs as much.
     """
 
     campaign: str
+    cause: str | None
     sensor: str | None
     turn: FloatArray
     p_value: float
 
 
-def within(part: Eliminated) -> tuple[float, int]:
-    """χ² and degrees of freedom of a campaign with the constants at its own best."""
-    explained, rank = Contrast(part.information.matrix, part.information.score).chi2()
+def within(part: Eliminated, prior: Information) -> tuple[float, int]:
+    """χ² and degrees of freedom of a campaign with the constants at its own best.
+
+    prior : what is stated of the constants, beside which the campaign says something of them.
+    """
+    told = part.information.beside(prior)
+    explained, rank = Contrast(told.matrix, told.score).chi2()
     return max(0.0, part.chi2 - explained), max(0, part.rows - rank)
 
 
@@ -48,12 +67,12 @@ def not_fitting(
         ranked = []
         for k, rest in enumerate(others(own, prior, steps)):
             if own[k].matrix.any():
-                departure = contrast(rest, own[k])
+                departure = contrast(rest, own[k], prior)
                 ranked.append((_probability(rig, departure), k, departure))
         worst = min(ranked, key=lambda entry: entry[0])
         if worst[0] > level:
             break
-        found.append(_named(rig, names[worst[1]], worst[2], worst[0]))
+        found.append(_named(rig, names[worst[1]], worst[2], prior, worst[0]))
         own[worst[1]] = silent
     return tuple(found)
 
@@ -70,24 +89,40 @@ def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
     p_value : that chance alone departs as much, in any of the tests made.
     """
     assert rig.earlier is not None
-    birge = birge_of([(rig.earlier.chi2, rig.earlier.dof), within(part)])
+    prior = stated(Priors(replace(rig, earlier=None)), starting_state(rig))
+    birge = birge_of([(rig.earlier.chi2, rig.earlier.dof), within(part, prior)])
     known = information_of(rig, rig.earlier).scaled(birge)
-    departure = contrast(known, part.information.scaled(birge))
-    return _named(rig, name, departure, _probability(rig, departure))
+    departure = contrast(known, part.information.scaled(birge), prior.scaled(birge))
+    return _named(rig, name, departure, prior, _probability(rig, departure))
 
 
 def _probability(rig: Rig, departure: Contrast) -> float:
     """Of as large a departure by chance: any single sensor's turn, or all together (Bonferroni)."""
-    tested = [departure.chi2(), *(departure.chi2(_turn_of(i)) for i in range(rig.n))]
+    tested = [departure.chi2(), *(departure.chi2(turn_of(i)) for i in range(rig.n))]
     return min(1.0, len(tested) * min(map(p_value, tested)))
 
 
-def _named(rig: Rig, name: str, departure: Contrast, p: float) -> Misfit:
-    best = max(range(rig.n), key=lambda i: departure.chi2(_turn_of(i))[0])
-    turn, _ = departure.change(_turn_of(best))
-    return Misfit(name, rig.supports[best], turn, p)
+def _named(rig: Rig, name: str, departure: Contrast, prior: Information, p: float) -> Misfit:
+    """Name the likeliest change that leaves no misfit; of a sensor, its own turn alone."""
+    free, place = free_constants(rig), layout(rig.n)
+    allowed = _ALLOWED / np.sqrt(np.diagonal(prior.matrix))
+    explain: list[tuple[float, str, int | None]] = []
+    for i in range(rig.n):
+        if p_value(departure.left(turn_of(i))) >= CAUSE_EXPLAINS:
+            explain.append((p_value(departure.chi2(turn_of(i))), "rotation", i))
+    for group in CONSTANTS[1:]:
+        inside = np.zeros(len(free), dtype=np.bool_)
+        inside[place[group]] = True
+        where = np.flatnonzero(inside[free])
+        if p_value(departure.left(where, allowed[where])) >= CAUSE_EXPLAINS:
+            explain.append((p_value(departure.chi2(where)), group, None))
+    _, cause, sensor = min(explain, default=(p, None, None), key=lambda each: each[0])
+    if sensor is None:
+        return Misfit(name, cause, None, np.zeros(3), p)
+    turn, _ = departure.change(turn_of(sensor))
+    return Misfit(name, cause, rig.supports[sensor], turn, p)
 
 
-def _turn_of(sensor: int) -> slice:
+def turn_of(sensor: int) -> slice:
     """Place of a sensor's rotation among the constants."""
     return slice(3 * sensor, 3 * sensor + 3)

@@ -83,11 +83,6 @@ class Member:
         """What it says of the constants by itself."""
         return self.reduced.information
 
-    @property
-    def within(self) -> tuple[float, int]:
-        """χ² and degrees of freedom of its residuals alone."""
-        return within(self.reduced)
-
 
 @dataclass(frozen=True, slots=True)
 class Pool:
@@ -177,7 +172,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         members.append(
             Member(item.name, item.month, reduced[k], fits[k], state, rejected[k], chi2, dof)
         )
-    birge = birge_of([member.within for member in members])
+    birge = birge_of([within(part, prior) for part in reduced])
     scaled = [item.scaled(birge) for item in own]
     names = [item.name for item in ordered]
     found = not_fitting(rig, names, scaled, prior.scaled(birge), steps)

@@ -7,12 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.records import BoolArray, FloatArray, IntArray
 
+#: Some of the constants (C,).
+Places = slice | BoolArray | IntArray
+_ALL = slice(None)
 #: Directions with less than this share of the largest information carry none.
 _ROUNDING = 1e-11
-#: Share of what is known of a direction below which nothing was added to it.
+#: Share of what is known of a direction below which nothing was added to it, or nothing is left to
+#: hold it against: it rests on one part alone, a thousand times surer than the other.
 _NEW = 1e-6
+#: Share of what is known of a direction, beside what was stated, below which measurements hold no
+#: test of it: their column is noise there, and so is their score, of the second order and not
+#: centred (theory, section 13).
+_TELLING = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +69,16 @@ class Information:
         out.score[kept] = (score[kept] - give @ score[lost]) * scale[kept]
         return out
 
+    def beside(self, stated: Information) -> Information:
+        """Return what measurements say in directions of which more than what is stated is known.
+
+        Where 1 % or less of what both know is theirs, they hold no test.
+        """
+        share, basis, dual = _shares(self.matrix, self.matrix + stated.matrix)
+        told = share > _TELLING
+        matrix = (basis[:, told] * share[told]) @ basis[:, told].T
+        return Information(matrix, basis[:, told] @ (dual[told] @ self.score))
+
     def scaled(self, birge: float) -> Information:
         """Return the same with all standard deviations multiplied by birge."""
         return Information(self.matrix / birge**2, self.score / birge**2)
@@ -80,16 +98,25 @@ def without(whole: Information, part: Information) -> Information:
     and rounding leaves none that is negative.
     """
     here = np.diagonal(whole.matrix) > 0
-    scale = 1 / np.sqrt(np.diagonal(whole.matrix)[here])
-    rest, out = whole - part, nothing(len(here))
-    lower = np.linalg.cholesky(scale[:, None] * whole.matrix[np.ix_(here, here)] * scale)
-    half = np.linalg.solve(lower, scale[:, None] * rest.matrix[np.ix_(here, here)] * scale)
-    share, vectors = np.linalg.eigh(np.linalg.solve(lower, half.T))
+    rest, out, block = whole - part, nothing(len(here)), np.ix_(here, here)
+    share, basis, dual = _shares(rest.matrix[block], whole.matrix[block])
     new = share > _NEW
-    back = lower @ vectors[:, new] / scale[:, None]
-    out.matrix[np.ix_(here, here)] = (back * share[new]) @ back.T
-    out.score[here] = back @ (vectors[:, new].T @ np.linalg.solve(lower, scale * rest.score[here]))
+    out.matrix[block] = (basis[:, new] * share[new]) @ basis[:, new].T
+    out.score[here] = basis[:, new] @ (dual[new] @ rest.score[here])
     return out
+
+
+def _shares(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Directions in which both are diagonal: whole = B Bᵀ, part = B diag(f) Bᵀ; all (C, C).
+
+    Returns shares f (C,), B, and B⁻¹, which takes a score to these directions.
+    """
+    scale = 1 / np.sqrt(np.diagonal(whole))
+    lower = np.linalg.cholesky(scale[:, None] * whole * scale)
+    half = np.linalg.solve(lower, scale[:, None] * part * scale)
+    share, vectors = np.linalg.eigh(np.linalg.solve(lower, half.T))
+    dual = np.linalg.solve(lower.T, vectors).T * scale
+    return share, lower @ vectors / scale[:, None], dual
 
 
 def nothing(size: int) -> Information:
@@ -108,31 +135,59 @@ class Contrast:
     matrix: FloatArray
     score: FloatArray
 
-    def chi2(self, where: slice | None = None) -> tuple[float, int]:
+    def chi2(self, where: Places = _ALL) -> tuple[float, int]:
         """χ² and degrees of freedom of a change of the constants at `where`, all others unchanged.
 
         A change of everything without `where`.
         """
-        part = slice(None) if where is None else where
-        values, vectors = np.linalg.eigh(self.matrix[part, part])
-        seen = values > _ROUNDING * max(values.max(initial=0.0), np.finfo(float).tiny)
-        along = vectors[:, seen].T @ self.score[part]
-        return float(np.sum(along**2 / values[seen])), int(seen.sum())
+        values, vectors, scale = self._seen(where)
+        along = vectors.T @ (scale * self.score[where])
+        return float(np.sum(along**2 / values)), len(values)
 
-    def change(self, where: slice) -> tuple[FloatArray, FloatArray]:
+    def change(self, where: Places) -> tuple[FloatArray, FloatArray]:
         """Most likely change of the constants at `where` alone, and its covariance."""
-        covariance = np.linalg.pinv(self.matrix[where, where], rcond=_ROUNDING, hermitian=True)
-        return np.asarray(covariance @ self.score[where]), np.asarray(covariance)
+        values, vectors, scale = self._seen(where)
+        root = scale[:, None] * vectors / np.sqrt(values)
+        return root @ (root.T @ self.score[where]), root @ root.T
+
+    def left(self, where: Places, within: FloatArray | float = np.inf) -> tuple[float, int]:
+        """χ² and degrees of freedom that a change of the constants at `where` does not explain.
+
+        within : standard deviation of such a change, where it is not free.
+        """
+        (whole, rank), (_, unknowns) = self.chi2(), self.chi2(where)
+        block = self.matrix[where][:, where]
+        bound = Contrast(block + np.diag(np.full(len(block), 1.0) / within**2), self.score[where])
+        return max(0.0, whole - bound.chi2()[0]), rank - unknowns
+
+    def _seen(self, where: Places) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Eigenvalues and vectors of what is seen of `where`, scaled to one another, and scale."""
+        block = self.matrix[where][:, where]
+        scale = np.diagonal(block)
+        scale = np.divide(1.0, np.sqrt(scale), out=np.zeros(len(scale)), where=scale > 0)
+        values, vectors = np.linalg.eigh(scale[:, None] * block * scale)
+        seen = values > _ROUNDING * values.max(initial=1.0)
+        return values[seen], vectors[:, seen], scale
 
 
-def contrast(a: Information, b: Information) -> Contrast:
-    """B against a; their sum must determine every constant."""
-    scale = 1 / np.sqrt(np.diagonal(a.matrix + b.matrix))
-    A, B = (scale[:, None] * part.matrix * scale for part in (a, b))
-    total = np.linalg.inv(A + B)
-    M = A @ total @ B
-    score = A @ total @ (scale * b.score) - B @ total @ (scale * a.score)
-    return Contrast((M + M.T) / 2 / scale[:, None] / scale, score / scale)
+def contrast(a: Information, b: Information, stated: Information | None = None) -> Contrast:
+    """B against a, in the directions of which both know something; their sum must determine all.
+
+    In the basis where Λ_a + Λ_b = 1 and Λ_b is diagonal with shares f, M has f (1 − f) (theory,
+    section 13).
+
+    Parameters
+    ----------
+    a : the rest, with all that is stated of the constants. b : a part, by its measurements alone.
+    stated : without measurements; of b, what it adds to that counts. A part of many has a small
+        share beside the rest, and tests none the worse where it measures.
+    """
+    b = b if stated is None else b.beside(stated)
+    share, basis, dual = _shares(b.matrix, a.matrix + b.matrix)
+    both = (share > _NEW) & (share < 1 - _NEW)
+    f, basis, dual = share[both], basis[:, both], dual[both]
+    score = (1 - f) * (dual @ b.score) - f * (dual @ a.score)
+    return Contrast((basis * (f * (1 - f))) @ basis.T, basis @ score)
 
 
 def p_value(found: tuple[float, int]) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 from tdfscal.comparison.control_chart import Alarm, Check
 from tdfscal.comparison.eliminated import stated
 from tdfscal.comparison.history import Life, live
+from tdfscal.comparison.misfit import within
 from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
@@ -245,7 +246,7 @@ def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: flo
         for m in pooled.members:
             own = m.own if told.all() else _said(rig, m.own + pooled.prior, pooled.prior, told)
             checks.append(Check(m.name, m.month, own))
-            fits.append(m.within)
+            fits.append(within(m.reduced, pooled.prior))
     else:
         reference, told = known[0].state, np.zeros(rig.n, dtype=np.bool_)
     reference = _common(reference, told, known)

@@ -207,14 +207,31 @@ def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any]
     return tuple(described)
 
 
-def misfit_text(misfit: Misfit) -> str:
-    """A campaign that does not fit the others, in words."""
-    size = 1e3 * float(np.linalg.norm(misfit.turn))
-    return (
-        f"{misfit.campaign} does not fit the other campaigns ({p_text(misfit.p_value)}): "
-        f"{misfit.sensor} seems turned by {size:.2g} mrad there; leave it out, or calibrate the "
-        "campaigns before and after apart"
-    )
+#: What may have changed between campaigns beside a sensor, by its group of parameters.
+_CHANGED = {
+    "sensitivity": "gains or crosstalk of the sensors seem",
+    "hinge": "the hinges seem to lie",
+    "datum": "the servo coordinates seem offset",
+    "tilt": "the base seems tilted",
+    "compliance": "what gives between encoders and hinges seems",
+}
+
+
+def misfit_text(misfit: Misfit, *, since: str | None = None) -> str:
+    """A campaign that does not fit the others, or an earlier calibration (since), in words."""
+    if misfit.sensor is not None:
+        size = 1e3 * float(np.linalg.norm(misfit.turn))
+        what = f"{misfit.sensor} seems turned by {size:.2g} mrad there"
+    elif misfit.cause is not None:
+        what = f"{_CHANGED[misfit.cause]} otherwise there"
+    else:
+        what = "no single cause explains it"
+    than = "the other campaigns" if since is None else since
+    advice = "leave it out, or calibrate the campaigns before and after apart"
+    if since is not None:
+        advice = "calibrate anew instead of updating; or declare drift.angle, where the angles walk"
+    said = f"{misfit.campaign} does not fit {than} ({p_text(misfit.p_value)}): {what}"
+    return f"{said}; {advice}"
 
 
 def _lost(ordered: Sequence[Read], pooled: Pool, last: int) -> list[str]:

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
@@ -20,7 +18,6 @@ from tdfscal.files.outputs import together
 from tdfscal.model.earlier import information_of
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.motioncal.pipeline import MotionCalibration
-from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.information import contrast
 from tdfscal.records import Rig
 from tdfscal.selfcal.covariance import joint_posterior
@@ -45,6 +42,7 @@ from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
     Read,
     calibrate_informed,
+    misfit_text,
     read_campaign,
     require_one_rig,
 )
@@ -145,7 +143,8 @@ def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
         own = calibrate_informed(read, informed, trials, tuple(read.inputs))
     found, this = _contribution(informed, own, read)
     if found.p_value <= CAMPAIGN_MISFIT:
-        own = replace(own, reasons=(*own.reasons, _text(found, earlier)))
+        text = misfit_text(found, since=earlier.name)
+        own = replace(own, reasons=(*own.reasons, text))
     origin = Provenance(
         read.log.campaign.rig,
         tuple(read.inputs),
@@ -190,12 +189,3 @@ def _contribution(rig: Rig, own: Own, read: Read) -> tuple[Misfit, dict[str, Any
         dof=dof,
     )
     return misfit_of(rig, read.name, part), this
-
-
-def _text(found: Misfit, earlier: Earlier) -> str:
-    size = 1e3 * float(np.linalg.norm(found.turn))
-    return (
-        f"{found.sensor} seems turned by {size:.2g} mrad since {earlier.name} "
-        f"({p_text(found.p_value)}): calibrate anew instead of updating; or declare drift.angle, "
-        "where its angles walk"
-    )

@@ -86,6 +86,21 @@ def test_a_turned_sensor_is_named_in_its_campaign() -> None:
     assert found.turn[1] == pytest.approx(2e-3, abs=1e-3)
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_unchanged_campaigns_fit_each_other(seed: int) -> None:
+    """Noise in its own column makes a score of the hinges' breathing; it is no misfit."""
+    campaigns, _ = history(reference_rig(), np.random.default_rng(seed), months=3, postures_each=24)
+    assert not pool(campaigns).misfits
+
+
+def test_no_sensor_is_blamed_for_what_two_did_together() -> None:
+    rig = reference_rig()
+    steps = [(4, 0, (3e-3, 0.0, 0.0)), (4, 1, (0.0, 3e-3, 0.0))]
+    campaigns, _ = history(rig, np.random.default_rng(8), months=5, postures_each=8, steps=steps)
+    (found,) = pool(campaigns).misfits
+    assert (found.campaign, found.cause, found.sensor) == ("04", None, None)
+
+
 def test_a_walk_widens_what_old_campaigns_say() -> None:
     rig = replace(reference_rig(), drift=Drift(angle=1e-3))
     campaigns, truth = history(rig, np.random.default_rng(4), months=4, walk=1e-3)
