@@ -69,7 +69,8 @@ def not_fitting(
             if own[k].matrix.any():
                 departure = contrast(rest, own[k], prior)
                 ranked.append((_probability(rig, departure), k, departure))
-        worst = min(ranked, key=lambda entry: entry[0])
+        # Of heavy ones all probabilities are 0.
+        worst = min(ranked, key=lambda entry: (entry[0], -entry[2].chi2()[0]))
         if worst[0] > level:
             break
         found.append(_named(rig, names[worst[1]], worst[2], prior, worst[0]))
@@ -106,10 +107,11 @@ def _named(rig: Rig, name: str, departure: Contrast, prior: Information, p: floa
     """Name the likeliest change that leaves no misfit; of a sensor, its own turn alone."""
     free, place = free_constants(rig), layout(rig.n)
     allowed = _ALLOWED / np.sqrt(np.diagonal(prior.matrix))
-    explain: list[tuple[float, str, int | None]] = []
-    for i in range(rig.n):
-        if p_value(departure.left(turn_of(i))) >= CAUSE_EXPLAINS:
-            explain.append((p_value(departure.chi2(turn_of(i))), "rotation", i))
+    explain: list[tuple[float, str, int | None]] = [
+        (p_value(departure.chi2(turn_of(i))), "rotation", i)
+        for i in range(rig.n)
+        if _taken_away(departure, turn_of(i))
+    ]
     for group in CONSTANTS[1:]:
         inside = np.zeros(len(free), dtype=np.bool_)
         inside[place[group]] = True
@@ -121,6 +123,14 @@ def _named(rig: Rig, name: str, departure: Contrast, prior: Information, p: floa
         return Misfit(name, cause, None, np.zeros(3), p)
     turn, _ = departure.change(turn_of(sensor))
     return Misfit(name, cause, rig.supports[sensor], turn, p)
+
+
+def _taken_away(departure: Contrast, where: slice) -> bool:
+    """Whether a turn leaves no misfit; a large one leaves what is of the second order in it."""
+    left, dof = departure.left(where)
+    turn, _ = departure.change(where)
+    second = float(turn @ turn) * departure.chi2(where)[0]
+    return p_value((max(0.0, left - second), dof)) >= CAUSE_EXPLAINS
 
 
 def turn_of(sensor: int) -> slice:

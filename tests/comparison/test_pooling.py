@@ -93,6 +93,16 @@ def test_unchanged_campaigns_fit_each_other(seed: int) -> None:
     assert not pool(campaigns).misfits
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_heavy_turn_is_one_sensors_in_one_campaign(seed: int) -> None:
+    rig, rng = reference_rig(), np.random.default_rng(seed)
+    turn = (0.0, 40e-3, 30e-3)
+    campaigns, _ = history(rig, rng, months=4, postures_each=16, steps=[(3, 1, turn)])
+    (found,) = pool(campaigns).misfits
+    assert (found.campaign, found.cause, found.sensor) == ("03", "rotation", rig.supports[1])
+    assert np.abs(found.turn - turn).max() < 1.5e-3
+
+
 def test_no_sensor_is_blamed_for_what_two_did_together() -> None:
     rig = reference_rig()
     steps = [(4, 0, (3e-3, 0.0, 0.0)), (4, 1, (0.0, 3e-3, 0.0))]
