@@ -111,6 +111,8 @@ MIRRORED: Final = 1e-4
 
 # Static dwells ------------------------------------------------------------------------------------
 
+#: That a faultless log is said to hold samples twice, per sensor. Strict: a copy is never in doubt.
+REPEATED_BY_CHANCE: Final = 1e-6
 #: False changes of level to expect per log.
 LEVEL_CHANGES_PER_LOG: Final = 1e-3
 #: False drifts per log.

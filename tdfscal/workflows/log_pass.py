@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_once
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.logs import TimeWindow, iter_log
@@ -48,7 +49,7 @@ class LogPass:
 
     inputs : files that were read. messages : warnings of the logs, in order, each once. stops :
     what became of most of them, where few are dwells. begin, end : s, the first and the last time
-    in the logs, by their clock.
+    in the logs, by their clock. repeats : samples that the logs hold twice.
     """
 
     campaign: Campaign
@@ -58,6 +59,7 @@ class LogPass:
     begin: float = float("inf")
     end: float = float("-inf")
     stops: str = ""
+    repeats: tuple[Repeat, ...] = ()
 
     @property
     def rig(self) -> Rig:
@@ -92,10 +94,19 @@ class LogPass:
     def dwells(self) -> Dwells:
         """Read the logs and find the static dwells."""
         self.progress.stage("reading the log and finding the dwells")
-        return self.noted(find_dwells(self.pieces()))
+        return self.noted(find_dwells(self.watched()))
+
+    def watched(self) -> Iterator[Log]:
+        """Read the logs once, with an eye on samples that are there twice."""
+        looking = RepeatedSamples(self.rig)
+        for piece in self.pieces():
+            looking.add(piece)
+            yield piece
+        self.repeats = looking.found()
 
     def noted(self, dwells: Dwells) -> Dwells:
-        """Keep what the dwells say of the log."""
+        """Keep what the dwells say of the log; samples that are there twice count once."""
+        dwells = counted_once(dwells, self.repeats)
         self.messages |= dict.fromkeys(dwells.warnings)
         self.stops = _lost_stops(dwells, self.rig)
         return dwells

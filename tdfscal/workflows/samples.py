@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from tdfscal.checks.repeated_samples import refuse
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
@@ -42,6 +43,8 @@ def calibrate_samples(
     if samples == "moving":
         return _moving(log, moving_samples(log), rng=rng)
     dwells, slow = read_samples(log)
+    if len(dwells) < _ENOUGH:
+        refuse(log.repeats, log.rig.supports)
     if slow is None or (samples is None and len(dwells) >= _ENOUGH):
         return _static(log, dwells, estimator, rng)
     if samples == "all":
@@ -108,7 +111,7 @@ class _Streams:
         self._log, self._averaged = log, False
 
     def pieces(self) -> Iterator[Log]:
-        for piece in self._thermometer.passing(self._log.pieces()):
+        for piece in self._thermometer.passing(self._log.watched()):
             self._averaged |= piece.rows == "postures"
             if not self._averaged:
                 self._decimator.add(piece)
@@ -121,6 +124,7 @@ class _Streams:
                 where="log",
                 hint="use --samples static, or give the recording itself",
             )
+        refuse(self._log.repeats, self._log.rig.supports)
         slow = self._decimator.finish()
         return replace(
             slow, temperature=self._thermometer.at(slow.time, slow.time, len(slow.supports))

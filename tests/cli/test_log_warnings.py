@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from pyarrow import csv
 
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.workflows.campaign import resolve
@@ -123,3 +124,21 @@ def test_a_clipped_sensor_is_saturated_and_not_dead(
         assert f"the {axis} axis of the sensor of ncp2 is saturated" in seen.err
         assert f"{limit:g} N in all" in seen.err
         assert seen.status == 3
+
+
+def test_a_copy_by_another_clock_in_another_format_counts_once(
+    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = pq.read_table(campaign / "log.parquet")
+    alone = run(capsys, "calibrate", campaign, "-o", tmp_path / "a.json", "--trials", 0, "-q")
+    assert alone.status == 0, alone.err
+    later = set_to("time", lambda time: time + 12345.678)(table)
+    csv.write_csv(later, campaign / "log2.csv")
+    seen = run(capsys, "calibrate", campaign, "-o", tmp_path / "b.json", "--trials", 0, "-q")
+    assert seen.status == 0, seen.err
+    once, twice = (json.loads((tmp_path / name).read_text()) for name in ("a.json", "b.json"))
+    assert twice["fit"]["postures"] == once["fit"]["postures"]
+    for a, b in zip(once["supports"], twice["supports"], strict=True):
+        assert np.allclose(b["rpy"], a["rpy"], rtol=0, atol=0.2 * max(a["rpy_std"]))
+        assert np.allclose(b["rpy_std"], a["rpy_std"], rtol=0.1)
+    assert any("repeat earlier readings" in text for text in twice["warnings"])

@@ -1,0 +1,262 @@
+"""Samples that a log holds twice: copies under a shifted clock, in another file, stale readings.
+
+Noise does not repeat itself. How improbable a repetition is follows from the readings themselves: a
+window of them that recurs says at least `_BITS` for each new value in it (a constant or coarse
+channel says little or nothing), and windows that recur at one distance add up. The log is read
+once: of its windows those are kept whose own hash says so, the fewer the longer it is (Manber 1994,
+Finding similar files; Schleimer, Wilkerson and Aiken 2003, Winnowing).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tdfscal.errors import DataError
+from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, LeftOut, Log, Rig
+from tdfscal.significance import REPEATED_BY_CHANCE
+
+_Hashes = npt.NDArray[np.uint64]
+#: Samples of a window, and windows that are kept of each sensor.
+_WINDOW, _KEPT = 8, 1 << 13
+#: Least information of a value that differs from the others of its window, bits: such a window has
+#: more than four values to choose from.
+_BITS = 2.0
+#: One window in so many at last: what is still too much then is one reading all the time.
+_RAREST = 1 << 20
+#: s; what recurs within it is a vibration that the samples are in step with.
+_VIBRATION = 1.0
+#: Windows in a row that rounding to other digits may keep from recurring.
+_MISSED = 8
+#: Samples from which a channel's noise is taken, and the gain of fourth differences on it.
+_ENOUGH, _FOURTH = 64, 70.0**0.5
+#: What `Dwells` holds of each dwell, beside its temperature.
+_OF_EACH = (
+    "start", "end", "position", "position_cov", "force", "force_cov", "force_min", "force_max",
+    "count", "effective",
+)  # fmt: skip
+_MIX = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """Samples of one sensor, in s of the log's clock, that are those of an earlier stretch."""
+
+    sensor: int
+    begin: float
+    end: float
+    original: float
+
+
+class RepeatedSamples:
+    """Looks for samples that a log holds twice, while its pieces pass."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._sensors = [_Sensor(axes) for axes in rig.axes]
+
+    def add(self, piece: Log) -> None:
+        """Take note of a piece; the rows of averaged postures are compared as such elsewhere."""
+        if piece.rows == "postures":
+            return
+        for sensor, series in zip(self._sensors, piece.force, strict=True):
+            sensor.add(series.time, series.value)
+
+    def found(self) -> tuple[Repeat, ...]:
+        """Return the stretches that repeat earlier ones."""
+        return tuple(
+            repeat for i, sensor in enumerate(self._sensors) for repeat in sensor.repeats(i)
+        )
+
+
+def counted_once(dwells: Dwells, repeats: Sequence[Repeat]) -> Dwells:
+    """Leave out dwells of which half the samples, or more, are those of earlier ones."""
+    covered = np.zeros((len(dwells), len(dwells.supports)))
+    original, span = np.full(len(dwells), np.nan), dwells.end - dwells.start
+    for repeat in repeats:
+        overlap = np.minimum(dwells.end, repeat.end) - np.maximum(dwells.start, repeat.begin)
+        covered[:, repeat.sensor] += np.maximum(overlap, 0)
+        source = dwells.start - repeat.begin + repeat.original
+        original = np.where(np.isnan(original) & (2 * overlap >= span), source, original)
+    twice = (covered > 0) & (2 * covered >= span[:, None])
+    lost = np.asarray(twice.any(axis=1))
+    if not lost.any():
+        return dwells
+    out = [
+        LeftOut(
+            float(dwells.start[k]),
+            float(dwells.end[k]),
+            f"the readings of {_named(dwells.supports, twice[k])} are those of {original[k]:.6g} s",
+        )
+        for k in np.flatnonzero(lost)
+    ]
+    said = (
+        f"{len(out)} of {len(dwells)} dwells repeat earlier readings, noise included, and are left "
+        f"out: first, at {out[0].start:.6g} s {out[0].reason}"
+    )
+    return replace(
+        _taken(dwells, ~lost),
+        left_out=tuple(sorted((*dwells.left_out, *out), key=lambda piece: piece.start)),
+        warnings=(*dwells.warnings, said),
+    )
+
+
+def refuse(repeats: Sequence[Repeat], supports: Sequence[str]) -> None:
+    """Raise DataError where samples of a moving log are there twice."""
+    if not repeats:
+        return
+    first = min(repeats, key=lambda repeat: repeat.begin)
+    alike = [r.begin < first.end and first.begin < r.end for r in repeats]
+    sensors = {r.sensor for r, there in zip(repeats, alike, strict=True) if there}
+    named = _named(supports, np.isin(np.arange(len(supports)), list(sensors)))
+    raise DataError(
+        f"the readings of {named} from {first.begin:.6g} to {first.end:.6g} s are those from "
+        f"{first.original:.6g} s on, noise included",
+        where="log",
+        hint="give each recording once; choose a part with --from and --to",
+    )
+
+
+def _named(supports: Sequence[str], which: BoolArray) -> str:
+    named = [name for name, there in zip(supports, which, strict=True) if there]
+    return "all sensors" if len(named) == len(supports) else ", ".join(named)
+
+
+def _taken(dwells: Dwells, keep: BoolArray) -> Dwells:
+    """Some of the dwells."""
+    return replace(
+        dwells,
+        **{name: getattr(dwells, name)[keep] for name in _OF_EACH},
+        temperature=None if dwells.temperature is None else dwells.temperature[keep],
+    )
+
+
+@dataclass(slots=True)
+class _Windows:
+    """Windows of one sensor, (W,) each.
+
+    time, place : when it begins, s, and at which sample. choice : hash by which it is kept.
+    key : hash of all of it. new : values in it that differ from the others, less one.
+    """
+
+    time: FloatArray = field(default_factory=lambda: np.empty(0))
+    place: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+    choice: _Hashes = field(default_factory=lambda: np.empty(0, np.uint64))
+    key: _Hashes = field(default_factory=lambda: np.empty(0, np.uint64))
+    new: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+
+    def _columns(self) -> tuple[npt.NDArray[Any], ...]:
+        return self.time, self.place, self.choice, self.key, self.new
+
+    def take(self, which: IntArray | BoolArray) -> _Windows:
+        """Some of them."""
+        return _Windows(*(column[which] for column in self._columns()))
+
+    def and_(self, other: _Windows) -> _Windows:
+        """These and others."""
+        columns = zip(self._columns(), other._columns(), strict=True)
+        return _Windows(*map(np.concatenate, columns))
+
+
+class _Sensor:
+    """One sensor's samples as they pass."""
+
+    def __init__(self, axes: BoolArray) -> None:
+        self._axes, self._quantum, self._liveliest = axes, np.empty(0), 0
+        self._time, self._value = np.empty(0), np.empty((0, int(axes.sum())))
+        self._passed, self._every = 0, np.uint64(1)
+        self.windows = _Windows()
+
+    def add(self, time: FloatArray, value: FloatArray) -> None:
+        """Keep some windows of what passes: all at first, of a long log one in 2, 4, 8 …"""
+        self._time = np.concatenate([self._time, time])
+        self._value = np.concatenate([self._value, value[:, self._axes]])
+        if not self._value.shape[1] or len(self._time) < _ENOUGH:
+            return
+        if not self._quantum.size:
+            self._quantum = _quantum(self._value)
+            changed = np.count_nonzero(np.diff(self._value, axis=0), axis=0)
+            self._liveliest = int(np.argmax(changed))
+        new = self._whole()  # which thins out those that are kept
+        self.windows = self.windows.and_(new)
+
+    def repeats(self, sensor: int) -> Iterator[Repeat]:
+        """Return the stretches that repeat earlier ones."""
+        w = self.windows
+        share = np.diff(w.place, append=np.iinfo(np.int64).max).clip(max=_WINDOW) / _WINDOW
+        return _runs(sensor, w, _BITS * w.new * share, self._passed)
+
+    def _whole(self) -> _Windows:
+        """Windows that are whole by now, of those that are kept."""
+        count = len(self._time) - _WINDOW + 1
+        i = self._liveliest
+        choice = _steps(self._value[:, i], self._quantum[i]) * _MIX[0]
+        choice ^= choice >> np.uint64(32)
+        choice = (choice[:-1] + choice[1:] * np.uint64(3)) * _MIX[1]
+        choice = choice[:-2] + (choice[2:] >> np.uint64(7))
+        choice = choice[:count] * _MIX[2]
+        here = np.flatnonzero(self._chosen(choice))
+        while len(here) + len(self.windows.key) > _KEPT and self._every < _RAREST:
+            self._every *= np.uint64(2)
+            here = here[self._chosen(choice[here])]
+            self.windows = self.windows.take(self._chosen(self.windows.choice))
+        here = here[: max(0, _KEPT - len(self.windows.key))]
+        window = self._value[here[:, None] + np.arange(_WINDOW)]
+        row = (_steps(window, self._quantum) * _MIX[: len(self._quantum)]).sum(axis=2)
+        row ^= row >> np.uint64(29)
+        key = (row * _MIX[1] ** np.arange(1, _WINDOW + 1, dtype=np.uint64)).sum(axis=1)
+        new = np.count_nonzero(np.diff(np.sort(row, axis=1), axis=1), axis=1)
+        found = _Windows(self._time[here], self._passed + here, choice[here], key, new)
+        self._passed += count
+        self._time, self._value = self._time[count:], self._value[count:]
+        return found
+
+    def _chosen(self, choice: _Hashes) -> BoolArray:
+        return np.asarray(choice >> np.uint64(40) & (self._every - np.uint64(1)) == 0)
+
+
+def _quantum(value: FloatArray) -> FloatArray:
+    """Steps to count each channel (N, C) in: the noise that no neighbouring sample foretells.
+
+    Coarse enough for a copy with fewer digits; a power of two, the same from other begins.
+    """
+    fourth = np.abs(np.diff(value, 4, axis=0)) / _FOURTH
+    noise = [np.median(c[c > 0]) if np.any(c > 0) else 1.0 for c in fourth.T]
+    return np.asarray(2.0 ** np.floor(np.log2(noise)))
+
+
+def _steps(value: FloatArray, quantum: FloatArray) -> _Hashes:
+    """Whole steps; off the ties that round numbers would make."""
+    return (value / quantum + 0.2360679).astype(np.int64).view(np.uint64)
+
+
+def _runs(sensor: int, windows: _Windows, bits: FloatArray, count: int) -> Iterator[Repeat]:
+    """Windows that recur one after the other at one distance, and could not by chance.
+
+    bits : (W,), information of each beside its neighbours. count : windows that passed.
+    """
+    order = np.lexsort((windows.place, windows.key))
+    a, b = order[:-1], order[1:]
+    same = windows.key[a] == windows.key[b]
+    near = same & (np.abs(windows.time[b] - windows.time[a]) <= _VIBRATION)
+    in_step = np.zeros(len(order), dtype=np.bool_)
+    in_step[a[near]] = in_step[b[near]] = True
+    pair = same & ~in_step[a] & ~in_step[b]
+    a, b = a[pair], b[pair]
+    distance = windows.place[b] - windows.place[a]
+    order = np.lexsort((b, distance))
+    a, b, distance = a[order], b[order], distance[order]
+    breaks = (np.diff(distance) != 0) | (np.diff(b) > _MISSED)
+    needed = 2 * np.log2(max(count, 2)) - np.log2(REPEATED_BY_CHANCE)
+    for run in np.split(np.arange(len(b)), np.flatnonzero(breaks) + 1):
+        if len(run) and bits[b[run]].sum() >= needed:
+            first, last = b[run[0]], b[run[-1]]
+            yield Repeat(
+                sensor,
+                float(windows.time[first]),
+                float(windows.time[last]),
+                float(windows.time[a[run[0]]]),
+            )
