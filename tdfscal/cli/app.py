@@ -1,26 +1,119 @@
-"""The application, and what makes a command of it."""
+"""The command line, made of the commands' signatures; a command is loaded when it is asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
 from inspect import Parameter, Signature
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_origin
 
 import typer
+import typer.core
+import typer.main
 
 from tdfscal import __version__
-from tdfscal.cli.options import Option
 from tdfscal.cli.perform import perform
-from tdfscal.cli.words import Grouped
+from tdfscal.cli.words import CALIBRATE, CHECK, PLAN, PURPOSES, USE
+
+if TYPE_CHECKING:
+    from tdfscal.workflows.options import Command, Described
+
+#: Every command: its purpose, and what it does, so that the help need not load it.
+COMMANDS = {
+    "apply": (USE, "Work out the contact force and torque over a whole log."),
+    "calibrate": (CALIBRATE, "Calibrate the sensors of a rig from a recorded campaign."),
+    "compare": (
+        CHECK,
+        "Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.",
+    ),
+    "export": (
+        USE,
+        "Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate.",
+    ),
+    "info": (
+        CALIBRATE,
+        "Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.",
+    ),
+    "init": (
+        CALIBRATE,
+        "Write a complete, commented rig.yaml from a log; what to confirm is marked in it.",
+    ),
+    "monitor": (
+        CHECK,
+        "Watch a rig over time: control chart, alarms (status 1), when to calibrate next.",
+    ),
+    "plan": (
+        PLAN,
+        "Choose the postures and squeezes, or the motion, to drive, and say what to expect of "
+        "them.",
+    ),
+    "register": (
+        CALIBRATE,
+        "Fit the rigid transform from reference points to measured ones, with its uncertainty.",
+    ),
+    "report": (
+        CALIBRATE,
+        "Summarise a calibration file, or several side by side and over time.",
+    ),
+    "schema": (USE, "Write the JSON Schemas of the rig, calibration and point files."),
+    "simulate": (PLAN, "Write a synthetic campaign with its truth.yaml."),
+    "update": (
+        CALIBRATE,
+        "Bring a calibration up to date with a new campaign: zeros, load, angles.",
+    ),
+    "validate": (
+        CHECK,
+        "Check a calibration on postures or on a motion without contact: valid, or what changed.",
+    ),
+}
+#: What the printing takes, of every command; `verbose` where there are details.
+_PRINTED = {
+    "json": typer.Option(False, "--json", help="Print one JSON object and nothing else."),
+    "quiet": typer.Option(False, "--quiet", "-q", help="No progress on standard error."),
+    "verbose": typer.Option(
+        False, "--verbose", "-v", help="Say which stretches of rest were left out."
+    ),
+}
+_DETAILED = ("calibrate",)
+_HELP = {"help_option_names": ["-h", "--help"]}
+
+
+class Commands(typer.core.TyperGroup):
+    """The commands by purpose, each loaded at its first use."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = dict.fromkeys(COMMANDS)  # from which a name near by is suggested
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return their names."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return one, or None."""
+        return made(cmd_name) if cmd_name in COMMANDS else None
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a section per purpose, each command with its whole first sentence."""
+        widest = max(map(len, COMMANDS))
+        with formatter.section("Commands"):
+            for purpose in PURPOSES:
+                rows = [
+                    (n.ljust(widest), text) for n, (p, text) in COMMANDS.items() if p == purpose
+                ]
+                with formatter.section(purpose):
+                    formatter.write_dl(rows)
+
 
 app = typer.Typer(
     name="tdfscal",
-    cls=Grouped,
+    cls=Commands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     # Plain help: drawing it with rich would cost half of its time.
     rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings=_HELP,
     help="Calibrate how three-axis force sensors are mounted on a parallel assembly mechanism.",
 )
 
@@ -40,29 +133,64 @@ def _common(
     del version
 
 
-def command(
-    purpose: str | None,
-    example: str,
-    text: str,
-    dash: Mapping[str, str] | None = None,
-    /,
-    **options: Option,
-) -> None:
-    """Make a command that calls the workflow of its name with its options.
+def described(name: str) -> Command:
+    """Return a command with what its function says of itself."""
+    import_module(f"tdfscal.workflows.{name}")
+    from tdfscal.workflows.options import COMMANDS as LOADED
 
-    purpose : its heading in the help. example : a command line, which begins with its name.
-    text : what it does, in one sentence. dash : options that take `-` for standard output, and
-    the text of the result that it gets. options : in the order of the help.
-    """
-    name = example.split()[0]
+    return LOADED[name]
+
+
+@cache
+def made(name: str) -> Any:
+    """Make a command of the function of its name."""
+    command = described(name)
 
     def call(**asked: Any) -> int:
-        return perform(name, asked, dash or {})
+        return perform(command, asked)
 
-    call.__doc__ = text
-    parameters = [
-        Parameter(each, Parameter.KEYWORD_ONLY, annotation=kind, default=described)
-        for each, (kind, described) in options.items()
+    call.__doc__ = COMMANDS[name][1]
+    parameters = [_parameter(each) for each in command.parameters]
+    parameters += [
+        Parameter(each, Parameter.KEYWORD_ONLY, annotation=bool, default=option)
+        for each, option in _PRINTED.items()
+        if each != "verbose" or name in _DETAILED
     ]
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-    app.command(name, rich_help_panel=purpose, epilog=f"Example: tdfscal {example}")(call)
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    epilog = f"Example: tdfscal {command.example}"
+    alone.command(name, epilog=epilog, context_settings=_HELP)(call)
+    result: Any = typer.main.get_command(alone)
+    result.name = name
+    _plainly_typed(result)
+    return result
+
+
+def _parameter(one: Described) -> Parameter:
+    """Return a parameter as typer wants it."""
+    from tdfscal.workflows.options import sentence
+
+    option, text = one.option, sentence(one.option)
+    if one.positional:
+        told = typer.Argument(one.default, metavar=option.metavar, help=text)
+        return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=one.kind, default=told)
+    default = None if one.default == () else one.default
+    kind = one.kind | None if default is None and get_origin(one.kind) is list else one.kind
+    more: dict[str, Any] = {}
+    if "|" in one.values:
+        more["case_sensitive"] = False
+    if isinstance(default, Path):
+        more["show_default"] = False
+    told = typer.Option(
+        default, *one.flags, metavar=option.metavar, help=text, min=option.least, **more
+    )
+    return Parameter(one.name, Parameter.KEYWORD_ONLY, annotation=kind, default=told)
+
+
+def _plainly_typed(command: Any) -> None:
+    """Let the help of a command show no types of Python: `<list[Path]>`."""
+    for param in command.params:
+        if param.param_type_name == "argument":
+            param.display_type_rich = lambda ctx: None
+        elif param.metavar is None and not param.is_flag and not param.type_descriptor.is_choice:
+            param.display_type_rich = lambda ctx: "N"

@@ -6,8 +6,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib import import_module
-from inspect import Parameter, signature
+from inspect import signature
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,16 +16,16 @@ from tdfscal.errors import UsageError, visible
 from tdfscal.memory import check_room
 
 if TYPE_CHECKING:
+    from tdfscal.workflows.options import Command
     from tdfscal.workflows.progress import Progress
     from tdfscal.workflows.result import Result
 
 
-def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> int:
-    """Call `tdfscal.workflows.<name>` with a command's options and print its result.
+def perform(command: Command, options: Mapping[str, Any]) -> int:
+    """Call a command's function with its options and print its result.
 
-    name : of the module and its function. options : all of the command's; None leaves one to the
-    function; `json`, `quiet`, `verbose` concern the printing.
-    dash : options that take `-` for standard output, and the text of the result that it gets.
+    options : all of the command's; None leaves one to the function; `json`, `quiet`, `verbose`
+    concern the printing.
 
     Raises TdfscalError by cause.
     """
@@ -34,12 +34,12 @@ def perform(name: str, options: Mapping[str, Any], dash: Mapping[str, str]) -> i
 
     asked = {option: value for option, value in options.items() if value is not None}
     json, verbose = asked.pop("json"), asked.pop("verbose", False)
-    carried = _carried(asked, dash, json=json)
+    carried = _carried(asked, command.carries, json=json)
     outputs = None
     try:
         # Where standard output carries the result, it is an output like any other: all or none.
         with together() as outputs:
-            result = _call(name, asked)
+            result = _call(command.function, asked)
             # What the quality gate rejects is not written, unless asked for.
             written = result.exit_status == 0 or asked.get("allow_rejected", True)
             words = not json and (carried is None or not written)
@@ -74,7 +74,7 @@ def _places(result: Result, asked: Mapping[str, Any], *, written: bool) -> list[
         files = getattr(result, "files", None)
         output = asked["output"]
         places.append(str(output) if files is None else f"{len(files)} files to {output}")
-    return [*places, *(str(asked[option]) for option in ("html", "figures") if option in asked)]
+    return [*places, *(str(asked[option]) for option in ("html",) if option in asked)]
 
 
 def _in_words(result: Result, places: list[str]) -> str:
@@ -104,18 +104,15 @@ def _carried(asked: dict[str, Any], dash: Mapping[str, str], *, json: bool) -> s
     return carried
 
 
-def _call(name: str, asked: dict[str, Any]) -> Result:
-    module = import_module(f"tdfscal.workflows.{name}")
-    function: Callable[..., Result] = getattr(module, name)
+def _call(function: Callable[..., Result], asked: dict[str, Any]) -> Result:
     parameters = signature(function).parameters
     if "command" in parameters:  # as the user gave it
         line = " ".join(["tdfscal", *sys.argv[1:]])
         asked["command"] = line.encode("utf-8", "replace").decode()
     asked["progress"] = _on_stderr(quiet=asked.pop("quiet", False))
     # Files named one after the other, as `compare(a, b)` takes them.
-    several = [key for key, p in parameters.items() if p.kind is Parameter.VAR_POSITIONAL]
-    files = [file for key in several for file in asked.pop(key)]
-    return function(*files, **asked)
+    named = {key: asked.pop(key) for key, p in parameters.items() if p.kind is p.VAR_POSITIONAL}
+    return function(*chain(*named.values()), **asked)
 
 
 def _to_json(document: Any) -> str:

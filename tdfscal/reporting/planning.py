@@ -54,10 +54,10 @@ def _angles(rig: Rig, std: FloatArray) -> Table:
     return Table(caption, ("sensor", *ANGLES), rows)
 
 
-def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:
+def plan_document(plan: Plan, path: str | None) -> dict[str, Any]:
     """The same as plain JSON values, SI units."""
     return {
-        **_document(plan, path, seed),
+        **_document(plan, path),
         "postures": len(plan),
         "returns": [int(k) + 1 for k in plan.returns],
         "given": plan.given,
@@ -70,14 +70,13 @@ def plan_document(plan: Plan, path: str | None, seed: int) -> dict[str, Any]:
     }
 
 
-def _document(plan: Plan | MovingPlan, path: str | None, seed: int) -> dict[str, Any]:
+def _document(plan: Plan | MovingPlan, path: str | None) -> dict[str, Any]:
     """What plans of postures and of a motion have in common."""
     limits = plan.request.limits
     return {
         "format": "tdfscal-plan/1",
         "rig": plan.rig.name,
         "output": path,
-        "seed": seed,
         "noise": plan.request.noise,
         "limits": {
             "tilt": limits.tilt,
@@ -146,11 +145,11 @@ def extremes(plan: MovingPlan) -> dict[str, Any]:
 
 
 def moving_plan_document(
-    plan: MovingPlan, path: str | None, waypoints: str | None, seed: int
+    plan: MovingPlan, path: str | None, waypoints: str | None
 ) -> dict[str, Any]:
     """The same as plain JSON values, SI units."""
     request, course = plan.request, plan.trajectory.at(plan.waypoints)
-    document = _document(plan, path, seed)
+    document = _document(plan, path)
     document["limits"]["speed"] = request.speed
     return document | {
         "waypoints_output": waypoints,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
 from tdfscal.files.output_places import check_outputs
-from tdfscal.files.outputs import together
 from tdfscal.files.writers.wrenches import (
     COLUMNS,
     SUFFIXES,
@@ -27,21 +26,29 @@ from tdfscal.records import FloatArray
 from tdfscal.reporting.contact_wrench import summary_report
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.workflows.arguments import (
-    Instant,
-    Numbers,
     PathLike,
-    PathLikes,
     listed,
     one,
     one_of,
     triple,
     window,
 )
-from tdfscal.workflows.calibration import CalibrationSource, paths_of
+from tdfscal.workflows.calibration import paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take, zeros_since
 from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import (
+    Begin,
+    End,
+    LcsPoint,
+    OneCalibration,
+    Option,
+    Paths,
+    RigFile,
+    Telling,
+    command,
+)
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.wrench_summary import (
     Totals,
@@ -53,7 +60,6 @@ from tdfscal.workflows.wrench_summary import (
     zero_effect,
 )
 from tdfscal.wrench.contact_wrench import COMPONENTS, at_rest, in_motion
-from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Kind, checked_walk, filter_for, filtered
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.sample_noise import SampleNoise, coloured_noise, take_head, with_sample_noise
@@ -67,14 +73,12 @@ class ApplyResult(Result):
     """Contact wrenches of a log.
 
     summary : what the command prints. output : the file that holds the samples; without one,
-    columns : the samples in memory, by name. envelope : extremes of the wrench, where figures
-    were asked for.
+    columns : the samples in memory, by name.
     """
 
     summary: dict[str, Any]
     output: Path | None
     columns: dict[str, FloatArray] | None = None
-    envelope: Envelope | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -116,50 +120,40 @@ class ApplyResult(Result):
         """Return the figure of the contact wrench over the time of the log."""
         from tdfscal.reporting.figures.timeline import contact_wrench
 
-        if self.envelope is not None:
-            time, value = self.envelope.finish()
-            columns = {"time": time} | dict(zip(_DRAWN, value.T, strict=True))
-        else:
-            frame = self.to_frame()
-            columns = {name: frame[name].to_numpy() for name in ("time", *_DRAWN)}
+        frame = self.to_frame()
+        columns = {name: frame[name].to_numpy() for name in ("time", *_DRAWN)}
         return (contact_wrench(columns, self.summary["largest"]["force"]),)
 
 
 _DRAWN = (*COMPONENTS, *(f"raw_{name}" for name in COMPONENTS))
 
 
-@together()
+@command("apply calibration.yaml assembly/log.csv -o wrench.csv")
 def apply(
-    calibration: CalibrationSource,
-    paths: PathLikes,
+    calibration: OneCalibration,
+    paths: Paths,
     *,
-    output: PathLike | None = None,
-    rig: PathLike | None = None,
-    from_: Instant | None = None,
-    to: Instant | None = None,
-    quasi_static: bool = False,
-    filter: Kind = "none",
-    walk: float | None = None,
-    at: Numbers = (0.0, 0.0, 0.0),
-    figures: PathLike | None = None,
-    progress: Progress = SILENT,
+    output: Annotated[
+        PathLike | None,
+        Option(
+            "result: .csv, .parquet or .mcap, written as the log passes",
+            Path,
+            "FILE",
+            ("--output", "-o"),
+            default=...,
+            python="without it the samples stay in memory",
+        ),
+    ] = None,
+    rig: RigFile = None,
+    from_: Begin = None,
+    to: End = None,
+    filter: Annotated[
+        Kind, Option("Kalman filter: causal, as a controller's; or smoothed, without delay")
+    ] = "none",
+    at: LcsPoint = (0.0, 0.0, 0.0),
+    progress: Telling = SILENT,
 ) -> ApplyResult:
     """Work out the contact force and torque over a whole log.
-
-    Parameters
-    ----------
-    calibration : file, or a calibration in memory.
-    paths : campaign folder, or log files.
-    output : file to write as the log passes, .csv, .parquet or .mcap; without it the
-        samples stay in memory.
-    rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
-    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
-    quasi_static : leave inertia out although the rig file states it.
-    filter : none; kalman, causal as a controller's; or smooth, without delay.
-    walk : N, what a force may walk by in 1 s, for the filter; 15 N.
-    at : m, point of the LCS that moments are about; its origin.
-    figures : folder for the figures, PNG, SVG and PDF.
-    progress : called as the work goes on.
 
     Raises
     ------
@@ -169,16 +163,16 @@ def apply(
     one_of("--filter", filter, get_args(Kind))
     reads = inputs_read(files, one(rig), files=paths_of([calibration]))
     check_outputs({"--output": (target, SUFFIXES)}, reads)
-    walk = checked_walk(filter, walk)
+    walk = checked_walk(filter, None)
     point = np.array(triple("--at", at))
     settings = Settings(progress, window(from_, to))
     use = take(calibration, files, one(rig))
     given = about_point(use.given, point)
-    moving = use.given.rig.inertia is not None and not quasi_static
+    moving = use.given.rig.inertia is not None
     log = LogPass(use.campaign, settings)
     progress.stage("reading the log and working out the contact wrench")
     tally, noises = Tally(), list[SampleNoise]()
-    totals = Totals(envelope=None if figures is None else Envelope())
+    totals = Totals()
     inspection, thermometer = Inspection(use.given), Thermometer()
     samples = inspection.watch(aligned(thermometer.passing(log.pieces()), tally))
     head, samples = take_head(samples, log.rig.supports, averaged=use.campaign.averaged)
@@ -228,9 +222,7 @@ def apply(
     summary["noise"] = noise_effect(noises[0], scatter) if noises else None
     summary["zeros"] = zero_effect(age, moved, summary["end"])
     summary["filter"] = effect
-    result = ApplyResult(summary, target, columns, totals.envelope)
-    result.save_figures(figures, progress)
-    return result
+    return ApplyResult(summary, target, columns)
 
 
 def _posture_std(use: InUse) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibration
 from tdfscal.files.calibration.from_results import from_joint, from_tracker
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
-from tdfscal.files.outputs import appear_now, together
+from tdfscal.files.outputs import appear_now
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.files.saving import write_text
 from tdfscal.model.calibrated import independent
@@ -27,10 +27,7 @@ from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.selfcal.result import Estimator, SelfCalibration
 from tdfscal.trackercal import TrackerCalibration
 from tdfscal.workflows.arguments import (
-    Instant,
     PathLike,
-    PathLikes,
-    at_least,
     check_trials,
     listed,
     one,
@@ -40,7 +37,20 @@ from tdfscal.workflows.arguments import (
 from tdfscal.workflows.calibration import Calibration, Records, as_calibration
 from tdfscal.workflows.campaign import Campaign, campaign_folders, inputs_read, resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import (
+    AllowRejected,
+    Begin,
+    CommandLine,
+    End,
+    Option,
+    Page,
+    Paths,
+    RigFile,
+    Telling,
+    Trials,
+    command,
+)
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import measured
 from tdfscal.workflows.samples import Own, Samples, calibrate_samples
 
@@ -49,47 +59,43 @@ Method = Literal["self", "tracker", "joint"]
 _LISTED = 8
 
 
-@together()
+@command("calibrate campaign -o calibration.yaml --html report.html", output="content")
 def calibrate(
-    paths: PathLikes,
+    paths: Paths,
     *,
-    rig: PathLike | None = None,
-    method: Method | None = None,
-    samples: Samples | None = None,
-    estimator: Estimator = "ml",
-    from_: Instant | None = None,
-    to: Instant | None = None,
-    trials: int | None = None,
-    seed: int = 0,
-    output: PathLike | None = None,
-    html: PathLike | None = None,
-    figures: PathLike | None = None,
-    allow_rejected: bool = False,
-    salvage: bool = False,
-    command: str = "tdfscal.calibrate",
-    progress: Progress = SILENT,
+    rig: RigFile = None,
+    method: Annotated[
+        Method | None, Option("default: self where there is a log, else tracker")
+    ] = None,
+    samples: Annotated[
+        Samples | None,
+        Option("static dwells, or moving samples; default: static where there are dwells enough"),
+    ] = None,
+    estimator: Annotated[
+        Estimator, Option("maximum likelihood, or the paper's linear method")
+    ] = "ml",
+    from_: Begin = None,
+    to: End = None,
+    trials: Trials = None,
+    output: Annotated[
+        PathLike | None,
+        Option(
+            "file to write; default calibration.yaml here; - for stdout",
+            Path,
+            "FILE",
+            ("--output", "-o"),
+            default=Path("calibration.yaml"),
+            python="by default none",
+        ),
+    ] = None,
+    html: Page = None,
+    allow_rejected: AllowRejected = False,
+    command: CommandLine = "tdfscal.calibrate",
+    progress: Telling = SILENT,
 ) -> Calibration:
-    """Calibrate from a campaign folder, or from logs and a rig file.
+    """Calibrate the sensors of a rig from a recorded campaign.
 
     The result may be rejected: look at `.status` and `.quality.reasons`.
-
-    Parameters
-    ----------
-    paths : campaign folders, logs.
-    rig : rig.yaml, where no folder holds one.
-    method : self where there is a log, else tracker.
-    samples : static dwells, moving samples, or all; by default static where the log holds dwells
-        enough, else moving.
-    estimator : of the self-calibration; ml, or the paper's linear method.
-    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
-    trials : Monte Carlo trials at most; None for the default, 0 for none.
-    seed : of all random numbers.
-    output : file to write, .yaml or .json. html : report page, written whatever the verdict.
-    figures : folder for the figures, PNG, SVG and PDF, whatever the verdict.
-    allow_rejected : write the file although the quality gate rejects the result.
-    salvage : read what is sound of damaged logs; the result is then never accepted.
-    command : kept in the file, as what was asked for.
-    progress : called as the work goes on.
 
     Raises
     ------
@@ -102,12 +108,11 @@ def calibrate(
     one_of("--estimator", estimator, get_args(Estimator))
     _check_samples(samples, method, estimator)
     check_trials(trials)
-    at_least("--seed", seed, 0)
     check_outputs(
         {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
         inputs_read(files, rig_file),
     )
-    settings = Settings(progress, window(from_, to), salvage, trials, seed, command)
+    settings = Settings(progress, window(from_, to), trials=trials, command=command)
     groups = campaign_folders(files, rig_file)
     if len(groups) > 1:
         _check_several(method, samples, estimator)
@@ -124,17 +129,15 @@ def calibrate(
                 log, method or ("self" if campaign.logs else "tracker"), samples, estimator
             )
     except (NotIdentifiableError, NotConvergedError) as error:
-        if (page is None and figures is None) or error.exit_status != 4:
+        if page is None or error.exit_status != 4:
             raise
-        _write_attempt(error, log, files, page, one(figures))
-        if page is None:
-            raise
+        _write_attempt(error, log, files, page)
         look = f"{page} shows what is weak and what the log holds"
         raise error.restated(hint=f"{error.hint}. {look}" if error.hint else look) from error
     if target is not None and (result.accepted or allow_rejected):
         save_calibration(result, target)
     # Whatever the verdict: its advice is to look at the postures.
-    result.save_figures(figures, progress, page)
+    result.save_page(page, progress)
     return result
 
 
@@ -251,14 +254,12 @@ def _write_attempt(
     error: NotIdentifiableError | NotConvergedError,
     log: LogPass,
     paths: Sequence[Path],
-    page: Path | None,
-    figures: Path | None,
+    page: Path,
 ) -> None:
-    """Write page and figures of an error that says the data do not give the angles.
+    """Write the page of an error that says the data do not give the angles.
 
     log : as far as it was read; not at all where there are several campaigns.
     """
-    from tdfscal.reporting.figures.style import save
     from tdfscal.reporting.html import render
     from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
 
@@ -271,10 +272,5 @@ def _write_attempt(
         tuple(map(str, paths)),
         log.settings.command,
     )
-    drawings = undetermined_drawings(attempt)
-    if figures is not None:
-        for drawing in drawings:
-            save(drawing, figures)
-    if page is not None:
-        write_text(page, render(undetermined_report(attempt, drawings)))
+    write_text(page, render(undetermined_report(attempt, undetermined_drawings(attempt))))
     appear_now()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 from tdfscal.comparison.compatibility import Comparison, compare_pair
 from tdfscal.errors import UsageError
@@ -13,7 +14,8 @@ from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.several import comparison_document, comparison_report
 from tdfscal.reporting.text import render
 from tdfscal.workflows.calibration import CalibrationSource, read_sources, sources_of
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_column
 
 
@@ -71,16 +73,19 @@ class CompareResult(Result):
         return tuple(comparison(pair, k + 1) for k, pair in enumerate(self.pairs))
 
 
+@command("compare last-month.yaml calibration.yaml")
 def compare(
-    *files: CalibrationSource | Iterable[CalibrationSource], progress: Progress = SILENT
+    *files: Annotated[
+        CalibrationSource | Iterable[CalibrationSource],
+        Option(
+            "calibration files of one rig, two or more; the first is compared with each other",
+            list[Path],
+            "A B…",
+        ),
+    ],
+    progress: Telling = SILENT,
 ) -> CompareResult:
     """Tell whether calibrations agree: differences, joint χ², E_n per angle, verdict.
-
-    Parameters
-    ----------
-    files : two or more, each a file or a calibration in memory; the first is compared with each
-        of the others.
-    progress : called as the work goes on.
 
     Raises
     ------

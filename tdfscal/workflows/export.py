@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from tdfscal.errors import RejectedError, UsageError
+from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS
-from tdfscal.exports.certificate import certificate
 from tdfscal.files.output_places import check_outputs
-from tdfscal.files.outputs import together
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.layout import Drawing
 from tdfscal.workflows.arguments import PathLike, one, one_of
 from tdfscal.workflows.calibration import (
     Calibration,
-    CalibrationSource,
     paths_of,
     read_source,
     unsealed,
 )
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import OneCalibration, Option, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
 Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc", "certificate"]
@@ -63,29 +61,22 @@ class ExportResult(Result):
         return f"ExportResult: {self.format} of {self.calibration.rig.name}, {where}"
 
 
-@together()
+@command("export calibration.yaml --to urdf -o sensors.urdf", output="content")
 def export(
-    calibration: CalibrationSource,
-    to: Target,
+    calibration: OneCalibration,
+    to: Annotated[Target, Option("format", names=("--to",), default=...)],
     *,
-    output: PathLike | None = None,
-    parent: str = "bcs",
-    schema: PathLike | None = None,
-    allow_rejected: bool = False,
-    progress: Progress = SILENT,
+    output: Annotated[
+        PathLike | None,
+        Option("default: stdout (-)", Path, "FILE", ("--output", "-o"), default=Path("-")),
+    ] = None,
+    parent: Annotated[
+        str, Option("frame with the BCS's axes (URDF, ROS)", metavar="FRAME")
+    ] = "bcs",
+    allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
+    progress: Telling = SILENT,
 ) -> ExportResult:
     """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate.
-
-    Parameters
-    ----------
-    calibration : file, or a calibration in memory.
-    to : urdf, ros (transforms), ros-parameters, ros-launch, csv, c, dcc (XML) or
-        certificate (a page to print).
-    output : file to write; without it the text is the result's `content`.
-    parent : frame with the BCS's axes (URDF, ROS).
-    schema : XSD that a DCC is checked against.
-    allow_rejected : export what the quality gate rejected.
-    progress : called as the work goes on.
 
     Raises
     ------
@@ -97,10 +88,7 @@ def export(
     del progress
     target = one(output)
     one_of("--to", to, list(FORMATS))
-    if schema is not None and to != "dcc":
-        raise UsageError("only a DCC has a schema", where="--schema", hint="use --to dcc")
-    reads = [*paths_of([calibration]), *([Path(schema)] if schema is not None else [])]
-    check_outputs({"--output": (target, ())}, reads)
+    check_outputs({"--output": (target, ())}, paths_of([calibration]))
     name, loaded = read_source(calibration)
     if not loaded.accepted and not allow_rejected:
         raise RejectedError(
@@ -108,13 +96,7 @@ def export(
             where=name,
             hint="use --allow-rejected to export it all the same",
         )
-    if schema is not None:
-        from tdfscal.exports.schemacheck import check, schema_version
-
-        text = certificate(loaded, schema_version(Path(schema)))
-        check(text, Path(schema))
-    else:
-        text = FORMATS[to](loaded, parent)
+    text = FORMATS[to](loaded, parent)
     if target is not None:
         write_text(target, text)
     return ExportResult(to, text, loaded, target, unsealed(loaded, name))

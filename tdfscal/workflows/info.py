@@ -8,16 +8,17 @@ from typing import Any
 
 from tdfscal.errors import RigError
 from tdfscal.files import RIG_NAME
-from tdfscal.files.outputs import protect, together
+from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.logs import expand, is_log
 from tdfscal.logs.describe import describe_logs
 from tdfscal.logs.description.info import LogInfo, as_document
 from tdfscal.reporting.layout import Drawing
 from tdfscal.reporting.log_description import as_text
-from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, one, window
+from tdfscal.workflows.arguments import listed, one, window
 from tdfscal.workflows.campaign import find_logs
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import Begin, End, Paths, RigFile, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_column
 
 
@@ -59,25 +60,16 @@ class InfoResult(Result):
         return (found(dwells),) if dwells is not None and len(dwells) else ()
 
 
-@together()
+@command("info campaign/log.csv")
 def info(
-    paths: PathLikes,
+    paths: Paths,
     *,
-    rig: PathLike | None = None,
-    from_: Instant | None = None,
-    to: Instant | None = None,
-    figures: PathLike | None = None,
-    progress: Progress = SILENT,
+    rig: RigFile = None,
+    from_: Begin = None,
+    to: End = None,
+    progress: Telling = SILENT,
 ) -> InfoResult:
     """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.
-
-    Parameters
-    ----------
-    paths : campaign folder, or log files.
-    rig : rig.yaml, where no folder holds one; none is needed.
-    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
-    figures : folder for the figures, PNG, SVG and PDF.
-    progress : called as the work goes on.
 
     Raises
     ------
@@ -92,9 +84,7 @@ def info(
     protect(expand(logs))
     with progress.reading(expand(logs)) as share:
         found = describe_logs(logs, loaded, window=part, progress=share)
-    result = InfoResult(replace(found, problems=(*fault, *found.problems)))
-    result.save_figures(figures, progress)
-    return result
+    return InfoResult(replace(found, problems=(*fault, *found.problems)))
 
 
 def _rig(paths: list[Path], named: Path | None) -> tuple[LoadedRig | None, tuple[str, ...]]:

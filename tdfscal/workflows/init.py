@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 from tdfscal.checks.rig_from_log import RigSketch, sketch_rig
 from tdfscal.dwells import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.files.output_places import check_outputs
-from tdfscal.files.outputs import together
 from tdfscal.files.rig.draft import draft, unconfirmed
 from tdfscal.files.rig.reading import parse_rig
 from tdfscal.files.saving import write_text
@@ -19,10 +19,11 @@ from tdfscal.logs.description.info import LogInfo, mapping_document
 from tdfscal.logs.description.mapping_guess import sampled
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, one, window
+from tdfscal.workflows.arguments import PathLike, listed, one, window
 from tdfscal.workflows.campaign import find_logs, inputs_read
 from tdfscal.workflows.info import InfoResult
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import Begin, End, Option, Paths, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
 _GRAVITY = 9.80665
@@ -78,23 +79,19 @@ class InitResult(Result):
         return self.description.mapping.supports if self.description.mapping else ()
 
 
-@together()
+@command("init campaign/log.csv -o campaign/rig.yaml", output="yaml")
 def init(
-    paths: PathLikes,
+    paths: Paths,
     *,
-    output: PathLike | None = None,
-    from_: Instant | None = None,
-    to: Instant | None = None,
-    progress: Progress = SILENT,
+    output: Annotated[
+        PathLike | None,
+        Option("default: stdout (-)", Path, "FILE", ("--output", "-o"), default=Path("-")),
+    ] = None,
+    from_: Begin = None,
+    to: End = None,
+    progress: Telling = SILENT,
 ) -> InitResult:
-    """Write a complete, commented rig.yaml from logs of a rig never seen before.
-
-    Parameters
-    ----------
-    paths : logs, or a folder of logs; several are one campaign.
-    output : file to write.
-    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
-    progress : called as the work goes on.
+    """Write a complete, commented rig.yaml from a log; what to confirm is marked in it.
 
     Raises
     ------

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
-from tdfscal.files.outputs import together
 from tdfscal.logs import is_log
 from tdfscal.model.earlier import free_constants
 from tdfscal.model.parameters import State, deviation
@@ -28,12 +26,13 @@ from tdfscal.records import ANGLES, BoolArray, Measured, Rig
 from tdfscal.reporting.layout import LISTED, Drawing, Report
 from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
-from tdfscal.workflows.arguments import Instant, one, window
+from tdfscal.workflows.arguments import one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
 from tdfscal.workflows.campaign import campaign_folders, inputs_read
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import Begin, End, Option, Page, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import Recording, refuse_repeated, stated_date
 from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.several_campaigns import Read, read_campaign, recorded, require_one_rig
@@ -97,27 +96,21 @@ class MonitorResult(Result):
         return draw(self.life)
 
 
-@together()
+@command("monitor 2026-*.yaml --html history.html")
 def monitor(
-    *files: CalibrationSource | Iterable[CalibrationSource],
-    rate: float = ALARMS_PER_YEAR,
-    from_: Instant | None = None,
-    to: Instant | None = None,
-    since: str | None = None,
-    html: str | PathLike[str] | None = None,
-    figures: str | PathLike[str] | None = None,
-    progress: Progress = SILENT,
+    *files: Annotated[
+        CalibrationSource | Iterable[CalibrationSource],
+        Option("calibration files and campaign folders of one rig", list[Path], "FILE…"),
+    ],
+    from_: Begin = None,
+    to: End = None,
+    since: Annotated[
+        str | None, Option("alarms raised before count no more", metavar="DATE")
+    ] = None,
+    html: Page = None,
+    progress: Telling = SILENT,
 ) -> MonitorResult:
-    """Watch a rig over time: control chart by date of measurement, alarms, next calibration.
-
-    Parameters
-    ----------
-    files : calibrations, and campaign folders with a rig.yaml each, of one rig; two or more.
-    rate : false alarms per year that an unchanged rig may raise.
-    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
-    since : a date; alarms raised before it are shown, and count no more.
-    html : page to write. figures : folder for the figures, PNG, SVG and PDF.
-    progress : called as the work goes on.
+    """Watch a rig over time: control chart, alarms (status 1), when to calibrate next.
 
     Raises
     ------
@@ -127,10 +120,6 @@ def monitor(
         One cannot be read.
     """
     sources, page, first = sources_of(*files), one(html), _date(since)
-    if not 0 < rate <= 1:
-        raise UsageError(
-            f"{rate:g} false alarms per year", where="--rate", hint="give 1 or less, above 0"
-        )
     check_outputs({"--html": (page, PAGE_SUFFIXES)}, inputs_read(paths_of(sources)))
     calibrations, folders = _sorted_out(sources)
     known = [read_earlier(source) for source in calibrations]
@@ -144,14 +133,14 @@ def monitor(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
     progress.stage(f"going through {len(known) + len(reads)} checks")
-    life = life_of(rig, known, reads, rate)
+    life = life_of(rig, known, reads)
     result = MonitorResult(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
         _warnings(life, known, reads),
     )
-    result.save_figures(figures, progress, page)
+    result.save_page(page, progress)
     return result
 
 
@@ -233,8 +222,8 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: float) -> Life:
-    """Go through calibrations and campaigns of a rig, at a rate of false alarms per year.
+def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]) -> Life:
+    """Go through calibrations and campaigns of a rig.
 
     Raises UsageError where a calibration stands on another that is not among them.
     """
@@ -256,7 +245,7 @@ def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read], rate: flo
     ]
     checks.sort(key=lambda check: check.month)
     fit = (sum(chi2 for chi2, _ in fits), sum(dof for _, dof in fits))
-    return live(rig, reference, prior, checks, rate=rate, fit=fit)
+    return live(rig, reference, prior, checks, rate=ALARMS_PER_YEAR, fit=fit)
 
 
 def _determined(rig: Rig, pooled: Pool, reads: Sequence[Read]) -> BoolArray:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import check_outputs
-from tdfscal.files.outputs import together
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.saving import write_text
 from tdfscal.files.writers.plan import plan_csv, time_table_csv, waypoints_csv
@@ -48,6 +47,7 @@ from tdfscal.workflows.arguments import (
 )
 from tdfscal.workflows.campaign import inputs_read, resolve, rig_named
 from tdfscal.workflows.log_pass import LogPass, Settings
+from tdfscal.workflows.options import CommandLine, Option, Telling, command
 from tdfscal.workflows.progress import SILENT, Progress
 from tdfscal.workflows.result import Result, by_angle
 from tdfscal.workflows.samples import delay_of
@@ -68,13 +68,12 @@ Travel = Sequence[str] | Mapping[str | None, Sequence[float]]
 class PlanResult(Result):
     """Postures or a motion to drive, and what to expect of it.
 
-    output, waypoints : the files. seed, command : for them.
+    output, waypoints : the files. command : for them.
     """
 
     plan: Plan | MovingPlan
     output: Path | None
     waypoints: Path | None
-    seed: int
     command: str
 
     def to_report(self) -> Report:
@@ -87,15 +86,15 @@ class PlanResult(Result):
     def content(self) -> str:
         """The file that a machine drives, CSV."""
         if isinstance(self.plan, MovingPlan):
-            return time_table_csv(self.plan, self.command, self.seed)
-        return plan_csv(self.plan, self.command, self.seed)
+            return time_table_csv(self.plan, self.command)
+        return plan_csv(self.plan, self.command)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain JSON values, SI units."""
         table, spline = (None if p is None else str(p) for p in (self.output, self.waypoints))
         if isinstance(self.plan, MovingPlan):
-            return moving_plan_document(self.plan, table, spline, self.seed)
-        return plan_document(self.plan, table, self.seed)
+            return moving_plan_document(self.plan, table, spline)
+        return plan_document(self.plan, table)
 
     def to_frame(self) -> pd.DataFrame:
         """One row per posture, or instant in s: hinge centres in m, squeezes in N, BCS."""
@@ -119,58 +118,80 @@ class PlanResult(Result):
         return (planned(self.plan),)
 
 
-@together()
+@command("plan rig.yaml -o plan.csv --postures 24", output="content")
 def plan(
-    rig: PathLike,
+    rig: Annotated[PathLike, Option("a rig.yaml, or its folder", Path, "RIG")],
     *,
-    output: PathLike | None = None,
-    postures: int | None = None,
-    target: float | None = None,
-    tilt: float = 5.0,
-    squeeze: float = 200.0,
-    force_limit: float | None = None,
-    travel: Travel = (),
-    home: Numbers | None = None,
-    stiffness: float | None = None,
-    noise: float | None = None,
-    candidates: int = 1000,
-    objective: Objective = "angles",
-    at: Numbers | None = None,
-    given: PathLikes = (),
-    motion: bool = False,
-    duration: float = 60.0,
-    speed: float = 0.02,
-    waypoints: PathLike | None = None,
-    figures: PathLike | None = None,
-    seed: int = 0,
-    command: str = "tdfscal.plan",
-    progress: Progress = SILENT,
+    output: Annotated[
+        PathLike | None,
+        Option(
+            "postures, or the time table, to drive",
+            Path,
+            "FILE.csv",
+            ("--output", "-o"),
+            default=...,
+        ),
+    ] = None,
+    postures: Annotated[
+        int | None, Option("postures to drive, returns included; default 24", least=1)
+    ] = None,
+    target: Annotated[
+        float | None,
+        Option("as many postures as bring every angle within this, mrad", metavar="MRAD"),
+    ] = None,
+    tilt: Annotated[float, Option("largest tilt, degrees", metavar="DEG")] = 5.0,
+    squeeze: Annotated[float, Option("largest internal force at any NCP, N", metavar="N")] = 200.0,
+    force_limit: Annotated[
+        float | None, Option("largest force at any NCP in all, N", metavar="N")
+    ] = None,
+    travel: Annotated[
+        Travel,
+        Option(
+            "way from home, either side, m: of all NCPs, or of one; repeatable",
+            list[str],
+            "[NCP=]M[,M,M]",
+        ),
+    ] = (),
+    home: Annotated[
+        Numbers | None,
+        Option("LCS origin in the BCS at home, m; default 0,0,0", str | None, "X,Y,Z"),
+    ] = None,
+    stiffness: Annotated[
+        float | None,
+        Option("of an NCP, N/m: squeeze by displacements; else by servoed forces", metavar="N/M"),
+    ] = None,
+    noise: Annotated[
+        float | None,
+        Option(
+            "noise of a posture's mean force per axis, N; default 1, or that of --given; of a "
+            "motion, of a mean over a second, default 0.1",
+            metavar="N",
+        ),
+    ] = None,
+    objective: Annotated[
+        Objective, Option("the quantity whose uncertainty is minimised")
+    ] = "angles",
+    at: Annotated[
+        Numbers | None,
+        Option("assembly posture for the contact wrench, rad", str | None, "R,P,Y"),
+    ] = None,
+    given: Annotated[
+        PathLikes,
+        Option("campaign or log recorded already; plan what is next", list[Path], "PATH"),
+    ] = (),
+    motion: Annotated[bool, Option("plan a motion without a stop, not postures")] = False,
+    duration: Annotated[float, Option("of the motion, s", metavar="S")] = 60.0,
+    speed: Annotated[
+        float, Option("largest speed of a hinge in motion, m/s", metavar="M/S")
+    ] = 0.02,
+    waypoints: Annotated[
+        PathLike | None,
+        Option("also write the motion's waypoints for a spline", Path | None, "FILE.csv"),
+    ] = None,
+    command: CommandLine = "tdfscal.plan",
+    progress: Telling = SILENT,
 ) -> PlanResult:
     """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them.
-
-    Parameters
-    ----------
-    rig : rig.yaml, or its folder.
-    output : CSV file to write.
-    postures : to drive, returns included; default 24. target : mrad, as many postures as bring
-        every angle within this; not both.
-    tilt : degrees, largest tilt.
-    squeeze, force_limit : N, largest internal force, and largest force in all, at any NCP.
-    travel : m, way from home, either side: `0.1`, `0.1,0.1,0.2` or `ncp1=0.1`, one or several.
-    home : m, LCS origin in the BCS at home; default 0, 0, 0.
-    stiffness : N/m, of an NCP: squeeze by displacements; else by servoed forces.
-    noise : N, of a posture's mean force per axis; default 1, or that of `given`. Of a motion: of a
-        force's mean over a second; default 0.1.
-    candidates : postures to choose from.
-    objective : the quantity whose uncertainty is minimised: angles, or wrench.
-    at : rad, assembly posture for the contact wrench.
-    given : campaign or log recorded already; plan what is next.
-    motion : plan a motion without a stop. duration : s. speed : m/s, of any hinge at most.
-    waypoints : CSV file of as few rows as a spline needs, besides the time table in `output`.
-    figures : folder for the figures, PNG, SVG and PDF.
-    seed : of all random numbers.
-    command : kept in the file, as what was asked for.
-    progress : called as the work goes on.
 
     Raises
     ------
@@ -192,8 +213,6 @@ def plan(
         )
     one_of("--objective", objective, get_args(Objective))
     at_least("--postures", postures, 1)
-    at_least("--candidates", candidates, 1)
-    at_least("--seed", seed, 0)
     reads = inputs_read(listed(given), Path(rig))
     check_outputs({"--output": (file, [".csv"]), "--waypoints": (spline, [".csv"])}, reads)
     known = rig_named(rig)
@@ -205,7 +224,7 @@ def plan(
         home=np.array((0.0, 0.0, 0.0) if home is None else triple("--home", home)),
         stiffness=stiffness,
     )
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     found: Plan | MovingPlan
     if motion:
         progress.stage("looking for the best motion")
@@ -213,14 +232,13 @@ def plan(
         moving = MovingRequest(limits, duration, speed, density, delay_of(known))
         found = plan_motion(known.rig, moving, rng)
         if spline is not None:
-            write_text(spline, waypoints_csv(found, command, seed))
+            write_text(spline, waypoints_csv(found, command))
     else:
         before = _recorded(known, listed(given), noise or DEFAULT_NOISE, progress)
         usual = DEFAULT_NOISE if before is None else scatter_of(before)
         request = Request(
             limits=limits,
             noise=usual if noise is None else noise,
-            candidates=candidates,
             objective=objective,
             at=None if at is None else triple("--at", at),
         )
@@ -229,10 +247,9 @@ def plan(
             found = make_plan(known.rig, request, count, rng, given=before)
         else:
             found = plan_for_target(known.rig, request, 1e-3 * target, rng, given=before)
-    result = PlanResult(found, file, spline, seed, command)
+    result = PlanResult(found, file, spline, command)
     if file is not None:
         write_text(file, result.content)
-    result.save_figures(figures, progress)
     return result
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from tdfscal.reporting.registration import document, registration_report
 from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
 from tdfscal.workflows.arguments import PathLike, one_of
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
 
@@ -51,31 +52,34 @@ class RegisterResult(Result):
         return (registered(self.registration),)
 
 
+@command("register measured.csv drawing.csv --unit mm")
 def register(
-    measured: PathLike,
-    reference: PathLike,
+    measured: Annotated[PathLike, Option("point file, as measured", Path, "MEASURED")],
+    reference: Annotated[PathLike, Option("point file, fitted onto it", Path, "REFERENCE")],
     *,
-    unit: str | None = None,
-    match: Match = "name",
-    groups: Mapping[str, str] | Sequence[str] = (),
-    range: float | None = None,
-    range_ppm: float | None = None,
-    angle_arcsec: float | None = None,
-    scale: bool = False,
-    progress: Progress = SILENT,
+    unit: Annotated[str | None, Option("of files that name none: m, mm, in …", metavar="U")] = None,
+    match: Annotated[
+        Match,
+        Option("pair points by group and name, by name in whatever group, or row by row"),
+    ] = "name",
+    groups: Annotated[
+        Mapping[str, str] | Sequence[str],
+        Option("measured group A is reference group B; repeatable", list[str], "A=B"),
+    ] = (),
+    range: Annotated[
+        float | None, Option("instrument: standard uncertainty of its range, m", metavar="M")
+    ] = None,
+    range_ppm: Annotated[
+        float | None, Option("instrument: what adds to it, ppm of the distance", metavar="P")
+    ] = None,
+    angle_arcsec: Annotated[
+        float | None,
+        Option("instrument: standard uncertainty of its angles, arcsec", metavar="A"),
+    ] = None,
+    scale: Annotated[bool, Option("estimate a scale of the reference too")] = False,
+    progress: Telling = SILENT,
 ) -> RegisterResult:
     """Fit the rigid transform from reference points to measured ones, with its uncertainty.
-
-    Parameters
-    ----------
-    measured, reference : point files; the second is moved onto the first.
-    unit : length unit of files that name none.
-    match : pair the points by group and name ("name"), by name alone ("point"), by row ("order").
-    groups : measured group → reference group, where their names differ; or texts `A=B`.
-    range, range_ppm, angle_arcsec : standard uncertainties of the instrument, m, ppm of the
-        distance, seconds of arc. Without them, and without any in the files, the residuals tell.
-    scale : estimate a scale of the reference too.
-    progress : called as the work goes on.
 
     Raises
     ------

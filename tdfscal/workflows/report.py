@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
-from tdfscal.files.outputs import together
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.several import as_found, document, put_side_by_side, several_report
 from tdfscal.workflows.arguments import PathLike, one
@@ -21,7 +21,8 @@ from tdfscal.workflows.calibration import (
     read_sources,
     sources_of,
 )
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_column
 
 
@@ -68,29 +69,29 @@ class ReportResult(Result):
         return (drift(view.history, view.letters, view.days),)
 
 
-@together()
+@command("report calibration.yaml --html report.html", html="html")
 def report(
-    *files: CalibrationSource | Iterable[CalibrationSource],
-    previous: CalibrationSource | None = None,
-    html: PathLike | None = None,
-    figures: PathLike | None = None,
-    progress: Progress = SILENT,
+    *files: Annotated[
+        CalibrationSource | Iterable[CalibrationSource],
+        Option("calibration files; - for stdin", list[Path], "FILE"),
+    ],
+    previous: Annotated[
+        CalibrationSource | None,
+        Option("the calibration before: what was found, what is left", Path | None, "FILE"),
+    ] = None,
+    html: Annotated[
+        PathLike | None, Option("also write one HTML page; - for stdout", Path | None, "FILE")
+    ] = None,
+    progress: Telling = SILENT,
 ) -> ReportResult:
     """Summarise a calibration file, or several side by side and over time.
-
-    Parameters
-    ----------
-    files : each a file or a calibration in memory.
-    previous : the calibration that a single one follows, for what was found and what is left.
-    html : page to write. figures : folder for the figures, PNG, SVG and PDF.
-    progress : called as the work goes on.
 
     Raises
     ------
     UsageError, DataError
         A file cannot be read, is no calibration, or they are of different supports.
     """
-    sources, page, folder = sources_of(*files), one(html), one(figures)
+    sources, page = sources_of(*files), one(html)
     before = [] if previous is None else [previous]
     check_outputs({"--html": (page, PAGE_SUFFIXES)}, paths_of([*sources, *before]))
     if before and len(sources) > 1:
@@ -100,5 +101,5 @@ def report(
         )
     named = read_sources([*sources, *before])
     result = ReportResult(tuple(named[: len(sources)]), named[-1] if before else None)
-    result.save_figures(folder, progress, page)
+    result.save_page(page, progress)
     return result

@@ -14,7 +14,6 @@ from tdfscal.errors import UsageError
 from tdfscal.files.saving import write_text
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.progress import SILENT, Progress
 
 if TYPE_CHECKING:
@@ -98,23 +97,11 @@ class Result(ABC):
         page = self._page(drawings)
         return "" if page is None else render(page)
 
-    def save_figures(
-        self, folder: PathLike | None, progress: Progress = SILENT, page: Path | None = None
-    ) -> None:
-        """Write every figure as PNG, SVG and PDF into a folder, and the page; None writes none.
-
-        Raises UsageError where they cannot be written.
-        """
-        drawings = self.drawings() if folder is not None or page is not None else ()
+    def save_page(self, page: Path | None, progress: Progress = SILENT) -> None:
+        """Write the result's page, where one is asked for. Raises UsageError."""
         if page is not None:
             progress.stage("drawing the report")
-            write_text(page, self._rendered(drawings))
-        if folder is not None:
-            from tdfscal.reporting.figures.style import save
-
-            progress.stage("drawing the figures")
-            for drawing in drawings:
-                save(drawing, Path(folder))
+            write_text(page, self._rendered(self.drawings()))
 
     @property
     def notes(self) -> tuple[str, ...]:

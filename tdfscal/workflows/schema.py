@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from tdfscal.files.outputs import together
 from tdfscal.files.schema import write_schemas
 from tdfscal.workflows.arguments import PathLike
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
 
@@ -33,14 +33,13 @@ class SchemaResult(Result):
         return {"file": [str(path) for path in self.files]}
 
 
-@together()
-def schema(folder: PathLike = "schemas", *, progress: Progress = SILENT) -> SchemaResult:
+@command("schema schemas")
+def schema(
+    folder: Annotated[PathLike, Option("where to write", Path, "DIR")] = "schemas",
+    *,
+    progress: Telling = SILENT,
+) -> SchemaResult:
     """Write the JSON Schemas of the rig, calibration and point files.
-
-    Parameters
-    ----------
-    folder : where to write; it is made where it is missing.
-    progress : called as the work goes on.
 
     Raises
     ------

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import check_folder
-from tdfscal.files.outputs import protect, together
+from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.reporting.layout import Drawing
-from tdfscal.simulation import Recorder, Run
+from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run
 from tdfscal.workflows.arguments import PathLike, at_least, one_of
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import Option, Telling, command
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_angle
 from tdfscal.workflows.survey import survey_of
 
 #: Samples per second that a recorder can have.
 RATES = (10.0, 20e3)
+
+#: What the help says of the scenarios.
+_SCENARIOS = f"self, tracker, months, {', '.join(MOVING)}; or with a fault: " + ", ".join(
+    name for name in SCENARIOS if name not in ("self", "tracker")
+)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -58,38 +64,25 @@ class SimulateResult(Result):
         return (truth(rig.supports, self.run.truth.rpy, rig.nominal_rpy),)
 
 
-@together()
+@command("simulate campaign --scenario contact")
 def simulate(
-    folder: PathLike,
+    folder: Annotated[PathLike, Option("campaign folder to write", Path, "DIR")],
     *,
-    rig: PathLike | None = None,
-    scenario: str = "self",
-    format: LogFormat = "csv",
-    postures: int = 24,
-    tilt: float = 5.0,
-    squeeze: float = 200.0,
-    rate: float = 100.0,
-    months: int = 12,
-    seed: int = 0,
-    force: bool = False,
-    progress: Progress = SILENT,
+    rig: Annotated[
+        PathLike | None, Option("a rig.yaml; default the reference rig", Path | None, "FILE")
+    ] = None,
+    scenario: Annotated[str, Option(_SCENARIOS, metavar="NAME")] = "self",
+    format: Annotated[LogFormat, Option("format of the log")] = "csv",
+    postures: Annotated[int, Option("number of postures", least=1)] = 24,
+    tilt: Annotated[float, Option("largest tilt, degrees")] = 5.0,
+    squeeze: Annotated[float, Option("commanded internal forces, N")] = 200.0,
+    rate: Annotated[float, Option("samples per second of all signals", least=10.0)] = 100.0,
+    months: Annotated[int, Option("campaigns of the scenario months", least=1)] = 12,
+    seed: Annotated[int, Option("seed of all random numbers", least=0)] = 0,
+    force: Annotated[bool, Option("replace what is in the folder")] = False,
+    progress: Telling = SILENT,
 ) -> SimulateResult:
     """Write a synthetic campaign with its truth.yaml.
-
-    Parameters
-    ----------
-    folder : campaign folder to write.
-    rig : rig.yaml; default the reference rig.
-    scenario : self, tracker, months, motion, approach, stops, or a fault.
-    format : of the log: csv, parquet or mcap.
-    postures : number of them.
-    tilt : degrees, largest tilt.
-    squeeze : N, commanded internal forces.
-    rate : samples per second of all signals.
-    months : number of campaigns of the scenario "months", a folder each.
-    seed : of all random numbers.
-    force : replace the campaign that stands in the folder.
-    progress : called as the work goes on.
 
     Raises
     ------

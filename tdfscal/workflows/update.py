@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
@@ -14,7 +15,6 @@ from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibr
 from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
-from tdfscal.files.outputs import together
 from tdfscal.model.earlier import information_of
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.motioncal.pipeline import MotionCalibration
@@ -23,20 +23,31 @@ from tdfscal.records import Rig
 from tdfscal.selfcal.covariance import joint_posterior
 from tdfscal.significance import CAMPAIGN_MISFIT
 from tdfscal.workflows.arguments import (
-    Instant,
     PathLike,
-    PathLikes,
-    at_least,
     check_trials,
     listed,
     one,
     window,
 )
-from tdfscal.workflows.calibration import Calibration, CalibrationSource, as_calibration, paths_of
+from tdfscal.workflows.calibration import Calibration, as_calibration, paths_of
 from tdfscal.workflows.campaign import campaign_folders, inputs_read, resolve
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import (
+    AllowRejected,
+    Begin,
+    CommandLine,
+    End,
+    OneCalibration,
+    Option,
+    Page,
+    Paths,
+    RigFile,
+    Telling,
+    Trials,
+    command,
+)
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import day, refuse_repeated
 from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
@@ -48,42 +59,34 @@ from tdfscal.workflows.several_campaigns import (
 )
 
 
-@together()
+@command("update calibration.yaml this-month -o updated.yaml", output="content")
 def update(
-    calibration: CalibrationSource,
-    paths: PathLikes,
+    calibration: OneCalibration,
+    paths: Paths,
     *,
-    rig: PathLike | None = None,
-    from_: Instant | None = None,
-    to: Instant | None = None,
-    trials: int | None = None,
-    seed: int = 0,
-    output: PathLike | None = None,
-    html: PathLike | None = None,
-    allow_rejected: bool = False,
-    salvage: bool = False,
-    command: str = "tdfscal.update",
-    progress: Progress = SILENT,
+    rig: RigFile = None,
+    from_: Begin = None,
+    to: End = None,
+    trials: Trials = None,
+    output: Annotated[
+        PathLike | None,
+        Option(
+            "file to write, .yaml or .json; - for stdout",
+            Path,
+            "FILE",
+            ("--output", "-o"),
+            default=...,
+        ),
+    ] = None,
+    html: Page = None,
+    allow_rejected: AllowRejected = False,
+    command: CommandLine = "tdfscal.update",
+    progress: Telling = SILENT,
 ) -> Calibration:
-    """Bring a calibration up to date with a new campaign: angles, zeros and load.
+    """Bring a calibration up to date with a new campaign: zeros, load, angles.
 
     The last calibration with its full covariance, widened by the random walk `drift.angle` since,
     is what is known before; one posture is enough to find new zeros.
-
-    Parameters
-    ----------
-    calibration : the last one, a file or in memory.
-    paths : campaign folder or logs; several folders with a rig.yaml each are taken in the order
-        of their dates.
-    rig : rig.yaml, where no folder holds one.
-    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
-    trials : Monte Carlo trials at most; None for the default, 0 for none.
-    seed : of all random numbers.
-    output : file to write, .yaml or .json. html : report page to write.
-    allow_rejected : write them although the quality gate rejects the result.
-    salvage : read what is sound of damaged logs; the result is then never accepted.
-    command : kept in the file, as what was asked for.
-    progress : called as the work goes on.
 
     Raises
     ------
@@ -93,12 +96,11 @@ def update(
     """
     target, page, rig_file, files = one(output), one(html), one(rig), listed(paths)
     check_trials(trials)
-    at_least("--seed", seed, 0)
     check_outputs(
         {"--output": (target, CALIBRATION_SUFFIXES), "--html": (page, PAGE_SUFFIXES)},
         inputs_read(files, rig_file, files=paths_of([calibration])),
     )
-    settings = Settings(progress, window(from_, to), salvage, trials, seed, command)
+    settings = Settings(progress, window(from_, to), trials=trials, command=command)
     earlier = read_earlier(calibration)
     groups = campaign_folders(files, rig_file)
     for group in groups:
@@ -112,7 +114,7 @@ def update(
     result = _updated(earlier, campaigns[-1], trials)
     if target is not None and (result.accepted or allow_rejected):
         save_calibration(result, target)
-    result.save_figures(None, progress, page)  # whatever the verdict
+    result.save_page(page, progress)  # whatever the verdict
     return result
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
 from tdfscal.errors import TdfscalError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
-from tdfscal.files.outputs import together
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
@@ -19,12 +18,24 @@ from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.workflows.arguments import Instant, PathLike, PathLikes, listed, one, one_of, window
-from tdfscal.workflows.calibration import Calibration, CalibrationSource, paths_of
+from tdfscal.workflows.arguments import listed, one, one_of, window
+from tdfscal.workflows.calibration import Calibration, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take, zero_age
 from tdfscal.workflows.campaign import inputs_read
 from tdfscal.workflows.log_pass import LogPass, Settings
-from tdfscal.workflows.progress import SILENT, Progress
+from tdfscal.workflows.options import (
+    Begin,
+    CommandLine,
+    End,
+    OneCalibration,
+    Option,
+    Page,
+    Paths,
+    RigFile,
+    Telling,
+    command,
+)
+from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 from tdfscal.workflows.samples import delay_of, moving_samples, neither, read_samples
 from tdfscal.wrench.contact_wrench import COMPONENTS
@@ -113,33 +124,22 @@ class ValidateResult(Result):
         return (validated(self.validation),)
 
 
-@together()
+@command("validate calibration.yaml check --html check.html")
 def validate(
-    calibration: CalibrationSource,
-    paths: PathLikes,
+    calibration: OneCalibration,
+    paths: Paths,
     *,
-    rig: PathLike | None = None,
-    samples: Samples | None = None,
-    from_: Instant | None = None,
-    to: Instant | None = None,
-    html: PathLike | None = None,
-    figures: PathLike | None = None,
-    command: str = "tdfscal.validate",
-    progress: Progress = SILENT,
+    rig: RigFile = None,
+    samples: Annotated[
+        Samples | None, Option("default: static where there are three dwells, else moving")
+    ] = None,
+    from_: Begin = None,
+    to: End = None,
+    html: Page = None,
+    command: CommandLine = "tdfscal.validate",
+    progress: Telling = SILENT,
 ) -> ValidateResult:
     """Check a calibration on postures or on a motion without contact: valid, or what changed.
-
-    Parameters
-    ----------
-    calibration : file, or a calibration in memory.
-    paths : campaign folder, or log files.
-    rig : rig.yaml, where no folder holds one; else the one that the calibration embeds.
-    samples : static dwells, or moving samples; by default static where the log holds three
-        dwells, else moving.
-    from_, to : part of the log to use: s of its clock, "2h"; "+90" after its begin; or a date.
-    html : report page to write. figures : folder for the figures, PNG, SVG and PDF.
-    command : kept on the page, as what was asked for.
-    progress : called as the work goes on.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def validate(
     warnings = (*use.warnings, *_used_before(use, log), *result.warnings)
     asked, inputs = (use.name, command), tuple(log.inputs)
     verdict = ValidateResult(result, use.calibration, warnings, inputs, asked)
-    verdict.save_figures(figures, progress, page)
+    verdict.save_page(page, progress)
     return verdict
 
 

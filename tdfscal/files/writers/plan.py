@@ -16,7 +16,7 @@ AXES = ("x", "y", "z")
 OVERSHOOT = 1.0e-3
 
 
-def plan_csv(plan: Plan, command: str, seed: int) -> str:
+def plan_csv(plan: Plan, command: str) -> str:
     """One row per posture in the order to drive: hinge centres in m, squeezes in N, BCS."""
     returns = set(plan.returns.tolist())
     how = [
@@ -30,19 +30,19 @@ def plan_csv(plan: Plan, command: str, seed: int) -> str:
         [str(k + 1), f"{plan.approach[k]:+d}", "1" if k in returns else ""]
         for k in range(len(plan))
     )
-    notes = _notes(plan, "", command, seed, how, noise)
+    notes = _notes(plan, "", command, how, noise)
     return _table(plan, notes, ["posture", "approach", "returns"], rows, plan.postures)
 
 
-def time_table_csv(plan: MovingPlan, command: str, seed: int) -> str:
+def time_table_csv(plan: MovingPlan, command: str) -> str:
     """One row per tenth of a second: hinge centres in m, squeezes in N, BCS."""
-    return _motion(plan, plan.time, "time table", command, seed)
+    return _motion(plan, plan.time, "time table", command)
 
 
-def waypoints_csv(plan: MovingPlan, command: str, seed: int) -> str:
+def waypoints_csv(plan: MovingPlan, command: str) -> str:
     """As few rows as a cubic spline needs, which is at rest at both ends."""
     spline = "Between the rows runs a cubic spline through all of them, with no speed at both ends."
-    return _motion(plan, plan.waypoints, "waypoints", command, seed, spline)
+    return _motion(plan, plan.waypoints, "waypoints", command, spline)
 
 
 def number(value: float, digits: int) -> str:
@@ -50,15 +50,13 @@ def number(value: float, digits: int) -> str:
     return f"{round(float(value), digits) + 0.0:.{digits}f}"  # never −0.000
 
 
-def _motion(
-    plan: MovingPlan, time: FloatArray, what: str, command: str, seed: int, *more: str
-) -> str:
+def _motion(plan: MovingPlan, time: FloatArray, what: str, command: str, *more: str) -> str:
     how = [
         f"t: s, from rest to rest in {plan.request.duration:g} s; at home at both ends.",
         "Move without contact, and record all of it.",
     ]
     noise = f"a noise of {plan.request.noise:g} N in a force's mean over a second"
-    notes = [*_notes(plan, f": {what} of a motion", command, seed, how, noise), *more]
+    notes = [*_notes(plan, f": {what} of a motion", command, how, noise), *more]
     return _table(plan, notes, ["t"], ([number(t, 6)] for t in time), plan.trajectory.at(time))
 
 
@@ -86,7 +84,7 @@ def _table(
 
 
 def _notes(
-    plan: Plan | MovingPlan, what: str, command: str, seed: int, how: Sequence[str], noise: str
+    plan: Plan | MovingPlan, what: str, command: str, how: Sequence[str], noise: str
 ) -> list[str]:
     """What it is, what its columns are, how to drive it, and what it is worth."""
     limits = plan.request.limits
@@ -109,7 +107,7 @@ def _notes(
         )
     return [
         f"tdfscal plan for {csv_comment(plan.rig.name)}{what}",
-        f"command: {csv_comment(command)} (seed {seed})",
+        f"command: {csv_comment(command)}",
         "frame: BCS. .x .y .z: hinge centre (SHC) to command to the NCP's servo, m.",
         f"The terminal's LCS origin stands at ({home}) m at home, level.",
         *squeeze,

@@ -1,0 +1,43 @@
+"""Write what the program says of itself into the reference: `python docs/generate.py`.
+
+Between `<!-- generated: NAME -->` and `<!-- end -->` stands what the function of that name makes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from tdfscal.cli.app import COMMANDS, described
+from tdfscal.workflows.options import sentence
+
+PAGE = Path(__file__).with_name("reference.md")
+_BLOCK = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def commands() -> Iterator[str]:
+    """Yield every command with a table of its options."""
+    for name, (_, text) in COMMANDS.items():
+        parameters = list(described(name).parameters)
+        given = "".join(f" {p.option.metavar}" for p in parameters if p.positional)
+        options = [p for p in parameters if not p.positional]
+        needed = "".join(f" {p.flags[-1]} {p.values}" for p in options if p.default is ...)
+        yield f"\n### tdfscal {name}\n\n{text}\n\n    tdfscal {name}{given}{needed}\n"
+        yield "\n| option | value | default | meaning |\n|---|---|---|---|\n"
+        for p in options:
+            names = ", ".join(f"`{flag}`" for flag in p.flags)
+            value = "`{}`".format(p.values.replace("|", "`, `")) if p.values else ""
+            default = p.default if isinstance(p.default, str | int | float) else ""
+            shown = "" if isinstance(default, bool) else default
+            yield f"| {names} | {value} | {shown} | {sentence(p.option)} |\n"
+    yield "\n"
+
+
+def generated(page: str) -> str:
+    """Return the page with every block made anew."""
+    return _BLOCK.sub(lambda m: m[1] + "".join(globals()[m[2]]()) + m[3], page)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(generated(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
