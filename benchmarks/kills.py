@@ -34,7 +34,7 @@ LINES = (
     "validate c@.yaml C@ --html out/v.html",
     "apply c@.yaml C@ -o out/w.csv",
     "apply c@.yaml C@ -o out/w.parquet",
-    "plan C@ -o out/p.csv --postures 4 --candidates 20 --seed @",
+    "plan C@ -o out/p.csv --postures 4 --seed @",
     "report c@.yaml --html out/r.html --figures out/figures",
     "monitor c@.yaml C% --html out/m.html",
     "export c@.yaml --to urdf -o out/x.urdf",

@@ -55,7 +55,7 @@ def _filter(f: dict[str, Any] | None) -> str:
         return told
     return (
         f"{told}: it does next to nothing, since the noise is as slow as a force that walks by "
-        f"{f['walk']:g} N in 1 s; a smaller --walk would take off more, and be later"
+        f"{f['walk']:g} N in 1 s"
     )
 
 

@@ -60,7 +60,7 @@ from tdfscal.workflows.wrench_summary import (
     zero_effect,
 )
 from tdfscal.wrench.contact_wrench import COMPONENTS, at_rest, in_motion
-from tdfscal.wrench.filtering import Kind, checked_walk, filter_for, filtered
+from tdfscal.wrench.filtering import WALK, Kind, filter_for, filtered
 from tdfscal.wrench.resampling import Tally, aligned
 from tdfscal.wrench.sample_noise import SampleNoise, coloured_noise, take_head, with_sample_noise
 
@@ -163,7 +163,7 @@ def apply(
     one_of("--filter", filter, get_args(Kind))
     reads = inputs_read(files, one(rig), files=paths_of([calibration]))
     check_outputs({"--output": (target, SUFFIXES)}, reads)
-    walk = checked_walk(filter, None)
+    walk = None if filter == "none" else WALK
     point = np.array(triple("--at", at))
     settings = Settings(progress, window(from_, to))
     use = take(calibration, files, one(rig))

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer.main
 
-from tdfscal.cli.program import app
+from tdfscal.cli import app
+from tdfscal.cli.app import made
 from tests.cli import world
 from tests.cli.running import Run, run
 from tests.docs.pages import table
@@ -39,7 +39,7 @@ class Case:
         return self.line.split()[0]
 
 
-FAST = "--postures 4 --candidates 20"
+FAST = "--postures 4"
 CASES = [
     Case("apply own.yaml campaign -o out/w.csv", 0, "largest: force"),
     Case("apply own.yaml campaign -o out/w.txt", 2, ".csv"),
@@ -120,19 +120,7 @@ WARNS = {"validate"}
 each = pytest.mark.parametrize
 
 
-def leaves(command: Any, name: str = "") -> dict[str, Any]:
-    """Every command of the program by its words."""
-    children = getattr(command, "commands", None)
-    if not children:
-        return {name: command}
-    return {
-        key: leaf
-        for child, inner in children.items()
-        for key, leaf in leaves(inner, f"{name} {child}".strip()).items()
-    }
-
-
-COMMANDS = leaves(typer.main.get_command(app))
+COMMANDS = {name: made(name) for name in app.COMMANDS}
 
 
 def options(command: str) -> set[str]:

@@ -21,7 +21,7 @@ from tdfscal.reporting.figures.style import Drawing, to_svg
 from tests.cli import world
 from tests.cli.running import SAMPLES, run
 
-FAST = "--postures 4 --candidates 20"
+FAST = "--postures 4"
 #: Every output that is one file: the command with its place, and the suffix of that place.
 PLACES = [
     ("calibrate C -o OUT --trials 0", ".yaml"),
@@ -105,8 +105,6 @@ def test_no_output_replaces_an_input(
 @pytest.mark.parametrize(
     ("line", "name"),
     [
-        ("report own.yaml --figures C", "own.yaml"),
-        ("report own.yaml --figures FOLDER", "own.yaml"),
         ("schema FOLDER", None),
     ],
 )
@@ -169,7 +167,6 @@ def test_a_name_ends_in_what_the_file_is(
     ("line", "name"),
     [
         ("report own.yaml --html OUT/page.html", "page.html"),
-        ("report own.yaml --figures OUT", "angles.svg"),
         ("schema OUT", "rig.schema.json"),
     ],
 )
@@ -420,7 +417,7 @@ def test_results_that_lie_in_a_campaign_are_left_alone(
         ("study", "accuracy", folder, "-o", folder, "--runs", 2, "--postures", 6, "--workers", 1),
         ("apply", "own.yaml", folder, "-o", folder / "w3.mcap"),
         ("validate", "own.yaml", folder, "--html", folder / "v.html"),
-        ("report", "own.yaml", "--html", folder / "r.html", "--figures", folder),
+        ("report", "own.yaml", "--html", folder / "r.html"),
         ("monitor", "own.yaml", "turned", "--html", folder / "m.html"),
         ("init", folder / "log.parquet", "-o", folder / "draft.yaml"),
         ("schema", folder),

@@ -25,7 +25,7 @@ from tests.cli.running import SAMPLES, run
 
 #: What differs from call to call: the time, and how the call was written down.
 PASSING = ("content_sha256", "created", "command")
-SMALL: dict[str, Any] = {"postures": 4, "candidates": 20}
+SMALL: dict[str, Any] = {"postures": 4}
 
 
 @dataclass(frozen=True)
@@ -39,15 +39,14 @@ class Both:
 BOTH = [
     Both("calibrate campaign --trials 0 -o out/c.yaml",
          lambda: tdfscal.calibrate("campaign", trials=0, output="out/c.yaml")),
-    Both("calibrate campaign --method tracker --trials 50 --seed 3 -o out/t.json",
-         lambda: tdfscal.calibrate(Path("campaign"), method="tracker", trials=50, seed=3)),
+    Both("calibrate campaign --method tracker --trials 50 -o out/t.json",
+         lambda: tdfscal.calibrate(Path("campaign"), method="tracker", trials=50)),
     Both("validate own.yaml turned", lambda: tdfscal.validate("own.yaml", "turned")),
-    Both("apply own.yaml campaign -o out/w.csv --filter kalman --walk 20",
-         lambda: tdfscal.apply("own.yaml", ["campaign"], output="out/w.csv", filter="kalman",
-                               walk=20.0)),
+    Both("apply own.yaml campaign -o out/w.csv --filter kalman",
+         lambda: tdfscal.apply("own.yaml", ["campaign"], output="out/w.csv", filter="kalman")),
     Both("compare own.yaml survey.json rejected.yaml",
          lambda: tdfscal.compare("own.yaml", "survey.json", "rejected.yaml")),
-    Both("plan campaign -o out/p.csv --postures 4 --candidates 20 --travel ncp1=0.4,0.4,0.4",
+    Both("plan campaign -o out/p.csv --postures 4 --travel ncp1=0.4,0.4,0.4",
          lambda: tdfscal.plan("campaign", output="out/p.csv", travel={"ncp1": (0.4, 0.4, 0.4)},
                               **SMALL)),
     Both("info campaign", lambda: tdfscal.info("campaign")),
@@ -84,7 +83,7 @@ BAD: list[tuple[str, Callable[[], Any], type[tdfscal.TdfscalError]]] = [
     ("compare own.yaml own.yaml", lambda: tdfscal.compare("own.yaml", "own.yaml"), UsageError),
     ("plan campaign -o out/p.csv --home 1,2",
      lambda: tdfscal.plan("campaign", home="1,2"), UsageError),
-    ("plan campaign -o out/p.csv --squeeze 0 --postures 4 --candidates 20",
+    ("plan campaign -o out/p.csv --squeeze 0 --postures 4",
      lambda: tdfscal.plan("campaign", squeeze=0.0, **SMALL), NotIdentifiableError),
     ("info empty.csv", lambda: tdfscal.info("empty.csv"), DataError),
     ("init empty.csv", lambda: tdfscal.init("empty.csv"), DataError),

@@ -17,8 +17,6 @@ from tests.cli.running import run
 
 from .limits import limits
 
-FEW = ["--candidates", "50"]
-
 
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -37,7 +35,7 @@ def test_rows_are_the_plan() -> None:
     plan = make_plan(
         rig, Request(limits(rig, stiffness=2e7), candidates=50), 8, np.random.default_rng(0)
     )
-    text = plan_csv(plan, "tdfscal plan", 0)
+    text = plan_csv(plan, "tdfscal plan")
     rows = table(text)
     assert [row["posture"] for row in rows] == [str(k + 1) for k in range(8)]
     assert [int(row["approach"]) for row in rows] == plan.approach.tolist()
@@ -63,14 +61,14 @@ def test_command_writes_and_prints(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "plan.csv"
-    seen = run(capsys, "plan", campaign, "-o", out, "--postures", "8", *FEW)
+    seen = run(capsys, "plan", campaign, "-o", out, "--postures", "8")
     assert seen.status == 0
     shown = seen.out
     assert "to expect of the installation angles" in shown
     assert max(map(len, shown.replace(str(out), "").splitlines())) <= 80
     assert len(table(out.read_text(encoding="utf-8"))) == 8
     again = tmp_path / "again.csv"
-    options = ["--postures", "8", *FEW, "--json", "--given", str(campaign)]
+    options = ["--postures", "8", "--json", "--given", str(campaign)]
     seen = run(capsys, "plan", campaign / "rig.yaml", "-o", again, *options)
     assert seen.status == 0
     document = json.loads(seen.out)
@@ -105,7 +103,7 @@ def test_faults_are_named_and_leave_no_file(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "plan.csv"
-    seen = run(capsys, "plan", campaign, "-o", out, *FEW, *options)
+    seen = run(capsys, "plan", campaign, "-o", out, *options)
     assert seen.status == status
     assert said in seen.err
     assert seen.out == ""

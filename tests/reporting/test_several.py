@@ -143,15 +143,6 @@ def test_report_of_one(files: list[Path], capsys: pytest.CaptureFixture[str]) ->
     assert document["supports"][1]["rpy"] == [0.0, 0.0, 5e-4]
 
 
-@pytest.mark.slow
-def test_figures_are_written(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
-    folder = files[0].with_name("figures")
-    assert run(capsys, "report", *files, "--figures", folder).status == 0
-    assert sorted(path.name for path in folder.iterdir()) == [
-        f"drift.{suffix}" for suffix in ("pdf", "png", "svg")
-    ]
-
-
 def test_compare(files: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     done = run(capsys, "compare", files[1], files[0])
     assert (done.status, done.err) == (0, "")

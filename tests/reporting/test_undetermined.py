@@ -142,7 +142,7 @@ def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
     assert "plan RIG --motion" in said
 
 
-def test_calibrate_writes_page_and_figures_but_no_calibration(
+def test_calibrate_writes_a_page_but_no_calibration(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -150,12 +150,9 @@ def test_calibrate_writes_page_and_figures_but_no_calibration(
     campaign = simulate_campaign(reference_rig(), options, np.random.default_rng(1))
     write_campaign(campaign, tmp_path / "c", format="csv")
     (tmp_path / "kept.yaml").write_text("kept")
-    seen = run(
-        capsys, "calibrate", "c", "-o", "kept.yaml", "--html", "p.html", "--figures", "f", "--json"
-    )
+    seen = run(capsys, "calibrate", "c", "-o", "kept.yaml", "--html", "p.html", "--json")
     assert (seen.status, seen.out) == (4, "")
     assert "p.html shows what is weak" in seen.err
-    assert {p.name for p in tmp_path.iterdir()} == {"c", "f", "kept.yaml", "p.html"}
+    assert {p.name for p in tmp_path.iterdir()} == {"c", "kept.yaml", "p.html"}
     assert (tmp_path / "kept.yaml").read_text() == "kept"
     assert "NOT IDENTIFIABLE" in (tmp_path / "p.html").read_text(encoding="utf-8")
-    assert {p.stem for p in (tmp_path / "f").iterdir()} >= {"determined", "timeline"}

@@ -302,9 +302,10 @@ def test_inertia_of_the_rig_file_is_used(
     inertia = {"value": [[60, 0, 0], [0, 60, 0], [0, 0, 90]], "std": 0.0}
     edited(folder / "rig.yaml", lambda d: d["terminal"].update(inertia=inertia))
     found = []
-    for more in ((), ("--quasi-static",)):
-        line = ("apply", places.calibration, folder, "-o", target, "--json", *more)
-        assert json.loads(run(capsys, *line).out)["quasi_static"] == bool(more)
+    for rig in (folder, places.held):
+        line = ("apply", places.calibration, folder, "--rig", rig / "rig.yaml", "-o", target)
+        told = json.loads(run(capsys, *line, "--json").out)
+        assert told["quasi_static"] == (rig != folder)
         found.append(pq.read_table(target)["fx"].to_numpy())
     assert len(found[0]) == len(found[1])
     assert np.abs(found[0] - found[1]).max() > 1.0
