@@ -84,7 +84,7 @@ def build(home: Path) -> None:
     content = json.loads((home / "c.json").read_text(encoding="utf-8"))
     del content["content_sha256"], content["rig"]["content_sha256"]
     (home / "bare.json").write_text(json.dumps(content), encoding="utf-8")
-    plan(home / "C" / "rig.yaml", output=home / "plan.csv", postures=4, candidates=20)
+    plan(home / "C" / "rig.yaml", output=home / "plan.csv", postures=4)
     _recordings(home)
 
 

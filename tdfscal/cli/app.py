@@ -84,7 +84,7 @@ class Commands(typer.core.TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands = dict.fromkeys(COMMANDS)  # from which a name near by is suggested
+        self.commands: Any = dict.fromkeys(COMMANDS)  # from which a name near by is suggested
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return their names."""

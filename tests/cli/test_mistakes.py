@@ -27,7 +27,7 @@ MISTAKES: tuple[tuple[str, int, str], ...] = (
     ("calibrate campaign -o nowhere/deep/result.yaml", 2, "folder"),
     ("calibrate campaign -o campaign/rig.yaml", 2, "Choose another name"),
     ("calibrate campaign --html page.pdf", 2, ".html"),
-    ("calibrate campaign --seed 1.5", 2, "'--seed': this is no whole number"),
+    ("calibrate campaign --trials 1.5", 2, "'--trials': this is no whole number"),
     ("calibrate campaign --from noon", 2, "12.5, 1.5min or 2h"),
     ("calibrate out", 2, "rig.yaml"),
     ("calibrate move.csv", 2, "--rig"),

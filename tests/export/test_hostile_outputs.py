@@ -118,12 +118,12 @@ def test_recordings_of_wrenches(line: str, wild: str, tmp_path: Path) -> None:
 @EACH
 def test_plans(line: str, wild: str) -> None:
     named = replace(plan(), rig=replace(plan().rig, name=f"rig {line}"))
-    text = plan_csv(named, f"command {wild}", 0)
+    text = plan_csv(named, f"command {wild}")
     no_controls(text)
     # Lines as CSV readers and spreadsheets take them.
     remarks = [row for row in text.splitlines() if row.startswith("#")]
     assert unescaped(remarks[0]) == f"# tdfscal plan for rig {line}"
-    assert unescaped(remarks[1]) == f"# command: command {wild} (seed 0)"
+    assert unescaped(remarks[1]) == f"# command: command {wild}"
     rows = list(csv.DictReader(row for row in text.splitlines() if not row.startswith("#")))
     assert [row["posture"] for row in rows] == ["1", "2", "3", "4"]
 
