@@ -23,8 +23,9 @@ from tdfscal.workflows.survey import survey_of
 RATES = (10.0, 20e3)
 
 #: What the help says of the scenarios.
-_SCENARIOS = f"self, tracker, months, {', '.join(MOVING)}; or with a fault: " + ", ".join(
-    name for name in SCENARIOS if name not in ("self", "tracker")
+_SCENARIOS = (
+    f"what to simulate: self, tracker, months, {', '.join(MOVING)}; or with a fault: "
+    + ", ".join(name for name in SCENARIOS if name not in ("self", "tracker"))
 )
 
 
