@@ -6,8 +6,9 @@ and I_c the inertia about c (theory, section 8; the paper's Eq. 4 about another 
     e_F += − m a − m R̈ (r_m − c)                                          N
     e_M += − m ρ_m × a − d/dt (R I_c Rᵀ ω) − τ n ω/|ω|                       N·m
 
-Linear in the features (m, m (r_m − c), entries of I_c, τ); the delay d of the force stamps moves
-the positions against the forces and enters by its derivative. Inertia is a parameter about the
+Linear in the features (m, m (r_m − c), entries of I_c, τ); the delay d + ρ t of the force stamps
+(ρ : the rate at which two clocks run apart, t : from the middle of the log) moves the positions
+against the forces and enters by its derivatives. Inertia is a parameter about the
 LCS origin, as drawings give it: I_c = I_O − m S(r_m) + m S(r_m − c), S(r) = |r|² 1 − r rᵀ.
 """
 
@@ -20,14 +21,17 @@ import numpy as np
 from tdfscal.model.parameters import SYMMETRIC, State, layout
 from tdfscal.records import FloatArray, Rig
 
-#: Features that motion adds: m, m (r_m − c), I_c (xx, yy, zz, yz, xz, xy), τ, d.
-FEATURES = 12
-#: Parameters that motion adds: I_O (6), τ, d.
-PARAMETERS = 8
-INERTIA, FRICTION, DELAY = slice(0, 6), 6, 7
+#: Features that motion adds: m, m (r_m − c), I_c (xx, yy, zz, yz, xz, xy), τ, d, ρ.
+FEATURES = 13
+#: Parameters that motion adds: I_O (6), τ, d, ρ.
+PARAMETERS = 9
+INERTIA, FRICTION, DELAY, RATE = slice(0, 6), 6, 7, 8
 
 #: Standard deviation of a delay of which nothing is stated, s: recorders lag by milliseconds.
 UNSTATED_DELAY = 0.1
+#: Relative rate at which two clocks of one log run apart, standard deviation: uncompensated quartz
+#: oscillators hold 20 to 50 ppm.
+CLOCK_RATE = 3.0e-5
 #: Lever of the friction of which nothing is stated, m: a ball of 20 mm radius with μ = 0.25.
 _FRICTION_LEVER = 5.0e-3
 #: Unstated inertia: 0 ± this many times m L², L the hinges' root mean square distance.
@@ -39,22 +43,28 @@ class Moving:
     """Parameters of the motion.
 
     inertia : (6,), kg m² about the LCS origin, as xx, yy, zz, yz, xz, xy. friction : N·m, of
-    each hinge. delay : s, force stamps minus position stamps.
+    each hinge. delay : s, force stamps minus position stamps, in the middle of the log.
+    rate : how fast that grows with time.
     """
 
     inertia: FloatArray
     friction: float
     delay: float
+    rate: float = 0.0
 
     @property
     def vector(self) -> FloatArray:
-        """Parameters (8,)."""
-        return np.array([*self.inertia, self.friction, self.delay])
+        """Parameters (9,)."""
+        return np.array([*self.inertia, self.friction, self.delay, self.rate])
+
+    def lag(self, after: FloatArray) -> FloatArray:
+        """Delay (N,), s, at times `after` the middle of the log (N,), s."""
+        return np.asarray(self.delay + self.rate * after)
 
     @classmethod
     def of(cls, vector: FloatArray) -> Moving:
-        """Parameters from their vector (8,)."""
-        return cls(vector[INERTIA], float(vector[FRICTION]), float(vector[DELAY]))
+        """Parameters from their vector (9,)."""
+        return cls(vector[INERTIA], *map(float, vector[FRICTION:]))
 
 
 def voigt(matrix: FloatArray) -> FloatArray:
@@ -68,11 +78,11 @@ def spread_matrix(r: FloatArray) -> FloatArray:
 
 
 def prior(rig: Rig, delay_value: float, delay_std: float) -> tuple[Moving, FloatArray]:
-    """Prior value and standard deviation (8,) of the motion's parameters.
+    """Prior value and standard deviation (9,) of the motion's parameters.
 
     What the rig file leaves open gets a prior far wider than any machine, which keeps the
     iteration within physics where a motion tells nothing: a short log must not answer with an
-    inertia of tons or a delay of minutes.
+    inertia of tons or a delay of minutes. A delay that is known exactly is one of a single clock.
     """
     size = float(rig.mass.value) * float(np.mean(np.sum(rig.hinge**2, axis=1)))
     value, std = np.zeros(PARAMETERS), np.empty(PARAMETERS)
@@ -84,18 +94,20 @@ def prior(rig: Rig, delay_value: float, delay_std: float) -> tuple[Moving, Float
     std[FRICTION] = _FRICTION_LEVER * float(rig.mass.value) * rig.gravity / rig.n
     value[DELAY] = delay_value
     std[DELAY] = delay_std if np.isfinite(delay_std) else UNSTATED_DELAY
+    std[RATE] = CLOCK_RATE if delay_std > 0 else 0.0
     return Moving.of(value), std
 
 
-def features(state: State, moving: Moving, centre: FloatArray, delay: float) -> FloatArray:
-    """Features (12,) of a state; the delay counts from the one that the poses are shifted by."""
+def features(state: State, moving: Moving, centre: FloatArray, shift: Moving) -> FloatArray:
+    """Features (13,) of a state; delay and rate count from those that the poses are shifted by."""
     m, lever = float(state.mass), state.barycentre - centre
     own = moving.inertia - m * spread_matrix(state.barycentre) + m * spread_matrix(lever)
-    return np.array([m, *(m * lever), *own, moving.friction, moving.delay - delay])
+    clock = moving.delay - shift.delay, moving.rate - shift.rate
+    return np.array([m, *(m * lever), *own, moving.friction, *clock])
 
 
 def features_jacobian(state: State, centre: FloatArray) -> FloatArray:
-    """∂ features / ∂(static parameters, motion's parameters), (12, P + 8)."""
+    """∂ features / ∂(static parameters, motion's parameters), (13, P + 9)."""
     place = layout(state.n, state.motions)
     P = place["drift"].stop
     jac = np.zeros((FEATURES, P + PARAMETERS))
@@ -110,7 +122,7 @@ def features_jacobian(state: State, centre: FloatArray) -> FloatArray:
     for a, axis in enumerate(np.eye(3)):
         change = 2 * centre[a] * np.eye(3) - np.outer(centre, axis) - np.outer(axis, centre)
         jac[4:10, bary.start + a] = -m * voigt(change)
-    jac[4:12, P:] = np.eye(PARAMETERS)
+    jac[4:, P:] = np.eye(PARAMETERS)
     return jac
 
 

@@ -38,7 +38,7 @@ class MovingUncertainty:
     """Uncertainty of the rotations and of what motion adds.
 
     turns : as from static postures. posterior : (p, p), covariance of all active parameters;
-    drawn : what it has where the spectrum is certain. moving_std : (8,), of I_O, τ, d.
+    drawn : what it has where the spectrum is certain. moving_std : (9,), of I_O, τ, d, ρ.
     """
 
     turns: Uncertainty

@@ -32,7 +32,7 @@ _WIDE = 6
 _EVERY = 4
 #: Way over which the positioners' errors are still those of the place, m.
 _LEAD = 0.01
-#: Shift of the poses for the derivative by the delay, s.
+#: Largest shift of the poses for the derivatives by delay and rate, s.
 _SHIFT = 5.0e-3
 #: Rows of the force and of the moment.
 _FORCE, _MOMENT = slice(0, 3), slice(3, 6)
@@ -42,7 +42,7 @@ _FORCE, _MOMENT = slice(0, 3), slice(3, 6)
 class BlockDesign:
     """One block at one linearisation.
 
-    design : (F, 6, q + 12 + s) complex, e = design · (statics' and motion's features, s zeros);
+    design : (F, 6, q + 13 + s) complex, e = design · (statics' and motion's features, s zeros);
     its first three rows in N/√Hz, the others in N·m/√Hz. The last s columns are suspects: zeros
     that move, where none are declared to.
     mix : (r, 6), brings e to r components of independent noise; r = 6 less what no sensor measures.
@@ -64,7 +64,7 @@ class BlockDesign:
     place: slice
 
     def wrench(self, psi: FloatArray) -> ComplexArray:
-        """Coefficients (F, 6) at features (q + 12 + s + all rests,), or (F, 6, c) of c of them."""
+        """Coefficients (F, 6) at features (q + 13 + s + all rests,), or (F, 6, c) of c of them."""
         cut = self.design.shape[2]
         own = psi[cut:][self.place]
         return np.asarray(self.design @ psi[:cut] + self.rests @ own)
@@ -75,16 +75,22 @@ class BlockDesign:
         return np.asarray(weight.reshape(-1, len(self.mix)))
 
 
-def shifted(slow: Slow, rows: slice, delay: float) -> FloatArray:
+def shifted(slow: Slow, rows: slice, moving: Moving) -> FloatArray:
     """Servo positions (N, n, 3) at the instants at which the forces of these rows were felt."""
-    return slow.position[rows] if delay == 0.0 else _course(slow, rows)(delay)
+    lag = moving.lag(_after(slow, rows))
+    return _course(slow, rows)(lag) if lag.any() else slow.position[rows]
 
 
-def _course(slow: Slow, rows: slice) -> Callable[[float], FloatArray]:
-    """Servo positions (N, n, 3) of these rows as a function of the delay, s."""
+def _after(slow: Slow, rows: slice) -> FloatArray:
+    """Times (N,), s, of these rows after the middle of the log."""
+    return np.asarray(slow.time[rows] - (slow.time[0] + slow.time[-1]) / 2)
+
+
+def _course(slow: Slow, rows: slice) -> Callable[[FloatArray], FloatArray]:
+    """Servo positions (N, n, 3) of these rows as a function of their delays (N,), s."""
     course = even_spline(slow.position[rows])
     place = np.arange(len(slow.time[rows]), dtype=np.float64)
-    return lambda delay: course(np.clip(place - delay / slow.step, 0.0, place[-1]))
+    return lambda lag: course(np.clip(place - lag / slow.step, 0.0, place[-1]))
 
 
 def block_design(
@@ -103,8 +109,9 @@ def block_design(
     count from.
     """
     centre, rows = state.barycentre, block.index
-    course = _course(slow, rows)
-    position = course(moving.delay) if moving.delay else slow.position[rows]
+    course, after = _course(slow, rows), _after(slow, rows)
+    lag = moving.lag(after)
+    position = course(lag) if lag.any() else slow.position[rows]
     observed = instants(rig, slow, position, rows)
     if not rig.axes.all():
         driven = inertia_wrench(position - state.datum, block.step, state, moving)
@@ -112,11 +119,14 @@ def block_design(
     at = statics.balance(observed, state, centre, rig.gravity)
     seen = across(block, at, rig.axes)
     moved = _moving_columns(seen, at.rotation, position, state)
-    before, after = (
-        _residual(rig, at.seen.force, seen, course(moving.delay + shift), state, moving)
-        for shift in (-_SHIFT, _SHIFT)
-    )
-    delayed = ((after - before) / (2 * _SHIFT))[..., None]
+    delayed = []
+    for course_of_time in (np.ones_like(after), after):
+        step = _SHIFT / np.abs(course_of_time).max()
+        ends = (
+            _residual(rig, at.seen.force, seen, course(lag + h * course_of_time), state, moving)
+            for h in (step, -step)
+        )
+        delayed.append(np.subtract(*ends)[..., None] / (2 * step))
     some = slice(None, None, _EVERY)
     weight = block.taper[0, some] ** 2 / np.sum(block.taper[0, some] ** 2)
     near = _nearness(slow, block, resting)
@@ -125,7 +135,7 @@ def block_design(
     turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
     own = seen.wrench(np.where(rig.axes[:, None], at.noise_force, 0.0))[some]
     B = seen.wrench(at.wrench)[some]
-    columns = [seen.transform(at.design), moved, delayed]
+    columns = [seen.transform(at.design), moved, *delayed]
     suspects = suspected(rig, slow)
     if suspects is not None:
         columns.append(seen.transform(_zeros_moving(at, suspects.subset(rows))))
@@ -293,5 +303,6 @@ def _residual(
     """E (F, 6) of one block with its poses at other servo positions; reading (N, n, 3), N."""
     R = rotations(state.hinge, position - state.datum)
     still = seen.transform(static_wrench(state, rig.gravity, R, reading)[..., None])[..., 0]
-    known = dynamics.features(state, moving, state.barycentre, moving.delay)[:-1]
-    return still + _moving_columns(seen, R, position, state) @ known
+    moved = _moving_columns(seen, R, position, state)
+    known = dynamics.features(state, moving, state.barycentre, moving)[: moved.shape[-1]]
+    return still + moved @ known

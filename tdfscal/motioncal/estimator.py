@@ -52,7 +52,7 @@ class MovingState:
     moving: Moving
 
     def moved(self, step: FloatArray) -> MovingState:
-        """Retract by a step (P + 8,)."""
+        """Retract by a step (P + 9,)."""
         cut = len(step) - dynamics.PARAMETERS
         return MovingState(
             retract(self.still, step[:cut]), Moving.of(self.moving.vector + step[cut:])
@@ -63,7 +63,7 @@ class MovingPriors:
     """What is stated of a log in motion, as whitened prior rows by the active parameters.
 
     rig, slow : the rig file and the log's streams. motions : G, of the zeros. delay : stated in
-    the rig file, s. active : (P + 8,), statics first.
+    the rig file, s. active : (P + 9,), statics first.
     """
 
     def __init__(self, rig: Rig, slow: Slow, delay: UncertainValue) -> None:
@@ -91,19 +91,19 @@ class MovingPriors:
 class MovingFit:
     """An estimate with all that its uncertainty needs.
 
-    rests : number of turns at rests, unknowns after the p active parameters. psi : (q + 12 + s +
+    rests : number of turns at rests, unknowns after the p active parameters. psi : (q + 13 + s +
     rests,), features. slope : (…, p + rests), their slopes by all that is unknown.
     residual (M + C,), jacobian (M + C, p + rests) : of the rows at the estimate, not whitened.
     prior_residual (m,), prior_jacobian (m, p + rests) : whitened. origin : what the features
     count from.
-    delay : s, by which the poses of the designs are shifted.
+    shift : whose delay and rate the poses of the designs are shifted by.
     """
 
     priors: MovingPriors
     designs: tuple[BlockDesign, ...]
     rows: Rows
     origin: Balance
-    delay: float
+    shift: Moving
     rests: int
     state: MovingState
     noise: NoiseModel
@@ -128,7 +128,7 @@ class MovingFit:
 
     @property
     def active(self) -> BoolArray:
-        """Which parameters (P + 8,) are free."""
+        """Which parameters (P + 9,) are free."""
         return self.priors.active
 
     @property
@@ -137,15 +137,15 @@ class MovingFit:
         return tuple(design.block for design in self.designs)
 
     def features_at(self, state: MovingState) -> FloatArray:
-        """Features (q + 12 + s + rests,) of a state, without turns at rests."""
+        """Features (q + 13 + s + rests,) of a state, without turns at rests."""
         still = features(state.still, self.origin, self.rig.gravity)
-        more = dynamics.features(state.still, state.moving, self.origin.centre, self.delay)
+        more = dynamics.features(state.still, state.moving, self.origin.centre, self.shift)
         out = np.zeros(self.rows.design.shape[1])
         out[: len(still) + len(more)] = np.concatenate([still, more])
         return out
 
     def slope_at(self, state: MovingState) -> FloatArray:
-        """∂ features / ∂ all parameters, (…, P + 8); suspects have none."""
+        """∂ features / ∂ all parameters, (…, P + 9); suspects have none."""
         still = features_jacobian(state.still, self.origin, self.rig.gravity)
         more = dynamics.features_jacobian(state.still, self.origin.centre)
         out = np.zeros((self.rows.design.shape[1], more.shape[1]))
@@ -260,8 +260,8 @@ def at_state(
     designs = tuple(design for design, _ in pairs)
     rows, rests = gather(designs, model), edges[-1]
     none = (np.empty(0),) * 6
-    origin, delay, before = pairs[0][1], state.moving.delay, model or noise.NOTHING
-    fit = MovingFit(priors, designs, rows, origin, delay, rests, state, before, *none, 0, False)
+    origin, shift, before = pairs[0][1], state.moving, model or noise.NOTHING
+    fit = MovingFit(priors, designs, rows, origin, shift, rests, state, before, *none, 0, False)
     fit = _at(fit, state, np.zeros(rests))
     if model is None:
         longest = max(block.seconds for block in blocks)

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tdfscal.model import dynamics
 from tdfscal.motioncal.blocks import SHORTEST, blocks
 from tdfscal.motioncal.covariance import rms
 from tdfscal.motioncal.estimator import MovingFit, MovingState, at_state, moved_to
@@ -27,7 +28,7 @@ class Halves:
 
     turn, std : (n, 3), rad, from the first half to the second, BCS. p_value : that chance alone
     gives more; 1 where a half is too short to tell. delay, delay_std : s, change of the delay
-    between forces and positions.
+    between forces and positions beyond what clocks that run apart make of it.
     """
 
     turn: FloatArray
@@ -62,8 +63,8 @@ def compare_halves(fit: MovingFit, keep: BoolArray, determined: BoolArray) -> Ha
     at, (first, second) = both
     r1, j1 = _factor(at, first)
     r2, j2 = _factor(at, second)
-    last = int(at.active.sum())
-    timed = j2[:, last - 1 : last] if at.active[-1] else j2[:, :0]
+    delay = np.arange(len(at.active)) == len(at.active) - dynamics.PARAMETERS + dynamics.DELAY
+    timed = j2[:, : int(at.active.sum())][:, delay[at.active]]
     extra = np.concatenate([timed, j2[:, free]], axis=1)
     blank = np.zeros((len(j1), extra.shape[1]))
     priors = np.pad(at.prior_jacobian, ((0, 0), (0, extra.shape[1])))

@@ -53,7 +53,7 @@ def _wrench(fit: MovingFit, block: Block, state: State) -> FloatArray:
     Forces that nobody measures are those that leave least of it.
     """
     rig, slow, moving = fit.rig, fit.slow, fit.state.moving
-    position = shifted(slow, block.index, moving.delay) - state.datum
+    position = shifted(slow, block.index, moving) - state.datum
     R = rotations(state.hinge, position)
     e = inertia_wrench(position, block.step, state, moving)
     e += static_wrench(state, rig.gravity, R, slow.force[block.index])

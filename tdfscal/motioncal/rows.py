@@ -31,7 +31,7 @@ _GATHERED = 512
 class Rows:
     """All blocks in their independent components, M rows, of which the first C are complex.
 
-    design : (M + C, q + 12 + s + all rests), real parts of all, then imaginary ones of the first C.
+    design : (M + C, q + 13 + s + all rests), real parts of all, then imaginary ones of the first C.
     bins : their M frequencies and weights.
     """
 

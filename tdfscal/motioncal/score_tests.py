@@ -134,7 +134,7 @@ def _drifts(fit: MovingFit) -> Iterator[Suspect]:
 def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:
     """Expected scores (P,) of the static parameters by the noise of the readings alone.
 
-    slope : (q + …, P + 8), of the features. Noise of density S_F in reading a at one instant moves
+    slope : (q + …, P + 9), of the features. Noise of density S_F in reading a at one instant moves
     a column by ∂c/∂f_a and the balance by B M e_a: Σ S_F (∂c/∂f_a)ᵀ S⁻¹ (B M e_a), over all
     frequencies, and instants by the taper's weight.
     """
@@ -145,7 +145,7 @@ def noise_scores(fit: MovingFit, slope: FloatArray) -> FloatArray:
     for item in fit.designs:
         some = slice(item.block.index.start, item.block.index.stop, _EVERY)
         weight = item.block.taper[0, ::_EVERY] ** 2
-        place = shifted(fit.slow, item.block.index, fit.delay)[::_EVERY]
+        place = shifted(fit.slow, item.block.index, fit.shift)[::_EVERY]
         seen = instants(rig, fit.slow, place, some)
         # The instants as they are, and again for every reading, that one moved by a newton.
         K, reading = len(seen), np.arange(len(support))

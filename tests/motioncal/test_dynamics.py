@@ -53,7 +53,7 @@ def test_features_and_their_jacobian_agree() -> None:
                 retract(still, size * step[:cut]),
                 Moving.of(moving.vector + size * step[cut:]),
                 centre,
-                0.0,
+                Moving.of(np.zeros(dynamics.PARAMETERS)),
             )
 
         numeric = (at(h, step) - at(-h, step)) / (2 * h)
