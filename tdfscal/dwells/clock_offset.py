@@ -1,7 +1,8 @@
-"""Offset between the clocks of positions and forces, from the moves between dwells.
+"""Offset between the clocks of positions and forces, and its rate, from moves between dwells.
 
 In a move both pass from one level to the next in step. Projected onto their own change, each runs
-from 0 to 1; when they pass the same levels tells their offset.
+from 0 to 1; when they pass the same levels tells their offset. How that changes from move to move
+tells the rate: the median slope over all pairs of moves (Sen, J. Am. Stat. Assoc. 63, 1968).
 """
 
 from __future__ import annotations
@@ -23,25 +24,50 @@ _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gau
 
 LARGE = 0.02
 """s; an offset beyond this, and beyond five standard errors, is worth a warning."""
+_CERTAIN = 5.0  # standard errors
 
 
 @dataclass(frozen=True, slots=True)
 class Offset:
     """seconds : time of the forces less that of the positions for one and the same motion.
 
-    std : standard error, s, from the scatter of the moves. moves : how many showed it.
+    It holds in the middle of the moves and grows by `rate`, over their span, s. std, rate_std :
+    standard errors, from the scatter of the moves. moves : how many showed it.
     """
 
     seconds: float
     std: float
     moves: int
+    rate: float = 0.0
+    rate_std: float = np.inf
+    span: float = 0.0
 
     @property
     def large(self) -> bool:
-        """Beyond `LARGE`, and not by chance."""
-        return abs(self.seconds) > max(LARGE, 5.0 * self.std)
+        """Beyond `LARGE` somewhere in the log, and not by chance."""
+        begin, end = self._ends if self.running else (self.seconds,) * 2
+        return max(abs(begin), abs(end)) > LARGE and (
+            self.running or abs(self.seconds) > _CERTAIN * self.std
+        )
+
+    @property
+    def running(self) -> bool:
+        """Whether the clocks run apart, and not by chance."""
+        return abs(self.rate) > _CERTAIN * self.rate_std
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        half = 0.5 * self.span * self.rate
+        return self.seconds - half, self.seconds + half
 
     def __str__(self) -> str:
+        if self.running:
+            begin, end = (f"{1e3 * each:.0f}" for each in self._ends)
+            return (
+                f"those of forces and positions run apart by {1e6 * self.rate:.0f} ppm (standard "
+                f"error {1e6 * self.rate_std:.2g} ppm): the forces come {begin} ms after the "
+                f"positions at the beginning and {end} ms at the end ({self.moves} moves)"
+            )
         if abs(self.seconds) < 3.0 * self.std:
             return (
                 f"no offset of the forces against the positions is seen: "
@@ -56,7 +82,7 @@ class Offset:
 
 
 def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
-    """Estimate the offset between positions and forces; None where too few moves show it.
+    """Estimate offset and rate between positions and forces; None where too few moves show them.
 
     bins : of the whole log. dwells : found in it.
     """
@@ -84,13 +110,25 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
             for value, count, level in kinds
         )
         if position is not None and force is not None:
-            found.append(float(np.mean(force - position)))
-    if len(found) < _FEWEST:
-        return None
-    middle = float(np.median(found))
-    spread = 1.4826 * float(np.median(np.abs(np.array(found) - middle)))
-    std = _MEDIAN * spread / np.sqrt(len(found))
-    return Offset(middle, float(np.hypot(std, 0.1 * bins.period.max())), len(found))
+            found.append((float(np.mean(position)), float(np.mean(force - position))))
+    return _line(*np.array(found).T, 0.1 * bins.period.max()) if len(found) >= _FEWEST else None
+
+
+def _line(time: FloatArray, late: FloatArray, least: float) -> Offset:
+    """Offset and rate of moves at times (M,), s, from how late (M,), s, their forces are.
+
+    least : s, what no number of moves tells better.
+    """
+    span = float(np.ptp(time))
+    away = time - (time[0] + span / 2)
+    i, j = np.triu_indices(len(time), 1)
+    rate = float(np.median((late[j] - late[i]) / (time[j] - time[i])))
+    left = late - rate * away
+    middle = float(np.median(left))
+    spread = _MEDIAN * 1.4826 * float(np.median(np.abs(left - middle)))
+    std = float(np.hypot(spread / np.sqrt(len(time)), least))
+    rate_std = float(np.hypot(spread / np.linalg.norm(away - away.mean()), least / span))
+    return Offset(middle, std, len(time), rate, rate_std, span)
 
 
 def _passing(

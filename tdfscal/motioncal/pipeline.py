@@ -12,6 +12,7 @@ from tdfscal.acceptance.gate import judge
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated, with_rotations
+from tdfscal.model.dynamics import RATE
 from tdfscal.model.parameters import nominal, parameter_count, with_motions
 from tdfscal.model.postures import Postures
 from tdfscal.model.statics import balance
@@ -41,6 +42,9 @@ from tdfscal.selfcal.covariance import Quality
 from tdfscal.selfcal.observability import Observability
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import CHANGED_RIG, MOST_REJECTED
+
+#: Share of its prior's standard deviation at which the rate of clocks is measured.
+_TOLD = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +77,12 @@ class MotionCalibration:
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
     monte_carlo: MonteCarlo | None = None
+
+    @property
+    def rate_told(self) -> bool:
+        """Whether the log tells the rate of its clocks, beside what is known of clocks."""
+        std = self.uncertainty.moving_std[RATE]
+        return bool(0 < std <= _TOLD * self.fit.priors.std[RATE])
 
     @property
     def calibrated(self) -> Calibrated:

@@ -205,9 +205,14 @@ def _motion(m: MotionResult) -> list[tuple[str, str]]:
     moments = ", ".join(
         f"{m.inertia.value[k][k]:.4g} ± {m.inertia.std[k][k]:.2g}" for k in range(3)
     )
+    clocks = []
+    if m.rate is not None:
+        ppm = f"{1e6 * m.rate.value:.1f} ± {1e6 * m.rate.std:.2g} ppm"
+        clocks = [("Clocks", f"run apart by {ppm}: the delay is that in the middle of the log")]
     return [
         ("Motion", f"{m.seconds:.1f} s used{rejected}"),
         ("Delay", f"{1e3 * m.delay.value:.2f} ± {1e3 * m.delay.std:.2g} ms, force after position"),
+        *clocks,
         ("Friction", f"{m.friction.value:.3f} ± {m.friction.std:.2g} N·m at each hinge"),
         ("Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"),
         ("Halves", f"of the log compared: p = {phrases.probability(m.halves_p_value)}"),

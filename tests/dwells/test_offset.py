@@ -31,6 +31,20 @@ def test_a_delay_of_the_forces_is_found(log: Log, delay: float) -> None:
     assert any("clocks: the forces follow" in w for w in dwells.warnings) == (delay != 0.0)
 
 
+@pytest.mark.parametrize("rate", [0.0, 2e-3, -1.5e-3])
+def test_clocks_that_run_apart_are_told_by_their_rate(log: Log, rate: float) -> None:
+    late = replace(log, force=tuple(Series(s.time * (1 + rate), s.value) for s in log.force))
+    bins = reduce_to_bins([late])
+    dwells = dwells_of_bins(bins)
+    offset = motion_offset(bins, dwells)
+    assert offset is not None
+    assert abs(offset.rate - rate) < 4.0 * offset.rate_std < 1e-3
+    middle = (dwells.end[0] + dwells.start[-1]) / 2
+    assert abs(offset.seconds - rate * middle) < 4.0 * offset.std
+    assert offset.large == offset.running == (rate != 0.0)
+    assert any("run apart by" in w for w in dwells.warnings) == (rate != 0.0)
+
+
 def test_too_few_moves_say_nothing(log: Log) -> None:
     def cut(series: Series) -> Series:
         part = series.time < 20.0

@@ -186,7 +186,7 @@ class LeftOutStretch(Strict):
 class MotionValue(Strict):
     """A number with its standard uncertainty."""
 
-    value: Number = key("s of a delay, N·m of a friction")
+    value: Number = key("s of a delay, N·m of a friction, none of a rate")
     std: NotNegative = key("standard uncertainty, in the unit of the value")
 
 
@@ -227,7 +227,11 @@ class MotionResult(Strict):
     seconds: Positive = key("s: length of what went in")
     dwells: Count = key("number of static postures that went in too", 0)
     rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
-    delay: MotionValue = key("s: force stamps minus position stamps")
+    delay: MotionValue = key("s: force stamps minus position stamps, in the middle of the log")
+    rate: MotionValue | None = key(
+        "growth of that delay, relative, of clocks that run apart; null where the log does not say",
+        None,
+    )
     inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
     friction: MotionValue = key("N·m: Coulomb friction of each hinge")
     halves_p_value: Probability = key("that the log's two halves differ by chance as they do")

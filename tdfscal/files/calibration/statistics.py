@@ -13,7 +13,7 @@ from tdfscal.files.calibration.evidence_model import POSTURES_DEFINITION
 from tdfscal.files.calibration.parts import measured_document
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
-from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA
+from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.pose import register
 from tdfscal.motioncal.halves import HeldOut
@@ -264,6 +264,7 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
         "dwells": result.dwells,
         "rejected": result.rejected,
         "delay": {"value": moving.delay, "std": std[DELAY]},
+        "rate": {"value": moving.rate, "std": std[RATE]} if result.rate_told else None,
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},
         "halves_p_value": result.halves.p_value,

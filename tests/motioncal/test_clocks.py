@@ -1,0 +1,47 @@
+"""Forces and positions by clocks that run apart: the rate is found and costs nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tdfscal.model.dynamics import CLOCK_RATE, RATE
+from tdfscal.motioncal.estimator import MovingPriors
+from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
+from tdfscal.motioncal.streams import slow_streams
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import Series, UncertainValue
+from tdfscal.simulation.moving_options import MovingOptions
+from tests.motioncal.campaigns import DELAY, played, turn_error
+
+FOUR_MINUTES = MovingOptions(duration=240.0, rate=40.0, noise=0.7)
+
+
+def calibrated(rate: float) -> tuple[MotionCalibration, float]:
+    """Result of a log whose force clock runs fast by `rate`, and d² of its nine turns."""
+    campaign, _, _ = played(FOUR_MINUTES, 5)
+    late = tuple(Series(s.time * (1 + rate), s.value) for s in campaign.log.force)
+    slow = slow_streams([replace(campaign.log, force=late)], campaign.rig.capacity)
+    result = calibrate_moving(campaign.rig, slow, DELAY)
+    error = turn_error(campaign, result.fit.state.still.rotation)
+    return result, float(error @ np.linalg.solve(result.uncertainty.turns.covariance, error))
+
+
+def test_clocks_that_run_apart_are_followed() -> None:
+    """60 ppm over four minutes are 14 ms, of which the halves' delays tell 7."""
+    rate = 6e-5
+    result, distance = calibrated(rate)
+    moving, std = result.fit.state.moving, result.uncertainty.moving_std
+    assert result.rate_told
+    assert std[RATE] < 0.3 * CLOCK_RATE
+    assert abs(moving.rate - rate) < 4 * std[RATE]
+    assert abs(moving.delay - (0.005 + 120.0 * rate)) < 4 * std[RATE - 1]
+    assert distance < chi2_quantile(1 - 1e-3, 9)
+
+
+def test_one_clock_has_no_rate() -> None:
+    campaign, slow, _ = played(replace(FOUR_MINUTES, duration=10.0), 5)
+    exact = UncertainValue(np.array(0.005), np.array(0.0))
+    assert MovingPriors(campaign.rig, slow, DELAY).std[RATE] == CLOCK_RATE
+    assert MovingPriors(campaign.rig, slow, exact).std[RATE] == 0.0
