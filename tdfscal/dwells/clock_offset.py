@@ -111,7 +111,10 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
         )
         if position is not None and force is not None:
             found.append((float(np.mean(position)), float(np.mean(force - position))))
-    return _line(*np.array(found).T, 0.1 * bins.period.max()) if len(found) >= _FEWEST else None
+    if len(found) < _FEWEST:
+        return None
+    time, late = np.array(found).T
+    return _line(time, late, 0.1 * float(bins.period.max()))
 
 
 def _line(time: FloatArray, late: FloatArray, least: float) -> Offset:
