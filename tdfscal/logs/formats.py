@@ -50,13 +50,15 @@ def looks_recorded(path: Path) -> bool:
     """
     if path.is_dir() or path.suffix.lower() not in _SHARED:
         return is_log(path)
+    from tdfscal.logs.text.file import lines_of
     from tdfscal.logs.text.header import numbered_columns
 
     try:
         with path.open("rb") as file:
-            lines = file.read(_OPENING).decode("latin-1").splitlines()
+            text = file.read(_OPENING).decode("latin-1")
     except OSError:
         return True  # the reader says why
+    lines = lines_of(text, "\n" if "\n" in text else "\r")
     tables = (numbered_columns(lines, decimal) for decimal in ".,")
     return any(table is not None and len(table.cells) > _FEWEST for table in tables)
 

@@ -14,7 +14,7 @@ from tdfscal.files.arrow import as_arrow
 from tdfscal.logs.common.contents import SAMPLES, Contents
 from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.table import Sampled, holes, repeated, sampled, table_contents
-from tdfscal.logs.parquet.dates import begins_with_date, seconds_of_texts
+from tdfscal.logs.parquet.dates import DateTexts, begins_with_date
 from tdfscal.logs.parquet.footer import check_pages, is_no_number, is_text, leaves_of, open_parquet
 from tdfscal.logs.parquet.reader import batches
 
@@ -43,7 +43,8 @@ def parquet_contents(path: Path) -> Contents:
             for name in looked_at[0][1].column_names if looked_at else ():
                 parts = [(row, table.column(name)) for row, table in looked_at]
                 if name in dated:
-                    parts = [(row, _seconds(column)) for row, column in parts]
+                    texts = DateTexts()
+                    parts = [(row, _seconds(column, texts)) for row, column in parts]
                 found = sampled(parts, most)
                 if found is not None:
                     numbers[name] = found
@@ -59,8 +60,8 @@ def _is_dated(file: pq.ParquetFile, name: str) -> bool:
     return False
 
 
-def _seconds(column: pa.ChunkedArray) -> Any:
-    return pa.chunked_array([as_arrow(seconds_of_texts(column), holes(column))])
+def _seconds(column: pa.ChunkedArray, texts: DateTexts) -> Any:
+    return pa.chunked_array([as_arrow(texts.seconds(column), holes(column))])
 
 
 def _looked_at(file: pq.ParquetFile, names: list[str]) -> list[tuple[int, pa.Table]]:

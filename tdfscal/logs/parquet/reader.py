@@ -26,7 +26,7 @@ from tdfscal.logs.common.request import (
     takes_turns,
 )
 from tdfscal.logs.common.table import TICKS, holes, is_number
-from tdfscal.logs.parquet.dates import begins_with_date, seconds_of_texts
+from tdfscal.logs.parquet.dates import DateTexts, begins_with_date
 from tdfscal.logs.parquet.footer import (
     Places,
     check_pages,
@@ -37,6 +37,7 @@ from tdfscal.logs.parquet.footer import (
     open_parquet,
     stated_twice,
 )
+from tdfscal.logs.text.date_times import DATES
 from tdfscal.records import BoolArray, FloatArray, Integrity
 
 _MAX_SAMPLES: Final = 1 << 16
@@ -64,7 +65,7 @@ def read_parquet(path: Path, request: Request, *, salvage: bool, reached: Reache
             raise DataError(what)
         verified &= not (timed and is_duration(file, request.mapping.time_field))
         read_from = Places(file.metadata, list(column_of.values()))
-        first_row, read, sparse = 0, 0, False
+        first_row, read, sparse, texts = 0, 0, False, DateTexts() if timed else None
         share = path.stat().st_size / max(file.metadata.num_rows, 1)
         for number in range(file.num_row_groups):
             stated, in_group = file.metadata.row_group(number).num_rows, 0
@@ -75,7 +76,7 @@ def read_parquet(path: Path, request: Request, *, salvage: bool, reached: Reache
                         read_from.add(number)
                     if not row:
                         sparse = timed and _takes_turns(batch, request)
-                    piece = _piece(batch, request, row, timed=timed, sparse=sparse)
+                    piece = _piece(batch, request, row, texts, sparse=sparse)
                     in_group += batch.num_rows
                     reached(int((first_row + in_group) * share))
                     yield piece
@@ -118,7 +119,10 @@ def _takes_turns(table: pa.Table, request: Request) -> bool:
     return takes_turns(np.array(filled))
 
 
-def _piece(table: pa.Table, request: Request, row: int, *, timed: bool, sparse: bool) -> Piece:
+def _piece(
+    table: pa.Table, request: Request, row: int, texts: DateTexts | None, *, sparse: bool
+) -> Piece:
+    """The rows of a table; texts : of the time, None where there is none."""
     vectors = np.empty((len(request.signals), 3, table.num_rows))
     for vector, signal in zip(vectors, request.signals, strict=True):
         three = [(name, table.column(name)) for name in signal.components]
@@ -131,7 +135,7 @@ def _piece(table: pa.Table, request: Request, row: int, *, timed: bool, sparse: 
             vector[:, empty] = np.nan
     factors = [signal.factors for signal in request.signals]
     name = request.mapping.time_field
-    time = _time(table.column(name), name, request, row) if timed else None
+    time = None if texts is None else _time(table.column(name), name, request, row, texts)
     return table_piece(request, vectors, factors, time, row, sparse=sparse)
 
 
@@ -142,29 +146,31 @@ def _filled(column: Any, empty: BoolArray, name: str, first_row: int) -> Any:
     return column.fill_null(0)
 
 
-def _time(column: Any, name: str, request: Request, first_row: int) -> FloatArray:
+def _time(
+    column: Any, name: str, request: Request, first_row: int, texts: DateTexts
+) -> FloatArray:
     if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
         # Such a column knows its own unit.
         ticks = column.cast(pa.int64())
         return _numbers(ticks, name, first_row) / TICKS[column.type.unit]
     if pa.types.is_dictionary(column.type):
-        return _dates(column, name, first_row)
+        return _dates(column, name, first_row, texts)
     return _numbers(column, name, first_row) * units.factor("time", request.mapping.time_unit)
 
 
-def _dates(column: Any, name: str, first_row: int) -> FloatArray:
+def _dates(column: Any, name: str, first_row: int, texts: DateTexts) -> FloatArray:
     """Return a column of dates with times of day as (N,) s."""
     if column.null_count:
         raise _empty(name, first_row + int(np.argmax(holes(column))))
     if not first_row and not begins_with_date(column):
         raise _no_numbers(name, "string")
-    seconds = seconds_of_texts(column)
+    seconds = texts.seconds(column)
     if np.isnan(seconds).any():
         k = int(np.argmax(np.isnan(seconds)))
         raise DataError(
-            f"{shorten(column[k].as_py())!r} is no date and time as the row before has one",
+            f"{shorten(column[k].as_py())!r} is no date and time as the first row has one",
             where=f"column {name}, row {first_row + k}",
-            hint="write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05; rows count from 0",
+            hint=f"{DATES}; rows count from 0",
         )
     return seconds
 

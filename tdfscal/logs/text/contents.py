@@ -15,7 +15,7 @@ from tdfscal.logs.common.contents import SAMPLES, Contents
 from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.table import repeated, sampled, table_contents
 from tdfscal.logs.text.cells import fits_header, header_cells, row_cells, split_cells, split_label
-from tdfscal.logs.text.date_times import is_date_time, seconds_of_all
+from tdfscal.logs.text.date_times import has_zone, is_date_time, seconds_of_all
 from tdfscal.logs.text.file import TextFile, open_text
 from tdfscal.logs.text.header import SEPARATORS, Candidate, numbered_columns
 from tdfscal.logs.text.numbers import decimal_of, is_number
@@ -48,7 +48,7 @@ class TextLook:
 
     def __init__(self, file: TextFile) -> None:
         self._newline = file.newline
-        lines = file.text.splitlines()[: 2 * _SEARCHED]
+        lines = file.lines[: 2 * _SEARCHED]
         scope = scope_table(lines[:_SEARCHED])
         cells: tuple[str, ...]
         if scope is not None:
@@ -109,7 +109,10 @@ class TextLook:
         for k, column in enumerate(table.columns):
             if not (pa.types.is_string(column.type) and len(column)):
                 continue
-            if is_date_time(column[0].as_py()) and (seconds := seconds_of_all(column)) is not None:
+            first = column[0].as_py()
+            if not is_date_time(first):
+                continue
+            if (seconds := seconds_of_all(column, zoned=has_zone(first))) is not None:
                 self._dated.add(k)
                 table = table.set_column(k, str(k), [as_arrow(seconds)])
         return table

@@ -1,6 +1,7 @@
 """Dates with times of day as a clock: ISO 8601, and the German order of day, month and year.
 
-Days and months are not guessed apart: 11/12/2026 is refused. A time without a zone counts as UTC.
+Days and months are not guessed apart: 11/12/2026 is refused. A time without a zone counts as UTC,
+so a column has zones in all cells or in none.
 """
 
 from __future__ import annotations
@@ -14,8 +15,15 @@ import pyarrow as pa
 from tdfscal.files.arrow import as_numpy
 from tdfscal.records import FloatArray
 
-_TIME: Final = r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,:](\d{1,9}))?)?\s*(Z|[+-]\d{2}:?\d{2}|UTC)?"
+DATES: Final = (
+    "write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05; all rows with a zone, or none"
+)
+_ZONE: Final = r"(Z|UTC|[+-](?:0\d|1[0-4]):?[0-5]\d)?"
+_TIME: Final = r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,:](\d{1,9}))?)?\s*" + _ZONE
 _ISO: Final = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})[T_ ]\s*" + _TIME)
+_BASIC: Final = re.compile(
+    r"(\d{4})(\d{2})(\d{2})T(\d{2})(\d{2})(?:(\d{2})(?:[.,](\d{1,9}))?)?" + _ZONE
+)
 _GERMAN: Final = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})[T_ ,]\s*" + _TIME)
 _EPOCH: Final = np.datetime64("1970-01-01T00:00:00", "s")
 
@@ -25,11 +33,22 @@ def is_date_time(cell: str) -> bool:
     return _matched(cell) is not None
 
 
-def seconds_of(cell: str) -> float | None:
-    """Return s since 1970, UTC; None where the cell is no date and time."""
+def has_zone(cell: str) -> bool:
+    """Tell whether a cell is a date and time with a zone."""
+    parts = _matched(cell)
+    return parts is not None and bool(parts[-1])
+
+
+def seconds_of(cell: str, *, zoned: bool | None = None) -> float | None:
+    """Return s since 1970, UTC; None where the cell is no date and time.
+
+    zoned : whether it has to have a zone; None takes either.
+    """
     if (parts := _matched(cell)) is None:
         return None
     year, month, day, hour, minute, second, fraction, zone = parts
+    if int(year) == 0 or zoned not in (None, bool(zone)):
+        return None
     stamp = f"{year}-{int(month):02}-{int(day):02}T{int(hour):02}:{minute}:{second or '00'}"
     try:
         whole = int((np.datetime64(stamp, "s") - _EPOCH).astype(np.int64))
@@ -41,25 +60,25 @@ def seconds_of(cell: str) -> float | None:
     return whole + int(fraction.ljust(9, "0")) * 1e-9 if fraction else float(whole)
 
 
-def seconds_of_all(cells: Any) -> FloatArray | None:
+def seconds_of_all(cells: Any, *, zoned: bool) -> FloatArray | None:
     """Return (N,) s since 1970 of a column of texts; None where one is no date and time.
+
+    zoned : whether all have zones, or none has.
 
     ISO 8601 as most recorders write it is parsed all at once, anything else cell by cell.
     """
-    for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
-        try:
-            ticks = as_numpy(cells.cast(kind).cast(pa.int64()))
-        except pa.ArrowInvalid:
-            continue
-        seconds, nanoseconds = np.divmod(ticks, 1_000_000_000)
-        return np.asarray(seconds + nanoseconds * 1e-9)
-    found = [seconds_of(str(cell)) for cell in cells.to_pylist()]
-    return None if None in found else np.array(found, dtype=np.float64)
+    try:
+        ticks = as_numpy(cells.cast(pa.timestamp("ns", "UTC" if zoned else None)).cast(pa.int64()))
+    except pa.ArrowInvalid:
+        found = [seconds_of(str(cell), zoned=zoned) for cell in cells.to_pylist()]
+        return None if None in found else np.array(found, dtype=np.float64)
+    seconds, nanoseconds = np.divmod(ticks, 1_000_000_000)
+    return np.asarray(seconds + nanoseconds * 1e-9)
 
 
 def _matched(cell: str) -> tuple[Any, ...] | None:
     text = cell.strip()
-    if (iso := _ISO.fullmatch(text)) is not None:
+    if (iso := _ISO.fullmatch(text) or _BASIC.fullmatch(text)) is not None:
         return iso.groups()
     if (german := _GERMAN.fullmatch(text)) is not None:
         day, month, year, *time = german.groups()

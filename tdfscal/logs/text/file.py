@@ -47,7 +47,7 @@ class TextFile:
     """A text log that is open.
 
     lost : why it breaks off; with `salvage` that ends it, else it is raised. integrity : how far
-    its compression checks the content. text : the first lines. newline : what ends each.
+    its compression checks the content. lines : the first ones. newline : what ends each.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class TextFile:
         self.lost: list[str] = []
         self._head = self._read(_HEAD)
         self.newline = b"\r" if b"\r" in self._head and b"\n" not in self._head else b"\n"
-        self.text = _decoded(self._head)
+        self.lines = lines_of(_decoded(self._head), self.newline.decode())
 
     @property
     def position(self) -> int:
@@ -96,6 +96,12 @@ class TextFile:
                 raise
             self.lost.append(f"the file is damaged ({one_line(error)}); what follows is lost")
             return b""
+
+
+def lines_of(text: str, newline: str) -> list[str]:
+    """Lines as the rows have them: nothing but line feeds ends them, or returns without any."""
+    lines = [line.removesuffix("\r") for line in text.split(newline)]
+    return lines if lines[-1] else lines[:-1]
 
 
 def _decoded(head: bytes) -> str:

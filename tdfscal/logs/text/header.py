@@ -19,7 +19,7 @@ from tdfscal.logs.text.cells import (
     split_cells,
     split_label,
 )
-from tdfscal.logs.text.date_times import is_date_time
+from tdfscal.logs.text.date_times import has_zone, is_date_time
 from tdfscal.logs.text.numbers import is_number, is_number_of_either
 from tdfscal.logs.text.scope import ScopeTable, scope_table
 
@@ -37,7 +37,8 @@ class Header:
     columns : how many cells a row has: as many as names, but for a separator at the end of one of
     the two; a cell without a name is empty in every row.
     time : column of the time; None where rows are postures and the file has no time.
-    dated : the time is written as date and time of day.
+    zoned : whether the time is written as date and time of day with a zone, or without; None where
+        it is a number.
     components : per signal, the columns of x, y, z.
     factors : per signal, of x, y, z, to SI and tdfscal's sign.
     time_factor : to s.
@@ -50,7 +51,7 @@ class Header:
     columns: int
     names: tuple[str, ...]
     time: int | None
-    dated: bool
+    zoned: bool | None
     components: tuple[tuple[int, int, int], ...]
     factors: tuple[tuple[float, float, float], ...]
     time_factor: float
@@ -74,7 +75,7 @@ class Candidate:
     named: int = 0
 
 
-def find_header(text: str, request: Request) -> Header:
+def find_header(lines: Sequence[str], request: Request) -> Header:
     """Find the header line among the file's first, and resolve the wanted fields to columns.
 
     The line that holds most of the wanted names is the header, whatever comes before it. Columns
@@ -82,7 +83,6 @@ def find_header(text: str, request: Request) -> Header:
 
     Raises DataError where columns are missing or repeated, or a unit contradicts the mapping.
     """
-    lines = text.splitlines()
     names = [name for signal in request.signals for name in signal.components]
     wanted = {request.mapping.time_field, *names}
     scope, best = _head(lines, names, wanted, request.mapping.decimal)
@@ -116,7 +116,7 @@ def find_header(text: str, request: Request) -> Header:
         columns=row_cells(lines[above:], best.separator, best.cells),
         names=best.cells,
         time=time,
-        dated=dated,
+        zoned=has_zone(opening[time]) if time is not None and dated else None,
         components=tuple(components),
         factors=tuple(factors),
         time_factor=time_factor,

@@ -31,7 +31,7 @@ _MAX_SAMPLES: Final = 1 << 16
 def read_text(path: Path, request: Request, *, salvage: bool, reached: Reached) -> Items:
     """Read a text log in pieces; see `request.Reader`."""
     with damage(path, pa.ArrowException), open_text(path, salvage=salvage) as file:
-        header = find_header(file.text, request)
+        header = find_header(file.lines, request)
         parser = RowParser(header, file.newline, request.mapping.decimal)
         look = TextLook(file) if request.describe else None
         line = header.lines + 1

@@ -15,7 +15,7 @@ from tdfscal.files.arrow import as_numpy
 from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common.damage import placed
 from tdfscal.logs.text.cells import split_cells
-from tdfscal.logs.text.date_times import seconds_of, seconds_of_all
+from tdfscal.logs.text.date_times import DATES, seconds_of, seconds_of_all
 from tdfscal.logs.text.header import Header
 from tdfscal.logs.text.numbers import advice, number_in
 from tdfscal.logs.text.scope import END
@@ -59,7 +59,7 @@ class RowParser:
         # Cells without a name are read too, as nothing but empty ones.
         nameless = names[len(header.names) :]
         types = dict.fromkeys(wanted, pa.float64()) | dict.fromkeys(nameless, pa.null())
-        if header.dated:
+        if header.zoned is not None:
             types[str(header.time)] = pa.string()
         self._convert = pa_csv.ConvertOptions(
             column_types=types,
@@ -89,7 +89,7 @@ class RowParser:
                 return None
             begin = 0
             if pa.types.is_string(column.type):
-                seconds = seconds_of_all(column)
+                seconds = seconds_of_all(column, zoned=bool(self._header.zoned))
                 if seconds is None:
                     return None
                 values[:] = seconds
@@ -147,8 +147,11 @@ class RowParser:
                 wanted -= set(three)
         numbers: dict[int, float] = {}
         for c in sorted(wanted):
-            dated = header.dated and c == header.time
-            value = seconds_of(cells[c]) if dated else number_in(cells[c], self._decimal)
+            dated = header.zoned is not None and c == header.time
+            if dated:
+                value = seconds_of(cells[c], zoned=header.zoned)
+            else:
+                value = number_in(cells[c], self._decimal)
             if value is None:
                 raise self._fault(cells[c], f"column {header.names[c]}", dated)
             numbers[c] = value
@@ -157,8 +160,7 @@ class RowParser:
     def _fault(self, cell: str, where: str, dated: bool) -> DataError:
         what, hint = f"{shorten(cell)!r} is not a finite number", advice(cell, self._decimal)
         if dated:
-            what = f"{shorten(cell)!r} is no date and time as the row before has one"
-            hint = "write 2026-11-21T14:03:05.123+01:00, or 21.11.2026 14:03:05"
+            what, hint = f"{shorten(cell)!r} is no date and time as the first row has one", DATES
         elif not cell:
             what, hint = "the cell is empty", "a log has no holes"
         return DataError(what, where=where, hint=hint)
