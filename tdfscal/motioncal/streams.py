@@ -28,6 +28,8 @@ _BOXES = 8
 _EVEN = 1e-6
 #: Longest hole in a stream, in steps of the time base, that the kernel bridges.
 _HOLE = 1.5
+#: Steps beyond an instant, at least, in which nothing bears on it.
+_PAST = _REACH + _HOLE
 #: Output instants worked on at once.
 _CHUNK = 128
 #: Rows read before the rate is known, and rows looked at for the step of the positions.
@@ -132,16 +134,21 @@ class Decimator:
         """Work out the instants up to some steps short of what all streams have reached."""
         reach = min(group.reach for group in self._groups) / self._step - short
         last = int(np.floor(reach)) if reach >= self._cursor else self._cursor - 1
-        for begin in range(self._cursor, last + 1, _CHUNK):
+        begin = self._cursor
+        while begin <= last:
+            # A pause has no instants: whole chunks of it are passed over.
+            clear = max(group.next_stamp((begin - _PAST) * self._step) for group in self._groups)
+            begin += _CHUNK * max(int((min(clear / self._step, last) - _PAST - begin) // _CHUNK), 0)
             instant = np.arange(begin, min(begin + _CHUNK, last + 1), dtype=np.float64)
             time = np.asarray(self._step * instant)
             parts = [group.at(time) for group in self._groups]
             clipped = sum(part[:, :1] for part in parts)
             out = np.hstack([time[:, None], clipped, *(part[:, 1:] for part in parts)])
             self._out.append(out[np.isfinite(out).all(axis=1)])
+            begin += _CHUNK
         self._cursor = last + 1
         for group in self._groups:
-            group.forget((self._cursor - _REACH - _HOLE) * self._step)
+            group.forget((self._cursor - _PAST) * self._step)
 
 
 def slow_streams(pieces: Iterable[Log], capacity: FloatArray) -> Slow:
@@ -209,6 +216,11 @@ class _Group:
     def finish(self) -> None:
         """Append the last mean, as it is."""
         self._rows = np.vstack([self._rows, self._open[:, 2:] / self._open[:, 1:2]])
+
+    def next_stamp(self, time: float) -> float:
+        """Return the first stamp that is not before a time, s; ∞ where there is none."""
+        k = int(np.searchsorted(self._rows[:, 0], time))
+        return float(self._rows[k, 0]) if k < len(self._rows) else np.inf
 
     def forget(self, before: float) -> None:
         """Drop what lies before a time."""

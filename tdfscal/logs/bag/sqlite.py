@@ -39,9 +39,11 @@ class SqliteRecording(Stored):
 
     def _topics(self, database: sqlite3.Connection) -> None:
         texts: dict[str, tuple[str, bytes]] = {}
-        tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+        # A view may never end; only tables have pages of their own.
+        stored = "SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0"
+        tables = {name for (name,) in database.execute(stored)}
         if not {"topics", "messages"} <= tables:
-            raise ValueError("it holds no topics and messages")
+            raise ValueError("it holds no tables of topics and messages")
         if "message_definitions" in tables:
             for kind, encoding, text in database.execute(
                 "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"

@@ -11,6 +11,8 @@ from tdfscal.records import BoolArray, FloatArray, IntArray, Rows
 
 MAX_STEP_BACK = 1.0
 """A clock that steps back by more than this many seconds was set anew: refused."""
+MAX_PAUSE = 30.4375 * 86400.0
+"""A clock that goes on by more than this many seconds, a month, was set meanwhile: refused."""
 MAX_DROPPED = 1e-3
 """Largest share of samples (one at least) whose time does not ascend; they are left out."""
 HOPELESS = 100_000
@@ -68,12 +70,15 @@ class Clock:
     def ascending(self, time: FloatArray) -> BoolArray | None:
         """Return which of the next samples (N,) are ahead of all before them; None where all are.
 
-        Raises DataError for a step back of more than MAX_STEP_BACK, or where hardly one ascends.
+        Raises DataError for a step back of more than MAX_STEP_BACK or on by more than MAX_PAUSE, or
+        where hardly one ascends.
         """
         if time.size == 0:
             return None
         self.count += time.size
         step = np.diff(time, prepend=self._last)
+        if self._rows != "postures" and step.max() > MAX_PAUSE:
+            self._refuse_pause(time, step)
         if (step > 0.0).all():
             self._note(time, step)
             return None
@@ -130,6 +135,17 @@ class Clock:
             raise DataError(
                 f"the time of {self.name} goes from {shown(latest[k])} s to {shown(time[k])} s",
                 hint="time must ascend; split the recording where its clock was set anew",
+            )
+
+    def _refuse_pause(self, time: FloatArray, step: FloatArray) -> None:
+        pause = np.where(np.isinf(step), 0.0, step)  # before the first there is none
+        k = int(np.argmax(pause))
+        if pause[k] > MAX_PAUSE:
+            raise DataError(
+                f"the time of {self.name} goes from {shown(time[k] - pause[k])} s to "
+                f"{shown(time[k])} s, more than a month",
+                hint="correct or leave out this stamp; give the logs of another month as a "
+                "campaign of their own",
             )
 
     def _note(self, time: FloatArray, step: FloatArray) -> None:
