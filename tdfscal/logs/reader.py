@@ -16,6 +16,7 @@ from tdfscal.logs.bag.rosbag2 import METADATA, Bag
 from tdfscal.logs.common.clock import Clock, apart, shown
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.damage import placed
+from tdfscal.logs.common.lone_readings import LoneReadings
 from tdfscal.logs.common.read_ahead import ahead
 from tdfscal.logs.common.request import (
     Block,
@@ -251,12 +252,17 @@ class _Streams:
     def __init__(self, request: Request, reached: FloatArray, row: int) -> None:
         self._request, self._reached, self._row = request, reached, row
         self._clocks: dict[str, Clock] = {}
+        self._lone = {
+            number: LoneReadings(signal)
+            for number, signal in enumerate(request.signals)
+            if signal.quantity != "temperature" and request.mapping.rows == "timeseries"
+        }
         self.last = reached.copy()
         self.count = np.zeros(len(reached), dtype=np.int64)
 
     def passed(self, piece: Piece) -> list[Block]:
         """Leave out the samples that do not ascend; refuse what cannot be."""
-        blocks = [self._ascending(block) for block in piece]
+        blocks = [part for block in piece for part in self._parted(self._ascending(block))]
         for block in blocks:
             self._check_size(block)
             for number in block.value:
@@ -280,6 +286,18 @@ class _Streams:
         keep = self._clocks[block.clock].ascending(block.time)
         return block if keep is None else block.at(keep)
 
+    def _parted(self, block: Block) -> Iterator[Block]:
+        """The block; signals of which a reading stands alone by themselves, without that."""
+        together = dict(block.value)
+        for number, value in block.value.items():
+            lone = self._lone.get(number)
+            keep = None if lone is None else lone.others(block.time, value)
+            if keep is not None:
+                own = {number: together.pop(number)}
+                yield Block(block.clock, block.time, own).at(keep)
+        if together:
+            yield Block(block.clock, block.time, together)
+
     def _check_size(self, block: Block) -> None:
         """Refuse what no NCP reaches and no sensor bears; sums of it would overflow."""
         for number, value in block.value.items():
@@ -300,6 +318,7 @@ class _Streams:
         """What is to be said at the file's end; refuses a file that lacks a signal."""
         clocks = tuple(self._clocks.values())
         said = [*outcome.warnings, *(w for clock in clocks for w in clock.finish()), *apart(clocks)]
+        said += [what for lone in self._lone.values() for what in lone.warnings()]
         for signal, count in zip(self._request.signals, self.count, strict=True):
             if count:
                 continue

@@ -146,9 +146,7 @@ def _filled(column: Any, empty: BoolArray, name: str, first_row: int) -> Any:
     return column.fill_null(0)
 
 
-def _time(
-    column: Any, name: str, request: Request, first_row: int, texts: DateTexts
-) -> FloatArray:
+def _time(column: Any, name: str, request: Request, first_row: int, texts: DateTexts) -> FloatArray:
     if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
         # Such a column knows its own unit.
         ticks = column.cast(pa.int64())
