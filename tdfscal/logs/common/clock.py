@@ -36,7 +36,7 @@ _BINS = (_HIGHEST - _LOWEST) * _BINS_PER_DECADE
 
 def shown(time: float) -> str:
     """Write a time in s with the digits that find its place, also in s since 1970."""
-    if abs(time) < 1e6 or not np.isfinite(time):
+    if not 1e6 <= abs(time) < 1e15:
         return f"{time:.9g}"
     return f"{time:.6f}".rstrip("0").rstrip(".")
 
@@ -142,7 +142,7 @@ class Clock:
         k = int(np.argmax(pause))
         if pause[k] > MAX_PAUSE:
             raise DataError(
-                f"the time of {self.name} goes from {shown(time[k] - pause[k])} s to "
+                f"the time of {self.name} goes from {shown(time[k - 1] if k else self._last)} s to "
                 f"{shown(time[k])} s, more than a month",
                 hint="correct or leave out this stamp; give the logs of another month as a "
                 "campaign of their own",

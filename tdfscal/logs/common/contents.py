@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,10 @@ SAMPLES: Final = 512
 """Rows or messages sampled of each block that is read."""
 _LONGEST: Final = 1000
 """Letters; a longer name is no axis's: the work grows with the square of its length."""
+
+_INDEXED: Final = re.compile(
+    r"(?P<prefix>.{1,200}?)(?:(?P<mark>[_.])(?P<plain>\d)|\[(?P<inner>\d)\])"
+)
 
 Format = Literal["csv", "parquet", "mcap", "bag"]
 
@@ -120,6 +125,24 @@ def axes_of(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
                 taken |= {x, y, z}
                 found.append((f"{before}*{after}", (x, y, z)))
     return found
+
+
+def indexed_axes(names: Sequence[str]) -> list[tuple[str, tuple[str, str, str]]]:
+    """Find names that end in 0, 1, 2, or in 0 to 5 as poses and wrenches do: (prefix, first three).
+
+    `actual_TCP_pose_0`, `force[0]`, `position.0`.
+    """
+    groups: dict[tuple[str, str], dict[int, str]] = {}
+    for name in names:
+        if (match := _INDEXED.fullmatch(name)) is not None:
+            style = "[" if match["inner"] else match["mark"]
+            index = int(match["inner"] or match["plain"])
+            groups.setdefault((match["prefix"], style), {})[index] = name
+    return [
+        (prefix, (own[0], own[1], own[2]))
+        for (prefix, _), own in groups.items()
+        if sorted(own) in (list(range(3)), list(range(6)))
+    ]
 
 
 def extremes(value: FloatArray) -> tuple[float | None, float | None]:

@@ -19,6 +19,7 @@ from tdfscal.logs.common.contents import (
     Vector,
     axes_of,
     extremes,
+    indexed_axes,
 )
 from tdfscal.records import BoolArray, FloatArray
 
@@ -105,7 +106,10 @@ def table_contents(
             times.append(Column(name, unit, found.value, step))
     stated = {name: unit for name, _, unit in columns}
     vectors = []
-    for label, three in axes_of(list(numbers)):
+    by_letter = axes_of(list(numbers))
+    taken = {name for _, three in by_letter for name in three}
+    by_index = indexed_axes([name for name in numbers if name not in taken])
+    for label, three in (*by_letter, *by_index):
         axes = [numbers[name] for name in three]
         there = axes[0].row
         for axis in axes[1:]:

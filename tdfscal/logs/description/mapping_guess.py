@@ -27,16 +27,21 @@ Role = Literal["position", "force", "other"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
 
 _FORCE: Final = frozenset({"f", "force", "forces", "tdfs", "load", "loadcell", "wrench", "sensor"})
-_POSITION: Final = frozenset({"p", "pos", "position", "positions", "ncp", "actpos", "point", "xyz"})
+_POSITION: Final = frozenset({"p", "pos", "position", "positions", "ncp", "actpos", "pose", "xyz"})
 _POSITION_PART: Final = ("pos", "point")
 _OTHER: Final = frozenset(
     {"m", "t", "torque", "torques", "moment", "moments", "v", "vel", "velocity", "a", "acc"}
     | {"accel", "acceleration", "angular", "orientation", "rot", "rotation", "rpy", "angle", "w"}
-    | {"cmd", "command", "commanded", "set", "setpoint", "target", "ref", "reference", "demand"}
-    | {"err", "error", "temp", "temperature", "current", "gyro", "mag", "euler"}
+    | {"err", "error", "temp", "temperature", "gyro", "mag", "euler", "joint", "speed"}
+)
+_MEASURED: Final = frozenset({"current", "actual", "act", "measured", "meas", "feedback", "fbk"})
+_COMMANDED: Final = frozenset(
+    {"cmd", "command", "commanded", "set", "setpoint", "target", "ref", "reference", "demand"}
+    | {"goal", "desired", "nominal", "action", "planned"}
 )
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\*")
 _MOST_POSTURES: Final = 1000
+_LARGEST: Final = 1e15
 _RIGID: Final = 0.02  # largest relative spread of distances that a rigid terminal leaves
 
 
@@ -64,10 +69,11 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
 
     rig : gives the supports their names, and decides what names leave open.
     """
-    vectors = [v for v in contents.vectors if v.time.size]
-    positions = [v for v in vectors if _role(v) == "position"]
+    vectors = [v for v in map(_plausible, contents.vectors) if v.time.size]
+    positions = _measured([v for v in vectors if _role(v) == "position"])
     # Drivers fill what they do not measure with zeros: the efforts of a JointState.
-    forces = [v for v in vectors if _role(v) == "force" and v.value.any()]
+    forces = _measured([v for v in vectors if _role(v) == "force" and v.value.any()])
+    forces = [v for v in forces if not _is_commanded(v)]
     pairs = _paired(positions, forces)
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
@@ -79,6 +85,8 @@ def guess_mapping(contents: Contents, rig: Rig | None = None) -> Guess:
     force = force_unit([p.force for p in pairs], rig)
     on, why_on = _force_on(pairs, rig)
     notes = [*by_rig, *length.notes, *force.notes, *why_on, *_rigidity(pairs)]
+    if commanded := [p.position.label for p in pairs if _is_commanded(p.position)]:
+        notes.append(f"by their names these positions were commanded: {', '.join(commanded)}")
     problems = [*length.problems, *force.problems]
     mapping = LogMapping(
         supports=tuple(p.support for p in pairs),
@@ -121,12 +129,19 @@ def sampled(contents: Contents, mapping: LogMapping) -> tuple[FloatArray, FloatA
     None where the log's description holds no samples of all of them.
     """
     signals = make_request(mapping, mapping.supports).signals[: 2 * len(mapping.supports)]
-    there = {vector.fields: vector for vector in contents.vectors if vector.time.size}
+    plausible = map(_plausible, contents.vectors)
+    there = {vector.fields: vector for vector in plausible if vector.time.size}
     if not all(signal.fields in there for signal in signals):
         return None
     value = resampled([there[signal.fields] for signal in signals])
     value *= np.array([signal.factors for signal in signals])[:, None]
     return value[0::2].transpose(1, 0, 2), value[1::2].transpose(1, 0, 2)
+
+
+def _plausible(vector: Vector) -> Vector:
+    """The vector without readings that no unit makes a position or a force; squares overflow."""
+    keep = np.abs(vector.value).max(axis=1, initial=0.0) < _LARGEST
+    return replace(vector, time=vector.time[keep], value=vector.value[keep])
 
 
 def words(label: str) -> list[str]:
@@ -158,8 +173,33 @@ def _role(vector: Vector) -> Role:
         return "force"
     if joints == "position":
         return "position"
+    if "current" in found:  # of a motor
+        return "other"
     # A bare axis letter, `ncp1.x`, `X1`: a position.
     return "position" if [w for w in found if not w.isdigit()][-1:] == ["*"] else "other"
+
+
+def _is_commanded(vector: Vector) -> bool:
+    found = set(words(vector.label))
+    return bool(found & _COMMANDED) and not found & _MEASURED
+
+
+def _measured(vectors: Sequence[Vector]) -> list[Vector]:
+    """Of vectors that differ in such words alone: measured, else unnamed, else commanded ones.
+
+    Where three others are there, none that was commanded.
+    """
+
+    def rank(vector: Vector) -> int:
+        return 0 if set(words(vector.label)) & _MEASURED else 1 + _is_commanded(vector)
+
+    best: dict[tuple[str, ...], int] = {}
+    for vector in vectors:
+        key = tuple(_key(vector))
+        best[key] = min(best.get(key, 2), rank(vector))
+    chosen = [vector for vector in vectors if rank(vector) == best[tuple(_key(vector))]]
+    free = [vector for vector in chosen if not _is_commanded(vector)]
+    return free if len(free) >= 3 else chosen
 
 
 def _joints(contents: Contents) -> list[str]:
@@ -179,7 +219,7 @@ def _key(vector: Vector) -> list[str]:
     """What a name says of the support: its numbers, else its words that name no quantity."""
     found = words(vector.label)
     numbers = [w for w in found if w.isdigit()]
-    general = {"*", "geometry", "msgs", "msg", *_FORCE, *_POSITION}
+    general = {"*", "geometry", "msgs", "msg", "tcp", *_FORCE, *_POSITION, *_MEASURED, *_COMMANDED}
     return numbers or [w for w in found if w not in general and not w.endswith(_POSITION_PART)]
 
 
