@@ -126,6 +126,27 @@ def rtde(frame: pd.DataFrame, folder: Path) -> Path:
     return path
 
 
+def commanded_too(frame: pd.DataFrame, folder: Path) -> Path:
+    """A UR's names, positions in m; what was commanded stands before and behind the measured."""
+    path = folder / "robots.csv"
+    columns: dict[str, Any] = {"timestamp": frame["time"]}
+    for k in NCPS:
+        pose = [frame[f"NCP{k}_Pos{axis}"] * 1e-3 for axis in "XYZ"]
+        force = [frame[f"TDFS{k}_F{axis}"] for axis in "xyz"]
+        for name, three in (
+            ("target_TCP_pose", [p + 0.05 for p in pose]),
+            ("actual_current", [0.1 * f for f in force]),
+            ("actual_TCP_pose", pose),
+            ("actual_TCP_force", force),
+            ("goal_pose", [p * 2 for p in pose]),
+            ("desired_force", [f + 70.0 for f in force]),
+        ):
+            rest = [np.zeros(len(frame))] * 3
+            columns |= {f"r{k}_{name}_{i}": value for i, value in enumerate([*three, *rest])}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return path
+
+
 def iso_time(frame: pd.DataFrame, folder: Path) -> Path:
     path = folder / "export.csv"
     stamps = [(BEGIN + timedelta(seconds=float(s))).isoformat() for s in frame["time"]]
@@ -234,10 +255,10 @@ def ros1_bag(frame: pd.DataFrame, folder: Path) -> Path:
 
 
 RECORDERS: list[Callable[[pd.DataFrame, Path], Path]] = [
-    german_excel, labview, twincat, rtde, iso_time, matlab, plotjuggler, plotjuggler_streams,
-    rosbag2_mcap, rosbag2_sqlite, ros1_bag,
+    german_excel, labview, twincat, rtde, commanded_too, iso_time, matlab, plotjuggler,
+    plotjuggler_streams, rosbag2_mcap, rosbag2_sqlite, ros1_bag,
 ]  # fmt: skip
-QUICK = (twincat, ros1_bag)
+QUICK = (twincat, commanded_too, ros1_bag)
 
 
 def calibrated(log: Path, folder: Path) -> tdfscal.Calibration:
@@ -322,6 +343,21 @@ def test_without_positions_nothing_is_drafted(tmp_path: Path) -> None:
     with pytest.raises(TdfscalError, match="nowhere"):
         tdfscal.init(tmp_path / "nowhere.csv")
     assert json.dumps(unconfirmed("a: 1  # confirm: x\n")) == '["a (line 1)"]'
+
+
+@pytest.mark.parametrize("cell", ["-1e308", "1e300", "nan"])
+def test_a_cell_beyond_all_bounds_ends_nothing(
+    frame: tuple[pd.DataFrame, np.ndarray], tmp_path: Path, cell: str
+) -> None:
+    path = german_excel(frame[0], tmp_path)
+    text = path.read_bytes().decode("utf-8-sig").splitlines(keepends=True)
+    at = len(text) // 2
+    first, _, rest = text[at].split(";", 2)
+    text[at] = f"{first};{cell};{rest}"
+    path.write_text("".join(text), "utf-8")
+    whole = tdfscal.init(path)
+    assert whole.notes
+    assert np.isfinite(whole.sketch.hinge).all()
 
 
 def test_a_name_that_reads_as_a_number_is_a_text(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from tdfscal.logs.common.clock import shown
 from tdfscal.logs.common.request import Signal
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
-_GLANCE = 16  # of so many steps, one shows how large they are
+_FEWEST = 32  # samples
+_GLANCE, _ENOUGH = 16, 64  # of so many steps, one shows how large they are; so many at least
 _UNUSUAL = 10.0  # a step / the usual one, from which on a reading is looked at
 _FAR = 8.0  # a reading's distance / the largest step near it
 _NEAR = 8  # steps looked at on either side
@@ -35,11 +36,10 @@ class LoneReadings:
     def others(self, time: FloatArray, value: FloatArray) -> BoolArray | None:
         """Which of the samples, (N,) s and (N, 3), do not stand alone; None where none does."""
         self._samples += len(time)
-        if len(time) < 2 * _NEAR:
+        if len(time) < _FEWEST:
             return None
         step = np.diff(value, axis=0)
-        some = step[::_GLANCE]
-        usual = np.sqrt(np.einsum("ij,ij->j", some, some) / len(some))
+        usual = _usual(step)
         unusual = np.maximum(step.max(axis=0), -step.min(axis=0)) > _UNUSUAL * usual
         found = [(k, axis) for axis in np.flatnonzero(unusual) for k in _lone(value[:, axis])]
         if not found:
@@ -66,14 +66,18 @@ class LoneReadings:
         ]
 
 
+def _usual(step: FloatArray) -> FloatArray:
+    """Mean size of some of the steps (N, ...)."""
+    return np.asarray(np.abs(step[:: max(min(_GLANCE, len(step) // _ENOUGH), 1)]).mean(axis=0))
+
+
 def _lone(value: FloatArray) -> Iterator[int]:
     """Samples of an axis (N,) that stand alone."""
     step = np.diff(value)
     size = np.abs(step)
     height = np.minimum(size[:-1], size[1:])
-    back = step[:-1] * step[1:] < 0.0
-    usual = np.sqrt(np.mean(step[::_GLANCE] ** 2))
-    candidates: IntArray = np.flatnonzero(back & (height > _UNUSUAL * usual)) + 1
+    back = (step[:-1] < 0.0) != (step[1:] < 0.0)
+    candidates: IntArray = np.flatnonzero(back & (height > _UNUSUAL * _usual(step))) + 1
     if not candidates.size:
         return
     quiet = size.copy()

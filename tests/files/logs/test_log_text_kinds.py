@@ -116,6 +116,7 @@ CLOCKS: list[tuple[Callable[[datetime], str], float]] = [
     (lambda t: t.strftime("%Y-%m-%dT%H:%M:%S.%fZ"), 0.0),
     (lambda t: t.strftime("%Y-%m-%d %H:%M:%S.%f"), 0.0),
     (lambda t: t.strftime("%Y/%m/%d %H:%M:%S.%f"), 0.0),
+    (lambda t: t.strftime("%Y%m%dT%H%M%S.%f"), 0.0),
     (lambda t: t.strftime("%d.%m.%Y %H:%M:%S.%f"), 0.0),
     (lambda t: t.astimezone(CET).strftime("%d.%m.%Y %H:%M:%S.%f"), 3600.0),
 ]
@@ -159,6 +160,8 @@ def test_stamps_of_pandas(tmp_path: Path) -> None:
         ("2026-02-30 10:00:00", r"line 3, column time: '2026-02-30 10:00:00' is no date"),
         ("soon", r"line 3, column time: 'soon' is no date"),
         ("2026-11-21 09:00:00", r"the time of column time goes from"),
+        ("2026-11-21 10:00:01Z", r"line 3, column time: .* is no date"),
+        ("0000-11-21 10:00:01", r"line 3, column time: .* is no date"),
     ],
 )
 def test_dates_that_are_none(tmp_path: Path, cell: str, match: str) -> None:
@@ -166,6 +169,33 @@ def test_dates_that_are_none(tmp_path: Path, cell: str, match: str) -> None:
     time = ["2026-11-21 10:00:00", cell, *["2026-11-21 10:00:02"] * 48]
     FRAME.assign(time=time).to_csv(path, index=False)
     with pytest.raises(DataError, match=match):
+        read_log([path], None, SUPPORTS)
+
+
+@pytest.mark.parametrize("second", ["+99:99", ""])
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_zones_are_possible_and_in_all_rows_or_none(
+    tmp_path: Path, second: str, suffix: str
+) -> None:
+    path = tmp_path / f"log.{suffix}"
+    time = [f"2026-11-21T10:00:{k:02}+01:00" for k in range(50)]
+    time[40] = time[40].replace("+01:00", second)
+    frame = FRAME.assign(time=time)
+    frame.to_csv(path, index=False) if suffix == "csv" else frame.to_parquet(path)
+    with pytest.raises(DataError, match=r"column time.*is no date and time as the first row"):
+        read_log([path], None, SUPPORTS)
+
+
+@pytest.mark.parametrize("mark", ["\v", "\f", "\u2028", "\x85"])
+def test_header_and_rows_end_lines_alike(tmp_path: Path, mark: str) -> None:
+    """A remark with a character that ends a line elsewhere is one line here, above as below."""
+    path = tmp_path / "log.csv"
+    table = FRAME.to_csv(index=False)
+    path.write_text(f"# one{mark}two\n{table}", encoding="utf-8")
+    assert_same(path, None)
+    rows = table.splitlines()
+    path.write_text("\n".join([*rows[:9], mark.join(rows[9:11]), *rows[11:], ""]), "utf-8")
+    with pytest.raises(DataError, match=r"line 10\b"):
         read_log([path], None, SUPPORTS)
 
 

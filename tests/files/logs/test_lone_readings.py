@@ -1,0 +1,85 @@
+"""One spoilt cell of a log: left out by name, so that no dwell and no mean is touched."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tdfscal
+from tdfscal.dwells import find_dwells
+from tdfscal.errors import DataError
+from tdfscal.logs import read_log
+from tdfscal.records import Dwells, Log
+from tests.files.logs.log_making import SUPPORTS, make_truth, table
+
+
+@pytest.fixture(scope="module", params=[50.0, 1000.0])
+def campaign(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    folder = tmp_path_factory.mktemp("campaign") / "c"
+    tdfscal.simulate(folder, postures=4, seed=2, rate=request.param)
+    return folder
+
+
+def read(folder: Path, lines: list[str], name: str) -> tuple[Log, Dwells]:
+    path = folder.parent / name
+    path.write_text("\n".join(lines) + "\n")
+    log = tdfscal.read_log(path, folder / "rig.yaml")
+    return log, find_dwells(log)
+
+
+@pytest.mark.parametrize(("column", "cell"), [(1, "1.33"), (8, "1e5"), (6, "0"), (12, "-9e4")])
+@pytest.mark.parametrize("part", [0.02, 0.4, 0.95])
+def test_a_spoilt_cell_moves_nothing(campaign: Path, column: int, cell: str, part: float) -> None:
+    lines = (campaign / "log.csv").read_text().splitlines()
+    log, whole = read(campaign, lines, "whole.csv")
+    assert not log.warnings
+    time = log.force[0].time
+    row = int(np.searchsorted(time, whole.start[2] + part * (whole.end[2] - whole.start[2])))
+    cells = lines[row + 1].split(",")
+    cells[column] = cell
+    spoilt, found = read(campaign, [*lines[: row + 1], ",".join(cells), *lines[row + 2 :]], "1.csv")
+    what = "force" if column % 6 in (0, 4, 5) else "position"
+    assert f"1 reading stands alone in the {what} of" in spoilt.warnings[0]
+    assert f"at {time[row]:.9g} s" in spoilt.warnings[0]
+    assert len(spoilt.warnings) == 1
+    assert len(found) == len(whole)
+    # One sample less of some hundred: a tenth of a standard error where it was the worst.
+    std = np.sqrt(np.diagonal(whole.force_cov, axis1=2, axis2=3))
+    assert np.abs((found.force - whole.force) / std).max() < 0.35
+    np.testing.assert_allclose(found.position, whole.position, rtol=0, atol=1e-7)
+
+
+def test_noise_and_what_lasts_are_no_lone_readings(tmp_path: Path) -> None:
+    """White noise, a step, and a burst of two samples are left to the search for dwells."""
+    path = tmp_path / "log.csv"
+    frame = table(make_truth(2000))
+    frame.loc[500:501, "ncp1.fz"] = 1e6
+    frame.loc[900:, "ncp2.x"] += 5.0
+    frame.to_csv(path, index=False)
+    log = read_log([path], None, SUPPORTS)
+    assert not log.warnings
+    assert {len(series.time) for series in (*log.position, *log.force)} == {2000}
+
+
+def test_a_flicker_of_the_last_digit_stays(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    frame = table(make_truth(2000))
+    frame["ncp1.x"] = 0.66
+    frame.loc[[400, 900, 1200], "ncp1.x"] = 0.660001
+    frame.to_csv(path, index=False)
+    log = read_log([path], None, SUPPORTS)
+    assert not log.warnings
+
+
+@pytest.mark.parametrize("row", [0, 1000, 1999])
+@pytest.mark.parametrize("jump", [1.8e9, -1.8e9, 1e300])
+def test_a_stamp_years_away_is_named(tmp_path: Path, row: int, jump: float) -> None:
+    path = tmp_path / "log.csv"
+    frame = table(make_truth(2000))
+    frame["time"] = np.arange(2000) * 0.01
+    frame.loc[row, "time"] += jump
+    frame.to_csv(path, index=False)
+    with pytest.raises(DataError, match=r"the time of column time goes from .* s to .* s"):
+        read_log([path], None, SUPPORTS)
