@@ -43,8 +43,8 @@ def parquet_contents(path: Path) -> Contents:
             for name in looked_at[0][1].column_names if looked_at else ():
                 parts = [(row, table.column(name)) for row, table in looked_at]
                 if name in dated:
-                    texts = DateTexts()
-                    parts = [(row, _seconds(column, texts)) for row, column in parts]
+                    dates = DateTexts()
+                    parts = [(row, _seconds(column, dates)) for row, column in parts]
                 found = sampled(parts, most)
                 if found is not None:
                     numbers[name] = found
