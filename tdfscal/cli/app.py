@@ -29,7 +29,7 @@ COMMANDS = {
     ),
     "export": (
         USE,
-        "Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate.",
+        "Write the rotations for a controller: URDF, ROS, CSV, C, or a draft DCC.",
     ),
     "info": (
         CALIBRATE,

@@ -1,4 +1,4 @@
-"""A draft of a Digital Calibration Certificate (PTB DCC 3.x over D-SI 2.x).
+"""A draft of a Digital Calibration Certificate (PTB DCC over D-SI).
 
 It is a starting point for a laboratory, not a certificate: laboratory, customer and responsible
 person stand as blanks, and every place that a reader looks at first says that it is a draft.
@@ -16,9 +16,7 @@ from tdfscal.records import ANGLES
 from tdfscal.significance import COVERAGE_FACTOR, EXPANDED_COVERAGE
 
 DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
-LATEST = "3.3.0"
-_UNIVARIATE_SINCE = (3, 3)
-"""Version of the DCC whose D-SI (2.2) writes measurementUncertaintyUnivariate."""
+VERSION = "3.3.0"
 BLANK = "to be completed"
 DRAFT = (
     "DRAFT written by software. This is not an accredited calibration certificate and carries no "
@@ -26,11 +24,11 @@ DRAFT = (
 )
 
 
-def certificate(c: Calibration, version: str = LATEST) -> str:
-    """Return the draft as XML for the DCC's schema of that version, 3.0.0 or later."""
+def certificate(c: Calibration) -> str:
+    """Return the draft as XML for the DCC's schema of `VERSION`, over D-SI 2.2."""
     ET.register_namespace("dcc", DCC)
     ET.register_namespace("si", SI)
-    root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", {"schemaVersion": version})
+    root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", {"schemaVersion": VERSION})
     root.append(ET.Comment(f" {DRAFT} "))
     _administration(_add(root, "administrativeData"), c)
     result = _add(_add(root, "measurementResults"), "measurementResult")
@@ -43,15 +41,13 @@ def certificate(c: Calibration, version: str = LATEST) -> str:
     _named(method, f"{c.method} calibration")
     _content(_add(method, "description"), f"Command: {c.command}")
     _software(_add(result, "usedSoftware"), c)
-    numbers = tuple(int(part) for part in version.split(".") if part.isdecimal())
-    univariate = numbers >= _UNIVARIATE_SINCE
     if (span := ambient(c)) is not None:
         _conditions(result, *span)
     results = _add(result, "results")
     # The standard uncertainties tell the intervals: k = 2 then covers what it says.
     linear = c.monte_carlo is None or c.monte_carlo.linear_interval_validated
     for support in c.supports:
-        _sensor(results, support, univariate=univariate, linear=linear)
+        _sensor(results, support, linear=linear)
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
@@ -75,7 +71,7 @@ def _administration(data: ET.Element, c: Calibration) -> None:
     for support, stated in zip(c.supports, c.rig.supports, strict=True):
         item = _add(items, "item")
         _named(item, f"Force sensor of {support.name}")
-        _named(_add(item, "manufacturer"), BLANK)  # asked for by 3.0 and 3.1
+        _named(_add(item, "manufacturer"), BLANK)
         known = [("owner", support.name, "place on the rig")]
         if stated.sensor is not None and stated.sensor.serial:
             known.append(("manufacturer", stated.sensor.serial, "serial number"))
@@ -116,7 +112,7 @@ def _conditions(result: ET.Element, low: float, high: float) -> None:
         _real(data, name, value, "\\degreecelsius")
 
 
-def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool, linear: bool) -> None:
+def _sensor(results: ET.Element, support: SupportResult, *, linear: bool) -> None:
     result = _add(results, "result")
     _named(result, f"Installation angles of {support.name}")
     data = _add(result, "data")
@@ -129,15 +125,15 @@ def _sensor(results: ET.Element, support: SupportResult, *, univariate: bool, li
         half = max(interval.high[k] - value, value - interval.low[k], std)
         real = _real(data, f"{angle} of {support.name}", value, "\\radian")
         if std > 0 and linear:
-            _doubled(real, std, univariate=univariate)
+            _doubled(real, std)
         elif std > 0:
-            _expanded(real, half, half / std, interval.coverage, univariate=univariate)
+            _expanded(real, half, half / std, interval.coverage)
     for axis, zero, open_std in zip("xyz", support.zero, support.zero_std, strict=True):
         if zero is None:
             continue
         real = _real(data, f"zero {axis} of {support.name}", zero, "\\newton")
         if open_std:
-            _doubled(real, open_std, univariate=univariate)
+            _doubled(real, open_std)
 
 
 def _real(data: ET.Element, name: str, value: float, unit: str) -> ET.Element:
@@ -149,23 +145,15 @@ def _real(data: ET.Element, name: str, value: float, unit: str) -> ET.Element:
     return real
 
 
-def _doubled(real: ET.Element, std: float, *, univariate: bool) -> None:
+def _doubled(real: ET.Element, std: float) -> None:
     """Expanded uncertainty with k = 2 of a normal distribution."""
-    _expanded(
-        real, COVERAGE_FACTOR * std, COVERAGE_FACTOR, EXPANDED_COVERAGE, univariate=univariate
-    )
+    _expanded(real, COVERAGE_FACTOR * std, COVERAGE_FACTOR, EXPANDED_COVERAGE)
 
 
-def _expanded(
-    real: ET.Element, half: float, k: float, coverage: float, *, univariate: bool
-) -> None:
+def _expanded(real: ET.Element, half: float, k: float, coverage: float) -> None:
     """Expanded uncertainty: half an interval, with k so that half / k is standard."""
-    if univariate:
-        place = _si(_si(real, "measurementUncertaintyUnivariate"), "expandedMU")
-        _si(place, "valueExpandedMU", number(half))
-    else:
-        place = _si(real, "expandedUnc")
-        _si(place, "uncertainty", number(half))
+    place = _si(_si(real, "measurementUncertaintyUnivariate"), "expandedMU")
+    _si(place, "valueExpandedMU", number(half))
     _si(place, "coverageFactor", number(k))
     _si(place, "coverageProbability", number(coverage))
 
@@ -178,7 +166,7 @@ def _software(place: ET.Element, c: Calibration) -> None:
 
 def _contact(place: ET.Element) -> None:
     _named(place, BLANK)
-    _add(place, "eMail", BLANK)  # asked for by 3.0 and 3.1
+    _add(place, "eMail", BLANK)
     _add(_add(place, "location"), "city", BLANK)
 
 

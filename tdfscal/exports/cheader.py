@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.exports.words import number, origin
+from tdfscal.exports.words import number, origin, uncertain
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.escaping import c_comment
 from tdfscal.records import FloatArray
@@ -38,6 +38,7 @@ def c_header(c: Calibration) -> str:
     rotation = c.rotation[stand]
     matrix = rotation @ np.linalg.inv(c.sensitivity[stand]) if scaled else rotation
     notes = [*origin(c), "Rows of a matrix are the BCS's axes, columns the sensor's."]
+    notes += [f"{s.name}: {uncertain(s)}" for s in c.supports if s.mounting is not None]
     names = ", ".join(f'"{support.name}"' for support in c.mounted)
     n = len(c.mounted)
     lines = ["/*", *(f" * {c_comment(note)}" for note in notes), " */"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.sax.saxutils import quoteattr
 
-from tdfscal.exports.words import child, frame, number, origin
+from tdfscal.exports.words import child, frame, number, origin, uncertain
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.escaping import xml_comment, xml_text
 
@@ -31,9 +31,10 @@ def urdf(c: Calibration, parent: str = "bcs") -> str:
             continue
         rpy = " ".join(map(number, support.mounting.rpy))
         zero = " ".join(map(number, support.offset))
+        said = xml_comment(uncertain(support))
         lines += [
             f'  <link name="{sensor}"/>',
-            f"  <!-- zero of {support.name}: {zero} N -->",
+            f"  <!-- zero of {support.name}: {zero} N; {said} -->",
             f'  <joint name="{sensor}_joint" type="fixed">',
             f'    <parent link="{base}"/>',
             f'    <child link="{sensor}"/>',

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+from math import degrees
 
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.parts import SupportResult
+from tdfscal.records import ANGLES
 
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
 
@@ -24,6 +27,23 @@ def origin(c: Calibration) -> list[str]:
     if c.status == "rejected":
         lines.append("REJECTED by the quality gate: not for use on a machine")
     return lines
+
+
+def uncertain(support: SupportResult) -> str:
+    """Roll, pitch, yaw in degrees and the zero in N, each with its standard uncertainty."""
+    mounting = support.mounting
+    assert mounting is not None  # a sensor without one has no entry
+    angles = [
+        f"{name} {degrees(value):.4f}° ± "
+        + ("not separable" if std is None else f"{1e3 * std:.3f} mrad")
+        for name, value, std in zip(ANGLES, mounting.rpy, support.rpy_std, strict=True)
+    ]
+    zeros = [
+        f"{value:.3f} ± {'open' if std is None else f'{std:.3f}'}"
+        for value, std in zip(support.zero, support.zero_std, strict=True)
+        if value is not None
+    ]
+    return f"{', '.join(angles)}; zero {', '.join(zeros)} N (k = 1)"
 
 
 def number(value: float) -> str:

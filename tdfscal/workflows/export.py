@@ -22,7 +22,7 @@ from tdfscal.workflows.options import OneCalibration, Option, Telling, command
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
 
-Target = Literal["urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc", "certificate"]
+Target = Literal["urdf", "ros", "csv", "c", "dcc"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -76,7 +76,7 @@ def export(
     allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
     progress: Telling = SILENT,
 ) -> ExportResult:
-    """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft certificate.
+    """Write the rotations for a controller: URDF, ROS, CSV, C, or a draft DCC.
 
     Raises
     ------

@@ -64,7 +64,7 @@ def test_a_dead_channel_is_named_declared_and_used(
     assert wrench.stat().st_size > 1000
     assert run(capsys, "report", found, "--html", page, "-q").status == 0
     assert "ncp3" in page.read_text()
-    for form in ("urdf", "csv", "c", "ros-parameters"):
+    for form in ("urdf", "csv", "c", "ros"):
         target = tmp_path / f"out.{form}"
         done = run(capsys, "export", found, "--to", form, "-o", target, "-q")
         assert done.status == 0, (form, done.err)

@@ -396,7 +396,7 @@ def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:
     assert (tmp_path / "a").read_text() == (tmp_path / "c").read_text() == "after"
 
 
-TARGETS = ("urdf", "ros", "ros-parameters", "ros-launch", "csv", "c", "dcc")
+TARGETS = ("urdf", "ros", "csv", "c", "dcc")
 
 
 @pytest.mark.slow

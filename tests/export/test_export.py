@@ -8,10 +8,8 @@ import io
 import shlex
 import shutil
 import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -23,7 +21,7 @@ from tdfscal.errors import UsageError
 from tdfscal.exports import FORMATS
 from tdfscal.exports.cheader import c_header
 from tdfscal.exports.csvtable import csv_table
-from tdfscal.exports.ros import ros_launch, ros_parameters, ros_transforms
+from tdfscal.exports.ros import ros
 from tdfscal.exports.urdf import urdf
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
@@ -83,64 +81,36 @@ def test_urdf(c: Calibration) -> None:
 
 @BOTH
 def test_ros(c: Calibration) -> None:
-    text = ros_transforms(c, "base")
+    """A broadcaster publishes reading + offset; the transforms turn it."""
+    text = ros(c, "base")
     document = yaml.safe_load(text)
-    assert CONVENTION in document["convention"]
     commands = [
         shlex.split(line.removeprefix("# "))
         for line in text.splitlines()
         if line.startswith("# ros2 ")
     ]
-    assert len(commands) == len(document["static_transforms"]) == len(c.supports)
-    for command, transform, support in zip(
-        commands, document["static_transforms"], c.supports, strict=True
-    ):
+    assert len(commands) == len(document) == len(c.supports)
+    for command, (node, told), support in zip(commands, document.items(), c.supports, strict=True):
         assert command[:4] == ["ros2", "run", "tf2_ros", "static_transform_publisher"]
         options = dict(zip(command[4::2], command[5::2], strict=True))
-        assert options["--frame-id"] == transform["header"]["frame_id"] == "base"
-        assert options["--child-frame-id"] == transform["child_frame_id"]
-        given = transform["transform"]["rotation"]
-        for q in ([given[a] for a in "xyzw"], [float(options[f"--q{a}"]) for a in "xyzw"]):
-            R = Rotation.from_quat(q).as_matrix()
-            np.testing.assert_allclose(R, np.array(support.rotation), rtol=0, atol=1e-14)
-        assert document["zero"][support.name] == list(support.zero)
-    assert ("sensitivity" in document) == (c is SCALED)
-
-
-@BOTH
-def test_ros_parameters(c: Calibration) -> None:
-    """ROS takes flat lists of one type; every double is that of the file."""
-    document = yaml.safe_load(ros_parameters(c, "base"))
-    (parameters,) = document["/**"]["ros__parameters"].values()
-    assert parameters["frame_id"] == "base"
-    assert parameters["sensors"] == list(c.support_names)
-    for support in c.supports:
-        mounting = parameters["mounting"][support.name]
-        for key, values in mounting.items():
-            assert key == "frame_id" or {type(v) for v in values} == {float}
-        assert mounting["rotation"] == np.array(support.rotation).ravel().tolist()
-        assert mounting["zero"] == list(support.zero)
-        R = Rotation.from_quat(mounting["quaternion_xyzw"]).as_matrix()
+        given = told["ros__parameters"]
+        assert options["--frame-id"] == "base"
+        assert options["--child-frame-id"] == given["frame_id"]
+        assert node == f"{given['frame_id']}_broadcaster"
+        R = Rotation.from_quat([float(options[f"--q{a}"]) for a in "xyzw"]).as_matrix()
         np.testing.assert_allclose(R, np.array(support.rotation), rtol=0, atol=1e-14)
-        assert ("sensitivity" in mounting) == (c is SCALED)
-
-
-@BOTH
-def test_ros_launch(c: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The file runs, and its publishers are those of the transforms."""
-    for name, member in (("launch", "LaunchDescription"), ("launch_ros.actions", "Node")):
-        module = ModuleType(name)
-        setattr(module, member, list if member == "LaunchDescription" else dict)
-        monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.setitem(sys.modules, "launch_ros", ModuleType("launch_ros"))
-    space: dict[str, Any] = {}
-    exec(compile(ros_launch(c, "base"), "launch.py", "exec"), space)
-    nodes = space["generate_launch_description"]()
-    commands = [line for line in ros_transforms(c, "base").splitlines() if "# ros2 run" in line]
-    assert len(nodes) == len(commands) == len(c.supports)
-    for node, command in zip(nodes, commands, strict=True):
-        words = shlex.split(command.removeprefix("# "))
-        assert [node["package"], node["executable"], *node["arguments"]] == words[2:]
+        offset = np.array([given["offset"]["force"][axis] for axis in "xyz"])
+        assert {type(v) for v in given["offset"]["force"].values()} == {float}
+        load = READING + offset
+        if support.sensitivity is None:
+            np.testing.assert_allclose(
+                R @ load,
+                force(c, 0, READING)
+                if support is c.supports[0]
+                else R @ (READING - np.array(support.zero)),
+                rtol=1e-12,
+            )
+    assert ("sensitivity" in text) == (c is SCALED)
 
 
 @BOTH
@@ -155,6 +125,10 @@ def test_csv(c: Calibration) -> None:
             load = np.array([[float(row[f"u_{a}{b}"]) for b in "xyz"] for a in "xyz"]) @ load
         np.testing.assert_allclose(R @ load, force(c, i, READING), rtol=1e-12)
         assert row["convention"] == c.convention
+        degrees = [float(row[f"{angle}_deg"]) for angle in ("roll", "pitch", "yaw")]
+        np.testing.assert_allclose(np.radians(degrees), c.rpy[i], rtol=1e-12)
+        assert float(row["std_pitch"]) == support.rpy_std[1]
+        assert float(row["std_zero_z"]) == support.zero_std[2]
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
@@ -216,14 +190,14 @@ def test_a_rejected_calibration_stays_at_home(
 
 @pytest.mark.parametrize("name", ["", "1st", "a b", "base\n- x", "ä", '"/><x'])
 def test_names_of_frames_are_checked(name: str) -> None:
-    for write in (urdf, ros_transforms, ros_parameters, ros_launch):
+    for write in (urdf, ros):
         with pytest.raises(UsageError, match="no name of a frame"):
             write(PLAIN, name)
 
 
 @pytest.mark.parametrize(
     ("arguments", "status"),
-    [(["--to", "gazebo"], 2), ([], 2), (["--to", "csv", "--schema", "c.yaml"], 2)],
+    [(["--to", "gazebo"], 2), ([], 2)],
 )
 def test_refusals(
     arguments: list[str], status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -20,7 +20,6 @@ from mcap.reader import make_reader
 import tdfscal
 from tdfscal.checks.rig_from_log import RigSketch
 from tdfscal.errors import visible
-from tdfscal.exports import FORMATS
 from tdfscal.files.rig.draft import draft
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.files.writers.plan import plan_csv
@@ -34,7 +33,6 @@ from tests.export.test_hostile_text import (
     LINES,
     WILD,
     no_controls,
-    poisoned,
     squeezed,
     unescaped,
 )
@@ -67,15 +65,6 @@ def monitored(tmp_path_factory: pytest.TempPathFactory) -> MonitorResult:
 def on_page(text: str) -> str:
     """As a page shows a sentence: what stands between backquotes is set as code, without them."""
     return squeezed(visible(text)).replace("`", "")
-
-
-@EACH
-def test_certificate_pages(line: str, wild: str) -> None:
-    words = " ".join(read(FORMATS["certificate"](poisoned(line, wild), "base")).words)
-    no_controls(words)
-    for text in (f"rig {line}", f"version {line}"):
-        assert on_page(text) in on_page(words)
-    assert squeezed(visible(f"path {wild}")).rsplit("/", 1)[-1] in squeezed(words)
 
 
 @EACH
