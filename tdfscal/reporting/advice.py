@@ -26,6 +26,8 @@ _SENSOR = re.compile("capacity|saturated|frozen")
 _STOPS = re.compile(r"stops were left out \(mostly")
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
+#: Uncertainty, as a share of that of the dwells alone, at which the moves are worth a word.
+_WORTH = 0.8
 #: A source worth naming contributes at least this share of the angles' variance.
 _NOTABLE = 0.25
 _LESSEN = {
@@ -70,11 +72,26 @@ def advise(c: Calibration) -> tuple[str, ...]:
     advice = [f"Mend what the residuals say: {cure}." for cure in c.quality.advice[:1]]
     new = "three to five new postures" if c.motion is None else "the next motion without contact"
     advice.append(f"Prove it on {new}: tdfscal validate {_file(c)} LOG. Repeat monthly.")
+    advice += _of_the_moves(c)
     source, share = _largest_source(c)
     lessen = _LESSEN if c.motion is None else _LESSEN | _LESSEN_IN_MOTION
     if share > _NOTABLE and source in lessen:
         advice.append(lessen[source])
     return tuple(advice)
+
+
+def _of_the_moves(c: Calibration) -> Iterator[str]:
+    """What the moves between the dwells would add, where that is worth another run."""
+    whole = None if c.observability is None else c.observability.with_moves
+    if whole is None or c.campaigns:
+        return
+    now = float(np.sqrt(np.mean(c.rpy_std[c.determined] ** 2)))
+    if whole < _WORTH * now:
+        yield (
+            "Use the moves between the dwells too: `--samples all` would know the angles to about "
+            f"{1e3 * whole:.2g} mrad, where the dwells alone have {1e3 * now:.2g} (quadratic "
+            "means)."
+        )
 
 
 def _file(c: Calibration) -> str:

@@ -44,7 +44,8 @@ class SelfCalibration:
     index → reason. suspicions : what the residuals say was not declared. conformity : of the
     contact wrench, where the rig file limits it. channels : (n, 3), noise over the stated one.
     reasons : why the gate rejects; empty where it accepts. set_aside : suspicions that a slip
-    explains as well.
+    explains as well. with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to
+    expect from dwells and moves together, where the log holds moves.
     """
 
     rig: Rig
@@ -64,6 +65,7 @@ class SelfCalibration:
     set_aside: tuple[Suspicion, ...]
     reasons: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    with_moves: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True)

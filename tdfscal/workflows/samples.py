@@ -14,6 +14,7 @@ from tdfscal.dwells import find_dwells
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.motioncal.forecast import with_moves
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import Dwells, InputFile, Log, Rig, UncertainValue
@@ -45,8 +46,14 @@ def calibrate_samples(
     dwells, slow = read_samples(log)
     if len(dwells) < _ENOUGH:
         refuse(log.repeats, log.rig.supports)
-    if slow is None or (samples is None and len(dwells) >= _ENOUGH):
+    if slow is None:
         return _static(log, dwells, estimator, rng)
+    if samples is None and len(dwells) >= _ENOUGH:
+        own = _static(log, dwells, estimator, rng)
+        if own.reasons or estimator == "linear":
+            return own
+        expected = with_moves(log.rig, slow, delay_of(log.campaign.rig), own.fit.state)
+        return replace(own, with_moves=expected)
     if samples == "all":
         return _all(log, dwells, slow, estimator, rng)
     try:

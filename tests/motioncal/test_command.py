@@ -11,6 +11,7 @@ import yaml
 import tdfscal
 from tdfscal.errors import DataError, NotIdentifiableError, UsageError
 from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.reporting.advice import advise
 from tdfscal.workflows.calibration import load_calibration
 from tests.cli.running import run
 
@@ -94,6 +95,13 @@ def test_rests_and_moves_together_are_never_wider(tmp_path: Path) -> None:
     truth = yaml.safe_load((folder / "truth.yaml").read_text(encoding="utf-8"))
     error = (both.rpy - np.array([support["rpy"] for support in truth["supports"]])).ravel()
     assert np.sum((error / both.rpy_std.ravel()) ** 2) < 2 * chi2_quantile(1 - 1e-3, 9)
+    default = tdfscal.calibrate(folder, trials=0)
+    assert np.array_equal(default.rpy_std, dwells.rpy_std)
+    assert default.observability is not None
+    assert default.observability.with_moves == pytest.approx(
+        np.sqrt(np.mean(both.rpy_std**2)), rel=0.1
+    )
+    assert any("--samples all" in sentence for sentence in advise(default))
 
 
 @pytest.mark.slow
@@ -103,5 +111,6 @@ def test_moves_that_shake_leave_the_dwells_their_result(tmp_path: Path) -> None:
     tdfscal.simulate(folder, postures=8, format="parquet", seed=2)
     dwells = tdfscal.calibrate(folder, samples="static", trials=0)
     both = tdfscal.calibrate(folder, samples="all", trials=0)
+    assert not any("--samples all" in s for s in advise(tdfscal.calibrate(folder, trials=0)))
     assert np.array_equal(both.rpy_std, dwells.rpy_std)
     assert any("moves add nothing" in text for text in both.warnings)

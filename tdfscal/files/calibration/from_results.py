@@ -152,6 +152,9 @@ def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
     """What a self-calibration from postures says of itself."""
     parts = _own_parts(result, origin)
     parts["observability"]["loads"] = statistics.loads(result)
+    if result.with_moves is not None:
+        stand = result.with_moves[result.observability.determined]
+        parts["observability"]["with_moves"] = np.sqrt(np.mean(stand**2))
     return {
         **parts,
         "postures": statistics.postures(result),

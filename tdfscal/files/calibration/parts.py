@@ -290,6 +290,10 @@ class ObservabilityResult(Strict):
     weak: tuple[WeakAngle, ...] = key("angles that the data do not determine", ())
     correlations: tuple[CloseCouple, ...] = key("pairs of angles above 0.8", ())
     loads: tuple[SensorLoad, ...] | None = key("where the loads on each sensor point", None)
+    with_moves: NotNegative | None = key(
+        "rad: quadratic mean of the angles' standard uncertainties to expect with --samples all",
+        None,
+    )
 
 
 class AngleBudget(Strict):
