@@ -114,7 +114,7 @@ def moving_plan_report(plan: MovingPlan) -> Report:
     way = ", ".join(f"±{v:.3f}" for v in used["travel"])
     blocks = (
         _angles(plan.rig, plan.expected.rpy_std),
-        f"Mean {mean:.3g} mrad; others that were drawn within the same limits {random:.3g} mrad: the plan "
+        f"Mean {mean:.3g} mrad; random ones within the same limits {random:.3g} mrad: the plan "
         f"is {plan.improvement:.2f} times better.",
         f"Used of the limits: lean {np.rad2deg(used['tilt']):.2f}°, speed of a hinge "
         f"{1e3 * used['speed']:.1f} mm/s, way of a hinge {way} m along x, y, z, internal force "
