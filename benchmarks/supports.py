@@ -25,7 +25,7 @@ from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, FloatArray, Rig
-from tdfscal.selfcal.closure import frame_errors
+from tdfscal.selfcal.closure import misplaced
 from tdfscal.selfcal.covariance import estimate, information_root
 from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.selfcal.mounting_search import best_start
@@ -133,7 +133,7 @@ def run(case: Case, runs: int) -> str:
         half = np.repeat(found.coverage_factor.max(axis=1), 3) * std[-1]
         inside.append(np.abs(error[-1]) < half)
         held = (dwells.start + dwells.end) / 2
-        doubts = (*suspicions(known, held, dwells.temperature), *frame_errors(known))
+        doubts = (*suspicions(known, held, dwells.temperature), *misplaced(known))
         named.append(any(case.cause in doubt.what for doubt in doubts))
     e, s, b, o = np.array(error), np.array(std), np.array(bound), np.array(own)
     known = (np.median(s, axis=0) < 0.05).reshape(-1, 3).all(axis=1).repeat(3)

@@ -32,8 +32,11 @@ UNDECLARED_ERROR: Final = 0.45 * QUESTIONED
 #: That a sensor is said to have turned on the way, or a zero to have jumped. Divided among all
 #: splits, which are so much alike that half of it comes true.
 WITHIN_CAMPAIGN: Final = 0.15 * QUESTIONED
-#: That any positioner's frame is called turned, scaled or not square.
-FRAME_MISFIT: Final = 0.05 * QUESTIONED
+#: That the distances between hinges are said to contradict the rig file, as a whole or by any
+#: single cause; and, where they agree, that any positioner's frame is called turned, scaled or not
+#: square.
+GEOMETRY_MISFIT: Final = 0.025 * QUESTIONED
+FRAME_MISFIT: Final = 0.025 * QUESTIONED
 #: That χ² of the residuals is reported; the Birge ratio has inflated already.
 MISFIT: Final = 0.075 * QUESTIONED
 #: That the campaign is weighted by unequal noise of its channels, which costs it little.

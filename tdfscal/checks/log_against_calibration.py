@@ -78,7 +78,7 @@ class Inspection:
         if self.kept is None:
             return []
         given, seen = self._given, self.kept
-        log_against_rig.check_geometry(given.rig, seen.position)
+        log_against_rig.check_geometry(given.rig, seen.position, seen.force)
         _check_forces(given, seen)
         notes = (log_against_rig.turned(given.rig, seen.position), _doubt(given, seen))
         return [note for note in notes if note]

@@ -11,6 +11,7 @@ from itertools import permutations, product
 
 import numpy as np
 
+from tdfscal.checks import geometry
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import State, gravity
 from tdfscal.model.pose import register
@@ -41,28 +42,40 @@ REACTION = "the opposite sign of every axis of {}"
 EVERYONE = "every sensor"
 
 
-def check_geometry(rig: Rig, position: FloatArray) -> None:
-    """Compare the hinge distances in the log, position (K, n, 3) in m, with the rig file's.
+def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
+    """Refuse positions with which no fit can be trusted; what is smaller is for `geometry`.
+
+    position : (K, n, 3), m, BCS. force : (K, n, 3), N, readings, for what declared supports give.
 
     Raises
     ------
     DataError
-        They differ, or the terminal stands on its head while gravity points along −Z: a unit,
-        swapped or mirrored axes, swapped supports, or another rig.
+        The distances between hinges are far from the rig file's, or the terminal stands on its
+        head while gravity points along −Z: a unit, swapped or mirrored axes, swapped supports, a
+        hinge or a positioner's offset, or another rig.
     """
-    check_size(rig, position)
-    limit = _shape_limit(rig)
+    limit = _shape_limit(rig) + 6 * _given_way(rig, force)
     off, up = _misfit(rig.hinge, position)
     if off <= limit and up > 0:
+        check_size(rig, position)
         return
+    found = _explanation(rig, position, limit)
+    variance = np.full(len(position), rig.declared.positioner**2)
+    pattern = geometry.examine(rig, position, variance)
+    placed = off > limit and pattern.explained and pattern.causes[:1]
+    if not (found or (placed and placed[0].support is not None)):
+        check_size(rig, position)
     wrong = (
         f"the NCP positions miss the hinge pattern of rig.yaml by {1e3 * off:.3g} mm"
         if off > limit
         else "the terminal stands on its head in the log: its z axis points downwards"
     )
-    found = _explanation(rig, position, limit)
+    if found:
+        wrong += f"; it would fit with {found}"
+    elif placed:
+        wrong += f": {pattern.told(rig.supports)[0]}"
     raise DataError(
-        wrong + (f"; it would fit with {found}" if found else ""),
+        wrong,
         where="log positions",
         hint="correct the position fields of the log block in rig.yaml"
         if found
@@ -84,7 +97,7 @@ def _farthest(rig: Rig, position: FloatArray) -> str:
 
 
 def check_size(rig: Rig, position: FloatArray) -> None:
-    """The first part of `check_geometry`: raise DataError where the unit cannot be right."""
+    """Raise DataError where positions (K, n, 3) cannot be in the unit that is declared."""
     p = position - position.mean(axis=1, keepdims=True)
     r = rig.hinge - rig.hinge.mean(axis=0)
     size = float(np.median(np.sqrt(np.sum(p**2, axis=(1, 2)) / np.sum(r**2))))
@@ -172,6 +185,14 @@ def _shape_limit(rig: Rig) -> float:
     radius = float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
     stated = np.sqrt(rig.declared.hinge**2 + rig.declared.datum**2 + rig.declared.positioner**2)
     return _SHAPE * radius + 6 * float(stated)
+
+
+def _given_way(rig: Rig, force: FloatArray) -> float:
+    """How far declared supports may give, m, standard uncertainty, under readings (K, n, 3)."""
+    load = float(np.median(np.linalg.norm(force, axis=2), axis=0).max())
+    # What is not measured carries a part of the weight at most.
+    load = max(load, float(rig.mass.value) * rig.gravity)
+    return load * max(rig.declared.compliance_lateral, rig.declared.compliance_vertical)
 
 
 def _misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:

@@ -19,6 +19,7 @@ from tdfscal.model.statics import balance
 from tdfscal.motioncal import checks
 from tdfscal.motioncal.blocks import Stretch, stretches
 from tdfscal.motioncal.checks import Usable, usable_samples
+from tdfscal.motioncal.closure import misplaced
 from tdfscal.motioncal.contact import without_contacts
 from tdfscal.motioncal.covariance import MovingUncertainty, evaluate, quality
 from tdfscal.motioncal.estimator import (
@@ -146,7 +147,7 @@ def calibrate_moving(
     """
     usable = usable_samples(rig, slow)
     seen = moments(rig, slow, usable.keep)
-    log_against_rig.check_geometry(rig, seen.position)
+    log_against_rig.check_geometry(rig, seen.position, seen.force)
     progress("fitting the motion and the spectrum of its residuals")
     priors = MovingPriors(rig, slow, delay)
     fit, doubt = first_fit(
@@ -181,8 +182,14 @@ def _judged(
     observability.require_angles(
         verdict, fit.converged, fit.iterations, seen, "the motion does", "a longer motion"
     )
-    doubts = suspicions(fit, uncertainty, stats)
-    beside = undeclared(doubts)
+    doubts: tuple[Suspicion, ...] = ()
+    placed = misplaced(fit, uncertainty, used)
+    # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
+    if not any(doubt.spoils_motion for doubt in placed):
+        doubts = suspicions(fit, uncertainty, stats)
+    held = [each for each in (undeclared(doubts), undeclared(placed)) if each is not None]
+    beside = np.sum(held, axis=0) if held else None
+    doubts = (*placed, *doubts)
     if beside is not None:
         uncertainty = evaluate(fit, beside)
     progress("checking the halves of the log against each other")
@@ -191,8 +198,8 @@ def _judged(
     warnings = [*checks.gaps(slow), *verdict.caveats, *(stretch.text for stretch in rejected)]
     if turned := log_against_rig.turned(rig, used.position):
         warnings.append(turned)
-    held = "" if beside is None else "; till then the stated uncertainty holds that move"
-    warnings += [doubt.text + held for doubt in doubts if not doubt.spoils_motion]
+    till = "" if beside is None else "; till then the stated uncertainty holds that move"
+    warnings += [doubt.text + till for doubt in doubts if not doubt.spoils_motion]
     start = fit.priors.start(nominal(rig))
     result = MotionCalibration(
         rig=rig,

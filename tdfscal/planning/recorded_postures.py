@@ -26,7 +26,7 @@ def recorded(rig: Rig, dwells: Dwells, noise: float) -> Fit:
     """
     if len(dwells) == 0:
         raise no_dwell(dwells)
-    log_against_rig.check_geometry(rig, dwells.position)
+    log_against_rig.check_geometry(rig, dwells.position, dwells.force)
     kept = faulty_sensors.screen(rig, dwells).keep
     if not kept.any():
         raise DataError("every dwell is saturated or frozen", where="given log")

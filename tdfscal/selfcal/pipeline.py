@@ -15,7 +15,7 @@ from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
 from tdfscal.selfcal import observability, repeatability
-from tdfscal.selfcal.closure import frame_errors
+from tdfscal.selfcal.closure import misplaced
 from tdfscal.selfcal.covariance import (
     Estimate,
     estimate,
@@ -94,9 +94,11 @@ def self_calibrate(
         int(usable.index[k]): reason for k, reason in robust.rejected.items()
     }
     check_determined(Undetermined(rig, dwells, result, stats, seen, rejected), robust.rivals)
-    doubts: tuple[Suspicion, ...] = ()
+    doubts = misplaced(known)
     set_aside: tuple[Suspicion, ...] = ()
-    if estimator == "ml":
+    # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
+    if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
+        placed = doubts
         warmth = None if dwells.temperature is None else dwells.temperature[usable.index]
         many = len(robust.rejected) > MOST_REJECTED * len(usable.index)
         doubts = _doubts(known, usable, held, warmth, many_rejected=many)
@@ -107,6 +109,7 @@ def self_calibrate(
             )
             return replace(again, warnings=(*again.warnings, _PARABOLA))
         doubts, set_aside = _slip_or(doubts, known, usable, held)
+        doubts = (*placed, *doubts)
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
     if estimator == "ml" and max_trials != 0 and not unasked:
@@ -185,7 +188,7 @@ def _doubts(
     *,
     many_rejected: bool,
 ) -> tuple[Suspicion, ...]:
-    """What the residuals say that the rig file lacks; the closure of positions needs no force."""
+    """What the residuals say that the rig file lacks."""
     doubts: tuple[Suspicion, ...] = ()
     if not usable.measured_noise:
         doubts = suspicions(known, held, warmth)
@@ -193,7 +196,7 @@ def _doubts(
             result = known.fit
             whole = estimate(fit(result.rig, result.postures, result.state))
             doubts = suspicions(whole, held, warmth)
-    return (*doubts, *frame_errors(known))
+    return doubts
 
 
 def _slip_or(

@@ -45,7 +45,7 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     """
     if len(dwells) == 0:
         raise no_dwell(dwells)
-    log_against_rig.check_geometry(rig, dwells.position)
+    log_against_rig.check_geometry(rig, dwells.position, dwells.force)
     faulty_sensors.check_directions(rig)
     screened = faulty_sensors.screen(rig, dwells)
     index = np.flatnonzero(screened.keep)

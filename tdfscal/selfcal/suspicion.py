@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tdfscal.checks import geometry
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import p_text
 from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
@@ -39,22 +40,10 @@ WORDS = {
         "the barycentre is not where it is stated",
         "correct it, or write `terminal.barycenter.std: {1}` in rig.yaml",
     ),
-    "hinge": (
-        "the hinge of {0} is not where it is stated",
-        "measure the hinges again, or write `uncertainty.hinge: {1}` in rig.yaml",
-    ),
-    "datum": (
-        "the servo coordinates of {0} are offset",
-        "measure the servo datums, or write `uncertainty.datum: {1}` in rig.yaml",
-    ),
+    **geometry.WORDS,
     "tilt": (
         "gravity is not along -Z of the BCS",
         "level the BCS, or write `gravity.tilt_std: {1}` in rig.yaml",
-    ),
-    "compliance": (
-        "the NCPs give between encoder and hinge",
-        "see what is loose, or write `uncertainty.compliance: {{lateral: {1}, vertical: {1}}}` in "
-        "rig.yaml",
     ),
     "friction": (
         "the hinges hold back against the turn by which a posture is reached",
@@ -107,7 +96,7 @@ for _group in ("drift", "temperature", "parabola", "walk"):
 
 @dataclass(frozen=True, slots=True)
 class Suspicion:
-    """Something that the residuals ask for.
+    """Something that the residuals, or the distances between hinges, ask for.
 
     what, advice : what is wrong, and its cure. p_value : that chance alone asks as much, for this
     suspect alone. shift : largest move of an angle in units of its standard uncertainty.
@@ -115,6 +104,7 @@ class Suspicion:
     logarithm of its likelihood, less what its unknowns are worth. tied : another one is likelier,
     but not by much. zero_shift, zero : largest move of a zero, likewise, and which one.
     move : (p,), of the active parameters of a fit in motion, whose covariance may have to hold it.
+    evidence : what says so.
     """
 
     what: str
@@ -129,6 +119,7 @@ class Suspicion:
     zero_shift: float = 0.0
     zero: str = ""
     move: FloatArray | None = field(default=None, compare=False, repr=False)
+    evidence: str = "the residuals"
 
     @property
     def certain(self) -> bool:
@@ -158,10 +149,10 @@ class Suspicion:
     @property
     def finding(self) -> str:
         """What is wrong, how surely, and what it does."""
-        said = "say about as well that" if self.tied else "say that"
+        said = f"{self.evidence} say {'about as well ' if self.tied else ''}that"
         zero = f" and the zero {self.zero} by {self.zero_shift:.1f}"
         return (
-            f"the residuals {said} {self.what} ({p_text(self.p_value)}), which would move "
+            f"{said} {self.what} ({p_text(self.p_value)}), which would move "
             f"{self.angle} by {self.shift:.1f} of its standard uncertainties"
             f"{zero if self.zero_shift > CERTAIN_SHIFT else ''}"
         )
@@ -187,8 +178,7 @@ def suspicion(
     kind, index : key of `WORDS`, and the support where it is of one. size : that the residuals ask
     for, in the rig file's unit. move : (p,), of the free parameters with it, rotations first.
     """
-    step = 10.0 ** np.floor(np.log10(max(size, np.finfo(float).tiny)))
-    up = f"{float(f'{np.ceil(size / step) * step:.1g}'):g}"  # one significant digit, upwards
+    up = geometry.upwards(size)
     what, advice = (words.format(rig.supports[index], up) for words in WORDS[kind])
     support = index if "{0}" in WORDS[kind][0] else None
     shift = worst_angle(rig, known, move)

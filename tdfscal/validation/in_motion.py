@@ -68,7 +68,8 @@ def validate_moving(
     """
     rig = rig or given.rig
     usable = usable_samples(rig, slow)
-    log_against_rig.check_geometry(rig, slow.position[usable.keep][::_EVERY])
+    place, force = (each[usable.keep][::_EVERY] for each in (slow.position, slow.force))
+    log_against_rig.check_geometry(rig, place, force)
     priors = MovingPriors(_loosened(rig, given), slow, delay)
     start = priors.start(given.state)
 
@@ -79,7 +80,7 @@ def validate_moving(
     white = _whitened(given, fit, MovingPriors(rig, slow, delay))
     found = causes.causes(white)
     p_value = float(chi2_sf(white.chi2, white.dof))
-    turned = log_against_rig.turned(rig, slow.position[usable.keep][::_EVERY])
+    turned = log_against_rig.turned(rig, place)
     left_out = [stretch.text for stretch in usable.rejected]
     return MovingValidation(
         rig=rig,

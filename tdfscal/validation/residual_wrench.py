@@ -69,7 +69,7 @@ def validate(
     rig = rig or given.rig
     if len(dwells) == 0:
         raise no_dwell(dwells)
-    log_against_rig.check_geometry(rig, dwells.position)
+    log_against_rig.check_geometry(rig, dwells.position, dwells.force)
     screened = faulty_sensors.screen(rig, dwells)
     used = np.flatnonzero(screened.keep)
     if not used.size:

@@ -18,7 +18,7 @@ from tdfscal.model.statics import balance, features, features_jacobian, postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import Drift, Rig
-from tdfscal.selfcal.closure import frame_errors
+from tdfscal.selfcal.closure import misplaced
 from tdfscal.selfcal.covariance import estimate, evaluate, information_root, quality
 from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.selfcal.mounting_search import apart, best_start
@@ -181,7 +181,7 @@ def test_a_turned_frame_is_named() -> None:
         options = replace(OPTIONS, faults=faults)
         dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(5), 1).dwells(0)
         result = fit(rig, postures(rig, dwells), nominal(rig))
-        doubts = frame_errors(estimate(result))
+        doubts = misplaced(estimate(result))
         assert bool(doubts) is named
         if named:
             assert "ncp2 is turned" in doubts[0].what
