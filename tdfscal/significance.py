@@ -28,14 +28,14 @@ QUESTIONED: Final = 8e-3
 #: Of it: that a faultless campaign loses a posture as an outlier.
 OUTLYING_POSTURE: Final = 0.125 * QUESTIONED
 #: That score tests raise any suspicion of an undeclared error.
-UNDECLARED_ERROR: Final = 0.45 * QUESTIONED
+UNDECLARED_ERROR: Final = 0.375 * QUESTIONED
 #: That a sensor is said to have turned on the way, or a zero to have jumped. Divided among all
 #: splits, which are so much alike that half of it comes true.
 WITHIN_CAMPAIGN: Final = 0.15 * QUESTIONED
 #: That the distances between hinges are said to contradict the rig file, as a whole or by any
 #: single cause; and, where they agree, that any positioner's frame is called turned, scaled or not
 #: square.
-GEOMETRY_MISFIT: Final = 0.025 * QUESTIONED
+GEOMETRY_MISFIT: Final = 0.1 * QUESTIONED
 FRAME_MISFIT: Final = 0.025 * QUESTIONED
 #: That χ² of the residuals is reported; the Birge ratio has inflated already.
 MISFIT: Final = 0.075 * QUESTIONED

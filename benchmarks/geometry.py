@@ -1,0 +1,224 @@
+"""Hinges and positioners' offsets that the rig file does not know of, at rest and in motion.
+
+Rigs of 3 to 6 supports with hinges spread by a tenth of the radius about a regular polygon. The
+log shows the true distances between hinges: the rig file's hinges, the datums and the positions
+scatter about the truth by what is declared (20 µm, 0, 10 µm per coordinate where nothing else is
+said), in motion with positioners' errors that change over 20 mm. One hinge of the rig file, or one
+positioner's coordinates, is off by the size of the row in a direction drawn evenly from all.
+
+Right: the true cause is among those named. Of campaigns in which nothing is said: the largest
+error of an angle over its standard uncertainty, and how many have d² of all angles beyond 99 % of
+χ².
+
+    python -m benchmarks.geometry [RUNS [SOUND RIGS AT REST [SOUND RIGS IN MOTION]]]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdfscal import simulation
+from tdfscal.errors import DataError, TdfscalError
+from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
+from tdfscal.motioncal.streams import slow_streams
+from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.simulation import Options, Recorder
+from tdfscal.simulation.moving_campaign import draw_field, simulate_moving
+from tdfscal.simulation.moving_options import MovingOptions
+
+_DELAY = UncertainValue(np.array(0.0), np.array(0.02))
+_SUPPORTS = DeclaredUncertainty(positioner=1e-5, hinge=2e-5, force_noise=0.1)
+_NAMES = {"hinge": "the hinge of {} is not", "datum": "the servo coordinates of {} are offset"}
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is off, by how much (m), on which rig; way : direction, none: drawn."""
+
+    kind: str = ""
+    size: float = 0.0
+    radius: float = 0.6
+    n: int = 3
+    declared: DeclaredUncertainty = _SUPPORTS
+    way: tuple[float, float, float] | None = None
+    moving: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """verdict; what is said of the geometry; largest error over its std and whether d² is beyond
+    99 % of χ², where there are angles.
+    """
+
+    verdict: str
+    said: str
+    right: bool
+    error: float = 0.0
+    beyond: bool = False
+
+
+def run(case: Case, rng: np.random.Generator) -> Outcome:
+    """One campaign."""
+    declared, n = case.declared, case.n
+    spread = 0.1 * case.radius * rng.standard_normal((n, 3))
+    rig = simulation.make_rig(n, radius=case.radius, declared=declared)
+    rig = replace(rig, hinge=rig.hinge + spread)
+    exact = replace(declared, positioner=0.0, hinge=0.0, datum=0.0)
+    which, off = int(rng.integers(n)), np.zeros((n, 3))
+    way = rng.standard_normal(3) if case.way is None else np.array(case.way)
+    off[which] = case.size * way / np.linalg.norm(way)
+    hinge = rig.hinge + declared.hinge * rng.standard_normal((n, 3))
+    stated = replace(rig, hinge=hinge + off if case.kind == "hinge" else hinge)
+    datum = declared.datum * rng.standard_normal((n, 3)) + (off if case.kind == "datum" else 0.0)
+    played = _in_motion if case.moving else _at_rest
+    try:
+        result, truth = played(replace(rig, declared=exact), stated, datum, rng)
+    except DataError as error:
+        return Outcome("refused", error.what, _named(case, stated.supports[which], error.what))
+    except TdfscalError as error:
+        return Outcome(f"no angles ({type(error).__name__})", "", False)
+    doubts = [d for d in result.suspicions if "distances" in d.evidence]
+    text = "; ".join(doubt.what for doubt in result.suspicions)
+    verdict = "rejected" if result.reasons else "warned" if result.suspicions else "silent"
+    largest, beyond = _errors(result, truth)
+    said = "; ".join(doubt.what for doubt in doubts)
+    return Outcome(verdict, said, _named(case, stated.supports[which], text), largest, beyond)
+
+
+def _named(case: Case, support: str, text: str) -> bool:
+    return bool(case.kind) and _NAMES[case.kind].format(support) in text
+
+
+def _at_rest(
+    true: Rig, stated: Rig, datum: FloatArray, rng: np.random.Generator
+) -> tuple[SelfCalibration, FloatArray]:
+    """24 postures squeezed by 200 N, 0.1 N of noise; and the true rotations."""
+    options = Options(
+        squeeze=200.0, stiffness=_stiffness(stated, rng), recorder=Recorder(mean_sd=0.1)
+    )
+    batch = simulation.simulate_dwells(true, options, rng, 1)
+    dwells = batch.dwells(0)
+    noise = stated.declared.positioner * rng.standard_normal(dwells.position.shape)
+    dwells = replace(dwells, position=dwells.position + datum + noise)
+    return self_calibrate(stated, dwells, rng=rng, max_trials=0), batch.truth.rotation[0]
+
+
+def _in_motion(
+    true: Rig, stated: Rig, datum: FloatArray, rng: np.random.Generator
+) -> tuple[MotionCalibration, FloatArray]:
+    """A minute of the simulator's multisine; and the true rotations."""
+    stiffness = np.diagonal(_stiffness(stated, rng))
+    options = MovingOptions(stiffness=(stiffness[0], stiffness[1], stiffness[2]))
+    campaign = simulate_moving(true, options, rng)
+    slow = slow_streams([campaign.log], true.capacity)
+    field = draw_field(true.n, stated.declared.positioner, options.field_correlation, rng)
+    slow = replace(slow, position=slow.position + datum + field(slow.position))
+    return calibrate_moving(stated, slow, _DELAY), campaign.truth.rotation
+
+
+def _stiffness(stated: Rig, rng: np.random.Generator) -> FloatArray:
+    """Stiff supports, softer by what is declared; (3, 3), N/m."""
+    give = stated.declared.compliance_lateral, stated.declared.compliance_vertical
+    lateral, vertical = np.abs(np.array(give) * rng.standard_normal(2)) + np.array([5e-8, 7e-9])
+    return np.diag([1 / lateral, 1 / lateral, 1 / vertical])
+
+
+def _errors(result: SelfCalibration | MotionCalibration, truth: FloatArray) -> tuple[float, bool]:
+    if isinstance(result, SelfCalibration):
+        rotation, covariance = result.fit.state.rotation, result.uncertainty.covariance
+    else:
+        rotation = result.fit.state.still.rotation
+        covariance = result.uncertainty.turns.covariance
+    d = so3.log(truth @ np.swapaxes(rotation, 1, 2)).ravel()
+    beyond = d @ np.linalg.solve(covariance, d) > chi2_quantile(0.99, d.size)
+    return float(np.max(np.abs(d) / np.sqrt(np.diagonal(covariance)))), bool(beyond)
+
+
+def rows() -> Iterator[Case]:
+    """What is off."""
+    for moving in (False, True):
+        for size, radius in ((1e-3, 2.0), (3e-3, 2.0), (15e-3, 10.0)):
+            yield Case("hinge", size, radius, moving=moving)
+        for size, radius in ((2e-4, 0.6), (1e-3, 0.6), (2e-4, 2.0), (1e-3, 2.0)):
+            yield Case("datum", size, radius, moving=moving)
+        yield Case("hinge", 1e-3, 2.0, n=4, moving=moving)
+        yield Case("datum", 2e-4, 2.0, n=6, moving=moving)
+        yield Case("hinge", 3e-3, 2.0, way=(0.0, 0.0, 1.0), moving=moving)
+        yield Case("datum", 2e-4, 0.6, way=(0.0, 0.0, 1.0), moving=moving)
+
+
+def sound(rng: np.random.Generator, *, moving: bool) -> Case:
+    """A rig of which all is declared; no support is softer than 1 N/µm or so."""
+    soft = float(rng.choice([0.0, 0.0, 2e-7, 1e-6]))
+    declared = DeclaredUncertainty(
+        positioner=float(rng.choice([5e-6, 1e-5, 3e-5])),
+        hinge=float(rng.choice([1e-5, 2e-5, 1e-4, 1e-3])),
+        datum=float(rng.choice([0.0, 0.0, 5e-5, 3e-4])),
+        force_noise=0.1,
+        compliance_lateral=soft,
+        compliance_vertical=soft,
+    )
+    radius, n = float(rng.choice([0.6, 2.0, 10.0])), int(rng.integers(3, 7))
+    return Case("", 0.0, radius, n, declared, moving=moving)
+
+
+def line(case: Case, runs: int) -> str:
+    """One row of the table of faults."""
+    rng = np.random.default_rng([28, int(1e6 * case.size), int(10 * case.radius), case.n])
+    started = time.process_time()
+    found = [run(case, rng) for _ in range(runs)]
+    verdicts = Counter(each.verdict for each in found)
+    silent = [each for each in found if each.verdict == "silent"]
+    count = np.mean([1 + each.said.count(", or ") for each in found if each.right] or [0])
+    where = "along z" if case.way else "any way"
+    size = f"{1e3 * case.size:g} mm at {case.radius:g} m, {case.n} supports, {where}"
+    return (
+        f"| {'in motion' if case.moving else 'at rest'} | {case.kind} {size} | "
+        f"{', '.join(f'{kind} {k}' for kind, k in verdicts.most_common())} | "
+        f"{sum(each.right for each in found)} of {runs} | {count:.1f} | "
+        f"{max((each.error for each in silent), default=0.0):.1f} | "
+        f"{sum(each.beyond for each in silent)} of {len(silent)} | "
+        f"{(time.process_time() - started) / runs:.1f} |"
+    )
+
+
+def alarms(runs: int, *, moving: bool) -> str:
+    """One row of the table of sound rigs."""
+    rng = np.random.default_rng([29, int(moving)])
+    found = [run(sound(rng, moving=moving), rng) for _ in range(runs)]
+    verdicts = Counter(each.verdict for each in found)
+    questioned = sum(bool(each.said) for each in found)
+    return (
+        f"| {'in motion' if moving else 'at rest'} | {runs} | {questioned} | "
+        f"{', '.join(f'{kind} {k}' for kind, k in verdicts.most_common())} |"
+    )
+
+
+def main() -> None:
+    """Print the tables."""
+    runs, still, moving = (
+        int(v) for v in (*sys.argv[1:], *("20", "500", "100")[len(sys.argv) - 1 :])
+    )
+    print("| how | off | verdict | right | causes named | worst error / σ where silent | d² beyond "
+          "99 % where silent | s |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|")
+    for case in rows():
+        print(line(case, runs), flush=True)
+    print("\n| sound rigs | campaigns | geometry questioned | verdicts |")
+    print("|---|---|---|---|")
+    for count, how in ((still, False), (moving, True)):
+        print(alarms(count, moving=how), flush=True)
+
+
+if __name__ == "__main__":
+    main()
