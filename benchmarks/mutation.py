@@ -82,7 +82,7 @@ GROUPS: dict[str, Group] = {
     ),
     "checks of logs": Group(
         ("checks/faulty_sensors", "checks/log_against_calibration", "checks/log_against_rig",
-         "checks/same_rig"),
+         "checks/geometry", "checks/hinge_distances", "checks/same_rig"),
         ("checks",),
     ),
     "checks of files": Group(

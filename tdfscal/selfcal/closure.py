@@ -14,6 +14,9 @@ from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import Estimate, Uncertainty
 from tdfscal.selfcal.suspicion import Suspicion, worst_angle
 
+#: What says so, beside the residuals of the balance.
+DISTANCES = "the distances between hinges"
+
 
 def misplaced(of: Estimate) -> tuple[Suspicion, ...]:
     """Name what contradicts the stated distances between hinges, with what it does to angles."""
@@ -64,7 +67,7 @@ def suspected(
             kind=best.kind,
             support=best.support,
             weight=best.statistic,
-            evidence="the distances between hinges",
+            evidence=DISTANCES,
             move=moves[worst],
         ),
     )

@@ -1,4 +1,4 @@
-"""Distances between hinges: terminals built here, wrong in one known way or within what is stated."""
+"""Terminals built here, wrong in one known way or within what is stated, and what is said."""
 
 from __future__ import annotations
 

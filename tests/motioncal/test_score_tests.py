@@ -98,3 +98,20 @@ def test_zeros_that_follow_the_temperature_are_found_and_followed() -> None:
 @pytest.mark.slow
 def test_a_sound_rig_file_raises_no_suspicion() -> None:
     assert doubts("nothing") == ()
+
+
+@pytest.mark.parametrize("change", ["hinge", "datum"])
+def test_a_wrong_geometry_is_named_before_its_echoes(change: str) -> None:
+    """A hinge of the rig file 2 mm off in its plane, or 1 mm of a positioner's datum."""
+    campaign, slow, _ = played(MINUTE, 21)
+    rig, position = campaign.rig, slow.position.copy()
+    if change == "hinge":
+        hinge = rig.hinge.copy()
+        hinge[0] += [1.2e-3, -1.6e-3, 0.0]
+        rig = replace(rig, hinge=hinge)
+    else:
+        position[:, 0] += [0.6e-3, 0.0, 0.8e-3]
+    found = calibrate_moving(rig, replace(slow, position=position), DELAY)
+    first = found.suspicions[0]
+    assert (first.kind, first.support) == (change, 0)
+    assert any("distances between hinges" in reason for reason in found.reasons)

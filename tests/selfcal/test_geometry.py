@@ -1,0 +1,67 @@
+"""A rig file whose hinge, or a positioner whose datum, is off: named, and its harm told."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.numerics import so3
+from tdfscal.records import Dwells, FloatArray, Rig
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.simulation import Options, Recorder
+
+OPTIONS = Options(squeeze=200.0, recorder=Recorder(mean_sd=0.1))
+
+
+def recorded(rig: Rig, seed: int) -> tuple[Dwells, FloatArray]:
+    """A campaign of a rig, and its true rotations."""
+    batch = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(seed), 1)
+    return batch.dwells(0), batch.truth.rotation[0]
+
+
+def calibrated(rig: Rig, dwells: Dwells) -> SelfCalibration:
+    return self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+
+
+@pytest.mark.parametrize(("size", "radius", "rejected"), [(5e-3, 2.0, True), (2e-4, 10.0, False)])
+def test_a_displaced_hinge_is_named_and_rejects_where_it_harms(
+    size: float, radius: float, rejected: bool
+) -> None:
+    rig = simulation.make_rig(3, radius=radius)
+    dwells, truth = recorded(rig, 1)
+    hinge = rig.hinge.copy()
+    hinge[1, :2] += size * np.array([0.6, -0.8])
+    result = calibrated(replace(rig, hinge=hinge), dwells)
+    doubt = result.suspicions[0]
+    assert (doubt.kind, doubt.support) == ("hinge", 1)
+    assert "the distances between hinges say that the hinge of ncp2" in doubt.text
+    told = re.search(r"by ([\d.]+) mm", doubt.what)
+    assert told is not None
+    assert 1e-3 * float(told[1]) == pytest.approx(size, abs=1e-4)  # 20 µm per coordinate
+    assert bool(result.reasons) is rejected
+    assert any("hinge of ncp2" in text for text in (*result.reasons, *result.warnings))
+    if not rejected:  # the stated uncertainty holds it: d² within χ² of 9 degrees at a thousandth
+        d = so3.log(truth @ np.swapaxes(result.fit.state.rotation, 1, 2)).ravel()
+        assert d @ np.linalg.solve(result.uncertainty.covariance, d) < 27.9
+
+
+def test_the_harm_that_is_told_is_the_shift_of_the_angles() -> None:
+    """Of 1 mm of a datum: against the angles without it, first order against a whole fit."""
+    rig = simulation.make_rig(3)
+    dwells, _ = recorded(rig, 2)
+    sound = calibrated(rig, dwells)
+    assert not sound.suspicions
+    position = dwells.position.copy()
+    position[:, 2] += 1e-3 * np.array([0.8, 0.0, 0.6])
+    result = calibrated(rig, replace(dwells, position=position))
+    doubt = result.suspicions[0]
+    assert (doubt.kind, doubt.support) == ("datum", 2)
+    assert result.reasons
+    moved = so3.log(result.fit.state.rotation @ np.swapaxes(sound.fit.state.rotation, 1, 2)).ravel()
+    std = np.sqrt(np.diagonal(result.uncertainty.covariance))
+    assert doubt.shift == pytest.approx(np.max(np.abs(moved) / std), rel=0.1)
