@@ -13,6 +13,7 @@ from tdfscal.numerics.registration import register as solve
 from tdfscal.records import FloatArray, Instrument, IntArray, PointSet
 from tdfscal.significance import OUTLYING_POINT, POINTS_AS_LIKELY, UNUSABLE_SURVEY
 from tdfscal.trackercal.instrument import angle_covariance, range_covariance
+from tdfscal.trackercal.outlying_points import outlying_points
 from tdfscal.trackercal.point_matching import (
     MatchedPoints,
     describe_relabelling,
@@ -139,6 +140,9 @@ def fit_survey(
     """
     kept, rejected = np.arange(len(points)), list[RejectedPoint]()
     _refuse_wrong_names(points, noise, common_shift, what)
+    stated = bool(noise.measured or noise.reference)
+    if common_shift and not stated:
+        kept, rejected = _without_outlying(points)
     while True:
         current, covs = points.take(kept), noise.take(kept)
         place = {name: 0 if common_shift else k for k, name in enumerate(current.groups)}
@@ -157,13 +161,36 @@ def fit_survey(
                 where=points.measured.source,
                 hint="measure them again; a fifth or sixth target would tell which one it is",
             )
-        if alike or not outlies:
+        if alike or not outlies or not stated:
             return SurveyFit(current, covs, index, fit, tuple(rejected))
         size = np.linalg.norm(fit.residual[worst])
         ratio = np.sqrt(fit.statistic[worst] / max(fit.redundancy[worst], 1))
         reason = f"residual {size * 1e3:.3g} mm, {ratio:.3g} times what its uncertainty allows"
         rejected.append(RejectedPoint(current.names[worst], reason))
         kept = np.delete(kept, worst)
+
+
+def _without_outlying(points: MatchedPoints) -> tuple[IntArray, list[RejectedPoint]]:
+    """Points to keep where no noise is stated, and those that are off; no group is lost whole."""
+    every = np.arange(len(points))
+    off = outlying_points(points.measured.xyz, points.reference.xyz, _least(points))
+    kept = np.setdiff1d(every, [point.index for point in off])
+    if points.take(kept).groups != points.groups:  # it has moved, and its points are sound
+        return every, []
+    return kept, [
+        RejectedPoint(
+            points.names[point.index],
+            f"residual {point.distance * 1e3:.3g} mm, {point.ratio:.3g} times what the other "
+            "points allow",
+        )
+        for point in off
+    ]
+
+
+def _least(points: MatchedPoints) -> float:
+    """Noise per coordinate that residuals show at least, m."""
+    digits = np.hypot(points.measured.resolution, points.reference.resolution)
+    return max(FINEST, float(digits) * ROUNDING)
 
 
 def _outlier_p(
@@ -222,8 +249,7 @@ def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> R
     try:
         if given:
             return solve(points.measured.xyz, points.reference.xyz, C, D, index)
-        digits = np.hypot(points.measured.resolution, points.reference.resolution)
-        least = max(FINEST, float(digits) * ROUNDING)
+        least = _least(points)
         return solve(points.measured.xyz, points.reference.xyz, group=index, least=least)
     except (NotIdentifiableError, NotConvergedError) as error:
         kind = DataError if isinstance(error, MirroredError) else type(error)
