@@ -188,9 +188,11 @@ def _without_outlying(points: MatchedPoints) -> tuple[IntArray, list[RejectedPoi
 
 
 def _least(points: MatchedPoints) -> float:
-    """Noise per coordinate that residuals show at least, m."""
-    digits = np.hypot(points.measured.resolution, points.reference.resolution)
-    return max(FINEST, float(digits) * ROUNDING)
+    """Noise per coordinate that residuals show at least, m: of the digits, and of repetition."""
+    sets = (points.measured, points.reference)
+    digits = float(ROUNDING * np.linalg.norm([p.resolution for p in sets]))
+    repetition = float(np.linalg.norm([p.repeatability for p in sets]))
+    return max(float(FINEST), digits, repetition)
 
 
 def _outlier_p(

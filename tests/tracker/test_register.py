@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.numerics.so3 import exp
 from tdfscal.records import FloatArray, PointSet
 from tdfscal.trackercal import match_points, register
 
@@ -280,3 +281,46 @@ def test_uncertainties_of_the_file_stand_in_place_of_the_instruments() -> None:
     assert filled.covariance == pytest.approx(by_file.covariance, rel=1e-12)
     mixed = register(replace(measured, std=some), reference, instrument=PAPER)
     assert mixed.rpy_std.max() > 1.02 * by_file.rpy_std.max()  # 4 m away it sees less well
+
+
+def named(xyz: FloatArray) -> PointSet:
+    """Points of one group, without any uncertainty."""
+    names = tuple(f"P{k}" for k in range(len(xyz)))
+    return PointSet(("",) * len(xyz), names, xyz, None, "file")
+
+
+@pytest.mark.parametrize(("count", "off"), [(5, 1), (8, 2), (20, 2), (20, 3), (92, 2)])
+def test_outlying_points_are_found_by_the_others_alone(count: int, off: int) -> None:
+    rng = np.random.default_rng(count + off)
+    reference = rng.uniform(-1, 1, (count, 3))
+    truth = exp(rng.normal(size=3))
+    measured = reference @ truth.T + [3.0, -2.0, 1.0] + 2e-5 * rng.normal(size=(count, 3))
+    bad = rng.choice(count, off, replace=False)
+    away = rng.normal(size=(off, 3))
+    measured[bad] += 5e-3 * away / np.linalg.norm(away, axis=1, keepdims=True)
+    fit = register(named(measured), named(reference))
+    assert {r.name for r in fit.rejected} == {named(reference).point[k] for k in bad}
+    d = error_vector(truth, fit.rotation)
+    assert d @ np.linalg.solve(fit.covariance[:3, :3], d) < chi2_bounds(3)[1]
+    assert fit.sigma is not None
+    low, high = chi2_bounds(fit.dof)
+    assert low < fit.dof * (fit.sigma / 2e-5) ** 2 < high
+
+
+def test_a_reference_of_another_scale_has_no_outlying_points() -> None:
+    rng = np.random.default_rng(4)
+    reference = rng.uniform(-1, 1, (40, 3))
+    fit = register(named(1.0005 * reference), named(reference))
+    assert fit.rejected == ()
+    assert fit.scale == pytest.approx(1.0005, abs=1e-6)
+
+
+def test_a_group_that_has_moved_is_not_left_out() -> None:
+    rng = np.random.default_rng(5)
+    reference = rng.uniform(-1, 1, (20, 3))
+    group = ("a",) * 15 + ("b",) * 5
+    measured = reference + 2e-5 * rng.normal(size=(20, 3)) + 2e-3 * (np.arange(20) >= 15)[:, None]
+    sets = [replace(named(xyz), group=group) for xyz in (measured, reference)]
+    fit = register(*sets)
+    assert fit.rejected == ()
+    assert any("moved against each other" in text for text in fit.warnings)

@@ -19,6 +19,7 @@ from tdfscal.files.points.columns import (
 )
 from tdfscal.files.points.model import parse_json
 from tdfscal.files.points.numbers import as_number, last_digit, refuse, to_metres
+from tdfscal.files.points.repeated import Repeated, misplaced, repeated
 from tdfscal.files.points.text import (
     Line,
     Preamble,
@@ -94,7 +95,8 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     ------
     UsageError : the file cannot be opened.
     DataError : it is not a point file that can be used: no unit, polar axes, probe offsets,
-        no number where one should be, a point twice; the message names the line.
+        no number where one should be, one name for points apart; the message names the line.
+    Measurements of one point, which are near each other, are averaged.
     """
     path = Path(path)
     text, source = read_text(path), str(path)
@@ -105,18 +107,22 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     coordinate, uncertainty = _factors(columns, beside, length_unit, source)
     names, named = _names(table)
     xyz = _coordinates(table)
+    rows = repeated(names, xyz)
+    if rows.dof:
+        named.append(_repeatability(table, names, rows, xyz))
     # Whole numbers are a drawing's: exact, not readings that were rounded to a unit.
     digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(columns.coordinate)
     std, stated = _stated(table, beside)
     if columns.ignored:
         notes.append(f"{source}: columns not used: {', '.join(columns.ignored)}")
     points = PointSet(
-        group=tuple(group for group, _ in names),
-        point=tuple(point for _, point in names),
-        xyz=xyz * coordinate,
-        std=None if std is None else std * uncertainty,
+        group=tuple(names[k][0] for k in rows.first),
+        point=tuple(names[k][1] for k in rows.first),
+        xyz=rows.mean(xyz) * coordinate,
+        std=None if std is None else rows.mean(std) * uncertainty,
         source=source,
         resolution=digit * max(coordinate),
+        repeatability=rows.of_means * max(coordinate),
     )
     return PointReading(points, (*named, *stated, *notes))
 
@@ -201,19 +207,32 @@ def _names(table: _Table) -> tuple[list[tuple[str, str]], list[str]]:
     if points is None:
         notes.append(f"{source}: the points have no names; they are numbered by their rows")
         points = [str(k + 1) for k in range(len(table.rows))]
-    seen: dict[tuple[str, str], int] = {}
-    for k, (line, row) in enumerate(zip(table.lines, table.rows, strict=True)):
+    names = []
+    for k, row in enumerate(table.rows):
         name = _apart("" if columns.group is None else row[columns.group], points[k])
         if not name[1] or (columns.group is not None and not name[0]):
             table.refuse(k, "has no group or no point name", "name the point")
-        if name in seen:
-            table.refuse(
-                k,
-                f"{'/'.join(filter(None, name))} stands in line {seen[name]} already",
-                "give each point of a group a name of its own, or leave one out",
-            )
-        seen[name] = line.number
-    return list(seen), notes
+        names.append(name)
+    return names, notes
+
+
+def _repeatability(
+    table: _Table, names: Sequence[tuple[str, str]], rows: Repeated, xyz: FloatArray
+) -> str:
+    """What repeated measurements say; DataError where they are of different points."""
+    if wrong := misplaced(rows, xyz):
+        k, off = wrong
+        first = table.lines[rows.first[rows.member[k]]].number
+        table.refuse(
+            k,
+            f"{'/'.join(filter(None, names[k]))} stands in line {first} already, {off:.3g} away in "
+            "the file's unit: too far for a measurement repeated",
+            "give each point of a group a name of its own, or leave one out",
+        )
+    return (
+        f"{table.source}: {len(names)} measurements of {len(rows.first)} points are averaged; "
+        f"they scatter by {rows.scatter:.3g} per coordinate in the file's unit"
+    )
 
 
 def _apart(group: str, point: str) -> tuple[str, str]:
