@@ -115,7 +115,7 @@ class JointPrior:
     """What earlier campaigns know of the rig's constants: one Gaussian of all of them together.
 
     It takes the place of the priors that the rig file states for them. P parameters in the order
-    of `model.parameters.layout`; only the places of the constants are used.
+    of `model.parameters.layout`; those of which nothing is known here have columns of 0.
     rotation : (n, 3, 3), estimate. vector : (P,), estimates of the other constants.
     root : (m, P), W with WᵀW the information on a deviation from the estimate; SI, rad, BCS.
     chi2, dof : of the fits behind it.
@@ -126,6 +126,11 @@ class JointPrior:
     root: FloatArray
     chi2: float
     dof: int
+
+    @property
+    def places(self) -> BoolArray:
+        """Parameters (P,) that it knows something of."""
+        return np.asarray(self.root.any(axis=0))
 
 
 @dataclass(frozen=True, slots=True)

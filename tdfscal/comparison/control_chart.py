@@ -13,14 +13,16 @@ followed, and the search goes on.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from tdfscal.comparison.turns_since import BACK, Kind, Turn, TurnsSince, begin
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.information import Information, p_value
-from tdfscal.records import FloatArray
+from tdfscal.records import FloatArray, IntArray
+from tdfscal.significance import CAUSE_EXPLAINS
 
 #: Checks that speak together against those before them, each with its share of the alarm level. The
 #: longer see again what the shorter saw, so that of the shares' sum, above 1, at most 1 comes true
@@ -33,6 +35,8 @@ _MONTHS = 12.0
 _SHORTEST = 1 / 30.4375
 #: Two steps have three unknowns and a date more than one creep: they must explain so much more χ².
 _TWO_STEPS_COST = 12.0
+#: By so much, kg and m, a load may be another.
+_LOADED = 1e3
 #: Checks after an alarm that still tell its date and size: what comes long after is another story.
 _SETTLED = BACK // 2
 
@@ -41,25 +45,27 @@ _SETTLED = BACK // 2
 class Check:
     """What one calibration, or one campaign, says of the constants (C,); rotations first.
 
-    month : date of measurement in months from any instant.
+    month : date of measurement in months from any instant. load : places of its terminal's mass
+    and barycentre among the constants; none where they are not asked for.
     """
 
     name: str
     month: float
     own: Information
+    load: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int_))
 
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """A sensor that turned.
+    """A sensor that turned, or a terminal that is not as it was.
 
-    sensor : its index; None where all together depart and no single one explains it.
+    sensor : its index; None of a load, and where all together depart and no single one explains it.
     raised, onset : indices of the checks that raised it, and with which it began.
     turn : (3,), rad, BCS; of a creep, per month. std : (3,), its standard uncertainty.
     p_value : that a sound rig departs as much at this check, in any of its tests.
     """
 
-    kind: Kind
+    kind: Kind | Literal["load"]
     sensor: int | None
     raised: int
     onset: int
@@ -96,6 +102,7 @@ class Watching:
         rate: float,
     ) -> None:
         self.own, self.prior, self.steps, self.n = [c.own for c in checks], prior, steps, sensors
+        self.loads = [check.load for check in checks]
         months = np.array([check.month for check in checks])
         self.gaps = np.diff(months, prepend=months[0])
         self.alarms: list[Alarm] = []
@@ -109,6 +116,12 @@ class Watching:
             now = now.then(self.own[k], walk[k], self.gaps[k])
             p = self.smallest[k] = self._p_values(now)
             every = p_value(now.departure.chi2()) / OF_ALL
+            if min(p.min(), every) <= self.level[k] and self._loaded(now):
+                turn = np.zeros(3)
+                least = min(float(p.min()), every)
+                self.alarms.append(Alarm("load", None, k, k, turn, turn, least))
+                now, walk = self._through(k), self._walk()
+                p, every = self._p_values(now), p_value(now.departure.chi2()) / OF_ALL
             if p.min() > self.level[k] >= every:
                 turn = np.zeros(3)
                 self.alarms.append(Alarm("step", None, k, k, turn, turn, every))
@@ -123,6 +136,8 @@ class Watching:
         """Variance (C,) before each check; all alarms are known but one."""
         walk = [step.copy() for step in self.steps]
         for alarm in self.alarms:
+            if alarm.kind == "load":
+                walk[alarm.onset][self.loads[alarm.onset]] += _LOADED**2
             if alarm.sensor is None or alarm is but:
                 continue
             where = slice(3 * alarm.sensor, 3 * alarm.sensor + 3)
@@ -133,6 +148,14 @@ class Watching:
                 for k in range(alarm.onset, len(walk)):
                     walk[k][where] += (pace * self.gaps[k]) ** 2
         return walk
+
+    def _loaded(self, now: TurnsSince) -> bool:
+        """Whether another load explains the last check, and better than any one sensor's turn."""
+        load, departure = self.loads[now.check], now.departure
+        if not len(load) or p_value(departure.left(load)) < CAUSE_EXPLAINS:
+            return False
+        turns = [departure.chi2(slice(3 * i, 3 * i + 3)) for i in range(self.n)]
+        return p_value(departure.chi2(load)) < min(map(p_value, turns))
 
     def _through(self, last: int, but: Alarm | None = None) -> TurnsSince:
         """Go through the checks up to the last; all alarms are known but one."""

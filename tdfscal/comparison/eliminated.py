@@ -1,9 +1,10 @@
 """What one campaign says of the rig's constants, as a quadratic form.
 
-A campaign's own quantities (zeros, load) are eliminated by a Schur complement; what is left is the
+A campaign's own quantities (zeros) are eliminated by a Schur complement; what is left is the
 information on the rig's constants, counted from a common reference. Rotations, hinges, datums,
-sensitivities and the direction of gravity have one realisation in all campaigns: they are pooled
-together, since pooled on the rotations alone a hinge's error would seem to average out.
+sensitivities, the direction of gravity and a load stated alike have one realisation in all
+campaigns: they are pooled together, since pooled on the rotations alone a hinge's error would seem
+to average out.
 Information adds; a campaign that determines nothing by itself adds what it has.
 
 C active constants in the order of `model.parameters.layout`; the 3n rotations come first, rad.
@@ -18,10 +19,13 @@ import numpy as np
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.earlier import free_constants
 from tdfscal.model.parameters import (
-    EVEN_TURN,
+    LOAD,
     State,
     constants,
     deviation,
+    furthest,
+    layout,
+    parameter_count,
     prior_std,
     with_motions,
 )
@@ -59,7 +63,8 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
     """Reduce a campaign to its constants (C,), counted from the reference's; priors of the
     constants are left out, those of its own parameters are kept.
     """
-    common = constants(fit.rig.n, fit.state.motions)[fit.active]
+    shared = np.pad(free_constants(fit.rig), (0, len(fit.active) - parameter_count(fit.rig.n)))
+    common = shared[fit.active]
     root, used = fit.root, fit.weight > 0
     own_rows = np.abs(fit.prior_jacobian[:, ~common]).any(axis=1)
     J = np.concatenate(
@@ -86,7 +91,7 @@ def eliminate(fit: Fit, reference: State) -> Eliminated:
         information=Information(free_A.T @ free_A, -(free_A.T @ free_r)),
         chi2=float(free_r @ free_r),
         rows=fit.rows + int(own_rows.sum()) - rank,
-        places=fit.active & ~constants(fit.rig.n, fit.state.motions),
+        places=fit.active & ~shared,
         own=back @ r,
         give=back @ A,
         spread=back @ back.T,
@@ -111,8 +116,8 @@ def of_estimate(known: Calibrated, prior: Information, reference: State) -> Elim
     Its posterior less its prior (C, C) of the constants, both counted from the reference: the noise
     of its rows was estimated with them, so that no χ² of its own remains.
     """
-    free, n = free_constants(known.rig), known.rig.n
-    places = ~constants(n) & (prior_std(known.rig) > 0)
+    free = free_constants(known.rig)
+    places = ~free & (prior_std(known.rig) > 0)
     C = known.covariance
     posterior = inverse(C[np.ix_(free, free)])
     away = deviation(known.state, reference)[free]
@@ -147,15 +152,14 @@ def stated(priors: Priors, reference: State) -> Information:
     rows = rows[:, common]
     here = np.abs(rows).any(axis=1)
     matrix = rows[here].T @ rows[here]
-    # A rotation of which nothing is known is still no further off than half a turn, and no other
-    # constant by more than its unit.
-    places = np.arange(len(matrix))
-    matrix[places, places] += np.where(places < 3 * n, EVEN_TURN**-2, 1.0)
+    matrix += np.diag(furthest(n)[priors.active & constants(n)] ** -2.0)
     return Information(matrix, -(rows[here].T @ residual[here]))
 
 
-def unstated(priors: Priors) -> int:
-    """Count the free constants that have no prior of their own."""
+def unstated(priors: Priors, *, load_alone: bool = False) -> int:
+    """Count the free constants that have no prior of their own; of the terminal alone, if asked."""
     std, n = priors.full_std, len(priors.nominal)
+    if load_alone:
+        return sum(int(np.isinf(std[layout(n)[group]]).sum()) for group in LOAD)
     open_std = np.isinf(std) & constants(n)
     return int(open_std.sum()) - len(priors.angled)

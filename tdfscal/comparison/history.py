@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,11 +105,12 @@ def live(
     """
     gaps = np.diff([c.month for c in checks], prepend=checks[0].month)
     birge = max(1.0, float(np.sqrt(fit[0] / fit[1]))) if fit[1] > 0 else 1.0
-    checks = [Check(c.name, c.month, c.own.beside(prior).scaled(birge)) for c in checks]
+    checks = [replace(c, own=c.own.beside(prior).scaled(birge)) for c in checks]
     own, n, R = [check.own for check in checks], rig.n, reference.rotation
 
     def steps(walk: float) -> list[FloatArray]:
-        return [turned(rig, walk * float(np.sqrt(max(gap, 0.0)))) for gap in gaps]
+        size = len(prior.score)
+        return [turned(rig, walk * float(np.sqrt(max(gap, 0.0))), size) for gap in gaps]
 
     watch = Watching(checks, prior, steps(rig.drift.angle), n, rate).run()
     jumps = [a - b for a, b in zip(watch.steps, steps(rig.drift.angle), strict=True)]
@@ -123,7 +124,11 @@ def live(
     used = max(rig.drift.angle, walk.value if walk else 0.0)
     rest, still = others(own, prior, jumping(used)), others(own, prior, jumps)
     alone = _told(
-        ((a.walked(turned(rig, EVEN_TURN)), b) for a, b in zip(rest, own, strict=True)), R
+        (
+            (a.walked(turned(rig, EVEN_TURN, len(prior.score))), b)
+            for a, b in zip(rest, own, strict=True)
+        ),
+        R,
     )
     path, mean = (_told(zip(known, own, strict=True), R) for known in (rest, still))
     z = normal_quantile(1 - watch.level / (2 * 3 * n))[:, None, None]

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.comparison.common import Common
 from tdfscal.comparison.eliminated import Eliminated, stated
 from tdfscal.comparison.walk import others
-from tdfscal.model.earlier import free_constants, information_of
-from tdfscal.model.parameters import CONSTANTS, layout, starting_state
+from tdfscal.model.earlier import free_constants, information_of, of_load
+from tdfscal.model.parameters import CONSTANTS, LOAD, layout, starting_state
 from tdfscal.numerics.information import (
     Contrast,
     Information,
@@ -18,7 +19,7 @@ from tdfscal.numerics.information import (
     nothing,
     p_value,
 )
-from tdfscal.records import FloatArray, Rig
+from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import CAMPAIGN_MISFIT, CAUSE_EXPLAINS
 
@@ -31,9 +32,10 @@ _ALLOWED = 10.0
 class Misfit:
     """A campaign that does not fit the others, and the one cause that explains it, if one does.
 
-    cause : group of `model.parameters.CONSTANTS` whose change takes the misfit away; None where no
-    single one does. sensor : name of the one that turned, where the cause is a rotation; turn :
-    (3,), rad, BCS, its most likely turn. p_value : that chance alone departs as much.
+    cause : group of `model.parameters.CONSTANTS` whose change takes the misfit away, "load" for
+    both of the terminal's; None where no single one does. sensor : name of the one that turned,
+    where the cause is a rotation; turn : (3,), rad, BCS, its most likely turn. p_value : that
+    chance alone departs as much.
     """
 
     campaign: str
@@ -54,7 +56,7 @@ def within(part: Eliminated, prior: Information) -> tuple[float, int]:
 
 
 def not_fitting(
-    rig: Rig,
+    shared: Common,
     names: Sequence[str],
     own: Sequence[Information],
     prior: Information,
@@ -68,13 +70,15 @@ def not_fitting(
         for k, rest in enumerate(others(own, prior, steps)):
             if own[k].matrix.any():
                 departure = contrast(rest, own[k], prior)
-                ranked.append((_probability(rig, departure), k, departure))
+                ranked.append((_probability(shared.rigs[k], departure), k, departure))
         # Of heavy ones all probabilities are 0.
         worst = min(ranked, key=lambda entry: (entry[0], -entry[2].chi2()[0]))
         if worst[0] > level:
             break
-        found.append(_named(rig, names[worst[1]], worst[2], prior, worst[0]))
-        own[worst[1]] = silent
+        p, k, departure = worst
+        at = shared.places[k]
+        found.append(_named(shared.rigs[k], names[k], departure, prior, p, at))
+        own[k] = silent
     return tuple(found)
 
 
@@ -90,11 +94,15 @@ def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
     p_value : that chance alone departs as much, in any of the tests made.
     """
     assert rig.earlier is not None
-    prior = stated(Priors(replace(rig, earlier=None)), starting_state(rig))
+    whole = replace(rig, earlier=None)
+    prior = stated(Priors(whole), starting_state(rig))
+    spoken = rig.earlier.places[free_constants(whole)]  # the load is none where it is stated anew
+    prior = Information(prior.matrix[np.ix_(spoken, spoken)], prior.score[spoken])
     birge = birge_of([(rig.earlier.chi2, rig.earlier.dof), within(part, prior)])
     known = information_of(rig, rig.earlier).scaled(birge)
     departure = contrast(known, part.information.scaled(birge), prior.scaled(birge))
-    return _named(rig, name, departure, prior, _probability(rig, departure))
+    at = np.arange(len(known.score))
+    return _named(rig, name, departure, prior, _probability(rig, departure), at)
 
 
 def _probability(rig: Rig, departure: Contrast) -> float:
@@ -103,19 +111,26 @@ def _probability(rig: Rig, departure: Contrast) -> float:
     return min(1.0, len(tested) * min(map(p_value, tested)))
 
 
-def _named(rig: Rig, name: str, departure: Contrast, prior: Information, p: float) -> Misfit:
-    """Name the likeliest change that leaves no misfit; of a sensor, its own turn alone."""
+def _named(
+    rig: Rig, name: str, departure: Contrast, prior: Information, p: float, at: IntArray
+) -> Misfit:
+    """Name the likeliest change that leaves no misfit; of a sensor, its own turn alone.
+
+    at : places of the rig's own free constants among all.
+    """
     free, place = free_constants(rig), layout(rig.n)
     allowed = _ALLOWED / np.sqrt(np.diagonal(prior.matrix))
+    allowed[at[of_load(rig)]] = np.inf
     explain: list[tuple[float, str, int | None]] = [
         (p_value(departure.chi2(turn_of(i))), "rotation", i)
         for i in range(rig.n)
         if _taken_away(departure, turn_of(i))
     ]
-    for group in CONSTANTS[1:]:
+    for group in ("load", *(group for group in CONSTANTS[1:] if group not in LOAD)):
         inside = np.zeros(len(free), dtype=np.bool_)
-        inside[place[group]] = True
-        where = np.flatnonzero(inside[free])
+        for part in LOAD if group == "load" else (group,):
+            inside[place[part]] = True
+        where = at[inside[free]]
         if p_value(departure.left(where, allowed[where])) >= CAUSE_EXPLAINS:
             explain.append((p_value(departure.chi2(where)), group, None))
     _, cause, sensor = min(explain, default=(p, None, None), key=lambda each: each[0])

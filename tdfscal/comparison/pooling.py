@@ -1,4 +1,4 @@
-"""Several campaigns of one rig as one estimate: common constants, zeros and load of each its own.
+"""Several campaigns of one rig as one estimate: common constants, zeros of each its own.
 
 Each campaign is fitted with what the others know, so that one which determines nothing alone takes
 part; then all are reduced to their information about one common reference, filtered in the order
@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.comparison.common import Common, common, with_load
 from tdfscal.comparison.eliminated import (
     Eliminated,
     eliminate,
@@ -86,17 +87,24 @@ class Member:
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """Campaigns in the order of time about a common reference of the constants.
+    """Campaigns in the order of time about a common reference of what they have in common.
 
-    prior : what the rig file states of the constants, counted once.
+    references : per campaign, constants alike, and its own terminal.
+    prior : what the rig files state of the common parameters (C,), counted once.
     steps : variance (C,) of the walk before each campaign.
     """
 
-    reference: State
+    common: Common
+    references: list[State]
     prior: Information
     steps: list[FloatArray]
     members: tuple[Member, ...]
     misfits: tuple[Misfit, ...]
+
+    @property
+    def reference(self) -> State:
+        """The last campaign's."""
+        return self.references[-1]
 
     def _rest(self, index: int) -> Information:
         return others([member.own for member in self.members], self.prior, self.steps)[index]
@@ -105,7 +113,8 @@ class Pool:
         """What all other campaigns know of the constants at the time of one."""
         chosen = [m for k, m in enumerate(self.members) if k != index]
         chi2, dof = sum(m.chi2 for m in chosen), sum(m.dof for m in chosen)
-        return joint_prior(rig, self.reference, self._rest(index), chi2, dof)
+        known = self.common.of(index, self._rest(index))
+        return joint_prior(rig, self.references[index], known, chi2, dof)
 
     def posterior(self, index: int) -> Information:
         """What all campaigns together say of the constants at the time of one."""
@@ -122,6 +131,8 @@ class Pool:
             variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
             std = np.zeros(len(part.places))
             std[part.places] = np.where(part.open, np.inf, np.sqrt(variance))
+            free = np.flatnonzero(free_constants(rig))
+            std[free] = np.sqrt(np.diagonal(C)[self.common.places[index]])
         return state, placed(state, std)
 
 
@@ -144,30 +155,35 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
     ordered = sorted(campaigns, key=lambda item: item.month)
     rig, months = ordered[-1].rig, [item.month for item in ordered]
     gaps = np.maximum(np.diff(months, prepend=months[0]), 0.0)
-    steps = [turned(rig, rig.drift.angle * float(np.sqrt(gap))) for gap in gaps]
-    fits, rejected = _first_round(ordered)
-    reference = _known_state(rig, ordered, fits)
+    shared = common([item.rig for item in ordered])
+    steps = [turned(rig, rig.drift.angle * float(np.sqrt(gap)), shared.size) for gap in gaps]
+    fits, rejected = _first_round(ordered, shared)
+    references = _known_states(rig, ordered, fits, shared)
     rounds, settled = 0, False
     while True:
-        prior = stated(Priors(rig), reference)
-        reduced = _reduced(ordered, fits, reference)
+        prior = shared.stated(references)
+        reduced = _reduced(ordered, fits, references, shared)
         own = [part.information for part in reduced]
         if settled or rounds == _ROUNDS:
             break
         posterior = others(own, prior, steps)[-1] + own[-1]
         move = posterior.mean
         fits = [
-            _moved(item, f, part, reference, move)
-            for item, f, part in zip(ordered, fits, reduced, strict=True)
+            _moved(item, f, part, reference, shared.step(k, move), move)
+            for k, (item, f, part, reference) in enumerate(
+                zip(ordered, fits, reduced, references, strict=True)
+            )
         ]
-        reference = _stepped(rig, reference, move)
+        references = shared.moved(references, move)
         rounds += 1
         settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
     members = []
     for k, (item, known) in enumerate(zip(ordered, forward(own, prior, steps), strict=True)):
-        # Constants of which nothing was stated are determined by the first campaign.
-        dof = reduced[k].rows - (0 if k else unstated(Priors(rig)))
-        state = _own_state(item, fits[k], reduced[k], reference)
+        # Constants of which nothing was stated are determined by the first campaign that has them.
+        dof = reduced[k].rows
+        if shared.terminal[k] == k:
+            dof -= unstated(Priors(item.rig), load_alone=k > 0)
+        state = _own_state(item, fits[k], reduced[k], references[k])
         chi2 = _fresh(known, reduced[k])
         members.append(
             Member(item.name, item.month, reduced[k], fits[k], state, rejected[k], chi2, dof)
@@ -175,8 +191,8 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
     birge = birge_of([within(part, prior) for part in reduced])
     scaled = [item.scaled(birge) for item in own]
     names = [item.name for item in ordered]
-    found = not_fitting(rig, names, scaled, prior.scaled(birge), steps)
-    return Pool(reference, prior, steps, tuple(members), found)
+    found = not_fitting(shared, names, scaled, prior.scaled(birge), steps)
+    return Pool(shared, references, prior, steps, tuple(members), found)
 
 
 def _fresh(known: Information, part: Eliminated) -> float:
@@ -186,61 +202,80 @@ def _fresh(known: Information, part: Eliminated) -> float:
 
 
 def _first_round(
-    ordered: Sequence[Recorded],
+    ordered: Sequence[Recorded], shared: Common
 ) -> tuple[list[Fit | None], list[dict[int, str]]]:
     """Fit each campaign with what those with more postures know; outliers are left out here."""
     fits: list[Fit | None] = [None] * len(ordered)
     rejected: list[dict[int, str]] = [{} for _ in ordered]
     sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
     known: Information | None = None
-    reference: State | None = None
-    for item in ordered:
+    references: list[State] = []
+
+    def begin(state: State) -> Information:
+        references.extend(with_load(state, nominal(item.rig)) for item in ordered)
+        return shared.stated(references)
+
+    for k, item in enumerate(ordered):
         if item.estimate is not None:
-            reference = reference or item.estimate.state
-            prior = stated(Priors(item.rig), reference)
-            known = prior if known is None else known
-            known = known + of_estimate(item.estimate, prior, reference).information
+            known = begin(item.estimate.state) if known is None else known
+            prior = stated(Priors(item.rig), references[k])
+            part = of_estimate(item.estimate, prior, references[k])
+            known = known + shared.embedded(k, part.information)
     for k in np.argsort(sizes)[::-1]:
         item = ordered[k]
         if item.postures is None:
             continue
         rig = item.rig
-        if known is not None and reference is not None:
-            rig = replace(rig, earlier=joint_prior(rig, reference, known))
+        if known is not None:
+            own = shared.of(k, known)
+            rig = replace(rig, earlier=joint_prior(rig, references[k], own))
         robust = fit_robust(loosened(rig), item.postures)
         result, rejected[k] = robust.fit, robust.rejected
         fits[k] = result
-        if reference is None or known is None:
-            reference = with_motions(result.state, 0)
-            known = stated(Priors(item.rig), reference)
-        known = known + eliminate(result, reference).information
+        known = begin(with_motions(result.state, 0)) if known is None else known
+        known = known + shared.embedded(k, eliminate(result, references[k]).information)
     return fits, rejected
 
 
-def _known_state(rig: Rig, ordered: Sequence[Recorded], fits: Sequence[Fit | None]) -> State:
-    """Constants by the campaign with the most postures, or one in motion, as a first reference."""
-    sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
-    largest = fits[int(np.argmax(sizes))]
+def _known_states(
+    rig: Rig, ordered: Sequence[Recorded], fits: Sequence[Fit | None], shared: Common
+) -> list[State]:
+    """Constants by the campaign with the most postures, or one in motion, as a first reference.
+
+    Each terminal's by the campaign with the most postures under it.
+    """
+    sizes = np.array([0 if item.postures is None else len(item.postures) for item in ordered])
     moving = [item.estimate.state for item in ordered if item.estimate is not None]
+    largest = fits[int(np.argmax(sizes))]
     state = largest.state if largest is not None else [*moving, nominal(rig)][0]
-    return with_motions(state, 0)
+    found = []
+    for item, first in zip(ordered, shared.terminal, strict=True):
+        best = fits[int(np.argmax(np.where(np.array(shared.terminal) == first, sizes, -1)))]
+        load = nominal(item.rig) if best is None else best.state
+        found.append(with_load(with_motions(state, 0), load))
+    return found
 
 
 def _reduced(
-    ordered: Sequence[Recorded], fits: Sequence[Fit | None], reference: State
+    ordered: Sequence[Recorded],
+    fits: Sequence[Fit | None],
+    references: Sequence[State],
+    shared: Common,
 ) -> list[Eliminated]:
-    """What each campaign says of the constants, counted from the reference."""
+    """What each campaign says of the common parameters, counted from the references."""
     parts = []
-    for item, at in zip(ordered, fits, strict=True):
+    for k, (item, at, reference) in enumerate(zip(ordered, fits, references, strict=True)):
         if at is not None:
-            parts.append(eliminate(at, reference))
+            part = eliminate(at, reference)
         elif item.estimate is not None:
             prior = stated(Priors(item.rig), reference)
-            parts.append(of_estimate(item.estimate, prior, reference))
+            part = of_estimate(item.estimate, prior, reference)
         else:
             assert item.survey is not None
-            size = int(free_constants(item.rig).sum())
-            parts.append(of_survey(item.survey, reference, size))
+            part = of_survey(item.survey, reference, len(shared.places[k]))
+        give = np.zeros((len(part.own), shared.size))
+        give[:, shared.places[k]] = part.give
+        parts.append(replace(part, information=shared.embedded(k, part.information), give=give))
     return parts
 
 
@@ -256,27 +291,24 @@ def _own_state(item: Recorded, at: Fit | None, part: Eliminated, reference: Stat
 
 
 def _moved(
-    item: Recorded, at: Fit | None, part: Eliminated, reference: State, move: FloatArray
+    item: Recorded,
+    at: Fit | None,
+    part: Eliminated,
+    reference: State,
+    constants: FloatArray,
+    move: FloatArray,
 ) -> Fit | None:
-    """The campaign's fit at the constants reference + move, its own parameters at their best."""
+    """The campaign's fit a step (P,) of the constants from the reference, the others at their best.
+
+    move : (C,), the same step of all that the campaigns have in common.
+    """
     if at is None or item.postures is None:
         return None
-    common = np.zeros_like(at.active)
-    free = free_constants(item.rig)
-    common[: len(free)] = free
     state = _with_constants(at.state, reference)
-    step = np.zeros(len(common))
-    step[common] = move
-    step[at.active & ~common] = part.own + part.give @ move
+    step = np.pad(constants, (0, len(at.active) - len(constants)))
+    step[part.places] = part.own + part.give @ move
     return at_state(item.rig, item.postures, retract(state, step), at.weight)
 
 
 def _with_constants(state: State, reference: State) -> State:
     return replace(state, **{group: getattr(reference, group) for group in CONSTANTS})
-
-
-def _stepped(rig: Rig, reference: State, move: FloatArray) -> State:
-    free = free_constants(rig)
-    step = np.zeros(len(free))
-    step[free] = move
-    return retract(reference, step)

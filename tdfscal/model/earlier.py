@@ -6,7 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.model.parameters import EVEN_TURN, State, constants, prior_std, retract, vector
+from tdfscal.model.parameters import (
+    EVEN_TURN,
+    LOAD,
+    State,
+    constants,
+    layout,
+    parameter_count,
+    prior_std,
+    retract,
+    vector,
+)
 from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, JointPrior, Rig
 
@@ -20,19 +30,51 @@ _PIN = 1e-3
 
 
 def free_constants(rig: Rig) -> BoolArray:
-    """Which parameters (P,) are constants of the rig and not exactly known."""
+    """Which parameters (P,) are constants of the rig and not exactly known.
+
+    Where earlier campaigns speak, those of which they do: a load stated otherwise is none of them.
+    """
+    if rig.earlier is not None:
+        return rig.earlier.places
     return np.asarray(constants(rig.n) & (prior_std(rig) > 0))
 
 
+def of_load(rig: Rig) -> BoolArray:
+    """Which of the free constants (C,) are of the terminal."""
+    place, load = layout(rig.n), np.zeros(parameter_count(rig.n), dtype=np.bool_)
+    for group in LOAD:
+        load[place[group]] = True
+    return np.asarray(load[free_constants(rig)])
+
+
+def same_load(a: Rig, b: Rig) -> bool:
+    """Whether two rig files state the same terminal: one weighing, one realisation."""
+    return all(
+        np.array_equal(getattr(first, of), getattr(second, of))
+        for first, second in ((a.mass, b.mass), (a.barycentre, b.barycentre))
+        for of in ("value", "std")
+    )
+
+
 def joint_prior(
-    rig: Rig, reference: State, known: Information, chi2: float = 0.0, dof: int = 0
+    rig: Rig,
+    reference: State,
+    known: Information,
+    chi2: float = 0.0,
+    dof: int = 0,
+    *,
+    free: BoolArray | None = None,
+    but: BoolArray | None = None,
 ) -> JointPrior:
     """Gaussian of the free constants (C,) about a reference as the prior of a campaign's fit.
+
+    free : (P,), which parameters they are, by default the rig's. but : (C,), those of them that do
+    not hold for this campaign.
 
     Estimates of a sensor that measures one axis have no common spin axis, and seem to say something
     of the spin: that is taken from them.
     """
-    free = free_constants(rig)
+    free = free_constants(rig) if free is None else free.copy()
     step = np.zeros(len(free))
     mean = known.mean
     for spin in _open_spins(rig, known, reference.rotation):
@@ -44,6 +86,9 @@ def joint_prior(
         seen = matrix @ spin
         matrix = matrix - np.outer(seen, seen) / (spin @ seen)
         matrix += np.outer(spin, spin) / EVEN_TURN**2
+    if but is not None and but.any():
+        kept = Information(matrix, np.zeros(len(matrix))).without(but).matrix
+        matrix, free[np.flatnonzero(free)[but]] = kept[np.ix_(~but, ~but)], False
     root = np.zeros((int(free.sum()), len(free)))
     root[:, free] = np.linalg.cholesky(matrix).T
     return JointPrior(estimate.rotation, vector(estimate), root, chi2, dof)
@@ -51,7 +96,7 @@ def joint_prior(
 
 def information_of(rig: Rig, prior: JointPrior) -> Information:
     """Information (C,) of a prior about its own estimate."""
-    root = prior.root[:, free_constants(rig)]
+    root = prior.root[:, prior.places]
     return Information(root.T @ root, np.zeros(root.shape[1]))
 
 
@@ -85,13 +130,16 @@ def _with_matrix(rig: Rig, matrix: FloatArray) -> Rig:
     """Return the rig with another information (C, C) about the same earlier estimate."""
     assert rig.earlier is not None
     root = np.zeros_like(rig.earlier.root)
-    root[:, free_constants(rig)] = np.linalg.cholesky(matrix).T
+    root[:, rig.earlier.places] = np.linalg.cholesky(matrix).T
     return replace(rig, earlier=replace(rig.earlier, root=root))
 
 
-def turned(rig: Rig, std: float) -> FloatArray:
-    """Variance (C,) of the free constants after every sensor turned by std, rad per axis."""
-    variance = np.zeros(int(free_constants(rig).sum()))
+def turned(rig: Rig, std: float, size: int | None = None) -> FloatArray:
+    """Variance (C,) of the free constants after every sensor turned by std, rad per axis.
+
+    size : C, where it is not the rig's own.
+    """
+    variance = np.zeros(int(free_constants(rig).sum()) if size is None else size)
     variance[: 3 * rig.n] = std**2
     return variance
 

@@ -27,9 +27,11 @@ for _j, (_a, _b) in enumerate(_VOIGT):
 
 #: Standard deviation of a turn spread evenly over the circle, rad: nothing is known of it.
 EVEN_TURN = np.pi / np.sqrt(3)
-#: Groups that are constants of the rig: one realisation in every campaign. The others (zeros,
-#: load) are each campaign's own.
-CONSTANTS = ("rotation", "sensitivity", "hinge", "datum", "tilt", "compliance")
+#: Groups of the terminal: one realisation in all campaigns whose rig files state it alike.
+LOAD = ("mass", "barycentre")
+#: Groups that are constants of the rig: one realisation in every campaign. The others (zeros) are
+#: each campaign's own.
+CONSTANTS = ("rotation", "sensitivity", *LOAD, "hinge", "datum", "tilt", "compliance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +106,16 @@ def constants(n: int, motions: int = 0) -> BoolArray:
     return mask
 
 
+def furthest(n: int) -> FloatArray:
+    """How far off (P,) at most each parameter is of which nothing is known, SI.
+
+    A rotation half a turn, by its spread over the circle; a load by more than any; others one unit.
+    """
+    place, out = layout(n), np.ones(parameter_count(n))
+    out[place["rotation"]], out[place["mass"]], out[place["barycentre"]] = EVEN_TURN, 1e5, 1e2
+    return out
+
+
 def parameter_count(n: int, motions: int = 0) -> int:
     """P for n supports and G functions by which zeros move."""
     return int(layout(n, motions)["drift"].stop)
@@ -173,7 +185,7 @@ def starting_state(rig: Rig, motions: int = 0) -> State:
     """Return what is known before the postures: the constants by earlier campaigns, if any."""
     state = nominal(rig)
     if rig.earlier is not None:
-        known = np.where(constants(rig.n), rig.earlier.vector - vector(state), 0.0)
+        known = np.where(rig.earlier.places, rig.earlier.vector - vector(state), 0.0)
         state = replace(retract(state, known), rotation=rig.earlier.rotation)
     return with_motions(state, motions)
 
@@ -204,7 +216,7 @@ def prior_std(rig: Rig, motion: ZeroMotion | None = None) -> FloatArray:
     if motion is not None:
         std[place["drift"]] = np.where(rig.axes, motion.std[:, None, None], 0.0).ravel()
     if rig.earlier is not None:
-        std[constants(n, motions) & (std > 0)] = np.inf
+        std[np.flatnonzero(rig.earlier.places)] = np.inf
     return std
 
 

@@ -17,6 +17,10 @@ from tdfscal.reporting.phrases import probability
 from tdfscal.significance import COVERAGE_FACTOR
 
 _ADVICE = {
+    "load": (
+        "Look for what the terminal carries now or lacks; weigh it, and state its mass and "
+        "barycentre in rig.yaml from that date on.",
+    ),
     "step": (
         "Look for what was loosened, exchanged or knocked at the sensors named, then calibrate "
         "anew and go on from there (--since DATE leaves older alarms aside).",
@@ -43,6 +47,8 @@ def sentence(life: Life, alarm: Alarm) -> str:
     """One alarm in words."""
     since, raised = day(life.month[alarm.onset]), day(life.month[alarm.raised])
     tail = f"({short(life.names)[alarm.onset]}; p = {probability(alarm.p_value)})"
+    if alarm.kind == "load":
+        return f"the load has changed on {raised}: mass or barycentre is not what it was {tail}"
     if alarm.sensor is None:
         return (
             f"on {raised} the sensors together depart from all before, and the turn of no single "

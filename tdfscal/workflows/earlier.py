@@ -14,8 +14,8 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.parts import measured_document
 from tdfscal.model.calibrated import with_rotations
-from tdfscal.model.earlier import free_constants, joint_prior, turned
-from tdfscal.model.parameters import State
+from tdfscal.model.earlier import free_constants, joint_prior, of_load, same_load, turned
+from tdfscal.model.parameters import State, furthest
 from tdfscal.numerics.information import Information
 from tdfscal.records import BoolArray, FloatArray, InputFile, JointPrior, Measured, Rig
 from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source
@@ -42,14 +42,19 @@ class Earlier:
     dof: int
 
     def prior(self, rig: Rig, month: float) -> JointPrior:
-        """What it says of a rig's constants at a time in months, its walk since included."""
+        """What it says of a rig's constants at a time in months, its walk since included.
+
+        Of the terminal only where the rig file states it alike.
+        """
         known = self.information.walked(self.walk(rig, month))
-        return joint_prior(rig, self.state, known, self.chi2, self.dof)
+        other = of_load(self.rig) & (not same_load(self.rig, rig))
+        free = free_constants(self.rig)
+        return joint_prior(rig, self.state, known, self.chi2, self.dof, free=free, but=other)
 
     def walk(self, rig: Rig, month: float) -> FloatArray:
         """Variance by which a rig's angles may have walked since, at a time in months."""
         gap = max(month - self.measured.month, 0.0)
-        return turned(rig, rig.drift.angle * float(np.sqrt(gap)))
+        return turned(rig, rig.drift.angle * float(np.sqrt(gap)), len(self.information.score))
 
     @property
     def inputs(self) -> list[InputFile]:
@@ -97,6 +102,8 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     free = free_constants(known.rig)
     size = len(free)
     own = covariance[:size, :size][np.ix_(free, free)]
+    open_std = np.where(np.diagonal(own) > 0, 0.0, furthest(known.rig.n)[free])
+    own += np.diag(open_std**2)
     matrix = Information(own, np.zeros(len(own))).covariance  # the inverse, scaled
     # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
     alone = () if file.fit is None or file.motion is not None else (file.fit,)

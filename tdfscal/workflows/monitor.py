@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from tdfscal.comparison.common import common, with_load
 from tdfscal.comparison.control_chart import Alarm, Check
 from tdfscal.comparison.eliminated import stated
 from tdfscal.comparison.history import Life, live
@@ -19,8 +20,8 @@ from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.logs import is_log
-from tdfscal.model.earlier import free_constants
-from tdfscal.model.parameters import State, deviation
+from tdfscal.model.earlier import free_constants, of_load, same_load
+from tdfscal.model.parameters import State, deviation, nominal
 from tdfscal.numerics.information import Information, without
 from tdfscal.records import ANGLES, BoolArray, Measured, Rig
 from tdfscal.reporting.layout import LISTED, Drawing, Report
@@ -227,25 +228,29 @@ def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]) -> Life:
 
     Raises UsageError where a calibration stands on another that is not among them.
     """
-    checks: list[Check] = []
     fits = [(e.chi2, e.dof) for e in known if not e.file.campaigns]
-    if reads:
-        pooled = pool([recorded(read) for read in reads])
-        reference, told = pooled.reference, _determined(rig, pooled, reads)
-        for m in pooled.members:
-            own = m.own if told.all() else _said(rig, m.own + pooled.prior, pooled.prior, told)
-            checks.append(Check(m.name, m.month, own))
-            fits.append(within(m.reduced, pooled.prior))
-    else:
-        reference, told = known[0].state, np.zeros(rig.n, dtype=np.bool_)
-    reference = _common(reference, told, known)
-    prior = stated(Priors(rig), reference)
-    checks += [
-        Check(e.name, e.measured.month, _own(rig, e, known, reference, prior)) for e in known
-    ]
+    pooled = pool([recorded(read) for read in reads]) if reads else None
+    rigs = pooled.common.rigs if pooled else ()
+    shared = common([*rigs, *(e.rig for e in known)])
+    first, told = known[0].state if known else nominal(rig), np.zeros(rig.n, dtype=np.bool_)
+    if pooled:
+        first, told = pooled.reference, _determined(rig, pooled, reads)
+    first = _common(first, told, known)
+    loads = [*(pooled.references if pooled else ()), *(e.state for e in known)]
+    references = [with_load(first, loads[k]) for k in shared.terminal]
+    prior, checks = shared.stated(references), list[Check]()
+    for k, m in enumerate(pooled.members if pooled else ()):
+        own = m.own.padded(shared.size)
+        if not told.all():
+            own = _said(rig, own + prior, prior, told)
+        checks.append(Check(m.name, m.month, own, shared.load(k)))
+        fits.append(within(replace(m.reduced, information=own), prior))
+    for k, e in enumerate(known, len(rigs)):
+        own = _own(rig, e, known, references[k])
+        checks.append(Check(e.name, e.measured.month, shared.embedded(k, own), shared.load(k)))
     checks.sort(key=lambda check: check.month)
     fit = (sum(chi2 for chi2, _ in fits), sum(dof for _, dof in fits))
-    return live(rig, reference, prior, checks, rate=ALARMS_PER_YEAR, fit=fit)
+    return live(rig, references[-1], prior, checks, rate=ALARMS_PER_YEAR, fit=fit)
 
 
 def _determined(rig: Rig, pooled: Pool, reads: Sequence[Read]) -> BoolArray:
@@ -268,35 +273,40 @@ def _common(first: State, told: BoolArray, known: Sequence[Earlier]) -> State:
     return replace(first, rotation=rotation)
 
 
-def _own(
-    rig: Rig, e: Earlier, known: Sequence[Earlier], reference: State, prior: Information
-) -> Information:
-    """What a calibration's own data say, without what was known before them."""
-    told, before = e.file.determined, prior
+def _own(rig: Rig, e: Earlier, known: Sequence[Earlier], reference: State) -> Information:
+    """What a calibration's own data say (c,), without what was known before them."""
+    told, before = e.file.determined, stated(Priors(e.rig), reference)
     if e.file.history:
         last = e.file.history[-1]
         base = next((o for o in known if o.sha256 == last.sha256), None)
         if base is not None:
             step = base.walk(rig, e.measured.month)
-            told, before = told & base.file.determined, _about(rig, base, reference).walked(step)
+            told, stood = told & base.file.determined, _about(base, reference).walked(step)
+            if same_load(base.rig, e.rig):
+                before = stood
+            else:  # of the terminal its own rig file spoke
+                spoken, kept = ~of_load(e.rig), ~of_load(base.rig)
+                rest = stood.without(~kept)
+                before.matrix[np.ix_(spoken, spoken)] = rest.matrix[np.ix_(kept, kept)]
+                before.score[spoken] = rest.score[kept]
         elif min(o.measured.month for o in known) < e.measured.month:
             raise UsageError(
                 f"stands on a calibration of {last.created[:10]} that is not named",
                 where=e.name,
                 hint="name every calibration since the first, or campaigns instead",
             )
-    return _said(rig, _about(rig, e, reference), before, told)
+    return _said(e.rig, _about(e, reference), before, told)
 
 
 def _said(rig: Rig, now: Information, before: Information, told: BoolArray) -> Information:
     """What was added to what was known before, but for turns of sensors (n,) that are not told."""
-    lost = np.zeros(int(free_constants(rig).sum()), dtype=np.bool_)
+    lost = np.zeros(len(now.score), dtype=np.bool_)
     lost[: 3 * rig.n] = np.repeat(~told, 3)
     return without(now.without(lost), before.without(lost))
 
 
-def _about(rig: Rig, e: Earlier, reference: State) -> Information:
-    """Information of a calibration, counted from a common reference."""
-    free = free_constants(rig)
+def _about(e: Earlier, reference: State) -> Information:
+    """Information (c,) of a calibration on its own constants, counted from a reference."""
+    free = free_constants(e.rig)
     away = deviation(e.state, reference)[: len(free)][free]
     return Information(e.information.matrix, e.information.matrix @ away)

@@ -209,6 +209,7 @@ def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any]
 
 #: What may have changed between campaigns beside a sensor, by its group of parameters.
 _CHANGED = {
+    "load": "the terminal seems loaded",
     "sensitivity": "gains or crosstalk of the sensors seem",
     "hinge": "the hinges seem to lie",
     "datum": "the servo coordinates seem offset",

@@ -203,7 +203,12 @@ def test_a_moving_log_updates_and_is_pooled(
 ) -> None:
     """The same numbers from an update with 20 s of motion as from both together; they hold."""
     rig = reference_rig()
-    rig = replace(rig, declared=replace(rig.declared, hinge=0.0))
+    rig = replace(
+        rig,
+        declared=replace(rig.declared, hinge=0.0),
+        mass=replace(rig.mass, std=np.array(0.0)),  # one load in both
+        barycentre=replace(rig.barycentre, std=np.zeros(3)),
+    )
     still, moving = tmp_path / "still", tmp_path / "moving"
     first = simulate_to_folder(still, rig, postures=8, seed=7, rows="postures")
     assert first.truth is not None

@@ -30,10 +30,12 @@ def history(
     zero: float = 0.5,
     steps: Sequence[Step] = (),
     creep: Sequence[Step] = (),
+    heavier: Sequence[float] | FloatArray = (),
 ) -> tuple[list[Recorded], FloatArray]:
     """Campaigns one month apart, and the true rotations (months, n, 3, 3).
 
-    walk : rad per axis and month. creep : from that month on, per month.
+    walk : rad per axis and month. creep : from that month on, per month. heavier : per month, kg,
+    than in the others.
     """
     sizes = [postures_each] * months if isinstance(postures_each, int) else list(postures_each)
     campaigns: list[Recorded] = []
@@ -54,6 +56,7 @@ def history(
             rotation=R[None],
             rpy=so3.to_rpy(R)[None],
             zero=zero * rng.standard_normal(first.zero.shape),
+            mass=first.mass + (heavier[month] if len(heavier) else 0.0),
         )
         servo, where = stand(truth, options, stage.postures.target(rig.hinge), stage.repeat)
         rest = settle(truth, where, stage.load, stage.postures.pose)

@@ -32,7 +32,7 @@ def joint_least_squares(campaigns: list[Recorded]) -> tuple[FloatArray, FloatArr
     """All campaigns in one Gauss–Newton: constants shared, everything else per campaign."""
     rig = campaigns[0].rig
     priors = Priors(rig)
-    common = constants(rig.n)[priors.active]
+    common = (constants(rig.n))[priors.active]
     C, o, K = int(common.sum()), int((~common).sum()), len(campaigns)
     states = [nominal(rig)] * K
     for _ in range(12):
