@@ -87,7 +87,7 @@ def live(
     checks: Sequence[Check],
     *,
     rate: float,
-    fit: tuple[float, int] = (0.0, 0),
+    birge: float = 1.0,
 ) -> Life:
     """Go through a rig's checks, in the order of time.
 
@@ -97,14 +97,13 @@ def live(
     reference : constants from which the checks' information is counted.
     prior : what the rig file states of the constants.
     rate : false alarms per year.
-    fit : χ² and degrees of freedom of all fits behind the checks; a Birge ratio above 1 scales.
+    birge : ratio of all fits behind the checks, which scales them.
 
     Returns
     -------
     Life : two checks or more.
     """
     gaps = np.diff([c.month for c in checks], prepend=checks[0].month)
-    birge = max(1.0, float(np.sqrt(fit[0] / fit[1]))) if fit[1] > 0 else 1.0
     checks = [replace(c, own=c.own.beside(prior).scaled(birge)) for c in checks]
     own, n, R = [check.own for check in checks], rig.n, reference.rotation
 

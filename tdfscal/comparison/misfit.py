@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.comparison.common import Common
+from tdfscal.comparison.compatibility import smallest_changes
 from tdfscal.comparison.eliminated import Eliminated, stated
 from tdfscal.comparison.walk import others
 from tdfscal.model.earlier import free_constants, information_of, of_load
@@ -21,7 +22,7 @@ from tdfscal.numerics.information import (
 )
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Priors
-from tdfscal.significance import CAMPAIGN_MISFIT, CAUSE_EXPLAINS
+from tdfscal.significance import CAMPAIGN_MISFIT, CAUSE_EXPLAINS, MISFIT
 
 #: Stated standard uncertainties by which hinges, datums, gains or the base may have changed: by
 #: more, positions or weight would tell it without any force (theory, section 14).
@@ -35,7 +36,8 @@ class Misfit:
     cause : group of `model.parameters.CONSTANTS` whose change takes the misfit away, "load" for
     both of the terminal's; None where no single one does. sensor : name of the one that turned,
     where the cause is a rotation; turn : (3,), rad, BCS, its most likely turn. p_value : that
-    chance alone departs as much.
+    chance alone departs as much. detectable : (n, 3), rad, smallest change of each angle alone that
+    would have been seen with probability `significance.DETECTION_POWER`; None where not asked for.
     """
 
     campaign: str
@@ -43,6 +45,7 @@ class Misfit:
     sensor: str | None
     turn: FloatArray
     p_value: float
+    detectable: FloatArray | None = None
 
 
 def within(part: Eliminated, prior: Information) -> tuple[float, int]:
@@ -88,6 +91,16 @@ def birge_of(fits: Sequence[tuple[float, int]]) -> float:
     return max(1.0, float(np.sqrt(sum(chi2 for chi2, _ in fits) / dof))) if dof else 1.0
 
 
+def scatter_of(fits: Sequence[tuple[float, int]]) -> FloatArray:
+    """Birge ratio (K,) by which each campaign counts: the common one, but a noisy one's its own.
+
+    A noisy month neither passes for a turned sensor nor widens the others.
+    """
+    noisy = np.array([p_value(fit) < MISFIT / len(fits) for fit in fits])
+    common = birge_of([fit for fit, own in zip(fits, noisy, strict=True) if not own])
+    return np.array([birge_of([f]) if own else common for f, own in zip(fits, noisy, strict=True)])
+
+
 def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
     """Hold a campaign against what is known before it (`rig.earlier`), about the latter's estimate.
 
@@ -98,11 +111,13 @@ def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
     prior = stated(Priors(whole), starting_state(rig))
     spoken = rig.earlier.places[free_constants(whole)]  # the load is none where it is stated anew
     prior = Information(prior.matrix[np.ix_(spoken, spoken)], prior.score[spoken])
-    birge = birge_of([(rig.earlier.chi2, rig.earlier.dof), within(part, prior)])
+    birge, own = scatter_of([(rig.earlier.chi2, rig.earlier.dof), within(part, prior)])
     known = information_of(rig, rig.earlier).scaled(birge)
-    departure = contrast(known, part.information.scaled(birge), prior.scaled(birge))
+    departure = contrast(known, part.information.scaled(own), prior.scaled(birge))
     at = np.arange(len(known.score))
-    return _named(rig, name, departure, prior, _probability(rig, departure), at)
+    found = _named(rig, name, departure, prior, _probability(rig, departure), at)
+    seen = smallest_changes(rig.earlier.rotation, departure, 3, CAMPAIGN_MISFIT / (rig.n + 1))
+    return replace(found, detectable=seen)
 
 
 def _probability(rig: Rig, departure: Contrast) -> float:

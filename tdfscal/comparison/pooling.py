@@ -21,7 +21,7 @@ from tdfscal.comparison.eliminated import (
     stated,
     unstated,
 )
-from tdfscal.comparison.misfit import Misfit, birge_of, not_fitting, within
+from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
 from tdfscal.comparison.walk import forward, others
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned
@@ -188,10 +188,10 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         members.append(
             Member(item.name, item.month, reduced[k], fits[k], state, rejected[k], chi2, dof)
         )
-    birge = birge_of([within(part, prior) for part in reduced])
-    scaled = [item.scaled(birge) for item in own]
+    birge = scatter_of([within(part, prior) for part in reduced])
+    scaled = [item.scaled(ratio) for item, ratio in zip(own, birge, strict=True)]
     names = [item.name for item in ordered]
-    found = not_fitting(shared, names, scaled, prior.scaled(birge), steps)
+    found = not_fitting(shared, names, scaled, prior.scaled(birge.min()), steps)
     return Pool(shared, references, prior, steps, tuple(members), found)
 
 

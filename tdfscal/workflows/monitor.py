@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +14,7 @@ from tdfscal.comparison.common import common, with_load
 from tdfscal.comparison.control_chart import Alarm, Check
 from tdfscal.comparison.eliminated import stated
 from tdfscal.comparison.history import Life, live
-from tdfscal.comparison.misfit import within
+from tdfscal.comparison.misfit import scatter_of, within
 from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
@@ -36,7 +36,13 @@ from tdfscal.workflows.options import Begin, End, Option, Page, Telling, command
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.recordings import Recording, refuse_repeated, stated_date
 from tdfscal.workflows.result import Result, by_column
-from tdfscal.workflows.several_campaigns import Read, read_campaign, recorded, require_one_rig
+from tdfscal.workflows.several_campaigns import (
+    Read,
+    read_campaign,
+    recorded,
+    rejected_alone,
+    require_one_rig,
+)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -133,13 +139,17 @@ def monitor(
         raise UsageError(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
+    unsound = {read.name: found for read in reads if (found := rejected_alone(read))}
+    if len(known) + len(reads) - len(unsound) < 2:
+        unsound = {}
+    reads = [read for read in reads if read.name not in unsound]
     progress.stage(f"going through {len(known) + len(reads)} checks")
-    life = life_of(rig, known, reads)
+    life, noisy = life_of(rig, known, reads)
     result = MonitorResult(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
-        _warnings(life, known, reads),
+        (*_left_out(unsound), *noisy, *_warnings(life, known, reads)),
     )
     result.save_page(page, progress)
     return result
@@ -194,6 +204,12 @@ def _papers(rig: Rig) -> tuple[str, ...]:
     )
 
 
+def _left_out(unsound: Mapping[str, str]) -> Iterator[str]:
+    """Campaigns whose own data do not agree among themselves: they say nothing of any turn."""
+    for name, reason in unsound.items():
+        yield f"{name} takes no part, since calibrate rejects it by itself: {reason}"
+
+
 def _warnings(life: Life, known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[str, ...]:
     rejected = [e.name for e in known if not e.file.accepted]
     checks: list[Earlier | Read] = [*known, *reads]
@@ -223,12 +239,11 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]) -> Life:
-    """Go through calibrations and campaigns of a rig.
+def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[Life, list[str]]:
+    """Go through calibrations and campaigns of a rig; and say which count with their own scatter.
 
     Raises UsageError where a calibration stands on another that is not among them.
     """
-    fits = [(e.chi2, e.dof) for e in known if not e.file.campaigns]
     pooled = pool([recorded(read) for read in reads]) if reads else None
     rigs = pooled.common.rigs if pooled else ()
     shared = common([*rigs, *(e.rig for e in known)])
@@ -238,7 +253,7 @@ def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]) -> Life:
     first = _common(first, told, known)
     loads = [*(pooled.references if pooled else ()), *(e.state for e in known)]
     references = [with_load(first, loads[k]) for k in shared.terminal]
-    prior, checks = shared.stated(references), list[Check]()
+    prior, checks, fits = shared.stated(references), list[Check](), list[tuple[float, int]]()
     for k, m in enumerate(pooled.members if pooled else ()):
         own = m.own.padded(shared.size)
         if not told.all():
@@ -248,9 +263,20 @@ def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]) -> Life:
     for k, e in enumerate(known, len(rigs)):
         own = _own(rig, e, known, references[k])
         checks.append(Check(e.name, e.measured.month, shared.embedded(k, own), shared.load(k)))
+        fits.append((0.0, 0) if e.file.campaigns else (e.chi2, e.dof))
+    birge = scatter_of(fits)
+    checks = [
+        replace(check, own=check.own.scaled(ratio / birge.min()))
+        for check, ratio in zip(checks, birge, strict=True)
+    ]
+    noisy = [
+        f"{check.name} scatters {ratio:.2g} times as much as is stated, and counts with that"
+        for check, ratio in zip(checks, birge, strict=True)
+        if ratio > birge.min()
+    ]
     checks.sort(key=lambda check: check.month)
-    fit = (sum(chi2 for chi2, _ in fits), sum(dof for _, dof in fits))
-    return live(rig, references[-1], prior, checks, rate=ALARMS_PER_YEAR, fit=fit)
+    ratio = float(birge.min())
+    return live(rig, references[-1], prior, checks, rate=ALARMS_PER_YEAR, birge=ratio), noisy
 
 
 def _determined(rig: Rig, pooled: Pool, reads: Sequence[Read]) -> BoolArray:

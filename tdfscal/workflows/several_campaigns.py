@@ -18,7 +18,7 @@ from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import p_text
-from tdfscal.records import InputFile, Measured, Rig, Rotations
+from tdfscal.records import Acceptance, InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
 from tdfscal.significance import MOST_REJECTED
@@ -88,6 +88,22 @@ def recorded(read: Read) -> Recorded:
         if moving is not None:
             return Recorded(read.name, month, rig, estimate=moving.calibrated)
         return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
+
+
+def rejected_alone(read: Read) -> str | None:
+    """Why `calibrate` rejects a campaign's dwells by themselves, however well they know the angles.
+
+    None where it does not, or where they do not suffice to be judged alone.
+    """
+    if read.dwells is None or not len(read.dwells):
+        return None
+    limits = Acceptance(angle_std=np.inf, birge_max=read.rig.acceptance.birge_max)
+    rig = replace(read.rig, acceptance=limits)
+    try:
+        alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
+    except TdfscalError:
+        return None
+    return next(iter(alone.reasons), None)
 
 
 def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+
 from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
@@ -21,7 +23,7 @@ from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.information import contrast
 from tdfscal.records import Rig
 from tdfscal.selfcal.covariance import joint_posterior
-from tdfscal.significance import CAMPAIGN_MISFIT
+from tdfscal.significance import CAMPAIGN_MISFIT, DETECTION_POWER
 from tdfscal.workflows.arguments import (
     PathLike,
     check_trials,
@@ -55,6 +57,7 @@ from tdfscal.workflows.several_campaigns import (
     calibrate_informed,
     misfit_text,
     read_campaign,
+    rejected_alone,
     require_one_rig,
 )
 
@@ -144,7 +147,10 @@ def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
     with read.log.explaining():
         own = calibrate_informed(read, informed, trials, tuple(read.inputs))
     found, this = _contribution(informed, own, read)
-    if found.p_value <= CAMPAIGN_MISFIT:
+    if found.p_value <= CAMPAIGN_MISFIT and (unsound := rejected_alone(read)):
+        text = f"{read.name} says nothing of any turn: calibrate rejects it by itself: {unsound}"
+        own = replace(own, reasons=tuple(dict.fromkeys((*own.reasons, text))))
+    elif found.p_value <= CAMPAIGN_MISFIT:
         text = misfit_text(found, since=earlier.name)
         own = replace(own, reasons=(*own.reasons, text))
     origin = Provenance(
@@ -156,8 +162,23 @@ def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
         campaigns=(*earlier.campaigns(), this),
         history=earlier.history(),
     )
-    notes = () if earlier.file.accepted else (f"{earlier.name} is a rejected calibration",)
-    return as_calibration(own, origin, notes)
+    notes = [_could_have_missed(found, rig, earlier)]
+    if not earlier.file.accepted:
+        notes.append(f"{earlier.name} is a rejected calibration")
+    return as_calibration(own, origin, tuple(notes))
+
+
+def _could_have_missed(found: Misfit, rig: Rig, earlier: Earlier) -> str:
+    """Smallest turns that would have been seen, per sensor by its least visible angle."""
+    assert found.detectable is not None
+    seen = [
+        f"{name} {1e3 * least:.2g} mrad" if np.isfinite(least) else f"{name} none"
+        for name, least in zip(rig.supports, found.detectable.max(axis=1), strict=True)
+    ]
+    return (
+        f"a turn since {earlier.name} would have been seen with {DETECTION_POWER:.0%} probability "
+        f"from this size on, whatever the angle: {', '.join(seen)}"
+    )
 
 
 def _contribution(rig: Rig, own: Own, read: Read) -> tuple[Misfit, dict[str, Any]]:

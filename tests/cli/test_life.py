@@ -130,6 +130,33 @@ def test_calibrations_that_stand_on_each_other_are_taken_apart(
     assert "not named" in lost.err
 
 
+def test_a_noisy_month_is_named_and_turns_no_sensor(
+    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, *known, last = folders(months, 0, 5)
+    sound = monitored(capsys, 0, first, *known)
+    loud = edited(last, tmp_path / "loud")
+    header, *lines = (loud / "log.csv").read_text().splitlines()
+    forces = [name.startswith("TDFS") for name in header.split(",")]
+    rng, rows = np.random.default_rng(2), [header]
+    for line in lines:
+        noise = 3.0 * rng.standard_normal(len(forces)) * forces
+        cells = zip(line.split(","), noise, strict=True)
+        rows.append(",".join(f"{float(cell) + part:.7f}" for cell, part in cells))
+    (loud / "log.csv").write_text("\n".join(rows) + "\n")
+    result = monitored(capsys, 0, first, *known, loud)
+    assert [text for text in result["warnings"] if str(loud) in text]
+    now, before = (np.array(r["checks"][-1]["path_rpy_std"]) for r in (result, sound))
+    assert np.all(now < 1.05 * before)
+    base = tmp_path / "base.yaml"
+    run(capsys, "calibrate", first, "--trials", 0, "-o", base, "-q")
+    done = run(capsys, "update", base, loud, "--trials", 0, "-o", tmp_path / "no.yaml", "-q")
+    assert done.status == 1
+    assert "turned" not in done.out.split("Installation")[0]
+    done = run(capsys, "update", base, known[0], "--trials", 0, "-o", tmp_path / "u.yaml", "-q")
+    assert "would have been seen with 95% probability" in " ".join(done.out.split())
+
+
 def edited(folder: Path, target: Path, **changes: Any) -> Path:
     """Copy a campaign with changes of its rig file's first level."""
     shutil.copytree(folder, target)
