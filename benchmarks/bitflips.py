@@ -86,9 +86,10 @@ KINDS = (
 
 
 def places(content: bytes, tries: int, seed: int) -> list[tuple[int, int]]:
-    """(byte, bit) of each try."""
+    """(byte, bit) of each try; none in the footer of Parquet, which no checksum covers."""
     rng = np.random.default_rng(seed)
-    byte, bit = rng.integers(0, len(content), tries), rng.integers(0, 8, tries)
+    footer = 8 + int.from_bytes(content[-8:-4], "little") if content.endswith(b"PAR1") else 0
+    byte, bit = rng.integers(0, len(content) - footer, tries), rng.integers(0, 8, tries)
     return [(int(a), int(b)) for a, b in zip(byte, bit, strict=True)]
 
 

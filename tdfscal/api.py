@@ -40,23 +40,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def read_log(paths: PathLikes, rig: LoadedRig | PathLike, *, salvage: bool = False) -> Log:
+def read_log(paths: PathLikes, rig: LoadedRig | PathLike) -> Log:
     """Read one or several recorded logs of a campaign into memory, SI units.
 
     Parameters
     ----------
     paths : log files.
     rig : a loaded rig, or its file.
-    salvage : read what is sound of damaged logs.
 
     Raises
     ------
     UsageError, RigError, DataError
     """
     loaded = rig if isinstance(rig, LoadedRig) else load_rig(Path(rig))
-    return logs.read_log(
-        listed(paths), loaded.log, loaded.rig.supports, axes=loaded.rig.axes, salvage=salvage
-    )
+    return logs.read_log(listed(paths), loaded.log, loaded.rig.supports, axes=loaded.rig.axes)
 
 
 def dwells_frame(dwells: Dwells) -> pd.DataFrame:

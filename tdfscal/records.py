@@ -21,7 +21,7 @@ BoolArray = npt.NDArray[np.bool_]
 ANGLES = ("roll", "pitch", "yaw")
 
 Rows = Literal["timeseries", "postures"]
-Integrity = Literal["verified", "unverified", "salvaged"]
+Integrity = Literal["verified", "unverified"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,6 +268,16 @@ class Log:
     inputs: tuple[InputFile, ...] = ()
     warnings: tuple[str, ...] = ()
     temperature: tuple[Series, ...] = ()
+    truncated: tuple[LogTruncated, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LogTruncated:
+    """A file that was cut short (`log-truncated`): byte at which it stops being whole; end, s."""
+
+    path: str
+    byte: int
+    end: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity
 from tdfscal.acceptance.turns import turn_names, turn_std
-from tdfscal.records import BoolArray, InputFile, Rig, Rotations
+from tdfscal.records import BoolArray, Rig, Rotations
 from tdfscal.significance import MOST_REJECTED
 
 
@@ -20,14 +20,13 @@ def judge(
     determined: BoolArray | None = None,
     used: int = 0,
     rejected: int = 0,
-    inputs: Sequence[InputFile] = (),
     suspicions: Sequence[str] = (),
     conformity: Conformity | None = None,
 ) -> tuple[str, ...]:
     """Reasons to reject rotations by the uncertainty of their turns about the BCS's axes.
 
     None: accepted. determined : (n,), sensors that are judged, by default all. used, rejected :
-    numbers of postures. inputs : a salvaged one is never accepted. suspicions : harmful ones, in
+    numbers of postures. suspicions : harmful ones, in
     words. conformity : of the contact wrench, where the rig file states a limit.
     """
     limits, reasons = rig.acceptance, []
@@ -48,11 +47,6 @@ def judge(
             f"{rejected} of {used + rejected} postures had to be rejected, above the limit of "
             f"{MOST_REJECTED:.0%}"
         )
-    reasons += [
-        f"{entry.path} is damaged and was read only as far as it is sound"
-        for entry in inputs
-        if entry.integrity == "salvaged"
-    ]
     reasons += suspicions
     if conformity is not None:
         reasons += conformity.reasons

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdfscal.cli.streams import Signalled, hand_over, leave_stdout, reporting, say
 from tdfscal.errors import UsageError, visible
-from tdfscal.memory import check_room
+from tdfscal.memory import limit_threads
 
 if TYPE_CHECKING:
     from tdfscal.workflows.options import Command
@@ -29,7 +29,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
 
     Raises TdfscalError by cause.
     """
-    check_room()
+    limit_threads()
     from tdfscal.files.outputs import together
 
     asked = {option: value for option, value in options.items() if value is not None}

@@ -123,19 +123,19 @@ def reader_of(path: Path, request: Request, bag: Bag | None = None) -> Reader:
     return partial(read_recording, opened=_recording, check=bag.check if bag else None)
 
 
-def _recording(path: Path, salvage: bool) -> Recording:
+def _recording(path: Path) -> Recording:
     """A file of messages; what reads its container is imported for it alone."""
     if _suffix(path) == ".mcap":
         from tdfscal.logs.mcap.container import Container
 
-        return Container(path, salvage)
+        return Container(path)
     if _suffix(path) == ".bag":
         from tdfscal.logs.bag.ros1 import Ros1Recording
 
-        return Ros1Recording(path, salvage)
+        return Ros1Recording(path)
     from tdfscal.logs.bag.sqlite import SqliteRecording
 
-    return SqliteRecording(path, salvage)
+    return SqliteRecording(path)
 
 
 def contents_of(path: Path, *, opening: bool = False) -> Contents:
@@ -155,7 +155,7 @@ def contents_of(path: Path, *, opening: bool = False) -> Contents:
             return text_contents(path, opening=opening)
         from tdfscal.logs.messages.reader import recording_contents
 
-        return recording_contents(_recording(path, salvage=False), opening=opening)
+        return recording_contents(_recording(path), opening=opening)
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:

@@ -28,7 +28,7 @@ from tdfscal.logs.common.request import (
 )
 from tdfscal.logs.common.window import TimeWindow
 from tdfscal.logs.formats import files_of, reader_of
-from tdfscal.records import BoolArray, FloatArray, Log, LogMapping, Series
+from tdfscal.records import BoolArray, FloatArray, Log, LogMapping, LogTruncated, Series
 
 Progress = Callable[[float], None]
 #: Largest magnitudes that are read, by quantity.
@@ -42,7 +42,6 @@ def read_log(
     supports: Sequence[str],
     *,
     axes: BoolArray | None = None,
-    salvage: bool = False,
     window: TimeWindow | None = None,
 ) -> Log:
     """Read recorded logs into memory: `iter_log` put together.
@@ -53,7 +52,6 @@ def read_log(
     mapping : how the recorder names things; None for the default names, m and N.
     supports : the supports wanted, in the order of the result.
     axes : (n, 3), what their sensors measure; the log need not hold the others, which read 0.
-    salvage : read what is sound of a damaged file and say in the warnings what is lost.
     window : the part of the log that is wanted.
 
     Returns
@@ -65,9 +63,7 @@ def read_log(
     UsageError : a file is not there. RigError : the mapping is wrong.
     DataError : a file is damaged, or is not what the mapping says.
     """
-    return concatenate(
-        iter_log(paths, mapping, supports, axes=axes, salvage=salvage, window=window)
-    )
+    return concatenate(iter_log(paths, mapping, supports, axes=axes, window=window))
 
 
 def iter_log(
@@ -76,7 +72,6 @@ def iter_log(
     supports: Sequence[str],
     *,
     axes: BoolArray | None = None,
-    salvage: bool = False,
     window: TimeWindow | None = None,
     progress: Progress | None = None,
     seen: dict[Path, Contents] | None = None,
@@ -97,7 +92,7 @@ def iter_log(
     if axes is not None and not axes.all():
         _check_silent(files[0][0], make_request(mapping, supports), axes)
     meter = _Meter(sum(path.stat().st_size for path, _ in files), progress)
-    pieces = _campaign(files, request, meter, seen, salvage=salvage)
+    pieces = _campaign(files, request, meter, seen)
     yield from pieces if window is None else window.cut(pieces, ", ".join(map(str, paths)))
 
 
@@ -115,6 +110,7 @@ def concatenate(pieces: Iterable[Log]) -> Log:
         force=tuple(map(joined, *(p.force for p in parts))),
         temperature=tuple(map(joined, *(p.temperature for p in parts))),
         inputs=tuple(i for p in parts for i in p.inputs),
+        truncated=tuple(t for p in parts for t in p.truncated),
         warnings=tuple(dict.fromkeys(w for p in parts for w in p.warnings)),
     )
 
@@ -143,17 +139,15 @@ def _campaign(
     request: Request,
     meter: _Meter,
     seen: dict[Path, Contents] | None,
-    *,
-    salvage: bool,
 ) -> Iterator[Log]:
     reached = np.full(len(request.signals), -np.inf)
     row = 0
     bags = dict(files)
-    for path in _in_sequence([path for path, _ in files], request, salvage=salvage):
+    for path in _in_sequence([path for path, _ in files], request):
         bag = bags[path]
         streams = _Streams(request, reached, row)
         reader = reader_of(path, request, bag)
-        pieces = reader(path, request, salvage=salvage, reached=meter.reached)
+        pieces = reader(path, request, reached=meter.reached)
         pending: Log | None = None
         with (
             placed(path),
@@ -182,15 +176,26 @@ def _campaign(
         row += int(streams.count[0])
         meter.before, meter.position = meter.before + entry.bytes, 0
         meter.tell()
+        cut: tuple[LogTruncated, ...] = ()
+        if outcome.cut_at is not None:
+            cut = (LogTruncated(str(path), outcome.cut_at, float(streams.last.max())),)
+            warnings = [truncation(cut[0]), *warnings]
         said = tuple(printable(f"{path}: {what}") for what in warnings)
-        yield replace(pending or _log((), request), inputs=(entry,), warnings=said)
+        last = pending or _log((), request)
+        yield replace(last, inputs=(entry,), warnings=said, truncated=cut)
 
 
-def _opening(
-    path: Path, request: Request, *, salvage: bool = False
-) -> Generator[Piece, None, None]:
+def truncation(cut: LogTruncated) -> str:
+    """Say where a log ends that was cut short."""
+    return (
+        f"the file ends within a record at byte {cut.byte}, as one that was cut short does: it is "
+        f"read as far as it is whole, to {shown(cut.end)} s"
+    )
+
+
+def _opening(path: Path, request: Request) -> Generator[Piece, None, None]:
     """The pieces of a file, of which the first few are taken."""
-    items = reader_of(path, request)(path, request, salvage=salvage, reached=lambda _: None)
+    items = reader_of(path, request)(path, request, reached=lambda _: None)
     with placed(path), closing(items):
         for item in items:
             if not isinstance(item, Outcome):
@@ -216,7 +221,7 @@ def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:
         )
 
 
-def _in_sequence(paths: Sequence[Path], request: Request, *, salvage: bool) -> list[Path]:
+def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
     """Order the files by their first time."""
     if len(paths) == 1:
         return list(paths)
@@ -224,7 +229,7 @@ def _in_sequence(paths: Sequence[Path], request: Request, *, salvage: bool) -> l
     untimed = 0
     for path in paths:
         starts[path] = np.inf
-        with closing(_opening(path, request, salvage=salvage)) as stream:
+        with closing(_opening(path, request)) as stream:
             for piece in stream:
                 untimed += any(block.clock == "row" for block in piece)
                 times = [float(block.time[0]) for block in piece if block.time.size]
@@ -324,9 +329,8 @@ class _Streams:
                 continue
             fields = ", ".join(dict.fromkeys(signal.fields))
             what = f"there is no sample of the {signal.quantity} of {signal.support} ({fields})"
-            if outcome.integrity == "salvaged" and outcome.warnings:
-                what += f" in what is sound of the file; {outcome.warnings[0]}"
-                raise DataError(what, hint="copy the recording again")
+            if outcome.cut_at is not None:
+                what += f" before byte {outcome.cut_at}, where the file was cut short"
             raise DataError(what)
         return said
 

@@ -133,7 +133,7 @@ def calibrate_moving(
     ----------
     slow : streams of the log. delay : of the force stamps, s, as the rig file states it.
     dwells : how many rests were found in the log, which its samples hold as all others.
-    inputs : files, of which a salvaged one is never accepted. progress : told of each stage.
+    inputs : files. progress : told of each stage.
     rng, max_trials : of the Monte Carlo; no trials without the one or with 0 of the other.
 
     Raises
@@ -249,7 +249,6 @@ def _reasons(
         ),
         result.quality.birge,
         determined=result.observability.determined,
-        inputs=inputs,
         suspicions=[doubt.finding for doubt in result.suspicions if doubt.spoils_motion],
         conformity=conformity,
     )

@@ -122,9 +122,7 @@ def _cures(c: Calibration) -> tuple[str, ...]:
 
 
 def _of_the_log(c: Calibration) -> Iterator[str]:
-    """A damaged file; a log in motion that was meant to rest: what is said of its stops."""
-    if any(entry.integrity == "salvaged" for entry in c.inputs):
-        yield "Copy the log from the recorder again; the file is damaged"
+    """A log in motion that was meant to rest: what is said of its stops."""
     for text in c.warnings:
         if c.motion is not None and _STOPS.search(text):
             said, _, cure = text.partition("; ")

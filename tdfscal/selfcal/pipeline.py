@@ -230,7 +230,6 @@ def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[str, .
         determined=of.observability.determined,
         used=len(of.dwells) - len(of.rejected),
         rejected=len(of.rejected),
-        inputs=inputs,
         suspicions=[doubt.finding for doubt in of.suspicions if doubt.harmful],
         conformity=of.conformity,
     )

@@ -37,7 +37,6 @@ class Settings:
 
     progress: Progress = SILENT
     window: TimeWindow | None = None
-    salvage: bool = False
     trials: int | None = None
     seed: int = 0
     command: str = ""
@@ -80,7 +79,6 @@ class LogPass:
                 self.campaign.rig.log,
                 rig.supports,
                 axes=rig.axes,
-                salvage=self.settings.salvage,
                 window=self.settings.window,
                 progress=share,
             ):

@@ -15,8 +15,6 @@ from tdfscal.numerics import so3
 from tdfscal.records import (
     DeclaredUncertainty,
     FloatArray,
-    InputFile,
-    Integrity,
     Rig,
     Rotations,
     UncertainValue,
@@ -77,14 +75,6 @@ def test_residuals_and_rejected_postures(
     assert len(judge(RIG, FINE, birge, used=used, rejected=rejected)) == reasons
 
 
-@pytest.mark.parametrize(("integrity", "reasons"), [("verified", 0), ("salvaged", 1)])
-def test_a_salvaged_log_is_a_reason(integrity: Integrity, reasons: int) -> None:
-    inputs = [InputFile("a.csv", "0", 1, "verified"), InputFile("b.csv", "0", 1, integrity)]
-    found = judge(RIG, FINE, 1.0, inputs=inputs)
-    assert len(found) == reasons
-    assert all("b.csv" in reason for reason in found)
-
-
 def exact() -> Rig:
     """All but the angles is exactly what the rig file says."""
     return replace(
@@ -111,20 +101,18 @@ def test_all_reasons_stand_in_their_order() -> None:
         )
         for limit in (1e4, 1e-3)
     )
-    damaged = InputFile("a.csv", "0", 1, "salvaged")
     found = judge(
         RIG,
         rotations(std),
         2.0,
         used=1,
         rejected=1,
-        inputs=[damaged],
         suspicions=("slip", "drift"),
         conformity=tight,
     )
-    assert len(found) == 7
-    assert found[4:6] == ("slip", "drift")
-    assert found[6:] == tight.reasons
+    assert len(found) == 6
+    assert found[3:5] == ("slip", "drift")
+    assert found[5:] == tight.reasons
     assert judge(RIG, FINE, 1.0, suspicions=("slip",)) == ("slip",)
     assert judge(RIG, FINE, 1.0, conformity=tight) == tight.reasons
     assert judge(RIG, FINE, 1.0, conformity=loose) == ()

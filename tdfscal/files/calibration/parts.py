@@ -82,7 +82,7 @@ class Input(Strict):
     path: FreeText = key("as it was given")
     sha256: Sha256 = key("of the file's bytes")
     bytes: Count = key("size of the file")
-    integrity: Integrity = key("verified by checksums, unverified, or salvaged from a damaged file")
+    integrity: Integrity = key("verified by checksums, or unverified")
     note: Text | None = key(
         "what is odd about where it lies: outside the folder of the file that names it", None
     )

@@ -64,7 +64,7 @@ def _bounded(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
         if not stream.eof:
             more = stream.decompress(b"", max_length=1)
             what = f"expands to more than {MAX_CHUNK >> 20} MiB" if more else "is cut short"
-            raise ReaderError(f"a chunk {what}")
+            raise ValueError(f"a chunk {what}")
         return whole
 
     return expand

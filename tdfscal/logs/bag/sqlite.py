@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
 from collections.abc import Iterator
 from contextlib import closing
 from typing import Final
@@ -20,6 +21,13 @@ class SqliteRecording(Stored):
 
     opening = (b"SQLite format 3\0", "SQLite database")
     damage = (sqlite3.Error, TypeError)
+
+    def is_cut_short(self) -> bool:
+        """By the size and number of pages in its header."""
+        with self.path.open("rb") as file:
+            head = file.read(32)
+        (size,), (pages,) = struct.unpack_from(">H", head, 16), struct.unpack_from(">I", head, 28)
+        return bool(self.path.stat().st_size < max(size, 1 << 16 if size == 1 else 0) * pages)
 
     def rows(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield the messages in the order of recording."""

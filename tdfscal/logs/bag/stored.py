@@ -35,6 +35,10 @@ class Stored(Recording):
     def rows(self) -> Iterator[tuple[int, int, bytes]]:
         """Define the channels; yield (channel, ns, data) of each message."""
 
+    def is_cut_short(self) -> bool:
+        """Tell whether the file states to be longer than it is."""
+        return False
+
     def messages(self) -> Generator[Messages, None, None]:
         """Yield the messages in the order that the bag has them."""
         mark, kind = self.opening
@@ -44,9 +48,9 @@ class Stored(Recording):
         try:
             yield from self._packed()
         except self.damage as error:
-            if not self.salvage or not self.counts:
-                raise ValueError(str(error) or type(error).__name__) from error
-            self.lost.append(f"the file is damaged ({error}); what follows is lost")
+            if not self.counts or not self.is_cut_short():
+                raise ValueError(f"the {kind} cannot be read") from error
+            self.cut_at = self.path.stat().st_size
 
     def define(
         self, number: int, topic: str, encoding: str, kind: str, schema: tuple[str, bytes]

@@ -6,13 +6,14 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.yaml.scalars import shorten
-from tdfscal.memory import is_short_for, shortage
+from tdfscal.memory import is_short, shortage
 
-_Kinds = tuple[type[Exception], ...]
-_CAUGHT: _Kinds = (OSError, EOFError, ValueError, OverflowError, struct.error)
+LIBRARY_FAULTS: Final = (OSError, EOFError, ValueError, OverflowError, struct.error)
+"""What libraries raise on bytes that are not what they should be."""
 
 
 @contextmanager
@@ -31,29 +32,32 @@ def placed(whole: Path | str) -> Iterator[None]:
 def damage(path: Path, *kinds: type[Exception]) -> Iterator[None]:
     """Turn what libraries and the operating system raise on a damaged file into a DataError.
 
-    kinds : the library's own exceptions. Raises MemoryShortError where the memory does not suffice
-    for a file of this size, UsageError where it is not there, or not to be read by this user.
+    kinds : the library's own exceptions. Raises MemoryShortError where the memory does not suffice,
+    UsageError where the file is not there, or not to be read by this user.
     """
-    caught: _Kinds = (*kinds, *_CAUGHT)
-    doubtful: _Kinds = (*caught, MemoryError, RuntimeError)
+    doubtful: tuple[type[Exception], ...] = (*kinds, *LIBRARY_FAULTS, MemoryError)
     try:
         yield
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
-        reason = error.strerror or str(error)
-        raise UsageError(f"the file cannot be opened ({reason})", where=str(path)) from error
+        why = error.strerror or str(error)
+        raise UsageError(f"the file cannot be opened ({why})", where=str(path)) from error
     except doubtful as error:
-        short = is_short_for(path, error)
-        if short:
+        if is_short(error):
             raise shortage() from error
-        if short is False:
-            what = "the file declares lengths that do not fit in memory; it is damaged"
-            raise DataError(what) from None
-        if not isinstance(error, caught):
-            raise
-        what = f"the file is damaged ({one_line(error).rstrip('.')})"
+        what = f"the file is damaged ({reason(error)})"
         raise DataError(what, hint="copy it from the recorder again") from error
 
 
-def one_line(error: BaseException) -> str:
-    """Return an exception's text on one line, shortened."""
-    return shorten(" ".join(str(error).split()) or type(error).__name__, 160)
+def reason(error: BaseException) -> str:
+    """Say in plain words what is wrong: libraries speak of their codecs, protocols and types."""
+    if isinstance(error, UnicodeDecodeError):
+        return "a text in it is not UTF-8"
+    if isinstance(error, struct.error | EOFError):
+        return "it ends too early"
+    if isinstance(error, OverflowError):
+        return "a number in it is too large"
+    if isinstance(error, OSError) and error.errno is not None:
+        return error.strerror or "it cannot be read"
+    if type(error) is ValueError:  # ours, but for a few
+        return shorten(" ".join(str(error).split()).rstrip("."), 160)
+    return "its content cannot be decoded"

@@ -103,11 +103,16 @@ Reached = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a reader has to say when a file is at its end; contents : where it is to describe it."""
+    """What a reader has to say when a file is at its end.
+
+    contents : where it is to describe it. cut_at : byte at which a file that was cut short stops
+    being whole; None of one that is whole.
+    """
 
     integrity: Integrity
     warnings: tuple[str, ...] = ()
     contents: Contents | None = None
+    cut_at: int | None = None
 
 
 Items = Generator[Piece | Outcome, None, None]
@@ -116,11 +121,11 @@ Items = Generator[Piece | Outcome, None, None]
 class Reader(Protocol):
     """A format's reader: yields pieces of bounded size, and last the outcome.
 
-    Raises DataError on whatever is wrong with the file, unless `salvage` allows to go on; it names
-    the place within the file, and leaves the file's name to its caller (`damage.placed`).
+    What is whole of a file that was cut short is read. Raises DataError on whatever is wrong
+    within; it names the place, and leaves the file's name to its caller (`damage.placed`).
     """
 
-    def __call__(self, path: Path, request: Request, *, salvage: bool, reached: Reached) -> Items:
+    def __call__(self, path: Path, request: Request, *, reached: Reached) -> Items:
         """Read one file."""
         ...
 

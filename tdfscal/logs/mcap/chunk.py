@@ -59,7 +59,7 @@ def _decompress(compression: str, data: bytes, size: int) -> bytes:
             found = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
             return bytes(found)
     except (zstandard.ZstdError, RuntimeError, EOFError) as error:
-        raise ValueError(str(error)) from error
+        raise ValueError(f"its {compression} content cannot be expanded") from error
     raise ValueError(f"its compression {compression!r} is not known")
 
 
@@ -82,24 +82,20 @@ def index_offsets(records: Sequence[bytes]) -> IntArray | None:
     return np.sort(np.concatenate(parts), kind="stable")
 
 
-def messages_of(
-    data: bytes, indexed: IntArray | None, define: Define, *, stored: int | None = None
-) -> Messages:
+def messages_of(data: bytes, indexed: IntArray | None, define: Define) -> Messages:
     """Find every message in a buffer of records.
 
     The index only saves walking: the stretches between the messages that it names are walked,
     so that the messages found tile the buffer whether the index is whole, partial or missing.
 
     indexed : offsets of messages, ascending, or None. define : takes the schemas and channels met,
-    as (opcode, content). stored : bytes that the buffer takes in the file, by default its own. No
-    more records than that are believed: a message that has a time of its own takes at least one.
+    as (opcode, content).
 
     Raises ValueError where the records do not tile the buffer.
     """
     walked = array("q")
-    most = len(data) if stored is None else stored
     if indexed is None or indexed.size == 0:
-        _walk(data, 0, len(data), walked, define, most)
+        _walk(data, 0, len(data), walked, define)
         offset = np.array(walked, dtype=np.int64)
     else:
         if not (gather(data, indexed, "u1") == int(Opcode.MESSAGE)).all():
@@ -110,7 +106,7 @@ def messages_of(
         if (starts < before).any():
             raise ValueError("messages overlap by the message index")
         for k in np.flatnonzero(starts > before):
-            most -= _walk(data, int(before[k]), int(starts[k]), walked, define, most)
+            _walk(data, int(before[k]), int(starts[k]), walked, define)
         offset = np.sort(np.concatenate((indexed, np.array(walked, dtype=np.int64))))
     length = _lengths(data, offset) - MESSAGE_HEAD
     if (length < 0).any():
@@ -126,12 +122,9 @@ def _lengths(data: bytes, offset: IntArray) -> IntArray:
     return length.astype(np.int64)
 
 
-def _walk(
-    data: bytes, start: int, stop: int, messages: array[int], define: Define, most: int
-) -> int:
-    """Go from record to record, note messages, hand on schemas and channels; return how many."""
+def _walk(data: bytes, start: int, stop: int, messages: array[int], define: Define) -> None:
+    """Go from record to record, note messages, hand on schemas and channels."""
     unpack, head, message = RECORD.unpack_from, RECORD.size, int(Opcode.MESSAGE)
-    count = 0
     while start < stop:
         if start + head > stop:
             raise ValueError("a record is cut short")
@@ -139,17 +132,11 @@ def _walk(
         end = start + head + length
         if end > stop:
             raise ValueError("a record is cut short")
-        count += 1
-        if count > most:
-            raise ValueError("it holds more records than bytes are stored for it")
         if opcode == message:
             messages.append(start)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             define(opcode, data[start + head : end])
-        elif opcode < 0x80:
-            raise ValueError(f"a record of kind {opcode:#04x} has no place in a chunk")
         start = end
-    return count
 
 
 class _Exact(io.BytesIO):
@@ -162,6 +149,6 @@ class _Exact(io.BytesIO):
         return data
 
 
-def exact(content: bytes) -> ReadDataStream:
+def record_stream(content: bytes) -> ReadDataStream:
     """Wrap a record's content for the record classes of `mcap`."""
     return ReadDataStream(_Exact(content))

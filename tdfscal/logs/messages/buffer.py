@@ -69,25 +69,24 @@ class Recording(ABC):
     """A file of messages while it is read; what it says of itself fills in on the way.
 
     channels, schemas : by id, as met so far. counts : messages by channel, as met.
-    lost : what could not be read (only with `salvage`). checked : a checksum covers every message.
-    reached : bytes of the file that are read.
+    checked : a checksum covers every message. reached : bytes of the file that are read. cut_at :
+    byte at which a file that was cut short stops being whole, known at its end; else None.
     """
 
     form: ClassVar[Format]
     path: Path
-    salvage: bool
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
-    lost: list[str] = field(default_factory=list)
     checked: bool = False
     reached: int = 0
+    cut_at: int | None = None
 
     @abstractmethod
     def messages(self) -> Generator[Messages, None, None]:
         """Yield the messages in file order, some at a time.
 
-        Raises DataError or ValueError on whatever is damaged, unless `salvage`.
+        Raises DataError or ValueError on whatever is damaged.
         """
 
     @property

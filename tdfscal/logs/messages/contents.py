@@ -22,7 +22,7 @@ from tdfscal.logs.common.contents import (
     axes_of,
     extremes,
 )
-from tdfscal.logs.common.damage import one_line
+from tdfscal.logs.common.damage import reason
 from tdfscal.logs.common.message_path import Named, shown
 from tdfscal.logs.common.message_path import Path as MessagePath
 from tdfscal.logs.messages.buffer import Messages, Recording
@@ -101,7 +101,7 @@ class _Topic:
             if any(leaf.path == _STAMP for leaf in self.leaves):
                 self.stamps = Stamps(self.name, encoding.reader([], stamped=True))
         except UNREADABLE as error:
-            self.problem = one_line(error)
+            self.problem = reason(error)
 
     def _joints(self, encoding: Encoding, first: Messages) -> list[Leaf]:
         """Elements of lists whose names differ in x, y, z only, as in JointState."""
@@ -135,7 +135,7 @@ class _Topic:
             self._value.append(self._read(messages.at(slice(None, None, step))))
             self._time.append(ticks[::step])
         except UNREADABLE as error:
-            self.problem = f"a message cannot be read: {one_line(error)}"
+            self.problem = f"a message cannot be read: {reason(error)}"
             self._read = None
         if sum(map(len, self._time)) > _MOST_SAMPLES:
             self._value = [np.concatenate(self._value)[::2]]
@@ -209,7 +209,7 @@ class Stamps:
         except DataError as error:
             self._fault = error.what
         except UNREADABLE as error:
-            self._fault = f"one of {self._topic} cannot be read ({one_line(error)})"
+            self._fault = f"one of {self._topic} cannot be read ({reason(error)})"
 
     def unusable(self) -> str | None:
         """Why the header times cannot be used, if so."""

@@ -29,19 +29,18 @@ def read_recording(
     path: Path,
     request: Request,
     *,
-    salvage: bool,
     reached: Reached,
-    opened: Callable[[Path, bool], Recording],
+    opened: Callable[[Path], Recording],
     check: Check | None = None,
 ) -> Items:
     """Read a recording in pieces; see `request.Reader`.
 
-    opened : gives the recording of a path, with salvage or not. check : of its counts against those
-    of the recording that it is part of.
+    opened : gives the recording of a path. check : of its counts against those of the recording
+    that it is part of.
     """
-    recording = opened(path, salvage)
+    recording = opened(path)
     topics = Topics(recording, request)
-    if not salvage and (announced := recording.announced()) is not None:
+    if (announced := recording.announced()) is not None:
         topics.check_present(announced)
     look = RecordingLook(recording) if request.describe else None
     waiting: list[Piece] = []
@@ -63,16 +62,13 @@ def read_recording(
             yield from split(join(waiting), _MAX_SAMPLES)
     topics.check_complete()
     contradictions, doubts = check(path, topics.counts()) if check else ((), ())
-    if contradictions and not salvage:
-        raise DataError(
-            contradictions[0],
-            hint="copy the recording again; `calibrate --salvage` reads what is there",
-        )
-    lost = (*recording.lost, *topics.lost, *contradictions)
+    if contradictions and recording.cut_at is None:
+        raise DataError(contradictions[0], hint="copy the recording again")
     skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
     seen = look.contents() if look is not None else None
-    integrity: Integrity = "verified" if recording.checked else "unverified"
-    yield Outcome("salvaged" if lost else integrity, (*lost, *doubts, *skewed), seen)
+    whole = recording.checked and recording.cut_at is None
+    integrity: Integrity = "verified" if whole else "unverified"
+    yield Outcome(integrity, (*doubts, *skewed), seen, recording.cut_at)
 
 
 def recording_contents(recording: Recording, *, opening: bool) -> Contents:

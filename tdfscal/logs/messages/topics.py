@@ -11,6 +11,7 @@ from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
 from tdfscal.logs.common.clock import Skew, shown
+from tdfscal.logs.common.damage import reason
 from tdfscal.logs.common.message_path import Path as MessagePath
 from tdfscal.logs.common.message_path import parse_steps, topic_of
 from tdfscal.logs.common.request import Block, Piece, Request, Signal, missing_fields
@@ -51,7 +52,6 @@ class Topics:
 
     recording: Recording
     request: Request
-    lost: list[str] = field(default_factory=list)
     skews: dict[str, Skew] = field(default_factory=dict)
     _signals: dict[str, list[int]] = field(default_factory=dict)
     _decoders: dict[int, Decoder] = field(default_factory=dict)
@@ -95,10 +95,6 @@ class Topics:
         """Refuse a file that lacks a topic, now that all of it is read."""
         bound = {number for numbers in self._signals.values() for number in numbers}
         unbound = [s for number, s in enumerate(self.request.signals) if number not in bound]
-        if unbound and (lost := [*self.recording.lost, *self.lost]):
-            missing = ", ".join(signal.fields[0] for signal in unbound)
-            what = f"{lost[0]}; what is sound holds no topic for {missing}"
-            raise DataError(what, hint="copy the recording again")
         if unbound:
             raise _no_topic(unbound, self.recording.topics)
 
@@ -140,10 +136,7 @@ class Topics:
         self._signals = signals
 
     def _decoded(self, channel: int, messages: Messages) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Return order in the file, time and values of one channel's messages.
-
-        With `salvage` those that can be read: if not all together, then one by one.
-        """
+        """Return order in the file, time and values of one channel's messages."""
         if channel not in self._decoders:
             self._decoders[channel] = self._decoder(channel)
         topic = self.recording.channels[channel].topic
@@ -151,23 +144,8 @@ class Topics:
         try:
             return messages.offset, *self._finite(topic, *decode(messages))
         except UNREADABLE as error:
-            what = f"a message of {topic} cannot be read: {error}"
-        if not self.recording.salvage:
-            raise DataError(what, hint="`calibrate --salvage` leaves such messages out")
-        order = [np.empty(0, dtype=np.int64)]
-        times, values = [np.empty(0)], [np.empty((0, 3 * len(self._signals[topic])))]
-        for k in range(messages.offset.size):
-            one = messages.at(k)
-            try:
-                time, value = self._finite(topic, *decode(one))
-            except UNREADABLE:
-                continue
-            order.append(one.offset)
-            times.append(time)
-            values.append(value)
-        lost = messages.offset.size - (len(times) - 1)
-        self.lost.append(f"{lost} messages of {topic} are left out ({what})")
-        return np.concatenate(order), np.concatenate(times), np.concatenate(values)
+            what = f"a message of {topic} cannot be read: {reason(error)}"
+            raise DataError(what, hint="record that topic again") from error
 
     def _finite(
         self, topic: str, time: FloatArray, value: FloatArray

@@ -15,8 +15,15 @@ from tdfscal.logs.common.contents import SAMPLES, Contents
 from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.table import Sampled, holes, repeated, sampled, table_contents
 from tdfscal.logs.parquet.dates import DateTexts, begins_with_date
-from tdfscal.logs.parquet.footer import check_pages, is_no_number, is_text, leaves_of, open_parquet
-from tdfscal.logs.parquet.reader import batches
+from tdfscal.logs.parquet.file import (
+    batches,
+    flattened,
+    is_no_number,
+    is_text,
+    leaves_of,
+    lists_of,
+    open_parquet,
+)
 
 _OPENING: Final = 4096
 _LOOKED_AT: Final = 1 << 17  # rows
@@ -32,15 +39,14 @@ def parquet_contents(path: Path) -> Contents:
         twice = repeated([leaf.path for leaf in leaves])
         small = [f.path for f in leaves if is_no_number(f) is None and f.path not in twice]
         texts = [f.path for f in leaves if is_text(f) and f.path not in twice]
-        check_pages(path, file, texts[:1])
         dated = {name for name in texts if _is_dated(file, name)}
-        small += dated
+        elements = [name for column in lists_of(file) for name in _elements(file, column)]
+        small += [*dated, *elements]
         for begin in range(0, len(small), _TOGETHER):
             portion = small[begin : begin + _TOGETHER]
-            check_pages(path, file, portion)
             looked_at = _looked_at(file, portion)
             most = -(-_GROUPS * SAMPLES // max(len(looked_at), 1))
-            for name in looked_at[0][1].column_names if looked_at else ():
+            for name in portion if looked_at else ():
                 parts = [(row, table.column(name)) for row, table in looked_at]
                 if name in dated:
                     dates = DateTexts()
@@ -49,7 +55,17 @@ def parquet_contents(path: Path) -> Contents:
                 if found is not None:
                     numbers[name] = found
         columns = [(f.path, "date and time" if f.path in dated else _kind(f), None) for f in leaves]
+        columns += [(name, "element of a list", None) for name in elements]
         return table_contents(path, "parquet", file.metadata.num_rows, columns, numbers)
+
+
+def _elements(file: pq.ParquetFile, column: str) -> list[str]:
+    """Names of the numbers of a list, by the first row."""
+    first = next(iter(file.iter_batches(batch_size=1, columns=[column])), None)
+    if first is None or not first.num_rows:
+        return []
+    row = flattened(first).column(column)[0].as_py() or ()
+    return [f"{column}[{k}]" for k in range(min(len(row), _TOGETHER))]
 
 
 def _is_dated(file: pq.ParquetFile, name: str) -> bool:

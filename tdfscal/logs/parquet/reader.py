@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +13,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common import units
-from tdfscal.logs.common.damage import damage, one_line
+from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.request import (
     Items,
     Outcome,
@@ -27,86 +26,59 @@ from tdfscal.logs.common.request import (
 )
 from tdfscal.logs.common.table import TICKS, holes, is_number
 from tdfscal.logs.parquet.dates import DateTexts, begins_with_date
-from tdfscal.logs.parquet.footer import (
-    Places,
-    check_pages,
-    is_duration,
+from tdfscal.logs.parquet.file import (
+    batches,
+    element_of,
     is_no_number,
     is_text,
     leaves_of,
+    lists_of,
     open_parquet,
-    stated_twice,
 )
 from tdfscal.logs.text.date_times import DATES
-from tdfscal.records import BoolArray, FloatArray, Integrity
+from tdfscal.records import BoolArray, FloatArray
 
 _MAX_SAMPLES: Final = 1 << 16
 _SEARCHED_ROWS: Final = 256
 
 
-def read_parquet(path: Path, request: Request, *, salvage: bool, reached: Reached) -> Items:
+def read_parquet(path: Path, request: Request, *, reached: Reached) -> Items:
     """Read a Parquet log in pieces; see `request.Reader`.
 
-    Page checksums are verified where the file has them, else its integrity is unverified.
+    Page checksums are verified where the file has them; pyarrow does not say whether it has.
     """
-    warnings: list[str] = []
     with damage(path, pa.ArrowException), open_parquet(path) as file:
-        leaves = leaves_of(file)
-        column_of = columns_of(request, [leaf.path for leaf in leaves])
-        names = list(column_of)
-        timed = request.mapping.time_field in column_of
-        for name, k in column_of.items():
-            if name == request.mapping.time_field and is_text(leaves[k]):
-                continue
-            if (holds := is_no_number(leaves[k])) is not None:
-                raise _no_numbers(name, holds)
-        verified = check_pages(path, file, names)
-        if verified and (what := stated_twice(file, names)):
-            raise DataError(what)
-        verified &= not (timed and is_duration(file, request.mapping.time_field))
-        read_from = Places(file.metadata, list(column_of.values()))
-        first_row, read, sparse, texts = 0, 0, False, DateTexts() if timed else None
+        names = _wanted(file, request)
+        timed = request.mapping.time_field in names
+        texts = DateTexts() if timed else None
+        row, sparse = 0, False
         share = path.stat().st_size / max(file.metadata.num_rows, 1)
         for number in range(file.num_row_groups):
-            stated, in_group = file.metadata.row_group(number).num_rows, 0
-            try:
-                for batch in batches(file, number, names):
-                    row = first_row + in_group
-                    if not in_group:
-                        read_from.add(number)
-                    if not row:
-                        sparse = timed and _takes_turns(batch, request)
-                    piece = _piece(batch, request, row, texts, sparse=sparse)
-                    in_group += batch.num_rows
-                    reached(int((first_row + in_group) * share))
-                    yield piece
-                if in_group != stated:
-                    what = f"row group {number} has {in_group} rows where {stated} are stated"
-                    raise DataError(what)
-            except (pa.ArrowException, OSError, ValueError, DataError) as error:
-                if not salvage:
-                    raise
-                warnings.append(
-                    f"row group {number} is damaged ({one_line(error)}); of its {stated} rows "
-                    f"{stated - in_group} are lost"
-                )
-            first_row += stated
-            read += in_group
-    if read == 0:
+            for batch in batches(file, number, names, _MAX_SAMPLES):
+                if not row:
+                    sparse = timed and _takes_turns(batch, request)
+                yield _piece(batch, request, row, texts, sparse=sparse)
+                row += batch.num_rows
+                reached(int(row * share))
+    if row == 0:
         raise DataError("the file has no rows", hint="record the log again")
-    integrity: Integrity = "verified" if verified else "unverified"
-    yield Outcome("salvaged" if warnings else integrity, tuple(warnings))
+    yield Outcome("unverified")
 
 
-def batches(
-    file: pq.ParquetFile, group: int, names: Sequence[str], size: int = _MAX_SAMPLES
-) -> Iterator[pa.Table]:
-    """Yield a row group in tables whose columns are those of the file's leaves."""
-    for batch in file.iter_batches(batch_size=size, row_groups=[group], columns=list(names)):
-        table = pa.Table.from_batches([batch])
-        while any(pa.types.is_struct(field.type) for field in table.schema):
-            table = table.flatten()
-        yield table
+def _wanted(file: pq.ParquetFile, request: Request) -> list[str]:
+    """Names of the columns to read. Raises DataError where one is missing or holds no numbers."""
+    lists = lists_of(file)
+    names = [request.mapping.time_field, *(n for s in request.signals for n in s.components)]
+    elements = dict.fromkeys(name for name in names if element_of(name, lists))
+    others = [first for name in lists if (first := f"{name}[0]") not in elements]
+    leaves = leaves_of(file)
+    column_of = columns_of(request, [*(leaf.path for leaf in leaves), *elements, *others])
+    for name, k in column_of.items():
+        if k >= len(leaves) or (name == request.mapping.time_field and is_text(leaves[k])):
+            continue
+        if (holds := is_no_number(leaves[k])) is not None:
+            raise _no_numbers(name, holds)
+    return list(column_of)
 
 
 def _takes_turns(table: pa.Table, request: Request) -> bool:

@@ -16,7 +16,7 @@ from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.table import repeated, sampled, table_contents
 from tdfscal.logs.text.cells import fits_header, header_cells, row_cells, split_cells, split_label
 from tdfscal.logs.text.date_times import has_zone, is_date_time, seconds_of_all
-from tdfscal.logs.text.file import TextFile, open_text
+from tdfscal.logs.text.file import EXPANDING, TextFile, open_text
 from tdfscal.logs.text.header import SEPARATORS, Candidate, numbered_columns
 from tdfscal.logs.text.numbers import decimal_of, is_number
 from tdfscal.logs.text.rows import ragged, single_spaces
@@ -29,7 +29,7 @@ _OPENING: Final = 1 << 20
 
 def text_contents(path: Path, *, opening: bool) -> Contents:
     """Look through a CSV or TSV file, or its opening: header and some rows of each block."""
-    with damage(path, pa.ArrowException), open_text(path) as file:
+    with damage(path, *EXPANDING), open_text(path) as file:
         look = TextLook(file)
         for block, whole in file.blocks(look.skipped):
             if opening:

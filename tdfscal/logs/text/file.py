@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import BufferedIOBase
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 import pyarrow as pa
 import zstandard
 
 from tdfscal.errors import DataError
-from tdfscal.logs.common.damage import one_line
 from tdfscal.records import Integrity
 
+EXPANDING: Final = (pa.ArrowException, zlib.error, zstandard.ZstdError)
+"""What expanding and parsing raise on damage."""
 _BLOCK: Final = 8 << 20
+_COMPRESSED: Final = 1 << 16
+_COMPRESSED_ZSTD: Final = 1 << 12  # may expand to as many times as much
 _HEAD: Final = 1 << 18
 _OPENING: Final = 1 << 12
 _CONTROL: Final = bytes({*range(1, 32)} - set(b"\t\n\v\f\r"))
@@ -23,39 +26,34 @@ _GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 
 
 @contextmanager
-def open_text(path: Path, *, salvage: bool = False) -> Iterator[TextFile]:
+def open_text(path: Path) -> Iterator[TextFile]:
     """Open a file for one reading; compressed or not by its first bytes, not by its name."""
     with path.open("rb") as raw:
         magic = raw.read(64)
         raw.seek(0)
-        stream: BufferedIOBase = raw
+        parts = iter(lambda: raw.read(_BLOCK), b"")
         integrity: Integrity = "unverified"
         if magic.startswith(_GZIP):
-            stream, integrity = pa.input_stream(raw, compression="gzip"), "verified"
+            parts, integrity = _of_gzip(raw), "verified"
         elif magic.startswith(_ZSTD):
-            try:
-                checked = zstandard.get_frame_parameters(magic).has_checksum
-            except zstandard.ZstdError as error:
-                raise ValueError(str(error)) from error
-            stream = pa.input_stream(raw, compression="zstd")
-            integrity = "verified" if checked else "unverified"
-        with stream:
-            yield TextFile(raw, stream, integrity, salvage=salvage)
+            checked = zstandard.get_frame_parameters(magic).has_checksum
+            parts, integrity = _of_zstd(raw), "verified" if checked else "unverified"
+        yield TextFile(raw, parts, integrity)
 
 
 class TextFile:
     """A text log that is open.
 
-    lost : why it breaks off; with `salvage` that ends it, else it is raised. integrity : how far
-    its compression checks the content. lines : the first ones. newline : what ends each.
+    cut_at : byte of the text at which one that was cut short stops being whole; None of a whole
+    one. integrity : how far its compression checks the content. lines : the first ones.
+    newline : what ends each.
     """
 
-    def __init__(
-        self, raw: BufferedIOBase, stream: BufferedIOBase, integrity: Integrity, *, salvage: bool
-    ) -> None:
-        self._raw, self._stream, self._salvage = raw, stream, salvage
+    def __init__(self, raw: BinaryIO, parts: Iterator[bytes], integrity: Integrity) -> None:
+        self._raw, self._parts, self._rest = raw, parts, b""
         self.integrity = integrity
-        self.lost: list[str] = []
+        self.cut_at: int | None = None
+        self._expanded = 0
         self._head = self._read(_HEAD)
         self.newline = b"\r" if b"\r" in self._head and b"\n" not in self._head else b"\n"
         self.lines = lines_of(_decoded(self._head), self.newline.decode())
@@ -85,17 +83,53 @@ class TextFile:
         if end:
             yield rest[:end], True
         if rest[end:].strip():
+            self.cut_at = self._expanded - len(rest) + end
             yield rest[end:], False
 
     def _read(self, size: int) -> bytes:
         """Up to so many bytes; none at the end."""
-        try:
-            return b"" if self.lost else self._stream.read(size)
-        except (OSError, pa.ArrowException) as error:
-            if not self._salvage:
-                raise
-            self.lost.append(f"the file is damaged ({one_line(error)}); what follows is lost")
-            return b""
+        parts, there = [self._rest], len(self._rest)
+        while there < size:
+            try:
+                part = next(self._parts, None)
+            except EOFError:
+                self.cut_at, self.integrity, part = self._expanded + there, "unverified", None
+            if part is None:
+                break
+            parts.append(part)
+            there += len(part)
+        whole = b"".join(parts) if len(parts) > 1 else parts[0]
+        self._rest = whole[size:]
+        self._expanded += min(there, size)
+        return whole[:size] if self._rest else whole
+
+
+def _of_gzip(raw: BinaryIO) -> Iterator[bytes]:
+    """Expand; raises EOFError at the end of a file that was cut short."""
+    stream, begun, data = zlib.decompressobj(31), False, b""
+    while data := data or raw.read(_COMPRESSED):
+        begun = True
+        yield stream.decompress(data, _BLOCK)
+        data = stream.unconsumed_tail
+        if stream.eof:
+            stream, begun, data = zlib.decompressobj(31), False, stream.unused_data
+    yield stream.flush()
+    if begun and not stream.eof:
+        raise EOFError
+
+
+def _of_zstd(raw: BinaryIO) -> Iterator[bytes]:
+    """Expand; raises EOFError at the end of a file that was cut short."""
+    stream, begun, data = zstandard.ZstdDecompressor().decompressobj(), False, b""
+    while data := data or raw.read(_COMPRESSED_ZSTD):
+        begun = True
+        yield stream.decompress(data)
+        data = b""
+        if stream.eof:
+            data = stream.unused_data
+            stream, begun = zstandard.ZstdDecompressor().decompressobj(), False
+    if begun:
+        raise EOFError
 
 
 def lines_of(text: str, newline: str) -> list[str]:

@@ -6,8 +6,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final
 
-import pyarrow as pa
-
 from tdfscal.errors import DataError
 from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.read_ahead import mapped
@@ -20,7 +18,7 @@ from tdfscal.logs.common.request import (
     table_piece,
 )
 from tdfscal.logs.text.contents import TextLook
-from tdfscal.logs.text.file import open_text
+from tdfscal.logs.text.file import EXPANDING, open_text
 from tdfscal.logs.text.header import find_header
 from tdfscal.logs.text.rows import RowParser, Rows
 
@@ -28,15 +26,14 @@ _THREADS: Final = 2
 _MAX_SAMPLES: Final = 1 << 16
 
 
-def read_text(path: Path, request: Request, *, salvage: bool, reached: Reached) -> Items:
+def read_text(path: Path, request: Request, *, reached: Reached) -> Items:
     """Read a text log in pieces; see `request.Reader`."""
-    with damage(path, pa.ArrowException), open_text(path, salvage=salvage) as file:
+    with damage(path, *EXPANDING), open_text(path) as file:
         header = find_header(file.lines, request)
         parser = RowParser(header, file.newline, request.mapping.decimal)
         look = TextLook(file) if request.describe else None
         line = header.lines + 1
-        rows_before, faults = 0, 0
-        warnings: list[str] = []
+        rows_before = 0
 
         def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, Rows | None]:
             return (*given, parser.fast(given[0]))
@@ -46,9 +43,8 @@ def read_text(path: Path, request: Request, *, salvage: bool, reached: Reached) 
                 if look is not None:
                     look.note(block, whole=whole)
                 if not whole and request.mapping.rows == "timeseries":
-                    warnings.append("the last line has no end and may be cut short; it is left out")
                     continue
-                rows = fast or parser.slow(block, line, salvage=salvage)
+                rows = fast or parser.slow(block, line)
                 n = len(header.factors)
                 vectors = rows.value[: 3 * n].reshape(n, 3, rows.count)
                 time = None if header.time is None else rows.value[-1] * header.time_factor
@@ -56,21 +52,17 @@ def read_text(path: Path, request: Request, *, salvage: bool, reached: Reached) 
                     request, vectors, header.factors, time, rows_before, sparse=header.sparse
                 )
                 rows_before += rows.count
-                faults += rows.faults
                 line += rows.lines
                 reached(file.position)
                 yield from split(piece, _MAX_SAMPLES)
-    if rows_before == 0 and warnings:
+    if rows_before == 0 and file.cut_at is not None:
         raise DataError(
             "the only row below the header has no end and may be cut short",
             hint="record the log again, or end the line if the row is whole",
         )
     if rows_before == 0:
         raise DataError("the file has a header and no rows", hint="record the log again")
-    warnings += file.lost
-    if faults:
-        warnings.append(f"{faults} lines cannot be read and are left out")
-    integrity = "salvaged" if salvage and warnings else file.integrity
+    cut_at = file.cut_at if request.mapping.rows == "timeseries" else None
     # Where the rig file's columns begin elsewhere, the rows were not all seen.
     seen = look.contents(path) if look is not None and look.skipped == header.lines else None
-    yield Outcome(integrity, tuple(warnings), seen)
+    yield Outcome(file.integrity, (), seen, cut_at)

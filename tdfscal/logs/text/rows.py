@@ -32,12 +32,11 @@ class Rows:
 
     value : (C, N), the wanted columns as recorded, in the order of `Header.wanted`; NaN in the
     three columns of a signal that a row of a sparse table leaves out.
-    lines : of the block, blank ones too. faults : lines that are left out.
+    lines : of the block, blank ones too.
     """
 
     value: FloatArray
     lines: int
-    faults: int = 0
 
     @property
     def count(self) -> int:
@@ -104,24 +103,18 @@ class RowParser:
                 return None
         return Rows(value, whole) if not sparse or _whole_signals(value) else None
 
-    def slow(self, block: bytes, first_line: int, *, salvage: bool) -> Rows:
+    def slow(self, block: bytes, first_line: int) -> Rows:
         """Parse a block of whole lines one by one.
 
         first_line : the number of its first line, from 1. Raises DataError for the first line that
-        is wrong; with `salvage` such lines are left out.
+        is wrong.
         """
         kept: list[list[float]] = []
-        faults = 0
         for number, line in self._lines(block, first_line):
-            try:
-                with placed(f"line {number}"):
-                    kept.append(self._row(line.decode("utf-8", errors="replace")))
-            except DataError:
-                if not salvage:
-                    raise
-                faults += 1
+            with placed(f"line {number}"):
+                kept.append(self._row(line.decode("utf-8", errors="replace")))
         table = np.array(kept, dtype=np.float64).reshape(len(kept), len(self._header.wanted))
-        return Rows(table.T.copy(), block.count(self._newline), faults)
+        return Rows(table.T.copy(), block.count(self._newline))
 
     def _lines(self, block: bytes, first_line: int) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""

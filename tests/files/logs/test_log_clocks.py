@@ -66,7 +66,7 @@ def test_header_times_are_compared_with_log_times(tmp_path: Path) -> None:
 def test_missing_topics_are_named_before_the_file_is_read(tmp_path: Path) -> None:
     content = bytearray(mcap_bytes(make_truth(60)))
     path = write(tmp_path / "log.mcap", bytes(content))
-    assert Container(path, False).announced() == frozenset(
+    assert Container(path).announced() == frozenset(
         f"/{s}/{t}" for s in SUPPORTS for t in ("position", "wrench")
     )
     content[len(content) // 3] ^= 255  # would be noticed if the file was read
@@ -75,7 +75,7 @@ def test_missing_topics_are_named_before_the_file_is_read(tmp_path: Path) -> Non
     with pytest.raises(DataError, match=r"no topic for /ncp1/pose.point.*/ncp1/position"):
         read_log([path], wrong, SUPPORTS)
     bare = write(tmp_path / "bare.mcap", mcap_bytes(make_truth(3), summary=False))
-    assert Container(bare, False).announced() is None
+    assert Container(bare).announced() is None
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "mcap"])
@@ -284,7 +284,7 @@ def test_a_message_that_is_not_finite_is_placed(tmp_path: Path) -> None:
     truth = make_truth(60)
     truth.force[1, 130, 2] = np.nan
     path = write(tmp_path / "log.mcap", mcap_bytes(truth))
-    match = r"/ncp2/wrench .*: at 1750000000\.65 s it holds .*`calibrate --salvage` leaves"
+    match = r"/ncp2/wrench .*: at 1750000000\.65 s it holds "
     with pytest.raises(DataError, match=match):
         read_log([path], MAPPING, SUPPORTS)
 

@@ -156,12 +156,12 @@ def finish(file: Built, records: tuple[str, ...], groups: dict[int, list[bytes]]
 
 def check(path: Path, records: tuple[str, ...], features: frozenset[str]) -> None:
     path.write_bytes(build(records, features))
-    container = Container(path, salvage=False)
+    container = Container(path)
     sequence = [int(t) for messages in container.messages() for t in messages.log_time()]
     expected = [2 + k for k, name in enumerate(records) if name == "message"]
     assert sequence == expected, features
     assert container.counts == ({1: len(expected)} if expected else {})
-    assert not container.lost
+    assert container.cut_at is None
 
 
 def all_features() -> list[frozenset[str]]:
