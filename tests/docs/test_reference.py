@@ -21,7 +21,6 @@ from tdfscal.errors import (
 )
 from tdfscal.logs.common import clock
 from tdfscal.logs.mcap.chunk import MAX_CHUNK
-from tdfscal.logs.parquet.footer import MAX_FOOTER, MAX_PAGES
 from tdfscal.workflows.options import sentence
 from tests.docs.pages import DOCS, key_paths, section, table, text
 
@@ -105,8 +104,6 @@ def test_limits_of_logs() -> None:
     words = " ".join(section("reference", "## Log files").split())
     for said in (
         f"a chunk of more than {MAX_CHUNK >> 20} MiB",
-        f"a footer of more than {MAX_FOOTER >> 20} MiB",
-        f"more than {MAX_PAGES >> 20} MiB together",
         f"steps back by up to {clock.MAX_STEP_BACK:g} s",
         f"by more than {clock.MAX_SKEW:g} s are counted",
         f"Above {DwellOptions().max_bins:,} bins",
