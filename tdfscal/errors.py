@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar, Self
 
 
@@ -27,6 +28,7 @@ class TdfscalError(Exception):
     where : file, field, line or time; put in front of the sentence.
     hint : what to do, a sentence without its full stop.
     evidence : records of what was seen until then, for a page about it.
+    fields : of a log, that the error is about, as the mapping names them.
     """
 
     exit_status: ClassVar[int] = 3
@@ -38,8 +40,10 @@ class TdfscalError(Exception):
         where: str | None = None,
         hint: str | None = None,
         evidence: object = None,
+        fields: Sequence[str] = (),
     ) -> None:
         self.what, self.where, self.hint, self.evidence = what, where, hint, evidence
+        self.fields = tuple(fields)
         place = f"{where}: " if where else ""
         advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
         super().__init__(visible(f"{place}{what}.{advice}"))
@@ -53,6 +57,7 @@ class TdfscalError(Exception):
             where=where or self.where,
             hint=hint or self.hint,
             evidence=self.evidence,
+            fields=self.fields,
         )
 
 

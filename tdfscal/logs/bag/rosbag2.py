@@ -7,7 +7,7 @@ import stat
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 from tdfscal.errors import DataError, UsageError
@@ -151,7 +151,8 @@ def read_bag(folder: Path) -> Bag:
             raise DataError("this is no description of a rosbag2 recording") from error
         if storage not in ("mcap", "sqlite3"):
             hint = "convert it to MCAP with `ros2 bag convert`"
-            raise DataError(f"the recording is stored as {storage}", hint=hint)
+            what = f"the recording is stored as {storage}" if storage else "it names no storage"
+            raise DataError(what, hint=hint)
         mode = information.get("compression_mode") or "none"
         if str(mode).lower() in ("file", "message"):
             raise DataError(
@@ -173,13 +174,14 @@ def _described(folder: Path, content: Any) -> tuple[Bag, Any, Any]:
     """The recording, its storage, its metadata; raises what a document of another shape causes."""
     information = content["rosbag2_bagfile_information"]
     names = [_typed(name, str) for name in _typed(information["relative_file_paths"], list)]
-    files = tuple(folder / name for name in names)
+    # The first recorders put the folder's name before the file's.
+    files = tuple(folder / PurePosixPath(name).name for name in names)
     listed, topics = information.get("topics_with_message_count"), Counter[str]()
     for one in _typed([] if listed is None else listed, list):
         topics[_typed(one["topic_metadata"]["name"], str)] += _typed(one["message_count"], int)
     total = information.get("message_count")
     stated = {
-        folder / _typed(one["path"], str): _typed(one["message_count"], int)
+        folder / PurePosixPath(_typed(one["path"], str)).name: _typed(one["message_count"], int)
         for one in _typed(information.get("files") or [], list)
     }
     bag = Bag(

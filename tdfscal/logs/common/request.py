@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import re
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -206,6 +205,7 @@ def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str)
     return DataError(
         f"no {kind} {shown}; {nearest}",
         hint="name the fields in the log block of rig.yaml as the recorder names them",
+        fields=missing,
     )
 
 
@@ -234,20 +234,15 @@ def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
     for name in wanted:
         if (times := present.count(name)) > 1:
             what = f"column {name} is there {times} times"
-            raise DataError(what, hint="give each column its own name")
+            raise DataError(what, hint="give each column its own name", fields=(name,))
     return {name: present.index(name) for name in wanted}
 
 
 def without_axis(error: DataError, request: Request) -> DataError:
     """The error; where it names a component of a force, with the line by which that is left out."""
-    said = f"{error.where or ''} {error.what.partition(';')[0]}"  # what follows names others
-
-    def is_named(field: str) -> bool:
-        return re.search(rf"(?<![\w.]){re.escape(field)}(?![\w.])", said) is not None
-
     for signal in request.signals:
-        whole = len(signal.fields) == 1 and is_named(signal.fields[0])
-        gone = {name for name in signal.own if whole or is_named(name)}
+        whole = len(signal.fields) == 1 and signal.fields[0] in error.fields
+        gone = {name for name in signal.own if whole or name in error.fields}
         if signal.quantity == "force" and gone:
             each = zip("xyz", signal.components, signal.measured, strict=True)
             left = [axis for axis, name, there in each if there and name not in gone]

@@ -150,18 +150,20 @@ class Topics:
     def _finite(
         self, topic: str, time: FloatArray, value: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The same; raises ValueError where a number is not finite."""
+        """The same; raises DataError where a number is not finite."""
         if np.isfinite(value.sum()) and np.isfinite(time.sum()):
             return time, value
         bad = ~(np.isfinite(value).all(axis=1) & np.isfinite(time))
         if bad.any():
             k = int(np.argmax(bad))
-            what = f"at {shown(time[k])} s it holds a number that is not finite"
+            what = f"a message of {topic} cannot be read: at {shown(time[k])} s it holds a number "
+            what, fields = f"{what}that is not finite", list[str]()
             if np.isfinite(time[k]):
                 number, axis = divmod(int(np.argmin(np.isfinite(value[k]))), 3)
                 signal = self.request.signals[self._signals[topic][number]]
-                what += f" ({signal.components[axis]})"
-            raise ValueError(what)
+                fields = [signal.components[axis]]
+                what += f" ({fields[0]})"
+            raise DataError(what, hint="record that topic again", fields=fields)
         return time, value
 
     def _decoder(self, channel_id: int) -> Decoder:

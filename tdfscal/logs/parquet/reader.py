@@ -160,6 +160,7 @@ def _numbers(column: Any, name: str, first_row: int) -> FloatArray:
             f"{values[k]} is not a finite number",
             where=f"column {name}, row {first_row + k}",
             hint="each cell must be a finite number; rows count from 0",
+            fields=(name,),
         )
     return values
 
@@ -169,6 +170,7 @@ def _empty(name: str, row: int) -> DataError:
         "the cell is empty",
         where=f"column {name}, row {row}",
         hint="a log has no holes; rows count from 0",
+        fields=(name,),
     )
 
 
@@ -176,4 +178,5 @@ def _no_numbers(name: str, holds: str) -> DataError:
     return DataError(
         f"column {name} holds {holds}, not numbers",
         hint="name a column of numbers in the log block of rig.yaml",
+        fields=(name,),
     )

@@ -237,5 +237,6 @@ def _unit(
             hint=f"state the unit of the {quantity} in the log block of rig.yaml"
             if known
             else f"record the {quantity} in one of {', '.join(units.known_units(quantity))}",
+            fields=(cell, split_label(cell)[0]),
         )
     return units.factor(quantity, stated)

@@ -14,7 +14,7 @@ from tdfscal.errors import DataError
 from tdfscal.files.arrow import as_numpy
 from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common.damage import placed
-from tdfscal.logs.text.cells import split_cells
+from tdfscal.logs.text.cells import split_cells, split_label
 from tdfscal.logs.text.date_times import DATES, seconds_of, seconds_of_all
 from tdfscal.logs.text.header import Header
 from tdfscal.logs.text.numbers import advice, number_in
@@ -146,17 +146,18 @@ class RowParser:
             else:
                 value = number_in(cells[c], self._decimal)
             if value is None:
-                raise self._fault(cells[c], f"column {header.names[c]}", dated)
+                raise self._fault(cells[c], header.names[c], dated)
             numbers[c] = value
         return [numbers.get(c, np.nan) for c in header.wanted]
 
-    def _fault(self, cell: str, where: str, dated: bool) -> DataError:
+    def _fault(self, cell: str, name: str, dated: bool) -> DataError:
+        bare, _ = split_label(name)
         what, hint = f"{shorten(cell)!r} is not a finite number", advice(cell, self._decimal)
         if dated:
             what, hint = f"{shorten(cell)!r} is no date and time as the first row has one", DATES
         elif not cell:
             what, hint = "the cell is empty", "a log has no holes"
-        return DataError(what, where=where, hint=hint)
+        return DataError(what, where=f"column {name}", hint=hint, fields=(name, bare))
 
 
 def _whole_signals(value: FloatArray) -> bool:

@@ -210,3 +210,9 @@ def test_a_folder_that_a_killed_recorder_leaves(tmp_path: Path) -> None:
     match = r"holds bag_0\.mcap, bag_1\.mcap and no metadata\.yaml.*ros2 bag reindex"
     with pytest.raises(UsageError, match=match):
         read_log([folder], MAPPING, SUPPORTS)
+
+
+def test_paths_that_carry_the_name_of_the_folder(tmp_path: Path) -> None:
+    """As recorders of metadata version 2 write them."""
+    folder = by_hand(tmp_path / "bag", relative_file_paths=["bag/bag_0.mcap", "bag/bag_1.mcap"])
+    assert_holds(read_log([folder], MAPPING, SUPPORTS), TRUTH)
