@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import permutations, product
+from itertools import combinations, permutations, product
 
 import numpy as np
 
@@ -29,11 +29,15 @@ _DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _FOREIGN = {"cm": 1e-2, "inches": 0.0254}
 #: A terminal turned further than this from the BCS hints at exchanged names, rad.
 _TURNED = np.pi / 4
-_FORCES = {
+#: Units of force by what they make of a reading in the unit that is declared.
+UNITS = {
     1e3: "in N where kN is declared",
     1e-3: "in kN where N is declared",
     1 / 9.80665: "in kgf",
+    1 / 4.4482216: "in lbf",
 }
+#: Sensors above which not every pair of channels is exchanged.
+_MANY = 8
 
 
 #: How the readings of the reaction are named, with a place for whose.
@@ -253,6 +257,24 @@ def rewired(rig: Rig, seen: Postures) -> Iterator[tuple[str, Postures]]:
             )
 
 
+def channels_exchanged(rig: Rig, seen: Postures) -> Iterator[tuple[str, Postures]]:
+    """Postures with two channels of different sensors exchanged, each with its words.
+
+    Of many sensors only the same axes: cables of one kind are mistaken for each other.
+    """
+    some = np.argwhere(rig.axes)
+    for (i, a), (j, b) in combinations(some.tolist(), 2):
+        if i == j or (a != b and rig.n > _MANY):
+            continue
+        force, cov = seen.force.copy(), seen.force_cov.copy()
+        force[:, i, a], force[:, j, b] = seen.force[:, j, b], seen.force[:, i, a]
+        cov[:, i, a, a], cov[:, j, b, b] = seen.force_cov[:, j, b, b], seen.force_cov[:, i, a, a]
+        yield (
+            f"F{'xyz'[a]} of {rig.supports[i]} and F{'xyz'[b]} of {rig.supports[j]} exchanged",
+            replace(seen, force=force, force_cov=cov),
+        )
+
+
 def _mirrors() -> Iterator[tuple[str, FloatArray]]:
     """Axes exchanged or of opposite sign, as words with a place for whose, and matrices (3, 3)."""
     eye = np.eye(3)
@@ -302,6 +324,11 @@ def weight_tolerance(relative: float) -> float:
     return _WEIGHT + 6 * relative
 
 
+def unit_of(ratio: float) -> str | None:
+    """Words for the unit that makes of forces so many times what they should be."""
+    return next((name for f, name in UNITS.items() if abs(abs(ratio) / f - 1) < _WEIGHT), None)
+
+
 def weight_error(ratio: float, allowed: float, mass: float) -> DataError:
     """The error for forces that sum to `ratio` times the weight of `mass`, kg."""
     if abs(ratio + 1) <= allowed:
@@ -312,7 +339,7 @@ def weight_error(ratio: float, allowed: float, mass: float) -> DataError:
             hint="set log.force_on in rig.yaml to the other value, or state nominal_rpy where a "
             "sensor is mounted upside down",
         )
-    unit = next((name for f, name in _FORCES.items() if abs(abs(ratio) / f - 1) < _WEIGHT), None)
+    unit = unit_of(ratio)
     return DataError(
         f"the forces sum to {ratio:.3g} times the weight of {mass:.6g} kg"
         + (f", as if they were {unit}" if unit else ""),

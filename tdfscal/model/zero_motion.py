@@ -16,7 +16,7 @@ import numpy as np
 
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
 
-Kind = Literal["time", "temperature", "parabola", "walk"]
+Kind = Literal["time", "temperature", "parabola", "walk", "step"]
 
 #: Modes of a random walk at most; what they leave counts as noise of each posture.
 WALK_MODES = 40
@@ -27,7 +27,7 @@ class ZeroMotion:
     """Functions by which zeros move, over K postures.
 
     kind : (G,). value : (K, n, G); time in s, temperature in K, a walk's modes in N.
-    std : (G,), standard deviation of the amplitudes' prior: N/s, N/K, N/s², 1.
+    std : (G,), standard deviation of the amplitudes' prior: N/s, N/K, N/s², 1, N.
     remainder : N² per posture and channel, of a walk's modes that are left out.
     """
 

@@ -101,7 +101,7 @@ def best_start(rig: Rig, postures: Postures, *, mountings: bool = True) -> Fit:
 def _likeliest(tried: list[Fit]) -> Fit:
     """The one with the lowest robust cost, all in units of the smallest variance of residuals."""
     scale = min(spread(each.distance, each.at.rows) for each in tried)
-    return min(tried, key=lambda each: _robust_cost(each, scale))
+    return min(tried, key=lambda each: robust_cost(each, scale))
 
 
 def _leaning(rig: Rig, postures: Postures, near: Fit) -> list[Fit]:
@@ -122,7 +122,7 @@ def _leaning(rig: Rig, postures: Postures, near: Fit) -> list[Fit]:
     return tried
 
 
-def _robust_cost(result: Fit, scale: float) -> float:
+def robust_cost(result: Fit, scale: float) -> float:
     """−2 log likelihood under Student's t, residuals in units of √scale."""
     tail = np.log1p(result.distance / (_HEAVY_TAIL * scale))
     prior = float(result.prior_residual @ result.prior_residual)
@@ -181,9 +181,8 @@ def minima(
         them there. state : its other parameters are the ones that the search starts from.
     starts : (T, n, 3, 3).
     """
-    s = rig.declared.force_sensitivity
-    landscape = profile(rig, at, compressed, state, priors, mixing=s).root
-    found = descend(landscape, starts, iterations=_DESCENT, tolerance=1e-3)
+    root = landscape(rig, at, compressed, state, priors)
+    found = descend(root, starts, iterations=_DESCENT, tolerance=1e-3)
     order = np.argsort(found.cost, kind="stable")
     limit = _WORTH * float(found.cost[order[0]]) + _MARGIN
     left = found.rotation[order[found.cost[order] <= limit]]
@@ -192,6 +191,14 @@ def minima(
         kept.append(left[0])
         left = left[apart(left, left[0], rig.axes) > APART]
     return kept
+
+
+def landscape(
+    rig: Rig, at: Balance, compressed: FloatArray, state: State, priors: Priors
+) -> FloatArray:
+    """Root (m, 9n + 1) of the cost over all mountings; parameters as in `minima`."""
+    s = rig.declared.force_sensitivity
+    return profile(rig, at, compressed, state, priors, mixing=s).root
 
 
 def apart(a: FloatArray, b: FloatArray, axes: BoolArray | None = None) -> FloatArray:

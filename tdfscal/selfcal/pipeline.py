@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
-from tdfscal.errors import RigError
+from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.model.earlier import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
@@ -24,7 +24,7 @@ from tdfscal.selfcal.covariance import (
     quality,
 )
 from tdfscal.selfcal.cross_validation import cross_validate
-from tdfscal.selfcal.estimator import fit
+from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.noise_components import channel_noise, scaled, worth
@@ -41,6 +41,7 @@ from tdfscal.selfcal.scatter import wandering
 from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.selfcal.slip import find_slip
 from tdfscal.selfcal.suspicion import Suspicion, likeliest
+from tdfscal.selfcal.wiring import check_readings
 from tdfscal.significance import MOST_REJECTED
 
 #: Trials after which a Monte Carlo stops although its averages still move: the ends of an interval
@@ -93,7 +94,13 @@ def self_calibrate(
     rejected = dict(usable.reasons) | {
         int(usable.index[k]): reason for k, reason in robust.rejected.items()
     }
-    check_determined(Undetermined(rig, dwells, result, stats, seen, rejected), robust.rivals)
+    try:
+        check_determined(Undetermined(rig, dwells, result, stats, seen, rejected), robust.rivals)
+    except (NotIdentifiableError, NotConvergedError):
+        # What is wrong with the log comes before advice on postures.
+        present = at_state(rig, usable.postures, result.state, np.ones(len(usable.index)))
+        check_readings(rig, usable.postures, present, usable.index + 1, held)
+        raise
     doubts = misplaced(known)
     set_aside: tuple[Suspicion, ...] = ()
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.

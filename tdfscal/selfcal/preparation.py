@@ -60,7 +60,7 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     scatter = np.diagonal(observed.force_cov, axis1=2, axis2=3)[:, observed.measured]
     measured_noise = bool(scatter.min(initial=np.inf) <= 0)
     start = best_start(rig, _with_noise(observed, 1.0) if measured_noise else observed)
-    check_forces(rig, start.postures, start)
+    check_forces(rig, start.postures, start, index + 1, dwells.start[index])
     if measured_noise:
         observed = _with_residual_noise(rig, observed, start.state)
     return Usable(observed, index, dict(screened.reasons), measured_noise, start.state)

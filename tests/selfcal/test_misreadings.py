@@ -1,0 +1,86 @@
+"""Logs with one gross mistake are refused by its name; poor postures are not blamed on any."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tdfscal import simulation
+from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.records import Dwells, FloatArray, Rig
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.simulation import Options
+
+RIGS = {3: simulation.make_rig(3), 4: simulation.make_rig(4)}
+
+
+def recorded(n: int, squeeze: float, change: Callable[[FloatArray], None]) -> Dwells:
+    """14 postures whose forces (K, n, 3) are changed."""
+    options = Options(postures=14, squeeze=squeeze)
+    dwells = simulation.simulate_dwells(RIGS[n], options, np.random.default_rng(n), 1).dwells(0)
+    force = dwells.force.copy()
+    change(force)
+    off = force - dwells.force
+    return replace(
+        dwells,
+        force=force,
+        force_min=dwells.force_min + off,
+        force_max=dwells.force_max + off,
+    )
+
+
+def scaled(factor: float, sensor: int, axis: int | slice) -> Callable[[FloatArray], None]:
+    def change(force: FloatArray) -> None:
+        force[:, sensor, axis] *= factor
+
+    return change
+
+
+def exchanged(a: tuple[int, int], b: tuple[int, int]) -> Callable[[FloatArray], None]:
+    def change(force: FloatArray) -> None:
+        force[:, [a[0], b[0]], [a[1], b[1]]] = force[:, [b[0], a[0]], [b[1], a[1]]]
+
+    return change
+
+
+def tared(force: FloatArray) -> None:
+    force[6:, 1] -= force[5, 1]
+
+
+MISTAKES = {
+    "a channel in kgf": (scaled(1 / 9.80665, 1, 0), r"Fx of ncp2 reads 0\.102 times .* in kgf"),
+    "a channel in kN": (scaled(1e-3, 2, 1), r"Fy of ncp3 reads .* in kN where N is declared"),
+    "a channel of another gain": (scaled(0.6, 0, 0), r"Fx of ncp1 reads 0\.6 times"),
+    "a sensor in kgf": (
+        scaled(1 / 9.80665, 1, slice(None)),
+        r"every axis of ncp2 reads .* in kgf",
+    ),
+    "two channels": (exchanged((0, 0), (2, 0)), "Fx of ncp1 and Fx of ncp3 exchanged"),
+    "unlike channels": (exchanged((0, 0), (1, 1)), "Fx of ncp1 and Fy of ncp2 exchanged"),
+    "a tare": (tared, r"the zero of ncp2 jumped by .* between postures 6 and 7 .* as a tare"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+@pytest.mark.parametrize(("n", "squeeze"), [(3, 0.0), (4, 150.0)])
+def test_one_mistake_is_named_instead_of_advice_on_postures(
+    name: str, n: int, squeeze: float
+) -> None:
+    change, words = MISTAKES[name]
+    with pytest.raises(DataError, match=words):
+        calibrate(RIGS[n], recorded(n, squeeze, change))
+
+
+def test_poor_postures_are_blamed_on_no_channel() -> None:
+    rig = RIGS[3]
+    options = Options(postures=6, tilt=1e-3, stiffness=1e4)
+    dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(0), 1).dwells(0)
+    with pytest.raises(NotIdentifiableError, match="not determine"):
+        calibrate(rig, dwells)
+
+
+def calibrate(rig: Rig, dwells: Dwells) -> None:
+    self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
