@@ -43,6 +43,11 @@ MISFIT: Final = 0.075 * QUESTIONED
 UNEQUAL_NOISE: Final = 0.075 * QUESTIONED
 #: That noise alone is reported as drift, hysteresis or lack of repeatability, per test of three.
 CHANGED_RIG: Final = 0.025 * QUESTIONED
+#: Beyond both of these a channel is not weighted as a noisy one, but rejected. A transducer and its
+#: amplifier that work keep within a thousandth of their load (class 0.1), whatever was stated, and
+#: a statement is a guess within a factor of ten; what scatters more was touched, or is broken.
+GROSS_NOISE_SHARE: Final = 1e-3
+GROSS_NOISE_FACTOR: Final = 10.0
 #: Share of postures or points left out above which not they are wrong, but the model (theory, 3).
 MOST_REJECTED: Final = 0.10
 #: That the less likely of two mountings is the true one: both are named, and neither is chosen, as

@@ -13,22 +13,93 @@ Zhou, Hu, Qiao, Cho, Zhou: MM algorithms for variance components models. J. Comp
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdfscal.model.statics import Postures
-from tdfscal.records import FloatArray
+from tdfscal.numerics.distributions import chi2_quantile
+from tdfscal.records import FloatArray, IntArray
 from tdfscal.selfcal.covariance import Estimate
-from tdfscal.selfcal.estimator import ROWS, Fit
+from tdfscal.selfcal.estimator import ROWS, Fit, at_state
 from tdfscal.selfcal.scatter import by_readings, chance
-from tdfscal.significance import UNEQUAL_NOISE
+from tdfscal.significance import (
+    GROSS_NOISE_FACTOR,
+    GROSS_NOISE_SHARE,
+    OUTLYING_POSTURE,
+    UNEQUAL_NOISE,
+)
 
 #: Weight of the stated variance of a channel, in degrees of freedom.
 _STATED = 4.0
 _ROUNDS, _SETTLED = 60, 1e-3
 #: A channel whose standard deviation exceeds the stated one by less is not named.
 _NAMED = 1.3
+#: Postures that are listed at most.
+_LISTED = 8
+
+
+@dataclass(frozen=True, slots=True)
+class GrossNoise:
+    """The channel that is noisier than one that works can be, the worst of them.
+
+    support, axis : whose. factor : its noise over the stated one. noise, load : N, its standard
+    deviation, and the force that its sensor carries. postures : (m,), numbers of those that do not
+    fit within the stated noise.
+    """
+
+    support: str
+    axis: str
+    factor: float
+    noise: float
+    load: float
+    postures: IntArray
+
+    @property
+    def finding(self) -> str:
+        """What is found, and what it may be."""
+        names = ", ".join(map(str, self.postures[:_LISTED]))
+        more = ", …" if len(self.postures) > _LISTED else ""
+        return (
+            f"F{self.axis} of {self.support} scatters by {self.noise:.2g} N, {self.factor:.2g} "
+            f"times as much as stated and {self.noise / self.load:.1%} of the load, as no channel "
+            f"that works does: contact (postures {names}{more} do not fit), or a broken channel"
+        )
+
+    @property
+    def advice(self) -> str:
+        """What to do."""
+        return (
+            "find what touched the terminal or a sensor at the postures that do not fit, and "
+            f"record them again; where nothing did, look at F{self.axis} of {self.support}, its "
+            "cable and amplifier, or leave that axis out of `axes` in rig.yaml"
+        )
+
+
+def gross_noise(factor: FloatArray, weighted: Fit, stated: Postures) -> GrossNoise | None:
+    """The worst channel whose noise no working one has; None where there is none.
+
+    factor : (n, 3), noise over the stated one. weighted : the fit by it. stated : its postures as
+    stated.
+    """
+    rig = weighted.rig
+    std = np.sqrt(np.median(np.diagonal(stated.force_cov, axis1=2, axis2=3), axis=0))
+    load = np.median(np.linalg.norm(stated.force - weighted.state.zero, axis=2), axis=0)
+    noise = factor * std
+    gross = (factor > GROSS_NOISE_FACTOR) & (noise > GROSS_NOISE_SHARE * load[:, None])
+    if not gross.any():
+        return None
+    i, a = np.unravel_index(int(np.argmax(np.where(gross, noise, 0.0))), gross.shape)
+    own = at_state(rig, stated, weighted.state, weighted.weight).distance
+    limit = chi2_quantile(1 - OUTLYING_POSTURE / len(own), ROWS)
+    return GrossNoise(
+        rig.supports[i],
+        "xyz"[a],
+        float(factor[i, a]),
+        float(noise[i, a]),
+        float(load[i]),
+        np.flatnonzero(own > limit),
+    )
 
 
 def channel_noise(of: Estimate) -> FloatArray | None:

@@ -24,10 +24,10 @@ from tdfscal.selfcal.covariance import (
     quality,
 )
 from tdfscal.selfcal.cross_validation import cross_validate
-from tdfscal.selfcal.estimator import at_state, fit
+from tdfscal.selfcal.estimator import Fit, at_state, fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import simulate
-from tdfscal.selfcal.noise_components import channel_noise, scaled, worth
+from tdfscal.selfcal.noise_components import GrossNoise, channel_noise, gross_noise, scaled, worth
 from tdfscal.selfcal.outliers import RobustFit, fit_robust
 from tdfscal.selfcal.preparation import Usable, usable_postures
 from tdfscal.selfcal.result import (
@@ -133,6 +133,7 @@ def self_calibrate(
         set_aside=set_aside,
         suspicions=doubts,
         channels=channels,
+        gross=_gross(channels, result, usable),
         stability=repeatability.examine(result, held),
         conformity=assess_stated(joint_posterior(result, uncertainty.covariance)),
         validation=cross_validate(result, known.parts),
@@ -160,6 +161,13 @@ def _likeliest_rotations(
     if slip is not None and slip.weight > worth(channels, robust.fit, weighted.fit):
         return robust, known, None
     return weighted, estimate(weighted.fit), channels
+
+
+def _gross(channels: FloatArray | None, weighted: Fit, usable: Usable) -> GrossNoise | None:
+    if channels is None:
+        return None
+    found = gross_noise(channels, weighted, usable.postures)
+    return found and replace(found, postures=usable.index[found.postures] + 1)
 
 
 def _fit(rig: Rig, observed: Postures, start: State) -> RobustFit:
@@ -237,6 +245,9 @@ def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[str, .
         determined=of.observability.determined,
         used=len(of.dwells) - len(of.rejected),
         rejected=len(of.rejected),
-        suspicions=[doubt.finding for doubt in of.suspicions if doubt.harmful],
+        suspicions=[
+            *([of.gross.finding] if of.gross is not None else []),
+            *(doubt.finding for doubt in of.suspicions if doubt.harmful),
+        ],
         conformity=of.conformity,
     )

@@ -20,7 +20,7 @@ from tdfscal.selfcal.cross_validation import CrossValidation, cross_validate
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.exact_quantities import exact_caveats
 from tdfscal.selfcal.mounting_search import Rival, describe
-from tdfscal.selfcal.noise_components import noisier
+from tdfscal.selfcal.noise_components import GrossNoise, noisier
 from tdfscal.selfcal.observability import Observability, require_angles
 from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.suspicion import Suspicion
@@ -43,6 +43,7 @@ class SelfCalibration:
     dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
     index → reason. suspicions : what the residuals say was not declared. conformity : of the
     contact wrench, where the rig file limits it. channels : (n, 3), noise over the stated one.
+    gross : of a channel that is touched or broken.
     reasons : why the gate rejects; empty where it accepts. set_aside : suspicions that a slip
     explains as well. with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to
     expect from dwells and moves together, where the log holds moves.
@@ -57,6 +58,7 @@ class SelfCalibration:
     observability: Observability
     suspicions: tuple[Suspicion, ...]
     channels: FloatArray | None
+    gross: GrossNoise | None
     stability: Stability
     conformity: Conformity | None
     validation: CrossValidation
@@ -113,7 +115,7 @@ def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[s
     if turned := log_against_rig.turned(rig, of.dwells.position):
         found.append(turned)
     found += _turned_sensors(rig, of.fit.state)
-    if of.channels is not None:
+    if of.channels is not None and of.gross is None:
         found.append(noisier(of.channels, rig.supports))
     found += seen.caveats
     if rig.declared.force_sensitivity > 0:

@@ -53,7 +53,7 @@ def tared(force: FloatArray) -> None:
 MISTAKES = {
     "a channel in kgf": (scaled(1 / 9.80665, 1, 0), r"Fx of ncp2 reads 0\.102 times .* in kgf"),
     "a channel in kN": (scaled(1e-3, 2, 1), r"Fy of ncp3 reads .* in kN where N is declared"),
-    "a channel of another gain": (scaled(0.6, 0, 0), r"Fx of ncp1 reads 0\.6 times"),
+    "a channel of another gain": (scaled(0.6, 0, 0), r"Fx of ncp1 reads 0\.(6|60|59)\d? times"),
     "a sensor in kgf": (
         scaled(1 / 9.80665, 1, slice(None)),
         r"every axis of ncp2 reads .* in kgf",
@@ -64,8 +64,21 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-@pytest.mark.parametrize(("n", "squeeze"), [(3, 0.0), (4, 150.0)])
+#: Quick ones, of three kinds; the others are of these kinds too.
+_QUICK = ("a channel in kgf", "two channels", "a tare")
+
+
+@pytest.mark.parametrize(
+    ("name", "n", "squeeze"),
+    [
+        *((name, 3, 150.0 if k % 2 else 0.0) for k, name in enumerate(_QUICK)),
+        *(
+            pytest.param(name, n, squeeze, marks=pytest.mark.slow)
+            for name in MISTAKES
+            for n, squeeze in ((3, 150.0), (4, 0.0))
+        ),
+    ],
+)
 def test_one_mistake_is_named_instead_of_advice_on_postures(
     name: str, n: int, squeeze: float
 ) -> None:
@@ -76,7 +89,8 @@ def test_one_mistake_is_named_instead_of_advice_on_postures(
 
 def test_poor_postures_are_blamed_on_no_channel() -> None:
     rig = RIGS[3]
-    options = Options(postures=6, tilt=1e-3, stiffness=1e4)
+    soft = np.diag([1e3, 1e3, 1e9])
+    options = Options(postures=6, stiffness=soft, travel=0.0)
     dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(0), 1).dwells(0)
     with pytest.raises(NotIdentifiableError, match="not determine"):
         calibrate(rig, dwells)

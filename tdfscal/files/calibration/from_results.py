@@ -168,6 +168,8 @@ def _advice(result: SelfCalibration | MotionCalibration) -> tuple[str, ...]:
     """Cures of what the residuals say, each once, that of the surest finding first."""
     others = result.set_aside if isinstance(result, SelfCalibration) else ()
     cures: dict[str, str] = {}
+    if isinstance(result, SelfCalibration) and result.gross is not None:
+        cures["gross noise"] = result.gross.advice
     for doubt in (*result.suspicions, *others):
         # One key of the rig file is one cure, whatever its size.
         act, _, rest = doubt.advice.partition(": ")
