@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from tdfscal.checks import log_against_rig
+from tdfscal.errors import DataError
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import Postures
+from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Fit, spread
 from tdfscal.selfcal.misreadings import likeliest_misreading, refusal
@@ -47,7 +49,29 @@ def check_forces(
     if spread(start.distance, start.at.rows) > _LOST:
         check_readings(rig, observed, start, number, time)
         log_against_rig.check_weight(rig, observed, nominal(rig))
+    if start.state.mass <= 0:
+        raise _mirrored(rig, start)
     log_against_rig.check_weight(rig, observed, start.state)
+
+
+def _mirrored(rig: Rig, start: Fit) -> DataError:
+    """The error for forces that hold up a negative mass: an odd number of axes is of opposite sign.
+
+    Which one is a matter of quarter turns: the one whose sensors are turned least is named.
+    """
+    back = np.swapaxes(nominal(rig).rotation, 1, 2)
+    turn = {
+        f"F{axis}": float(np.linalg.norm(so3.log(-start.state.rotation @ M @ back), axis=1).max())
+        for axis, M in zip("xyz", np.eye(3) - 2 * np.eye(3)[:, :, None] * np.eye(3), strict=True)
+    }
+    axis = min(turn, key=turn.__getitem__)
+    return DataError(
+        f"the forces fit a terminal of {start.state.mass:.4g} kg: {axis} of every sensor has "
+        "the opposite sign, or sensors record the reaction",
+        where="log forces",
+        hint="correct the force fields of the log block in rig.yaml (log.force_on for the "
+        "reaction), or the cabling",
+    )
 
 
 def _weakest(rig: Rig) -> float:

@@ -10,7 +10,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.errors import DataError, NotIdentifiableError
-from tdfscal.records import Dwells, FloatArray, Rig
+from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options
 
@@ -32,7 +32,7 @@ def recorded(n: int, squeeze: float, change: Callable[[FloatArray], None]) -> Dw
     )
 
 
-def scaled(factor: float, sensor: int, axis: int | slice) -> Callable[[FloatArray], None]:
+def scaled(factor: float, sensor: int | slice, axis: int | slice) -> Callable[[FloatArray], None]:
     def change(force: FloatArray) -> None:
         force[:, sensor, axis] *= factor
 
@@ -98,3 +98,12 @@ def test_poor_postures_are_blamed_on_no_channel() -> None:
 
 def calibrate(rig: Rig, dwells: Dwells) -> None:
     self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_mirrored_axis_of_every_sensor_is_no_negative_mass(axis: int) -> None:
+    """Where the mass is unknown the forces would hold up -500 kg as well."""
+    rig = replace(RIGS[3], mass=UncertainValue(np.asarray(500.0), np.asarray(np.inf)))
+    dwells = recorded(3, 150.0, scaled(-1.0, slice(None), axis))
+    with pytest.raises(DataError, match=f"F{'xyz'[axis]} of every sensor has the opposite sign"):
+        calibrate(rig, dwells)
