@@ -81,6 +81,9 @@ class Container(Recording):
                 if ended:
                     what = f"the record at byte {self._start} runs beyond the file's end"
                     raise DataError(what, hint=_HINT) from None
+                if not self.counts:
+                    what = f"the file ends at byte {self._size}, before its first message"
+                    raise DataError(what, hint=_HINT) from None
                 self.cut_at = self._start
 
     def _in_order(self, file: BinaryIO) -> Iterator[Messages]:
