@@ -77,8 +77,9 @@ CONTACT_IN_MOTION: Final = 1e-4
 
 #: Joint χ² of two calibrations less probable than this: not metrologically compatible.
 INCOMPATIBLE: Final = 0.01
-#: That a calibration which holds is rejected by `validate`; half of it for the overall χ², half for
-#: the search for one cause. One false call in 200 is what a monthly check of a rig can bear.
+#: That a calibration which holds is rejected by `validate`; half of it for a turned sensor, a
+#: quarter for the search for other causes, a quarter for the overall χ². One false call in 200 is
+#: what a monthly check of a rig can bear.
 VALIDATION_ALARM: Final = 0.005
 #: Probability with which the smallest turn that `validate` calls detectable is detected.
 DETECTION_POWER: Final = 0.95

@@ -63,6 +63,22 @@ def about_point(given: Calibrated, point: FloatArray) -> Calibrated:
     return replace(given, rig=moved, state=at)
 
 
+def redrawn(given: Calibrated, **own: tuple[FloatArray, FloatArray]) -> Calibrated:
+    """The same with quantities that are others now, independent of all that was calibrated.
+
+    own : `zero`, `mass` or `barycentre` with its value as in the state, and its covariance (q, q),
+    ∞ on the diagonal where nothing is known.
+    """
+    place, covariance, unknown = layout(given.rig.n), given.covariance.copy(), given.open.copy()
+    for name, (_, cov) in own.items():
+        where = place[name]
+        unknown[where] = np.isinf(np.diagonal(cov))
+        covariance[where], covariance[:, where] = 0.0, 0.0
+        covariance[where, where] = np.where(np.isinf(cov), 0.0, cov)
+    values = {name: value for name, (value, _) in own.items()}
+    return replace(given, state=replace(given.state, **values), covariance=covariance, open=unknown)
+
+
 def with_rotations(covariance: FloatArray, turns: int, rotations: FloatArray) -> FloatArray:
     """Covariance (P, P) whose first block is replaced, the others' given the first kept.
 

@@ -37,6 +37,9 @@ _KEEP = (
     "Keep this calibration in use.",
     "Validate it again in a month, and after every work on a sensor, a hinge or the terminal.",
 )
+_TAKE_ZEROS = (
+    "Bring the new zeros in before it is used: tdfscal update CALIBRATION CAMPAIGN -o NEW.",
+)
 _RENEW = (
     "Do not steer by this calibration until the cause is found.",
     "Undo the cause and validate again; where that is not possible, calibrate again.",
@@ -68,6 +71,23 @@ def document(v: Tested, warnings: Sequence[str]) -> dict[str, Any]:
         "false_alarm": VALIDATION_ALARM,
         **(_motion(v) if isinstance(v, MovingValidation) else _postures(v)),
         **{name: w.model_dump() for name, w in _residual(v).items()},
+        "zeros": {
+            "moved": v.zeros.moved,
+            "supports": [
+                {
+                    "name": name,
+                    "change": _finite(np.where(told, change, np.inf)),
+                    "std": _finite(std),
+                }
+                for name, change, std, told in zip(
+                    v.rig.supports,
+                    v.zeros.change,
+                    v.zeros.change_std,
+                    np.isfinite(v.zeros.change_std),
+                    strict=True,
+                )
+            ],
+        },
         "suspected": [_cause(v, cause) for cause in v.suspected],
         "detectable_turn": {
             "power": DETECTION_POWER,
@@ -159,10 +179,11 @@ def reasons(v: Tested) -> list[str]:
     explained = f"what the stated uncertainties{noise} explain"
     if v.holds:
         held = f"The residual wrench of {_extent(v)} is {explained} (p = {v.p_value:.2g})."
-        return [held, _sure(v)]
+        return [held, *_zeros_moved(v), _sure(v)]
     found = [
         f"The residual wrench of {_extent(v)} is not {explained}: "
-        f"{chi_squared(v.chi2, v.dof, v.p_value)}."
+        f"{chi_squared(v.chi2, v.dof, v.p_value)}.",
+        *_zeros_moved(v),
     ]
     if not v.suspected:
         more = "one gain changed, a tilted base, contact in a few postures, or more noise"
@@ -175,6 +196,37 @@ def reasons(v: Tested) -> list[str]:
             f"the likeliest first; {_more(v)} would."
         )
     return found
+
+
+def _zeros_moved(v: Tested) -> tuple[str, ...]:
+    """Say so where the zeros are not those of the calibration, and what brings the new ones."""
+    if not v.zeros.moved:
+        return ()
+    most = np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)]).max()
+    return (
+        f"The zeros have moved since the calibration, by up to {most:.2g} N, as a tare moves them; "
+        "`tdfscal update` brings the new ones.",
+    )
+
+
+def _zero_table(v: Tested) -> Section:
+    """By how much the zeros have moved, each sensor."""
+    if not v.zeros.moved:
+        return Section("")
+    rows = tuple(
+        (
+            name,
+            *(
+                f"{a:+.2f} ± {u:.2f}" if np.isfinite(u) else "unknown"
+                for a, u in zip(change, std, strict=True)
+            ),
+        )
+        for name, change, std in zip(
+            v.rig.supports, v.zeros.change, v.zeros.change_std, strict=True
+        )
+    )
+    caption = "Change of the zeros since the calibration, N, sensor frames"
+    return Section("Zeros", (Table(caption, ("sensor", "x", "y", "z"), rows),))
 
 
 def _more(v: Tested) -> str:
@@ -229,11 +281,12 @@ def validation_report(
         ),
         sections=(
             *illustrated(drawings, {figure: (table, *beside)}),
+            _zero_table(v),
             Section("Left out", (Items("Left out", left_out),) if left_out else ()),
             _power(v),
         ),
         warnings=tuple(warnings),
-        advice=_KEEP if v.holds else _RENEW,
+        advice=(*(_TAKE_ZEROS if v.zeros.moved else ()), *_KEEP) if v.holds else _RENEW,
     )  # fmt: skip
     if origin is None:
         return report

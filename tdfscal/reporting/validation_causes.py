@@ -22,6 +22,7 @@ REMEDIES: dict[Kind, str] = {
     "hinges stick": "See whether the hinges move freely, or state uncertainty.hinge_moment.",
     "noise grown": "Look for what shakes or hums, at cables and amplifiers, or state "
     "uncertainty.force_noise, and validate again.",
+    "zeros moved": "Tare, or state in zero.std by how much zeros move, and validate again.",
     "zeros wander": "Let sensors and amplifiers warm up, keep cables and temperature still, or "
     "state drift.walk, and validate again.",
 }
@@ -38,8 +39,10 @@ def describe(v: Verdict, cause: Cause) -> str:
                 f"{_pairs(1e3 * value, 1e3 * std)} mrad about x, y, z of the BCS"
             )
         case "zero drifted":
-            moved = _pairs(value, std)
-            return f"the zero of {whose} has drifted by {moved} N along x, y, z of the sensor"
+            moved = f"{_pairs(value, std)} N along x, y, z of the sensor"
+            if v.zeros.moved:
+                return f"the zero of {whose} is off what the rig file states by {moved}"
+            return f"the zero of {whose} has drifted by {moved}"
         case "load changed":
             return (
                 f"the terminal's mass has changed by {value[0]:+.3f} ± {std[0]:.3f} kg, and its "
@@ -59,6 +62,11 @@ def describe(v: Verdict, cause: Cause) -> str:
             return (
                 f"the zeros of all sensors wander by {value[0]:.2g} N per axis, from posture to "
                 "posture and over the whole log, as 1/f noise does"
+            )
+        case "zeros moved":
+            return (
+                f"the zeros of all sensors have moved by about {value[0]:.2g} N per axis, farther "
+                "than the rig file's zero.std has it"
             )
         case "hinges stick":
             return f"the moments scatter as friction of {value[0]:.2g} N·m in the hinges makes them"

@@ -9,7 +9,7 @@ is stated are such a cause too, with one unknown.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Literal
@@ -32,11 +32,12 @@ Kind = Literal[
     "contact",
     "noise grown",
     "zeros wander",
+    "zeros moved",
     "hinges stick",
 ]
 
 #: Causes that are a scatter, not a change: the test of all residuals together sees them.
-NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "hinges stick")
+NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "zeros moved", "hinges stick")
 #: What may happen to one sensor, and the parameters that stand for it.
 _SENSOR_CAUSES: dict[Kind, str] = {"sensor turned": "rotation", "zero drifted": "zero"}
 #: Shapes of a gain's change in S (xx, yy, zz, yz, xz, xy): of all axes alike, one by one, each by
@@ -64,8 +65,8 @@ class Cause:
     value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R); a load's
     mass in kg and barycentre in m, as changes; a zero's change in N; a gain's change as S (6,): xx,
     yy, zz, yz, xz, xy; the base's tilt in rad about x and y of the BCS; the standard deviation of
-    more noise or of the zeros' wander, N, or of the hinges' friction, N·m, per axis and posture. A
-    contact has none here.
+    more noise, of the zeros' wander or of a move of all zeros, N, or of the hinges' friction, N·m,
+    per axis and posture. A contact has none here.
     gain : by how much χ² falls, with q unknowns. weight : the same less what as many unknowns are
     worth (Schwarz). p_value : that chance alone lets it fall so far.
     remaining_p : probability of the χ² that is left.
@@ -137,7 +138,7 @@ def causes(given: Whitened) -> Causes:
         if key not in best or cause.weight > best[key].weight:
             best[key] = cause
     tried = len(models) + (len(given.own) if contacts else 0)
-    found = [*best.values(), *_scatters(given, models)]
+    found = [*best.values(), *_scatters(given, models), _zeros_moved(given, models)]
     return Causes(tuple(sorted(found, key=_WEIGHT, reverse=True)), tried)
 
 
@@ -172,6 +173,20 @@ def _scatters(given: Whitened, models: Sequence[_Model]) -> list[Cause]:
     if 1 < K <= _CONNECTED:
         suspects.append(("zeros wander", None, zero.reshape(K, 6, -1), _octaves(K)))
     return [_scatter(given, models, *suspect) for suspect in suspects]
+
+
+def _zeros_moved(given: Whitened, models: Sequence[_Model]) -> Cause:
+    """All zeros moved once, as a tare does it: a variance along their columns."""
+    columns = given.columns[:, layout(given.sensors)["zero"]]
+    U, s, _ = np.linalg.svd(columns, full_matrices=False)
+    along = U.T @ given.residual
+    theta, gain = likeliest(np.diag(s)[None], along[None], np.zeros((1, len(s), 0)))
+    shrink = 1.0 - 1.0 / np.sqrt(1.0 + theta * s**2)
+
+    def weighted(columns: FloatArray) -> FloatArray:
+        return np.asarray(columns - (U * shrink) @ (U.T @ columns))
+
+    return _scatter_cause(given, models, "zeros moved", None, weighted, theta, gain)
 
 
 def _octaves(K: int) -> FloatArray:
@@ -215,9 +230,24 @@ def _scatter(
     def weighted(columns: FloatArray) -> FloatArray:
         return np.asarray((weight @ columns.reshape(*parts, -1)).reshape(6 * K, -1))
 
-    rest = weighted(given.residual)[:, 0]
-    each = np.sum(rest.reshape(K, 6) ** 2, axis=1)
-    p = [float(chi2_sf(rest @ rest, given.dof)), K * float(chi2_sf(each.max(), 6))]
+    return _scatter_cause(given, models, kind, support, weighted, theta, gain)
+
+
+def _scatter_cause(
+    given: Whitened,
+    models: Sequence[_Model],
+    kind: Kind,
+    support: int | None,
+    weighted: Callable[[FloatArray], FloatArray],
+    theta: float,
+    gain: float,
+) -> Cause:
+    """A variance θ that lowers −2 ln L by `gain`; weighted : columns white with it."""
+    rest, K = weighted(given.residual[:, None])[:, 0], len(given.own)
+    p = [float(chi2_sf(rest @ rest, given.dof))]
+    if K:
+        each = np.sum(rest.reshape(K, 6) ** 2, axis=1)
+        p.append(K * float(chi2_sf(each.max(), 6)))
     for model in models:
         span = basis(weighted(model.columns))
         along = span.T @ rest

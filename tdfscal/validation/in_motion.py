@@ -35,8 +35,9 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.validation import causes
-from tdfscal.validation.verdict import Verdict
-from tdfscal.validation.whitening import Whitened, calibration_error, whiten
+from tdfscal.validation.verdict import Judged, Verdict, searched
+from tdfscal.validation.whitening import Linearised, Whitened, moving_zeros
+from tdfscal.validation.zeros import judged_with_zeros, with_own_load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +60,8 @@ def validate_moving(
 ) -> MovingValidation:
     """Test a calibration on a log in motion; contacts in it are found and left out.
 
-    rig : the rig of this log, for what it declares; default the calibration's.
+    rig : the rig of this log, for what it declares, its zeros and its load; default the
+    calibration's.
 
     Raises
     ------
@@ -77,9 +79,9 @@ def validate_moving(
         return _best(estimate_noise(at_state(priors, cut, start, None)))
 
     fit, usable = without_contacts(noise_of(usable.blocks), usable, lambda cut, last: noise_of(cut))
-    white = _whitened(given, fit, MovingPriors(rig, slow, delay))
-    found = causes.causes(white)
-    p_value = float(chi2_sf(white.chi2, white.dof))
+    given = with_own_load(given, rig)
+    at = _linearised(given, fit, MovingPriors(rig, slow, delay))
+    judged, zeros = judged_with_zeros(at, given, rig, _judged)
     turned = log_against_rig.turned(rig, place)
     left_out = [stretch.text for stretch in usable.rejected]
     return MovingValidation(
@@ -88,12 +90,16 @@ def validate_moving(
         seconds=sum(block.seconds for block in fit.blocks),
         rejected=usable.rejected,
         residual=residual_wrench(fit, nominal(rig), start.still),
-        white=white,
-        p_value=p_value,
-        search_p=min(1.0, found.tried * min(cause.p_value for cause in found.best)),
-        causes=found,
+        judged=judged,
+        zeros=zeros,
         warnings=(*gaps(slow), *left_out, *([turned] if turned else [])),
     )
+
+
+def _judged(white: Whitened) -> Judged:
+    found = causes.causes(white)
+    overall = float(chi2_sf(white.chi2, white.dof))
+    return Judged(white, found, overall, searched(found, lambda cause: cause.p_value))
 
 
 #: How far mounting (rad), zeros, mass and barycentre (of the load) may have changed in the log.
@@ -135,8 +141,8 @@ def _best(fit: MovingFit) -> MovingFit:
     )
 
 
-def _whitened(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Whitened:
-    """The residual at the calibration along all that the model knows, white as a whole."""
+def _linearised(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Linearised:
+    """The residual at the calibration along all that the model knows."""
     state = MovingState(with_motions(given.state, priors.motions), fit.state.moving)
     at = at_state(priors, fit.blocks, state, fit.noise)
     slope = at.rows.design @ at.slope_at(state)
@@ -153,9 +159,15 @@ def _whitened(given: Calibrated, fit: MovingFit, priors: MovingPriors) -> Whiten
     columns = J[:, np.concatenate([fit.active, np.ones(fit.rests, dtype=np.bool_)])]
     own = np.linalg.cholesky(np.eye(len(r)) + columns @ added @ columns.T)
     r, J = np.linalg.solve(own, r), np.linalg.solve(own, J)
-    root, unknown = calibration_error(given, drifting(priors.rig, priors.slow))
+    root, unknown = moving_zeros(priors.rig, drifting(priors.rig, priors.slow))
     # Inertia, friction and delay are no part of what is tested.
-    root = block_diagonal(root, np.zeros((dynamics.PARAMETERS, 0)), np.eye(at.rests))
     moving = np.arange(dynamics.PARAMETERS + at.rests) < dynamics.PARAMETERS
-    nothing = np.zeros((0, 6, 6))
-    return whiten(r, J, nothing, root, np.append(unknown, moving), len(r), priors.rig.n)
+    return Linearised(
+        residual=r,
+        columns=J,
+        own=np.zeros((0, 6, 6)),
+        own_root=block_diagonal(root, np.diag(np.where(moving, 0.0, 1.0))),
+        own_unknown=np.append(unknown, moving),
+        rows=len(r),
+        sensors=priors.rig.n,
+    )

@@ -72,17 +72,32 @@ class KnownNoise:
             )
         return tuple(found)
 
-    def chi2_sf(self, square: float, freedom: int) -> float:
-        """Probability of a larger sum of squares of so many white residuals.
-
-        Variances that K postures told are known with K degrees of freedom, that of all with those
-        of the fit: Fisher's F.
-        """
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom with which the noise is known: ∞ as stated, or those that told it."""
         if self.channels is not None:
-            return float(special.fdtrc(freedom, self.postures, square / freedom))
-        if self.birge > 1.0:
-            return float(special.fdtrc(freedom, self.dof, square / freedom))
-        return float(special.chdtrc(freedom, square))
+            return self.postures
+        return self.dof if self.birge > 1.0 else np.inf
+
+    def chi2_sf(self, square: float, freedom: int) -> float:
+        """Probability of a larger sum of squares of so many white residuals, by Fisher's F."""
+        if np.isinf(self.freedom):
+            return float(special.chdtrc(freedom, square))
+        return float(special.fdtrc(freedom, self.freedom, square / freedom))
+
+    def gain_sf(self, gain: float, unknowns: int, rest: float, rest_freedom: int) -> float:
+        """Probability that chance alone lets so many unknowns take more of a sum of squares.
+
+        rest : what they leave, which tells of the noise too where it is not known as stated; it
+        never makes that smaller than stated.
+        """
+        if unknowns == 0:
+            return 1.0
+        if np.isinf(self.freedom) or rest_freedom <= 0:
+            return self.chi2_sf(gain, unknowns)
+        freedom = self.freedom + rest_freedom
+        variance = max((self.freedom + rest) / freedom, self.birge**-2)
+        return float(special.fdtrc(unknowns, freedom, gain / unknowns / variance))
 
     def reading_tail(self, sensors: int) -> float:
         """Degrees of freedom ν of the t by which one reading scatters, as heavy as may be; or ∞.

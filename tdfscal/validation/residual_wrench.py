@@ -15,14 +15,16 @@ from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, with_motions
-from tdfscal.model.statics import Postures, balance, features_jacobian, postures
+from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, postures
 from tdfscal.model.zero_motion import ZeroAge
+from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
 from tdfscal.validation import causes
-from tdfscal.validation.causes import NOISE, Causes
+from tdfscal.validation.causes import Cause, Causes
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
-from tdfscal.validation.verdict import Verdict
-from tdfscal.validation.whitening import Whitened, calibration_error, whiten
+from tdfscal.validation.verdict import Judged, Verdict, searched
+from tdfscal.validation.whitening import Linearised, Whitened, moving_zeros
+from tdfscal.validation.zeros import judged_with_zeros, with_own_load
 from tdfscal.wrench.contact_wrench import contact_wrench, reached, to_lcs
 
 
@@ -32,7 +34,8 @@ class Validation(Verdict):
 
     dwells : those found. used : (K,), indices of the dwells in the test. left_out : dwell index →
     reason. nominal, calibrated : (K, 6), residual contact wrench in the LCS about its origin, N
-    and N·m, without and with the calibration; std : (K, 6), its predicted standard uncertainty.
+    and N·m, without and with the calibration, zeros that moved as they are now; std : (K, 6), the
+    latter's predicted standard uncertainty.
     """
 
     dwells: Dwells
@@ -54,7 +57,8 @@ def validate(
 ) -> Validation:
     """Test a calibration on static dwells without contact.
 
-    rig : the rig of this log, for what it declares; default the calibration's.
+    rig : the rig of this log, for what it declares, its zeros and its load; default the
+    calibration's.
     noise : N, standard uncertainty of a reading per axis where neither log nor rig state one.
     known : what the calibration found of the noise. A single posture, and how far any of them
     scatters, is judged by its tails.
@@ -76,10 +80,15 @@ def validate(
         raise DataError(
             f"no dwell can be used: {next(iter(screened.reasons.values()))}", where="log forces"
         )
+    given = with_own_load(given, rig)
     observed, warnings = _with_noise(postures(rig, dwells, age).subset(used), noise)
-    before, after, std, white = _residuals(given, known.scaled(observed))
-    found = causes.causes(white)
-    p_value, search_p = _chances(white, found, known)
+    balanced, slopes, at = _linearised(given, known.scaled(observed))
+    judged, zeros = judged_with_zeros(at, given, rig, lambda white: _judged(white, known))
+    given = zeros.brought_into(given)
+    before, after = (
+        contact_wrench(state, given.rig.gravity, balanced.rotation, balanced.seen.force)
+        for state in (nominal(given.rig), given.state)
+    )
     turned = log_against_rig.turned(rig, dwells.position)
     return Validation(
         rig=rig,
@@ -88,13 +97,16 @@ def validate(
         left_out=screened.reasons,
         nominal=before,
         calibrated=after,
-        std=std,
-        white=white,
-        p_value=p_value,
-        search_p=search_p,
-        causes=found,
+        std=_std(balanced, slopes @ block_diagonal(given.root, at.own_root)),
+        judged=judged,
+        zeros=zeros,
         warnings=(*dwells.warnings, *warnings, *known.words, *([turned] if turned else [])),
     )
+
+
+def _judged(white: Whitened, known: KnownNoise) -> Judged:
+    found = causes.causes(white)
+    return Judged(white, found, *_chances(white, found, known))
 
 
 def _chances(white: Whitened, found: Causes, known: KnownNoise) -> tuple[float, float]:
@@ -106,9 +118,12 @@ def _chances(white: Whitened, found: Causes, known: KnownNoise) -> tuple[float, 
     if spared is not white:
         found = causes.causes(spared)
     overall = known.chi2_sf(spared.chi2, spared.dof) if white.dof > 0 else 1.0
-    single = [c for c in found.best if len(c.postures) < 2 and c.kind not in NOISE]
-    least = min(known.chi2_sf(c.gain, c.unknowns) if c.unknowns else 1.0 for c in single)
-    return overall, min(1.0, found.tried * least)
+
+    def chance(cause: Cause) -> float:
+        rest = spared.chi2 - cause.gain
+        return known.gain_sf(cause.gain, cause.unknowns, rest, spared.dof - cause.unknowns)
+
+    return overall, searched(found, chance)
 
 
 def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[str, ...]]:
@@ -129,30 +144,35 @@ def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tupl
     return replace(observed, force_cov=cov), (text,)
 
 
-def _residuals(
-    given: Calibrated, observed: Postures
-) -> tuple[FloatArray, FloatArray, FloatArray, Whitened]:
-    """Wrenches without and with the calibration and the latter's std, (K, 6), and whitened."""
+def _linearised(given: Calibrated, observed: Postures) -> tuple[Balance, FloatArray, Linearised]:
+    """Postures in balance at the calibration; the residual wrenches' slopes (K, 6, P + E) in the
+    LCS; and both whitened by each posture's own noise.
+    """
     rig, state = given.rig, with_motions(given.state, observed.motions)
     at = balance(observed, state, state.barycentre, rig.gravity)
     T = to_lcs(at)
-    J = T @ (at.design @ features_jacobian(state, at, rig.gravity))
-    before, after = (
-        contact_wrench(s, rig.gravity, at.rotation, at.seen.force) for s in (nominal(rig), state)
+    slopes = T @ (at.design @ features_jacobian(state, at, rig.gravity))
+    residual = contact_wrench(state, rig.gravity, at.rotation, at.seen.force)
+    own = at.whitener @ np.linalg.inv(T)
+    root, unknown = moving_zeros(rig, observed.motion)
+    white = Linearised(
+        residual=(own @ residual[..., None]).ravel(),
+        columns=(own @ slopes).reshape(-1, slopes.shape[2]),
+        own=own,
+        own_root=root,
+        own_unknown=unknown,
+        rows=int(at.rows.sum()),
+        sensors=rig.n,
     )
-    root, unknown = calibration_error(given, observed.motion)
-    half = J @ root
+    return at, slopes, white
+
+
+def _std(at: Balance, half: FloatArray) -> FloatArray:
+    """Standard uncertainty (K, 6) of residual wrenches, ∞ where an unmeasured force reaches.
+
+    half : (K, 6, r), what the calibration's error makes of them.
+    """
+    T = to_lcs(at)
     total = T @ at.cov @ np.swapaxes(T, 1, 2) + half @ np.swapaxes(half, 1, 2)
     std = np.sqrt(np.diagonal(total, axis1=1, axis2=2))
-    std = np.where(reached(T @ at.free), np.inf, std)
-    own = at.whitener @ np.linalg.inv(T)
-    white = whiten(
-        (own @ after[..., None]).ravel(),
-        (own @ J).reshape(-1, J.shape[2]),
-        own,
-        root,
-        unknown,
-        int(at.rows.sum()),
-        rig.n,
-    )
-    return before, after, std, white
+    return np.asarray(np.where(reached(T @ at.free), np.inf, std))

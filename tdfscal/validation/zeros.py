@@ -1,0 +1,114 @@
+"""Zeros of a log: those of the calibration, or tared anew.
+
+A tare draws all zeros from what the rig file states, whatever they were. It is told from a rig
+that changed by what it does: all sensors move, and stay where they are over the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from tdfscal.model.calibrated import Calibrated, redrawn
+from tdfscal.model.parameters import layout, prior_std
+from tdfscal.numerics.least_squares import block_diagonal
+from tdfscal.records import FloatArray, Rig
+from tdfscal.significance import CAUSES_APART
+from tdfscal.validation.verdict import Judged, Zeros
+from tdfscal.validation.whitening import Linearised, Whitened, basis, whiten
+
+
+def with_own_load(given: Calibrated, rig: Rig) -> Calibrated:
+    """Return the calibration with the load of a log's rig file, where that states another one.
+
+    Stated alike it is one weighing: the calibration's, with what it has in common with the angles.
+    """
+    own = {}
+    for name in ("mass", "barycentre"):
+        ours, theirs = getattr(rig, name), getattr(given.rig, name)
+        if not (np.array_equal(ours.value, theirs.value) and np.array_equal(ours.std, theirs.std)):
+            own[name] = (ours.value, np.diag(np.ravel(ours.std) ** 2))
+    return redrawn(given, **own) if own else given
+
+
+def judged_with_zeros(
+    at: Linearised, given: Calibrated, rig: Rig, judge: Callable[[Whitened], Judged]
+) -> tuple[Judged, Zeros]:
+    """Judge residuals with the calibration's zeros and with zeros tared anew, and choose.
+
+    rig : of the log, for what it states of its zeros.
+    """
+    std = prior_std(rig)[layout(rig.n)["zero"]]
+    stated = np.where(np.isinf(std), given.state.zero.ravel(), rig.zero.value.ravel())
+    step = stated - given.state.zero.ravel()
+    tared = redrawn(given, zero=(stated.reshape(rig.n, 3), np.diag(std**2)))
+    same = judge(whiten(at, given))
+    fresh = judge(whiten(replace(at, residual=at.residual + at.zero_columns @ step), tared))
+    return (
+        (fresh, _zeros(at, given, step, std, moved=True))
+        if _moved(same, fresh)
+        else (same, _zeros(at, given, step, std, moved=False))
+    )
+
+
+def _moved(same: Judged, fresh: Judged) -> bool:
+    """Whether zeros drawn anew explain the residuals, rather than the calibration's.
+
+    The benefit of the doubt is the calibration's: what a tare explains is no change of the rig,
+    unless a change is far likelier.
+    """
+    moving = next((c.weight for c in same.causes.best if c.kind == "zeros moved"), 0.0)
+    if same.holds:
+        return fresh.holds and moving >= CAUSES_APART
+    if fresh.holds:
+        rivals = (
+            cause.weight
+            for cause in same.causes.best
+            if cause.explains and cause.kind not in ("zeros moved", "zero drifted")
+        )
+        return max(rivals, default=-np.inf) < moving + CAUSES_APART
+    return _merit(fresh) > _merit(same)
+
+
+def _merit(judged: Judged) -> tuple[bool, float]:
+    """Whether a cause explains the residuals, and the best one's likelihood, −deviance."""
+    explaining = [cause for cause in judged.causes.best if cause.explains]
+    best = max(cause.weight for cause in explaining or judged.causes.best)
+    return bool(explaining), best - judged.white.deviance
+
+
+def _zeros(
+    at: Linearised, given: Calibrated, step: FloatArray, std: FloatArray, *, moved: bool
+) -> Zeros:
+    """Zeros of a log by its residuals, the calibration's joint covariance and what is stated.
+
+    With x = (calibrated parameters d, own ones, new zeros less the calibration's m), m ~ N(step,
+    std²), the residuals are −J x with the zeros' columns at m; m − d_zero is by how much they
+    moved. Nothing stated is as wide as the load.
+    """
+    zero, n = layout(at.sensors)["zero"], at.sensors
+    widest = float(given.state.mass) * given.rig.gravity
+    J = np.concatenate([at.columns, at.zero_columns], axis=1)
+    J[:, zero] = 0.0
+    root = block_diagonal(given.root, at.own_root, np.diag(np.minimum(std, widest)))
+    unknown = np.concatenate([given.open, at.own_unknown, np.zeros(3 * n, dtype=np.bool_)])
+    unknown[zero] = False
+    free = basis(J[:, unknown])
+    B, r = J @ root, at.residual + at.zero_columns @ step
+    B, r = B - free @ (free.T @ B), r - free @ (free.T @ r)
+    half = np.linalg.inv(np.linalg.cholesky(np.eye(B.shape[1]) + B.T @ B)).T
+    spread = root @ half
+    found = -spread @ (half.T @ (B.T @ r))
+    new, old = slice(len(root) - 3 * n, None), zero
+    value = step + found[new]
+    change_std = np.linalg.norm(spread[new] - spread[old], axis=1)
+    told = ~given.open[zero] & (change_std < widest / 2)
+    return Zeros(
+        moved=moved,
+        change=(value - found[old]).reshape(n, 3),
+        change_std=np.where(told, change_std, np.inf).reshape(n, 3),
+        value=given.state.zero + value.reshape(n, 3),
+        covariance=spread[new] @ spread[new].T,
+    )
