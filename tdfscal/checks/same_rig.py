@@ -23,21 +23,40 @@ _CONSTANT_UNCERTAINTIES = {
 }
 
 
+def other_rig(first: Rig, other: Rig) -> tuple[str, ...]:
+    """What shows that two rig files are of two rigs, in words; nothing: of one, for all they say.
+
+    Compared are the supports, the serial where both state one, gravity, and the hinges within the
+    uncertainties that both state.
+    """
+    if first.supports != other.supports:
+        return (_other_supports(first, other),)
+    found = _other_serial(first, other)
+    g, own = first.gravity, other.gravity
+    if abs(own - g) > _GRAVITY * g:
+        found += (_differs("gravity", "m/s²", g, own),)
+    std = np.hypot(first.declared.hinge, other.declared.hinge)
+    return found + tuple(
+        _differs(f"the hinge of {name}", "m", a, b)
+        for name, a, b in zip(first.supports, first.hinge, other.hinge, strict=True)
+        if not _agree(a, b, std)
+    )
+
+
 def contradictions(calibrated: Rig, given: Rig) -> tuple[str, ...]:
     """What of `given` contradicts the calibrated rig, in words; nothing: they agree.
 
-    Compared are the supports, gravity, hinges, nominal mounting, stated zeros, mass and
+    Compared are, besides what tells one rig from another, nominal mounting, stated zeros, mass and
     barycentre, each within the uncertainties that both state.
     """
+    found = other_rig(calibrated, given)
     if calibrated.supports != given.supports:
-        return (_other_supports(calibrated, given),)
-    hinge = np.hypot(calibrated.declared.hinge, given.declared.hinge)
+        return found
     zeros = np.hypot(calibrated.zero.std, given.zero.std)
     pairs: list[tuple[str, str, FloatArray, FloatArray, npt.ArrayLike]] = []
     for i, name in enumerate(given.supports):
         nominal, zero = (calibrated.nominal_rpy[i], given.nominal_rpy[i]), calibrated.zero.value[i]
         pairs += [
-            (f"the hinge of {name}", "m", calibrated.hinge[i], given.hinge[i], hinge),
             (f"the nominal mounting of {name}", "rad", *nominal, 0.0),
             (f"the stated zero of {name}", "N", zero, given.zero.value[i], zeros[i]),
         ]
@@ -46,12 +65,9 @@ def contradictions(calibrated: Rig, given: Rig) -> tuple[str, ...]:
         ("the barycentre", "m", calibrated.barycentre, given.barycentre),
     ):
         pairs.append((what, unit, a.value, b.value, np.hypot(a.std, b.std)))
-    g, own = calibrated.gravity, given.gravity
-    found = [_differs("gravity", "m/s²", g, own)] if abs(own - g) > _GRAVITY * g else []
-    found += [
+    return found + tuple(
         _differs(what, unit, a, b) for what, unit, a, b, std in pairs if not _agree(a, b, std)
-    ]
-    return tuple(found)
+    )
 
 
 def different_constants(first: Rig, other: Rig) -> tuple[str, ...]:
@@ -76,11 +92,9 @@ def different_constants(first: Rig, other: Rig) -> tuple[str, ...]:
     for key, (field, unit) in _CONSTANT_UNCERTAINTIES.items():
         a, b = getattr(first.declared, field), getattr(other.declared, field)
         pairs.append((f"uncertainty.{key}", unit, a, b))
-    found = []
-    if None not in (first.serial, other.serial) and first.serial != other.serial:
-        found.append(f"its serial is {other.serial} instead of {first.serial}")
-    found += [_differs(*pair) for pair in pairs if not _same(*pair[2:])]
-    return tuple(found)
+    return _other_serial(first, other) + tuple(
+        _differs(*pair) for pair in pairs if not _same(*pair[2:])
+    )
 
 
 def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
@@ -96,6 +110,12 @@ def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
 
 def _other_supports(first: Rig, other: Rig) -> str:
     return f"its supports are {', '.join(other.supports)} instead of {', '.join(first.supports)}"
+
+
+def _other_serial(first: Rig, other: Rig) -> tuple[str, ...]:
+    if None in (first.serial, other.serial) or first.serial == other.serial:
+        return ()
+    return (f"its serial is {other.serial} instead of {first.serial}",)
 
 
 def _differs(what: str, unit: str, a: npt.ArrayLike, b: npt.ArrayLike) -> str:

@@ -13,9 +13,11 @@ import numpy as np
 
 from tdfscal.model.calibrated import Calibrated, redrawn
 from tdfscal.model.parameters import layout, prior_std
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, Rig
-from tdfscal.significance import CAUSES_APART
+from tdfscal.significance import CAUSES_APART, VALIDATION_ALARM
+from tdfscal.validation.causes import Cause
 from tdfscal.validation.verdict import Judged, Zeros
 from tdfscal.validation.whitening import Linearised, Whitened, basis, whiten
 
@@ -40,35 +42,44 @@ def judged_with_zeros(
 
     rig : of the log, for what it states of its zeros.
     """
-    std = prior_std(rig)[layout(rig.n)["zero"]]
+    zero = layout(rig.n)["zero"]
+    std = prior_std(rig)[zero]
     stated = np.where(np.isinf(std), given.state.zero.ravel(), rig.zero.value.ravel())
     step = stated - given.state.zero.ravel()
     tared = redrawn(given, zero=(stated.reshape(rig.n, 3), np.diag(std**2)))
     same = judge(whiten(at, given))
     fresh = judge(whiten(replace(at, residual=at.residual + at.zero_columns @ step), tared))
-    return (
-        (fresh, _zeros(at, given, step, std, moved=True))
-        if _moved(same, fresh)
-        else (same, _zeros(at, given, step, std, moved=False))
-    )
+
+    def no_tare(cause: Cause) -> bool:
+        if cause.kind == "zeros moved":
+            return False
+        if cause.kind != "zero drifted" or cause.support is None:
+            return True
+        own = slice(3 * cause.support, 3 * cause.support + 3)
+        variance = std[own] ** 2 + np.diagonal(given.covariance)[zero][own] + cause.std**2
+        off = np.sum((cause.value - step[own]) ** 2 / variance)
+        return bool(chi2_sf(off, 3) < VALIDATION_ALARM)
+
+    rivals = tuple(cause for cause in same.causes.best if no_tare(cause))
+    moved = _moved(same, fresh, rivals)
+    return fresh if moved else same, _zeros(at, given, step, std, moved=moved)
 
 
-def _moved(same: Judged, fresh: Judged) -> bool:
+def _moved(same: Judged, fresh: Judged, rivals: tuple[Cause, ...]) -> bool:
     """Whether zeros drawn anew explain the residuals, rather than the calibration's.
 
-    The benefit of the doubt is the calibration's: what a tare explains is no change of the rig,
-    unless a change is far likelier.
+    rivals : changes of the rig with the calibration's zeros, one zero among them where it moved
+    farther than a tare would move it. The benefit of the doubt is the calibration's: what a tare
+    explains is no change of the rig, unless that is likelier by odds which a tare gives to one of
+    the changes tried as seldom as there may be false alarms (Markov's inequality).
     """
     moving = next((c.weight for c in same.causes.best if c.kind == "zeros moved"), 0.0)
     if same.holds:
         return fresh.holds and moving >= CAUSES_APART
     if fresh.holds:
-        rivals = (
-            cause.weight
-            for cause in same.causes.best
-            if cause.explains and cause.kind not in ("zeros moved", "zero drifted")
-        )
-        return max(rivals, default=-np.inf) < moving + CAUSES_APART
+        odds = 2.0 * np.log(same.causes.tried / VALIDATION_ALARM)
+        likeliest = max((cause.weight for cause in rivals if cause.explains), default=-np.inf)
+        return bool(likeliest < moving + odds)
     return _merit(fresh) > _merit(same)
 
 

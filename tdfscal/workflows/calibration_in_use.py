@@ -94,11 +94,14 @@ def take(calibration: CalibrationSource, paths: Sequence[Path], rig: Path | None
             hint="correct the rig file, or calibrate this rig",
         )
     used = replace(given.rig, inertia=other.inertia, declared=other.declared)
-    return InUse(name, loaded, replace(given, rig=used), campaign, _warnings(loaded, name))
+    warnings = _warnings(loaded, name, other.name)
+    return InUse(name, loaded, replace(given, rig=used), campaign, warnings)
 
 
-def _warnings(calibration: Calibration, path: str) -> tuple[str, ...]:
+def _warnings(calibration: Calibration, path: str, rig: str) -> tuple[str, ...]:
     told = unsealed(calibration, path)
+    if calibration.rig.name != rig:
+        told = (f"{path} is of {calibration.rig.name}, the log's rig file of {rig}", *told)
     if calibration.status == "accepted":
         return told
     return (

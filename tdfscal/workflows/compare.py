@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+from tdfscal.checks.same_rig import other_rig
 from tdfscal.comparison.compatibility import Comparison, compare_pair
 from tdfscal.errors import UsageError
 from tdfscal.records import ANGLES
@@ -24,10 +25,12 @@ class CompareResult(Result):
     """The first calibration against each of the others.
 
     pairs : one comparison each. rejected : names of those that the quality gate rejected.
+    renamed : what is said of rigs whose names differ.
     """
 
     pairs: tuple[Comparison, ...]
     rejected: tuple[str, ...] = ()
+    renamed: tuple[str, ...] = ()
 
     @property
     def verified(self) -> bool:
@@ -36,8 +39,9 @@ class CompareResult(Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Rejected calibrations."""
-        return tuple(f"{name} was rejected by the quality gate" for name in self.rejected)
+        """Rejected calibrations, and rigs of other names."""
+        rejected = (f"{name} was rejected by the quality gate" for name in self.rejected)
+        return (*rejected, *self.renamed)
 
     @property
     def exit_status(self) -> int:
@@ -101,12 +105,26 @@ def compare(
     read = read_sources(sources)
     loaded = [(name, c.rotations()) for name, c in read]
     rejected = tuple(name for name, c in read if not c.accepted)
-    pairs = (compare_pair(loaded[0], other) for other in loaded[1:])
-    return CompareResult(tuple(_judged(pair, rejected) for pair in pairs), rejected)
+    first, rigs = loaded[0], [c.loaded_rig(name).rig for name, c in read]
+    pairs = tuple(
+        _judged(compare_pair(first, other), rejected, other_rig(rigs[0], rig))
+        for other, rig in zip(loaded[1:], rigs[1:], strict=True)
+    )
+    renamed = tuple(
+        f"{first[0]} is of {rigs[0].name}, {name} of {rig.name}"
+        for (name, _), rig in zip(loaded[1:], rigs[1:], strict=True)
+        if rig.name != rigs[0].name
+    )
+    return CompareResult(pairs, rejected, renamed)
 
 
-def _judged(pair: Comparison, rejected: tuple[str, ...]) -> Comparison:
-    """A rejected calibration verifies nothing, whatever its wide or wrong uncertainty covers."""
+def _judged(
+    pair: Comparison, rejected: tuple[str, ...], differences: tuple[str, ...]
+) -> Comparison:
+    """A calibration that was rejected, or of another rig, verifies nothing, whatever it says."""
+    if differences:
+        verdict = f"not of one rig: of that of {pair.names[1]}, {'; '.join(differences)}"
+        return replace(pair, verified=False, verdict=f"{verdict} ({pair.verdict})")
     blamed = [name for name in pair.names if name in rejected]
     if not blamed:
         return pair

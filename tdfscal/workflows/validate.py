@@ -155,7 +155,7 @@ def validate(
     with log.explaining():
         result = _tested(use, log, samples)
     # The log's own warnings come with its dwells.
-    warnings = (*use.warnings, *_used_before(use, log), *result.warnings)
+    warnings = (*use.warnings, *_used_before(use, log, result), *result.warnings)
     asked, inputs = (use.name, command), tuple(log.inputs)
     verdict = ValidateResult(result, use.calibration, warnings, inputs, asked)
     verdict.save_page(page, progress)
@@ -206,11 +206,32 @@ def _known_noise(use: InUse) -> KnownNoise:
     return KnownNoise(channels, fit.kurtosis, fit.postures, max(1.0, fit.birge), fit.dof)
 
 
-def _used_before(use: InUse, log: LogPass) -> list[str]:
-    """Warnings of logs that went into the calibration itself."""
+def _used_before(use: InUse, log: LogPass, tested: Validation | MovingValidation) -> list[str]:
+    """Warnings of logs that went into the calibration itself, where what is tested did."""
     used = {entry.sha256 for entry in use.calibration.inputs}
+    known, new = _times_used(use.calibration), _times_tested(tested)
+    if known is not None and not np.any((new[:, :1] <= known[:, 1]) & (known[:, 0] <= new[:, 1:])):
+        return []
     return [
         f"{entry.path} went into this calibration: what it shows is no proof"
         for entry in log.inputs
         if entry.sha256 in used
     ]
+
+
+def _times_used(c: Calibration) -> FloatArray | None:
+    """Begin and end (T, 2), s of the log, of what a calibration stands on; None where untold."""
+    parts = []
+    if c.postures is not None:
+        parts.append(np.column_stack([c.postures.start, c.postures.end]))
+    if c.motion is not None:
+        parts.append(np.array([[c.motion.begin, c.motion.begin + c.motion.seconds]]))
+    return np.concatenate(parts) if parts and len(c.campaigns) < 2 else None
+
+
+def _times_tested(tested: Validation | MovingValidation) -> FloatArray:
+    """Begin and end (T, 2), s of the log, of what was tested."""
+    if isinstance(tested, MovingValidation):
+        return np.array([[tested.begin, tested.begin + tested.seconds]])
+    dwells = tested.dwells
+    return np.column_stack([dwells.start[tested.used], dwells.end[tested.used]])

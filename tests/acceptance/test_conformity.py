@@ -12,8 +12,7 @@ from tdfscal.acceptance.conformity import Conformity, assess, coverage_radius, w
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.significance import EXPANDED_COVERAGE
 from tdfscal.wrench.contact_wrench import wrenches
-
-from .held_out import RIG, world
+from tests.wrench.held_out import RIG, world
 
 GIVEN = world(1).given[0]
 
