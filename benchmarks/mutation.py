@@ -78,7 +78,7 @@ GROUPS: dict[str, Group] = {
     ),
     "gate": Group(
         ("acceptance/gate", "acceptance/conformity", "acceptance/turns"),
-        ("acceptance", "wrench/test_conformity"),
+        ("acceptance",),
     ),
     "checks of logs": Group(
         ("checks/faulty_sensors", "checks/log_against_calibration", "checks/log_against_rig",

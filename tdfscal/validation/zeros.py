@@ -17,7 +17,7 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSES_APART, VALIDATION_ALARM
-from tdfscal.validation.causes import Cause
+from tdfscal.validation.causes import NOISE, Cause
 from tdfscal.validation.verdict import Judged, Zeros
 from tdfscal.validation.whitening import Linearised, Whitened, basis, whiten
 
@@ -58,7 +58,7 @@ def judged_with_zeros(
         own = slice(3 * cause.support, 3 * cause.support + 3)
         variance = std[own] ** 2 + np.diagonal(given.covariance)[zero][own] + cause.std**2
         off = np.sum((cause.value - step[own]) ** 2 / variance)
-        return bool(chi2_sf(off, 3) < VALIDATION_ALARM)
+        return bool(chi2_sf(off, 3) < VALIDATION_ALARM / rig.n)
 
     rivals = tuple(cause for cause in same.causes.best if no_tare(cause))
     moved = _moved(same, fresh, rivals)
@@ -70,17 +70,29 @@ def _moved(same: Judged, fresh: Judged, rivals: tuple[Cause, ...]) -> bool:
 
     rivals : changes of the rig with the calibration's zeros, one zero among them where it moved
     farther than a tare would move it. The benefit of the doubt is the calibration's: what a tare
-    explains is no change of the rig, unless that is likelier by odds which a tare gives to one of
-    the changes tried as seldom as there may be false alarms (Markov's inequality).
+    explains is no change of the rig, unless that is likelier by odds which a tare gives it as
+    seldom as there may be false alarms (Markov's inequality).
     """
     moving = next((c.weight for c in same.causes.best if c.kind == "zeros moved"), 0.0)
     if same.holds:
         return fresh.holds and moving >= CAUSES_APART
     if fresh.holds:
-        odds = 2.0 * np.log(same.causes.tried / VALIDATION_ALARM)
-        likeliest = max((cause.weight for cause in rivals if cause.explains), default=-np.inf)
+        odds = -2.0 * np.log(VALIDATION_ALARM)
+        worth = same.white.worth
+        likeliest = max((_evidence(c) - worth for c in rivals if c.explains), default=-np.inf)
         return bool(likeliest < moving + odds)
     return _merit(fresh) > _merit(same)
+
+
+def _evidence(cause: Cause) -> float:
+    """By how much −2 ln L falls where a change has a variance, as the zeros' move has, not a size.
+
+    At its best, of a change whose q unknowns take a gain of χ²: gain − q (1 + ln (gain / q)).
+    """
+    if cause.kind in NOISE:
+        return cause.gain
+    ratio = max(cause.gain / max(cause.unknowns, 1), 1.0)
+    return float(cause.gain - cause.unknowns * (1.0 + np.log(ratio)))
 
 
 def _merit(judged: Judged) -> tuple[bool, float]:

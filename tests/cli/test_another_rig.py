@@ -1,0 +1,66 @@
+"""A calibration of another rig, and a part of a log that it has not seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+import yaml
+
+import tdfscal
+from tests.cli.running import SAMPLES, run
+
+
+def renamed(folder: Path, name: str) -> Path:
+    """The sample's campaign as of a rig of another name."""
+    other = Path(copytree(SAMPLES / "parquet", folder / name))
+    rig = yaml.safe_load((other / "rig.yaml").read_text(encoding="utf-8"))
+    rig["name"] = name
+    (other / "rig.yaml").write_text(yaml.safe_dump(rig), encoding="utf-8")
+    return other
+
+
+def test_apply_and_compare_say_that_a_rig_has_another_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, other = tmp_path / "first.yaml", tmp_path / "other.yaml"
+    tdfscal.calibrate(SAMPLES / "parquet", trials=0, output=first)
+    stand = renamed(tmp_path, "Stand B")
+    done = run(capsys, "apply", first, stand, "-o", tmp_path / "w.csv", "-q")
+    assert done.status == 0
+    assert "Stand B" in done.err
+    assert "Stand B" not in run(capsys, "apply", first, SAMPLES / "parquet", "-o",
+                                tmp_path / "v.csv", "-q").err  # fmt: skip
+    tdfscal.calibrate(stand, trials=0, output=other)
+    seen = run(capsys, "compare", first, other, "-q")
+    assert seen.status == 0
+    assert "Stand B" in seen.err
+
+
+def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The angles agree: it is the rig that is another one."""
+    first, other = tmp_path / "first.yaml", tmp_path / "other.yaml"
+    tdfscal.calibrate(SAMPLES / "parquet", trials=0, output=first)
+    content = yaml.safe_load(first.read_text(encoding="utf-8"))
+    content["rig"]["supports"][1]["hinge"][2] += 3e-3
+    other.write_text(yaml.safe_dump(content), encoding="utf-8")
+    done = run(capsys, "compare", first, other, "-q")
+    assert done.status == 1
+    assert "the hinge of" in done.out
+
+
+def test_a_part_that_the_calibration_has_not_seen_is_no_part_of_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "begin.yaml"
+    log = tdfscal.info(SAMPLES / "parquet").description.dwells
+    assert log is not None
+    split = float((log.end[-7] + log.start[-6]) / 2)
+    tdfscal.calibrate(SAMPLES / "parquet", to=split, trials=0, output=target)
+    later = run(capsys, "validate", target, SAMPLES / "parquet", "--from", split, "-q")
+    assert "went into this calibration" not in later.err + later.out
+    again = run(capsys, "validate", target, SAMPLES / "parquet", "-q")
+    assert "went into this calibration" in again.err + again.out
