@@ -41,15 +41,20 @@ def test_apply_and_compare_say_that_a_rig_has_another_name(
 def test_compare_verifies_nothing_of_hinges_that_differ_by_3_mm(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The angles agree: it is the rig that is another one."""
-    first, other = tmp_path / "first.yaml", tmp_path / "other.yaml"
-    tdfscal.calibrate(SAMPLES / "parquet", trials=0, output=first)
-    content = yaml.safe_load(first.read_text(encoding="utf-8"))
-    content["rig"]["supports"][1]["hinge"][2] += 3e-3
-    other.write_text(yaml.safe_dump(content), encoding="utf-8")
-    done = run(capsys, "compare", first, other, "-q")
+    """Two rigs simulated from rig files that differ in one hinge alone."""
+    rig = yaml.safe_load((SAMPLES / "parquet" / "rig.yaml").read_text(encoding="utf-8"))
+    rig.pop("log", None)
+    made = []
+    for lift in (0.0, 3e-3):
+        rig["supports"][1]["hinge"][2] += lift
+        stated = tmp_path / f"rig{lift}.yaml"
+        stated.write_text(yaml.safe_dump(rig), encoding="utf-8")
+        tdfscal.simulate(tmp_path / f"at{lift}", rig=stated, seed=3)
+        made.append(tmp_path / f"at{lift}.yaml")
+        tdfscal.calibrate(tmp_path / f"at{lift}", trials=0, output=made[-1])
+    done = run(capsys, "compare", *made, "-q")
     assert done.status == 1
-    assert "the hinge of" in done.out
+    assert "the hinge of" in " ".join(done.out.split())
 
 
 def test_a_part_that_the_calibration_has_not_seen_is_no_part_of_it(
