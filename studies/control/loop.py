@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from studies.control.contact import coordinates
-from studies.control.impedance import transition
-from studies.control.recording import Book
+from studies.control.machine import Sensors, WrenchObserver, transition
 from studies.control.reference import Reference
-from studies.control.runs import Controller, Docking, Machines, Result
-from studies.control.sensors import Sensors, WrenchObserver
+from studies.control.runs import Book, Controller, Docking, Machines, Result
 from studies.control.stability import require_stable
 from studies.control.terminal import Terminal, inertia_of, moment
 from tdfscal.records import BoolArray, FloatArray
@@ -25,11 +21,8 @@ def simulate(
     controller: Controller,
     reference: Reference,
     docking: Docking | None = None,
-    progress: Callable[[float], None] = lambda share: None,
 ) -> Result:
     """Run all lanes until the reference ends, or every lane has stopped at a threshold.
-
-    progress : called with the share of the reference that is done.
 
     Raises
     ------
@@ -37,7 +30,7 @@ def simulate(
     NotConvergedError : a terminal does not stand on its carriages.
     """
     require_stable(machines.rig, controller, None if docking is None else docking.gears)
-    return Loop(machines, controller, reference, docking).run(progress)
+    return Loop(machines, controller, reference, docking).run()
 
 
 class Loop:
@@ -68,7 +61,9 @@ class Loop:
         self.start = reference.start.rotation
         self.lanes = L = len(self.first)
         self.transition = transition(impedance, controller.step)
-        self.mass, self.damping = np.array(impedance.mass), np.array(impedance.damping)
+        self.mass, self.dragging = np.array(impedance.mass), np.array(impedance.damping)
+        if impedance.relative:
+            self.dragging = np.zeros(6)
         self.sensors = Sensors(machines.truth)
         self.observer = WrenchObserver(machines.assumed, self.centre)
         self.noise = [np.random.default_rng(seed) for seed in machines.noise]
@@ -91,7 +86,6 @@ class Loop:
         self.offset = np.zeros((L, 6))
         self.seen = np.zeros((L, 6))
         self.smooth = np.zeros((L, 6))
-        self.reading = np.zeros_like(self.servo)
         self.watch = -np.expm1(-1.0 / (controller.sensing.rate * controller.sensing.watch))
 
     def _stand(self) -> FloatArray:
@@ -122,11 +116,11 @@ class Loop:
         noise = self.chunk[self.chunk_at]
         self.chunk_at += 1
         clean = self.sensors.read(self.terminal.force)
-        self.reading = (clean.reshape(-1, *noise.shape) + noise).reshape(clean.shape)
+        reading = (clean.reshape(-1, *noise.shape) + noise).reshape(clean.shape)
         if self.filtered is None:
-            self.filtered = self.reading
+            self.filtered = reading
         else:
-            self.filtered = self.filtered + self.c.sensing.gain * (self.reading - self.filtered)
+            self.filtered = self.filtered + self.c.sensing.gain * (reading - self.filtered)
         return self.filtered
 
     def sense(self) -> None:
@@ -163,7 +157,7 @@ class Loop:
             self.contact = local
             self.contact[:, 3:] += moment(lever[:, None, :], local[:, None, :3])
 
-    def run(self, progress: Callable[[float], None] = lambda share: None) -> Result:
+    def run(self) -> Result:
         """Go the whole way."""
         c, L = self.c, self.lanes
         self.settle()
@@ -176,9 +170,9 @@ class Loop:
             if sampled:
                 self.sense()
             at = np.where(active, share, at)
-            # M ẍ_d + B ẋ_d of the reference.
+            # M ẍ_d + B ẋ_d of the reference; B (ẋ − ẋ_d) leaves the second out.
             speed, acceleration = self.reference.rate[k], self.reference.acceleration[k]
-            drive = (self.mass * acceleration + self.damping * speed) * self.rates
+            drive = (self.mass * acceleration + self.dragging * speed) * self.rates
             own, driven = self.transition
             new = (own @ self.deviation[..., None])[..., 0] + driven * (self.seen - drive)[
                 ..., None
@@ -191,8 +185,6 @@ class Loop:
                 active = self._going_on(k, book, active)
             if (k + 1) % every == 0 or not active.any():
                 self._record(k, book)
-            if (k + 1) % _CHUNK == 0:
-                progress((k + 1) / len(self.reference.share))
             if not active.any():
                 break
         return book.result(c.servo.command(self.servo), self.q)
@@ -229,15 +221,5 @@ class Loop:
         return np.asarray(both.reshape(-1, 6))
 
     def _record(self, k: int, book: Book) -> None:
-        depth = self.q[:, 2] if self.docking is not None else np.full(self.lanes, np.nan)
-        book.record(
-            k,
-            self._true_contact(),
-            self._about_origin(self.smooth),
-            self.deviation[..., 0],
-            depth,
-            *(
-                v if self.c.readings else v[:0]
-                for v in (self.c.servo.command(self.servo), self.reading)
-            ),
-        )
+        seen = self._about_origin(self.smooth)
+        book.record(k, self._true_contact(), seen, self.deviation[..., 0])

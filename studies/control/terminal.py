@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import expm
 
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import rotations
@@ -37,19 +38,6 @@ def moment(arm: FloatArray, force: FloatArray) -> FloatArray:
     return rotations.vee(np.swapaxes(force, -1, -2) @ arm)
 
 
-def exponential(A: FloatArray) -> FloatArray:
-    """Matrix exponential (..., n, n) by scaling and squaring."""
-    halvings = max(0, int(np.ceil(np.log2(max(float(np.abs(A).sum(axis=-1).max()), 1e-300)))) + 2)
-    A = A / 2.0**halvings
-    out = term = np.broadcast_to(np.eye(A.shape[-1]), A.shape)
-    for k in range(1, 16):
-        term = term @ A / k
-        out = out + term
-    for _ in range(halvings):
-        out = out @ out
-    return np.asarray(out)
-
-
 @dataclass(frozen=True, slots=True)
 class Body:
     """The linearised body about the LCS origin, BCS: M q̈ = Σ F(q, q̇) + applied.
@@ -69,7 +57,7 @@ class Body:
         A = np.zeros((*S.shape[:-2], 12, 12))
         A[..., :6, 6:] = np.eye(6)
         A[..., 6:, :6], A[..., 6:, 6:] = -S, -self.decay[..., None, None] * S
-        first = np.linalg.solve(A, exponential(A * step) - np.eye(12))  # h φ₁
+        first = np.linalg.solve(A, expm(A * step) - np.eye(12))  # h φ₁
         second = np.linalg.solve(A, first - step * np.eye(12))  # h² φ₂
         into = np.linalg.inv(self.mass)
         return np.concatenate(

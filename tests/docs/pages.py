@@ -10,7 +10,7 @@ from typing import Any
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = (
     *("index", "installation", "tutorial", "howto", "python", "api", "conventions", "theory"),
-    *("control", "reference", "glossary", "faq", "troubleshooting", "comparison"),
+    *("paper", "control", "reference", "glossary", "faq", "troubleshooting", "comparison"),
 )
 
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -8,10 +8,9 @@ import numpy as np
 
 from studies.control.contact import GearPair
 from studies.control.loop import simulate
+from studies.control.machine import PositionErrors, Sensing, Servo, draw_errors
 from studies.control.reference import advance
 from studies.control.runs import Controller, Docking, Machines, Result
-from studies.control.sensors import Sensing
-from studies.control.servo import PositionErrors, Servo, draw_errors
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import Options, Pose, Truth, draw_truths
 from tests.simulation.rigs import exact_rig, loose_rig
@@ -24,7 +23,6 @@ IDEAL = Controller(
     sensing=Sensing(noise=0.0),
     tare=0.1,
     trace_rate=250.0,
-    readings=True,
 )
 
 

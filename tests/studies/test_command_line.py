@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
-from studies.__main__ import run
+from studies.__main__ import STUDIES, main
 from tests.cli.running import SAMPLES, rows
 
 RIG = SAMPLES / "csv"
@@ -15,31 +18,77 @@ RIG = SAMPLES / "csv"
 
 def test_sensitivity(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    assert run(["sensitivity", str(RIG), "-o", str(out), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["format"] == "tdfscal-study-sensitivity/1"
-    worst = max(float(row["force_error_N"]) for row in rows(out / "sensitivity.csv"))
-    assert worst > 80.0
-    assert (out / "sensitivity-aligned.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["sensitivity", str(RIG), "-o", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert document["format"] == "tdfscal-study/1"
+    assert json.loads((out / "study.json").read_text(encoding="utf-8")) == document
+    text = (out / "fig-4.csv").read_text(encoding="utf-8")
+    assert text.startswith("# tdfscal study")
+    (out / "plain.csv").write_text(text.partition("\n")[2], encoding="utf-8")
+    assert max(float(row["force, N"]) for row in rows(out / "plain.csv")) > 80.0
+    assert (out / "fig-4.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (out / "study.html").read_text(encoding="utf-8")
+    # The same folder again; and in words.
+    (out / "plain.csv").unlink()
+    assert main(["sensitivity", str(RIG), "-o", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "81.71" in said
+    assert "49.1 N·m" in said
+
+
+def rig_of(folder: Path, **changes: object) -> Path:
+    content = yaml.safe_load((RIG / "rig.yaml").read_text(encoding="utf-8"))
+    content.pop("tracker", None)
+    content["supports"][1].update(changes)
+    path = folder / "rig.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("axes", [["x", "z"], ["z"], []])
+def test_sensors_that_lack_axes_are_refused(
+    name: str, axes: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig, out = rig_of(tmp_path, axes=axes), tmp_path / "out"
+    assert main([name, str(rig), "-o", str(out)]) == 2
+    assert "ncp2 measures fewer" in " ".join(capsys.readouterr().err.split())
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "status", "said"),
+    ("words", "said"),
     [
-        (["accuracy", "nowhere", "-o", "DIR"], 2, "nowhere"),
-        (["accuracy", str(RIG), "-o", "DIR", "--runs", "1"], 2, "--runs"),
-        (["sensitivity", str(RIG), "-o", "DIR", "--calibration", "none.yaml"], 2, "none.yaml"),
+        ("accuracy nowhere -o DIR", "nowhere"),
+        ("accuracy RIG -o DIR --runs 2", "--runs"),
+        ("table2 RIG -o DIR --runs 1", "--runs"),
+        ("docking RIG -o DIR --runs -1", "--runs"),
+        ("causes RIG -o DIR --seed -1", "seed"),
+        ("sensitivity RIG -o DIR --calibration none.yaml", "none.yaml"),
+        ("causes RIG -o DIR --calibration none.yaml", "--calibration"),
+        ("sensitivity RIG -o RIG", "other files"),
+        ("sensitivity RIG -o RIG/rig.yaml", "is no folder"),
     ],
 )
 def test_refusals(
-    words: list[str],
-    status: int,
-    said: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    words: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert run([word.replace("DIR", str(out)) for word in words]) == status
+    line = words.replace("DIR", str(out)).replace("RIG", str(RIG))
+    before = {path: path.read_bytes() for path in RIG.rglob("*") if path.is_file()}
+    assert main(line.split()) == 2
     seen = capsys.readouterr()
     assert seen.out == ""
     assert said in seen.err
     assert not out.exists()
+    assert before == {path: path.read_bytes() for path in RIG.rglob("*") if path.is_file()}
+
+
+def test_as_a_program() -> None:
+    done = subprocess.run([sys.executable, "-m", "studies", "--help"], capture_output=True,
+                          text=True, check=False)  # fmt: skip
+    assert done.returncode == 0
+    assert all(name in done.stdout for name in STUDIES)
+    bad = subprocess.run([sys.executable, "-m", "studies", "nothing", "rig", "-o", "x"],
+                         capture_output=True, text=True, check=False)  # fmt: skip
+    assert bad.returncode == 2

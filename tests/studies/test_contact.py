@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,7 +117,12 @@ def test_coordinates_are_of_the_shaft_in_the_bore() -> None:
 
 
 def test_impossible_gears_are_refused() -> None:
-    with pytest.raises(UsageError, match="clearance"):
-        replace(GearPair(), clearance=0.0)
-    with pytest.raises(UsageError, match="lead-in"):
-        GearPair(length=1e-3)
+    changes: tuple[dict[str, Any], ...] = (
+        {"clearance": 0.0},
+        {"length": 1e-3},
+        {"length": 3.0},
+        {"stiffness": -1.0},
+    )
+    for change in changes:
+        with pytest.raises(UsageError, match="cannot be docked"):
+            replace(GearPair(), **change)

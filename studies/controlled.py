@@ -1,0 +1,177 @@
+"""The controlled rig: its lanes over several processes, and what its two studies say alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from studies.arms import KNOWS, Arm
+from studies.campaigns import pool, processes
+from studies.control.contact import GearPair
+from studies.control.loop import simulate
+from studies.control.machine import PositionErrors, draw_errors
+from studies.control.reference import Reference
+from studies.control.runs import Controller, Docking, Machines, Result, Traces
+from studies.control.stability import designed, real_mass
+from studies.frame import Beside, Table
+from studies.statistics import ratio
+from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.reporting.figures import ink
+from tdfscal.simulation import Pose, Truth
+
+#: Colour, line and marker of each calibration: each tells them apart on its own.
+MARKS = (
+    (ink.BLACK, ":", "x"),
+    (ink.GREY, ":", "+"),
+    (ink.ORANGE, "--", "s"),
+    (ink.RED, "-.", "D"),
+    (ink.BLUE, "-", "o"),
+    (ink.GREEN, "-.", "^"),
+    (ink.ORANGE, ":", "s"),
+    (ink.RED, ":", "D"),
+    (ink.BLUE, ":", "o"),
+    (ink.GREEN, ":", "^"),
+)
+#: Lane steps below which a second process costs more than it saves, and lanes per block at least.
+#: The blocks go by the work alone, so that the number of processes changes no number.
+_WORTH, _BLOCK = 1_000_000, 200
+_R = TypeVar("_R", Truth, PositionErrors, Pose)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the LCS origin starts in the BCS, m, and the travel of each NCP about there."""
+
+    home: tuple[float, float, float] = (0.05, -0.03, 1.2)
+    travel: tuple[float, float, float] = (0.25, 0.25, 0.5)
+
+
+def controller_of(rig: Rig, gears: GearPair, *, relative: bool = False) -> Controller:
+    """The real mass, and the least damping that is stable in free space and at these gears.
+
+    Raises UsageError where none is.
+    """
+    base = Controller()
+    impedance = replace(base.impedance, mass=real_mass(rig, base), relative=relative)
+    return designed(rig, replace(base, impedance=impedance), gears)
+
+
+def simulate_lanes(
+    rig: Rig,
+    controller: Controller,
+    arms: Sequence[Arm],
+    reference: Reference,
+    seeds: Sequence[np.random.SeedSequence],
+    docking: Docking | None = None,
+) -> Result:
+    """Go the way of every run with every calibration; lane = calibration · runs + run.
+
+    reference : ways of all runs; of more than there are machines, which then go several. seeds : of
+    the positions' errors and of the noise, which are the same for all calibrations.
+
+    Raises as `loop.simulate`.
+    """
+    runs, copies, count = len(reference.start.translation), len(arms), len(arms[0].truth.mass)
+    rng = np.random.default_rng(seeds[0])
+    errors = draw_errors(controller.servo, rig.declared.positioner, runs, rig.n, rng)
+    noise = seeds[1].spawn(runs)
+
+    def task(part: IntArray) -> tuple[Machines, Controller, Reference, Docking | None]:
+        run, machine = np.tile(part, copies), part % count
+        machines = Machines(
+            rig,
+            _together([_taken(arm.truth, machine) for arm in arms]),
+            _taken(errors, run),
+            _together([_taken(arm.assumed, machine) for arm in arms]),
+            np.repeat([arm.tared for arm in arms], len(part)),
+            tuple(noise[i] for i in part),
+        )
+        start, goal = _taken(reference.start, run), _taken(reference.goal, run)
+        return machines, controller, replace(reference, start=start, goal=goal), docking
+
+    worth = copies * runs * len(reference.share) >= _WORTH
+    blocks = min(runs, max(2, copies * runs // _BLOCK)) if worth else 1
+    parts = np.array_split(np.arange(runs), blocks)
+    tasks = list(map(task, parts))
+    workers = min(processes(), blocks)
+    if workers == 1:
+        results = [simulate(*one) for one in tasks]
+    else:
+        with pool(workers - 1) as running:
+            waiting = [running.submit(simulate, *one) for one in tasks[1:]]
+            results = [simulate(*tasks[0]), *(one.result() for one in waiting)]
+    lanes = np.arange(copies * runs).reshape(copies, runs)
+    return _joined(results, np.argsort(np.concatenate([lanes[:, part].ravel() for part in parts])))
+
+
+def _values(record: Any) -> tuple[Any, ...]:
+    return tuple(getattr(record, f.name) for f in fields(record))
+
+
+def _taken(record: _R, lanes: IntArray) -> _R:
+    """These lanes of a record of arrays, which lie in memory alike whatever is taken."""
+    return type(record)(*(np.take(value, lanes, axis=0) for value in _values(record)))
+
+
+def _together(records: Sequence[Truth]) -> Truth:
+    return Truth(*(np.concatenate(each) for each in zip(*map(_values, records), strict=True)))
+
+
+def _joined(results: list[Result], order: IntArray) -> Result:
+    """Results of blocks as one, lanes in their order; the last record stands for what follows."""
+    longest = max((r.traces.time for r in results), key=len)
+
+    def full(trace: Any) -> Any:
+        missing = len(longest) - len(trace)
+        return np.concatenate([trace, np.repeat(trace[-1:], missing, axis=0)])
+
+    traces = [
+        np.take(np.concatenate(list(map(full, part)), axis=1), order, axis=1)
+        for part in zip(*(_values(r.traces)[1:] for r in results), strict=True)
+    ]
+    values = {
+        f.name: np.take(np.concatenate([getattr(r, f.name) for r in results]), order, axis=0)
+        for f in fields(Result)
+        if f.name != "traces"
+    }
+    return Result(traces=Traces(longest, *traces), **values)
+
+
+def knowledge(arms: Sequence[Arm]) -> Table:
+    """What each controller knows, and how far its angles are off."""
+    rows = tuple(
+        (arm.name, KNOWS[arm.name], 1e3 * arm.angle_error, arm.failed)
+        for arm in arms
+        if not arm.tared
+    )
+    head = ("calibration", "knows", "angles off, mrad", "none found")
+    return Table("arms", "What each controller knows", head, rows, left=2)
+
+
+def pairs(arms: Sequence[Arm]) -> list[tuple[str, str]]:
+    """Which arms are compared: like with like, untared with untared and tared with tared."""
+    names = [arm.name for arm in arms]
+    found = [("tracker", "none"), ("tracker", "none, 3 mrad")]
+    found += [(name, "tracker") for name in ("Eq. 24", "ML", "true angles")]
+    found += [(f"{a}, tared", f"{b}, tared") for a, b in found]
+    return [(a, b) for a, b in found if a in names and b in names]
+
+
+def beside(
+    figure: str,
+    quantity: str,
+    paper: dict[tuple[str, str], float],
+    values: dict[str, FloatArray],
+) -> list[Beside]:
+    """Ratios of two arms over paired runs, the paper's beside; values : (N,) by arm."""
+    items = []
+    for (a, b), printed in paper.items():
+        if a in values and b in values:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                draws = values[a] / values[b]
+            here = ratio(values[a], values[b])
+            items.append(Beside(figure, f"{quantity}, {a} / {b}", "", printed, here, draws=draws))
+    return items

@@ -1,0 +1,248 @@
+"""What every study hands on: tables, figures, the paper's numbers beside its own; and its files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from studies.statistics import SAME, UNLIKELY, Estimate, Share, drawn_alike
+from tdfscal.errors import UsageError
+from tdfscal.files.saving import write_text
+from tdfscal.records import FloatArray
+from tdfscal.reporting.layout import Block, Drawing, Facts, Items, Report, Section
+from tdfscal.reporting.layout import Table as Shown
+
+Cell = str | float | int | Estimate | Share | None
+#: Of the document, and of the file among a study's that says whose folder it is.
+FORMAT, DOCUMENT, PAGE = "tdfscal-study/1", "study.json", "study.html"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows under named columns; the unit of a column stands after its comma.
+
+    name : of its CSV file. left : columns of words. shown : on the page; else in the file only.
+    """
+
+    name: str
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    left: int = 1
+    shown: bool = True
+
+    def block(self) -> Shown:
+        """As a report has it."""
+        rows = tuple(tuple(map(_text, row)) for row in self.rows)
+        return Shown(self.caption, self.columns, rows, self.left)
+
+    def csv(self) -> str:
+        """Numbers to the last bit; a standard error and an interval have columns of their own."""
+        parts = [_parts([row[k] for row in self.rows]) for k in range(len(self.columns))]
+        head = [f"{c}{end}" for c, part in zip(self.columns, parts, strict=True) for end in part]
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(head)
+        for row in self.rows:
+            values = [_values(cell, part) for cell, part in zip(row, parts, strict=True)]
+            writer.writerow([value for each in values for value in each])
+        return f"# tdfscal study, {self.name}: {self.caption}\n{stream.getvalue()}"
+
+    def document(self) -> list[dict[str, Any]]:
+        """Rows by column."""
+        return [dict(zip(self.columns, map(_plain, row), strict=True)) for row in self.rows]
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """A number of the paper that could have come out otherwise, beside ours.
+
+    figure, quantity, unit. paper : as printed; bound : the paper's is a limit, ">" or "<".
+    here : mean over the runs. draws : (N,), of each run, where the paper's number is of one rig as
+    each of ours is: then it is asked where it lies among them; None: it is a mean as ours is.
+    """
+
+    figure: str
+    quantity: str
+    unit: str
+    paper: float
+    here: Estimate
+    bound: str = ""
+    draws: FloatArray | None = None
+
+    @property
+    def own(self) -> FloatArray:
+        """Draws that there are (N,)."""
+        return np.empty(0) if self.draws is None else self.draws[np.isfinite(self.draws)]
+
+    @property
+    def probability(self) -> float:
+        """That one more run lies as far out as the paper's number; NaN where none can be told.
+
+        Beyond a bound: that one more run keeps it.
+        """
+        return drawn_alike(self.paper, self.own, self.bound)
+
+    @property
+    def verdict(self) -> str:
+        """Whether ours is the paper's; by the spread of the runs alone."""
+        if np.isnan(self.here.value):
+            return "no result"
+        if self.draws is not None:
+            p = self.probability
+            return "undecided" if np.isnan(p) else "differs" if p < UNLIKELY else "agrees"
+        off, spread = self.here.value - self.paper, SAME * float(np.nan_to_num(self.here.std))
+        if self.bound:
+            off = -off if self.bound == ">" else off
+            return "agrees" if off <= -spread else "differs" if off > spread else "undecided"
+        return "agrees" if abs(off) <= spread else "differs"
+
+    def row(self) -> tuple[Cell, ...]:
+        """Of the table of all."""
+        what = f"{self.quantity}, {self.unit}".removesuffix(", ")
+        printed, p = f"{self.bound} {self.paper:.4g}".strip(), self.probability
+        below = f"{np.sum(self.own < self.paper)} of {len(self.own)}" if len(self.own) else ""
+        chance = "" if np.isnan(p) else f"{p:.2g}"
+        return (self.figure, what, printed, self.here, below, chance, self.verdict)
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A study that was run.
+
+    chosen : inputs that the paper does not give, and what of its numbers follows from them: name,
+    value, reason or source. notes : sentences, each made of numbers of a run.
+    """
+
+    name: str
+    title: str
+    subtitle: str
+    tables: tuple[Table, ...]
+    beside: tuple[Beside, ...] = ()
+    chosen: tuple[tuple[str, str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+    drawings: tuple[Drawing, ...] = ()
+
+    @property
+    def all_tables(self) -> tuple[Table, ...]:
+        """With those of the paper's numbers and of what was chosen."""
+        found = list(self.tables)
+        if self.beside:
+            columns = ("where", "what", "paper", "here", "runs below", "chance", "verdict")
+            rows = tuple(each.row() for each in self.beside)
+            found.append(Table("paper", "The paper's numbers beside ours", columns, rows, left=2))
+        if self.chosen:
+            head = ("chosen, since the paper does not say", "value", "why, or what follows")
+            found.append(Table("chosen", "Inputs, not results", head, self.chosen, left=3))
+        return tuple(found)
+
+    def report(self) -> Report:
+        """Lay it out in words and tables."""
+        blocks: list[Block] = [
+            Facts(tuple((row[0], f"{row[1]}; {row[2]}") for row in self.chosen))
+            if table.name == "chosen"
+            else table.block()
+            for table in self.all_tables
+            if table.shown
+        ]
+        if self.notes:
+            blocks.append(Items("What the runs say", self.notes))
+        return Report(self.title, self.subtitle, sections=(Section(self.title, tuple(blocks)),))
+
+    def document(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        return {
+            "format": FORMAT,
+            "name": self.name,
+            "title": self.title,
+            "setting": self.subtitle,
+            "tables": {table.name: table.document() for table in self.all_tables if table.shown},
+            "notes": list(self.notes),
+        }
+
+    def write(self, folder: Path) -> tuple[str, ...]:
+        """Write tables (CSV), figures (PNG, PDF, SVG), page and document; return their names.
+
+        Raises UsageError where the folder holds anything but a study, or cannot be written.
+        """
+        from tdfscal.reporting.figures import style
+        from tdfscal.reporting.html import render
+
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as fault:
+            raise UsageError(
+                f"no folder can be made: {fault.strerror}", where=str(folder)
+            ) from fault
+        names = []
+        for table in self.all_tables:
+            names.append(f"{table.name}.csv")
+            write_text(folder / names[-1], table.csv())
+        figures = [p.name for drawing in self.drawings for p in style.save(drawing, folder)]
+        report = self.report()
+        shown = tuple(Section(d.title, (), d.reading, d) for d in self.drawings)
+        page = replace(report, sections=report.sections + shown)
+        write_text(folder / PAGE, render(page))
+        text = json.dumps(self.document(), ensure_ascii=False, allow_nan=False, indent=1)
+        write_text(folder / DOCUMENT, text + "\n")
+        return (*names, *figures, PAGE, DOCUMENT)
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder that holds anything but a study, lest an input be replaced.
+
+    Raises UsageError.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UsageError("is no folder", where=str(folder), hint="name another with -o")
+    if folder.is_dir() and any(folder.iterdir()):
+        try:
+            own = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))["format"] == FORMAT
+        except (OSError, ValueError, KeyError, TypeError):
+            own = False
+        if not own:
+            raise UsageError(
+                "the folder holds other files than a study's",
+                where=str(folder),
+                hint="name a new folder with -o",
+            )
+
+
+def _text(cell: Cell) -> str:
+    if cell is None:
+        return "–"
+    return f"{cell:.4g}".replace("-", "−") if isinstance(cell, float) else str(cell)
+
+
+def _plain(cell: Cell) -> Any:
+    if isinstance(cell, Estimate):
+        return {"value": _finite(cell.value), "standard_error": _finite(cell.std)}
+    if isinstance(cell, Share):
+        low, high = cell.interval
+        return {"count": cell.count, "runs": cell.runs, "low": low, "high": high}
+    return _finite(cell) if isinstance(cell, float) else cell
+
+
+def _parts(column: Iterable[Cell]) -> tuple[str, ...]:
+    """Ends of the names of a column's own columns."""
+    kinds = {type(cell) for cell in column}
+    if Share in kinds:
+        return "", " runs", " low", " high"
+    return ("", " standard error") if Estimate in kinds else ("",)
+
+
+def _values(cell: Cell, parts: tuple[str, ...]) -> tuple[Any, ...]:
+    plain = _plain(cell)
+    values = tuple(plain.values()) if isinstance(plain, dict) else (plain,)
+    return (*values, *(None,) * (len(parts) - len(values)))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,189 @@
+"""How far the terminal strays in free space (Sect. 5.1, Table 4, Fig. 16)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from studies import controlled
+from studies.arms import ORIGIN, Arm
+from studies.control.contact import GearPair
+from studies.control.reference import move, require_within
+from studies.control.runs import Controller
+from studies.frame import Study, Table
+from studies.statistics import mean, ratio
+from tdfscal.records import FloatArray, Rig
+from tdfscal.reporting.figures.style import figure, legend_outside, logarithmic
+from tdfscal.reporting.layout import Drawing
+from tdfscal.simulation import rotations
+from tdfscal.simulation.equilibrium import Pose
+
+#: The paper's means over six moves, mm and mrad: tracker, self.
+PAPER = ((1.002, 0.592), (7.088, 5.071))
+_DEG = np.pi / 180.0
+#: Six moves of 50 mm along z: roll, pitch, yaw (rad) and place about home (m), at start and goal.
+#: Table 4 is empty in the text at hand; a few degrees from general to assembly posture are usual.
+MOVES = np.array(
+    [
+        [[0, 0, 0, 0, 0, -0.025], [0, 0, 0, 0, 0, 0.025]],
+        [[2 * _DEG, 0, 0, 0.005, 0, -0.025], [0, 0, 0, 0, 0, 0.025]],
+        [[0, -2 * _DEG, 0, 0, -0.005, -0.025], [0, 0, 0, 0, 0, 0.025]],
+        [[-1 * _DEG, 1 * _DEG, 2 * _DEG, -0.005, 0.005, -0.025], [0, 0, 0, 0, 0, 0.025]],
+        [[0, 0, 0, 0, 0, -0.025], [1 * _DEG, -2 * _DEG, -1 * _DEG, 0.005, 0.005, 0.025]],
+        [[2 * _DEG, 2 * _DEG, -2 * _DEG, 0, 0, -0.025], [-2 * _DEG, 1 * _DEG, 0, 0, 0, 0.025]],
+    ],
+    dtype=np.float64,
+)
+_NAMES, _UNITS = ("position", "posture"), ("mm", "mrad")
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """Moves (M, 2, 6) as `MOVES`, each of `duration` (s) and `rest` (s)."""
+
+    rig: Rig
+    controller: Controller
+    moves: FloatArray
+    duration: float = 10.0
+    rest: float = 40.0
+    place: controlled.Place = field(default_factory=controlled.Place)
+
+
+@dataclass(frozen=True, slots=True)
+class Deviations:
+    """C calibrations, M moves, N runs.
+
+    value : (C, M, N, 6), of the final pose by the servos' encoders from the planned one: LCS
+    origin, m, BCS, and rotation vector, rad, LCS.
+    """
+
+    arms: tuple[Arm, ...]
+    value: FloatArray
+
+    def lengths(self, which: int) -> dict[str, FloatArray]:
+        """(N,) by arm: mean length over the moves, position in mm (0) or posture in mrad (1).
+
+        The moves of one run share a rig, so that the runs are the sample.
+        """
+        part = self.value[..., 3 * which : 3 * which + 3]
+        length = 1e3 * np.linalg.norm(part, axis=-1).mean(axis=1)
+        return {arm.name: own for arm, own in zip(self.arms, length, strict=True)}
+
+
+def simulate(
+    setup: Setup,
+    arms: tuple[Arm, ...],
+    seed: np.random.SeedSequence,
+) -> Deviations:
+    """Make every move once per calibration and run, with the same draws for all calibrations.
+
+    Raises UsageError where moves leave the NCPs' travel, or the loop is unstable.
+    """
+    rig, moves, place = setup.rig, setup.moves, setup.place
+    pose = Pose(rotations.from_rpy(moves[..., :3]), np.asarray(place.home) + moves[..., 3:])
+    for end, what in enumerate(("initial posture of move", "target posture of move")):
+        at = Pose(pose.rotation[:, end], pose.translation[:, end])
+        require_within(rig, at, place.home, place.travel, what)
+    runs = len(arms[0].truth.mass)
+    start, goal = (
+        Pose(*(np.repeat(v[:, end], runs, axis=0) for v in (pose.rotation, pose.translation)))
+        for end in (0, 1)
+    )
+    controller = setup.controller
+    way = move(start, goal, setup.duration, setup.rest, controller.step)
+    result = controlled.simulate_lanes(rig, controller, arms, way, seed.spawn(2))
+    # Where the encoders have the terminal in the end.
+    servo = result.servo.reshape(len(arms), len(goal.rotation), rig.n, 3)
+    R, T = rotations.fit(rig.hinge, servo)
+    turn = rotations.log(np.swapaxes(goal.rotation, -1, -2) @ R)
+    deviation = np.concatenate([T - goal.translation, turn], axis=-1)
+    return Deviations(arms, deviation.reshape(len(arms), len(moves), runs, 6))
+
+
+def run(
+    rig: Rig,
+    arms: tuple[Arm, ...],
+    seed: np.random.SeedSequence,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Study:
+    """Fig. 16 on this rig."""
+    controller = controlled.controller_of(rig, GearPair())
+    progress(f"{len(MOVES)} moves, {len(arms[0].truth.mass)} runs, {len(arms)} calibrations")
+    found = simulate(Setup(rig, controller, MOVES), arms, seed)
+    position, posture = found.lengths(0), found.lengths(1)
+    ratios = tuple(
+        (f"{a} / {b}", ratio(position[a], position[b]), ratio(posture[a], posture[b]))
+        for a, b in controlled.pairs(arms)
+    )
+    like = [
+        item
+        for k, values in enumerate((position, posture))
+        for item in controlled.beside(
+            "Fig. 16", _NAMES[k], {("Eq. 24", "tracker"): PAPER[k][1] / PAPER[k][0]}, values
+        )
+    ]
+    tables = [
+        Table("deviation", "Deviation of the final pose, mean over moves and runs",
+              ("calibration", "position, mm", "posture, mrad"),
+              tuple((n, mean(position[n]), mean(posture[n])) for n in position)),
+        Table("ratios", "Ratios of the means, like with like",
+              ("calibrations", "position", "posture"), ratios),
+        controlled.knowledge(arms),
+        Table("runs", "Every run",
+              ("calibration", "run", "position, mm", "posture, mrad"),
+              tuple((n, k, float(position[n][k]), float(posture[n][k]))
+                    for n in position for k in range(len(position[n]))), shown=False),
+    ]  # fmt: skip
+    impedance = controller.impedance
+    chosen = []
+    for k, values in enumerate((position, posture)):
+        for name, printed in (("tracker", PAPER[k][0]), ("Eq. 24", PAPER[k][1])):
+            if name in values:
+                chosen.append((
+                    f"{_NAMES[k]}, {name}",
+                    f"{mean(values[name])} {_UNITS[k]} (Fig. 16: {printed:g})",
+                    f"goes with 1/K: {impedance.stiffness[3 * k]:g} "
+                    f"{('N/m', 'N·m/rad')[k]} chosen",
+                ))  # fmt: skip
+    return Study(
+        "free-space",
+        f"Free space: {rig.name}",
+        f"{len(MOVES)} moves of 50 mm, {len(arms[0].truth.mass)} runs; virtual mass "
+        f"{impedance.mass[0]:g} kg, damping {impedance.damping[0]:.3g} N·s/m, stiffness "
+        f"{impedance.stiffness[0]:g} N/m; {ORIGIN}",
+        tuple(tables),
+        beside=tuple(like),
+        chosen=tuple(chosen),
+        drawings=(
+            Drawing("fig-16", "Deviation of the final pose after each move, rms over runs",
+                    "Of each component and move, by what the controller knows.",
+                    partial(_paint, found)),
+        ),
+    )  # fmt: skip
+
+
+def _paint(found: Deviations) -> Figure:
+    fig = figure(4.8)
+    grid = fig.subplots(2, 3, sharex=True)
+    names = ("x", "y", "z", "about x", "about y", "about z")
+    rms = 1e3 * np.sqrt(np.mean(found.value**2, axis=2))  # (C, M, 6)
+    at = np.arange(1.0, rms.shape[1] + 1.0)
+    for axis, ax in enumerate(grid.flat):
+        for c, arm in enumerate(found.arms):
+            colour, line, marker = controlled.MARKS[c % len(controlled.MARKS)]
+            fill = "none" if arm.tared else "full"
+            ax.plot(at, rms[c, :, axis], color=colour, linestyle=line, marker=marker,
+                    markersize=4, fillstyle=fill, label=arm.name)  # fmt: skip
+        logarithmic(ax)
+        ax.set_title(names[axis])
+        ax.set_xticks(at)
+        if axis % 3 == 0:
+            ax.set_ylabel("rms over runs, " + ("mm" if axis < 3 else "mrad"))
+        if axis >= 3:
+            ax.set_xlabel("move")
+    legend_outside(fig, grid.flat[0])
+    return fig

@@ -1,1 +1,0 @@
-"""The studies in words, tables and figures: of each its report, document, tables and drawings."""

@@ -1,1 +1,0 @@
-"""What the studies simulate, and the records that they make of it."""

@@ -1,0 +1,97 @@
+"""The paper's page quotes records of the studies, and the records can be made again.
+
+`benchmarks/paper/NAME.json` is what `python -m studies NAME sample_data/csv -o DIR --json` printed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from studies.__main__ import STUDIES, Asked, perform
+from studies.statistics import Estimate, Share
+from tests.cli.running import SAMPLES
+from tests.docs.pages import text
+
+RECORDS = Path(__file__).parents[2] / "benchmarks" / "paper"
+#: Fewer runs than the records', of another seed.
+RUNS = {"accuracy": 12, "table2": 6, "causes": 10, "free-space": 3, "docking": 3}
+_SPREAD = re.compile(r"−?[\d.]+ ± [\d.]+")
+
+
+def record(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((RECORDS / f"{name}.json").read_text(encoding="utf-8"))
+    return found
+
+
+def cells(document: dict[str, Any]) -> Iterator[tuple[tuple[str, int, str], Any]]:
+    """Every cell of the tables by table, row and column."""
+    for table, rows in document["tables"].items():
+        for k, row in enumerate(rows):
+            for column, cell in row.items():
+                yield (table, k, column), cell
+
+
+def said(cell: Any) -> str:
+    if isinstance(cell, dict) and "standard_error" in cell:
+        value, std = cell["value"], cell["standard_error"]
+        return str(Estimate(math.nan if value is None else value, std or math.nan))
+    if isinstance(cell, dict):
+        return str(Share(cell["count"], cell["runs"]))
+    return str(cell)
+
+
+def test_there_is_a_record_of_every_study() -> None:
+    assert {path.stem for path in RECORDS.glob("*.json")} == set(STUDIES)
+    for name in STUDIES:
+        assert f"python -m studies {name} sample_data/csv -o DIR" in text("paper")
+
+
+def test_every_number_with_a_spread_stands_in_a_record() -> None:
+    known = set()
+    for name in STUDIES:
+        document = record(name)
+        words = [said(cell) for _, cell in cells(document)] + document["notes"]
+        known |= {match for word in words for match in _SPREAD.findall(word)}
+    quoted = set(_SPREAD.findall(text("paper")))
+    assert len(quoted) > 30
+    assert quoted <= known, quoted - known
+
+
+def test_the_record_of_what_has_no_chance_in_it(tmp_path: Path) -> None:
+    study, _ = perform(Asked("sensitivity", SAMPLES / "csv", tmp_path / "out"))
+    again = dict(cells(json.loads(json.dumps(study.document()))))
+    for place, cell in cells(record("sensitivity")):
+        number = isinstance(cell, float)
+        assert again[place] == (pytest.approx(cell, rel=1e-9, abs=1e-9) if number else cell)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RUNS)
+def test_other_seeds_agree_within_the_stated_spread(name: str, tmp_path: Path) -> None:
+    """Of hundreds of numbers one in a hundred may lie outside four standard errors of few runs."""
+    asked = Asked(name, SAMPLES / "csv", tmp_path / "out", runs=RUNS[name], seed=77)
+    study, _ = perform(asked)
+    again = dict(cells(json.loads(json.dumps(study.document()))))
+    far, count = [], 0
+    for place, cell in cells(record(name)):
+        if isinstance(cell, dict) and cell.get("standard_error"):
+            other = again[place]
+            if other["value"] is None or not other["standard_error"]:
+                continue
+            # Scatter of so few runs is itself hardly known: it is not taken below the record's.
+            few = RUNS[name] / max(STUDIES[name][1], 1)
+            spread = math.hypot(
+                cell["standard_error"],
+                max(other["standard_error"], cell["standard_error"] / math.sqrt(few)),
+            )
+            count += 1
+            if abs(other["value"] - cell["value"]) > 4.0 * spread:
+                far.append((place, cell["value"], other["value"], spread))
+    assert len(far) <= 0.02 * count, far

@@ -1,0 +1,105 @@
+"""Standard errors, intervals and verdicts against closed forms and repetitions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from studies.frame import Beside
+from studies.statistics import (
+    Estimate,
+    bias_probability,
+    deviation,
+    drawn_alike,
+    jackknife,
+    mean,
+    ratio,
+    share,
+)
+
+RNG = np.random.default_rng(0)
+
+
+def test_the_jackknife_of_a_mean_is_its_standard_error() -> None:
+    x = RNG.normal(size=20)
+    found = jackknife(lambda v: float(v.mean()), x)
+    assert found.std == pytest.approx(x.std(ddof=1) / np.sqrt(20))
+    assert found.std == pytest.approx(mean(x).std)
+
+
+def test_the_jackknife_of_deviations_and_ratios_is_their_scatter() -> None:
+    runs = [RNG.normal(size=(40, 9)) for _ in range(800)]
+    found = [jackknife(deviation, x) for x in runs]
+    scatter = np.std([e.value for e in found])
+    assert np.sqrt(np.mean([e.std**2 for e in found])) == pytest.approx(scatter, rel=0.1)
+    common = RNG.normal(10.0, 2.0, (800, 12))
+    pairs = [ratio(0.5 * x + RNG.normal(0, 0.5, 12), x) for x in common]
+    scatter = np.std([e.value for e in pairs])
+    assert np.sqrt(np.mean([e.std**2 for e in pairs])) == pytest.approx(scatter, rel=0.1)
+    assert np.isnan(ratio(np.array([]), np.array([])).value)
+
+
+def test_interval_of_a_share() -> None:
+    """Clopper and Pearson: at its ends a result as extreme has half of 5 %."""
+    low, high = share(np.arange(40) < 31).interval
+    k = np.arange(41)
+    choose = np.array([math.comb(40, int(i)) for i in k], dtype=float)
+    for p, tail in ((low, k >= 31), (high, k <= 31)):
+        chance = (choose * p**k * (1 - p) ** (40 - k))[tail].sum()
+        assert chance == pytest.approx(0.025, rel=1e-6)
+    assert share(np.zeros(10, dtype=np.bool_)).interval[1] == pytest.approx(1 - 0.025**0.1)
+
+
+@pytest.mark.parametrize("runs", [3, 40])
+def test_bias_is_students_t_with_its_degrees_of_freedom(runs: int) -> None:
+    error = RNG.normal(0.3, 1.0, (runs, 3, 3))
+    p = stats.ttest_1samp(error, 0.0).pvalue
+    assert bias_probability(error) == pytest.approx(min(1.0, 9 * p.min()))
+
+
+def test_few_runs_are_rarely_called_biased() -> None:
+    """Nine angles of three runs each: one in a hundred, not one in ten as of a normal."""
+    found = np.array([bias_probability(RNG.normal(size=(3, 9))) < 0.01 for _ in range(2000)])
+    assert found.mean() < 0.01 + 3.3 * np.sqrt(0.01 / 2000)
+
+
+@pytest.mark.parametrize("bound", ["", "<", ">"])
+def test_one_more_run_is_called_different_at_the_stated_rate(bound: str) -> None:
+    draws = np.exp(RNG.normal(size=(4000, 17)))
+    called = np.mean([drawn_alike(x[0], x[1:], bound) < 0.05 for x in draws])
+    assert abs(called - 0.05) < 3.3 * np.sqrt(0.05 * 0.95 / 4000)
+
+
+def beside(paper: float, value: float, std: float, bound: str = "") -> str:
+    return Beside("Fig. 0", "x", "", paper, Estimate(value, std), bound).verdict
+
+
+def test_verdicts_of_means() -> None:
+    assert beside(1.0, 1.15, 0.1) == "agrees"
+    assert beside(1.0, 1.25, 0.1) == "differs"
+    assert beside(1.0, np.nan, 0.1) == "no result"
+    assert beside(1.0, 0.7, 0.1, "<") == "agrees"
+    assert beside(1.0, 0.9, 0.1, "<") == "undecided"
+    assert beside(1.0, 1.3, 0.1, "<") == "differs"
+    assert beside(1.0, 0.7, 0.1, ">") == "differs"
+
+
+def test_verdicts_of_draws_go_by_the_spread_of_the_runs() -> None:
+    draws = np.exp(RNG.normal(size=40))
+    for paper, expected in ((1.0, "agrees"), (20.0, "differs"), (0.01, "differs")):
+        item = Beside("Fig. 0", "x", "", paper, mean(draws), draws=draws)
+        assert item.verdict == expected
+    few = Beside("Fig. 0", "x", "", 1.0, mean(draws[:2]), draws=draws[:2])
+    assert few.verdict == "undecided"
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "said"),
+    [(2.874, 0.052, "2.87 ± 0.05"), (13.4, 1.6, "13.4 ± 1.6"), (0.1447, 0.0012, "0.1447 ± 0.0012"),
+     (-35.3, 4.2, "−35 ± 4"), (1234.0, 190.0, "1230 ± 190"), (81.7123, np.nan, "81.7")],
+)  # fmt: skip
+def test_numbers_in_words(value: float, std: float, said: str) -> None:
+    assert str(Estimate(value, std)) == said
