@@ -78,10 +78,15 @@ def perform(
         study = causes.run(rig, survey, runs, asked.seed, progress)
     else:
         first, second = np.random.SeedSequence(asked.seed).spawn(2)
-        rng, of = np.random.default_rng(first), {"free-space": free_space, "docking": docking}
+        rng = np.random.default_rng(first)
         progress(f"{runs} campaigns and surveys, simulated and calibrated")
-        compared = arms.simulated(rig, survey, runs, rng)
-        study = of[asked.name].run(rig, compared, second, progress)
+        own = arms.simulated(rig, survey, runs, rng, campaigns.usual(rig))
+        if asked.name == "docking":
+            study = docking.run(rig, own, second, progress)
+        else:
+            alone, leading = campaigns.papers_sources(rig), campaigns.LEADING
+            other = arms.simulated(alone, survey, runs, rng, leading)
+            study = free_space.run(rig, {"rig": own, "paper": other}, second, progress)
     return study, study.write(asked.output)
 
 

@@ -61,12 +61,15 @@ def tared(arm: Arm) -> Arm:
 
 
 def simulated(
-    rig: Rig, survey: SurveyOptions, runs: int, rng: np.random.Generator
+    rig: Rig,
+    survey: SurveyOptions,
+    runs: int,
+    rng: np.random.Generator,
+    setting: Setting,
 ) -> tuple[Arm, ...]:
     """Arms of `KNOWS`, then those of `TARED`. Every run has a rig of its own, whose campaign and
-    survey are simulated and calibrated by each method.
+    survey are simulated, as `setting` has them, and calibrated by each method.
     """
-    setting = Setting(postures=max(24, 3 * rig.n))
     batch = simulate_dwells(rig, setting.options, rng, runs)
     truth, nominal = batch.truth, stated(rig, runs).rotation
     states = campaigns.likeliest(rig, batch)

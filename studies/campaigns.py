@@ -73,6 +73,15 @@ class Setting:
         )
 
 
+#: Where Eq. 24 leads (see `table2`).
+LEADING = Setting(100, 1000.0, 0.1)
+
+
+def usual(rig: Rig) -> Setting:
+    """The campaign that `tdfscal simulate` makes, with postures enough for Eq. 24."""
+    return Setting(postures=max(24, 3 * rig.n))
+
+
 def papers_sources(rig: Rig) -> Rig:
     """The rig with the paper's two sources alone: positioners' errors, and the sensors' noise."""
     for source in SOURCES:

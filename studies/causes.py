@@ -19,7 +19,7 @@ from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import SurveyOptions
 
 ARMS = ("linear", "linear-forces", "angles", "angles-forces", "ml", "tracker")
-WHOLE, PAPERS = "nothing", "all but two"
+WHOLE, PAPERS = "nothing", "all but the paper's two"
 #: N, of a posture's mean force, of sensors that are as good as free of noise.
 _SILENT = 1e-3
 
@@ -32,7 +32,7 @@ def run(
     progress: Callable[[str], None] = lambda text: None,
 ) -> Study:
     """The usual campaign, calibrated by every estimator, with one source after the other gone."""
-    setting = Setting(postures=max(24, 3 * rig.n))
+    setting = campaigns.usual(rig)
     cases: dict[str, tuple[Rig, Setting]] = {WHOLE: (rig, setting)}
     for source in campaigns.stated(rig):
         quiet = replace(setting, noise=_SILENT) if source == "sensor noise" else setting

@@ -21,6 +21,7 @@ from tdfscal.reporting.layout import Table as Shown
 
 Cell = str | float | int | Estimate | Share | None
 #: Of the document, and of the file among a study's that says whose folder it is.
+_WIDTH = 80
 FORMAT, DOCUMENT, PAGE = "tdfscal-study/1", "study.json", "study.html"
 
 
@@ -38,10 +39,21 @@ class Table:
     left: int = 1
     shown: bool = True
 
-    def block(self) -> Shown:
-        """As a report has it."""
-        rows = tuple(tuple(map(_text, row)) for row in self.rows)
-        return Shown(self.caption, self.columns, rows, self.left)
+    def blocks(self) -> list[Shown]:
+        """As a report has it; columns that a terminal has no room for go below, words whole."""
+        cells = [list(self.columns), *(list(map(_text, row)) for row in self.rows)]
+        widths = [2 + max(len(row[k]) for row in cells) for k in range(len(self.columns))]
+        chosen, parts = list(range(self.left)), []
+        for k in range(self.left, len(widths)):
+            if len(chosen) > self.left and sum(widths[c] for c in (*chosen, k)) > _WIDTH:
+                parts.append(chosen)
+                chosen = list(range(self.left))
+            chosen.append(k)
+        shown: list[Shown] = []
+        for part in (*parts, chosen):
+            head, *rows = (tuple(row[k] for k in part) for row in cells)
+            shown.append(Shown("" if shown else self.caption, head, tuple(rows), self.left))
+        return shown
 
     def csv(self) -> str:
         """Numbers to the last bit; a standard error and an interval have columns of their own."""
@@ -108,9 +120,8 @@ class Beside:
         """Of the table of all."""
         what = f"{self.quantity}, {self.unit}".removesuffix(", ")
         printed, p = f"{self.bound} {self.paper:.4g}".strip(), self.probability
-        below = f"{np.sum(self.own < self.paper)} of {len(self.own)}" if len(self.own) else ""
         chance = "" if np.isnan(p) else f"{p:.2g}"
-        return (self.figure, what, printed, self.here, below, chance, self.verdict)
+        return (self.figure, what, printed, self.here, chance, self.verdict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +146,7 @@ class Study:
         """With those of the paper's numbers and of what was chosen."""
         found = list(self.tables)
         if self.beside:
-            columns = ("where", "what", "paper", "here", "runs below", "chance", "verdict")
+            columns = ("where", "what", "paper", "here", "chance", "verdict")
             rows = tuple(each.row() for each in self.beside)
             found.append(Table("paper", "The paper's numbers beside ours", columns, rows, left=2))
         if self.chosen:
@@ -145,13 +156,12 @@ class Study:
 
     def report(self) -> Report:
         """Lay it out in words and tables."""
-        blocks: list[Block] = [
-            Facts(tuple((row[0], f"{row[1]}; {row[2]}") for row in self.chosen))
-            if table.name == "chosen"
-            else table.block()
-            for table in self.all_tables
-            if table.shown
-        ]
+        blocks: list[Block] = []
+        for table in self.all_tables:
+            if table.name == "chosen":
+                blocks.append(Facts(tuple((what, f"{v}; {why}") for what, v, why in self.chosen)))
+            elif table.shown:
+                blocks += table.blocks()
         if self.notes:
             blocks.append(Items("What the runs say", self.notes))
         return Report(self.title, self.subtitle, sections=(Section(self.title, tuple(blocks)),))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -106,64 +106,73 @@ def simulate(
 
 def run(
     rig: Rig,
-    arms: tuple[Arm, ...],
+    cases: dict[str, tuple[Arm, ...]],
     seed: np.random.SeedSequence,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Study:
-    """Fig. 16 on this rig."""
+    """Fig. 16 on this rig, of machines and calibrations under each case's sources."""
     controller = controlled.controller_of(rig, GearPair())
-    progress(f"{len(MOVES)} moves, {len(arms[0].truth.mass)} runs, {len(arms)} calibrations")
-    found = simulate(Setup(rig, controller, MOVES), arms, seed)
-    position, posture = found.lengths(0), found.lengths(1)
-    ratios = tuple(
-        (f"{a} / {b}", ratio(position[a], position[b]), ratio(posture[a], posture[b]))
-        for a, b in controlled.pairs(arms)
-    )
-    like = [
-        item
-        for k, values in enumerate((position, posture))
-        for item in controlled.beside(
-            "Fig. 16", _NAMES[k], {("Eq. 24", "tracker"): PAPER[k][1] / PAPER[k][0]}, values
-        )
-    ]
-    tables = [
-        Table("deviation", "Deviation of the final pose, mean over moves and runs",
-              ("calibration", "position, mm", "posture, mrad"),
-              tuple((n, mean(position[n]), mean(posture[n])) for n in position)),
-        Table("ratios", "Ratios of the means, like with like",
-              ("calibrations", "position", "posture"), ratios),
-        controlled.knowledge(arms),
-        Table("runs", "Every run",
-              ("calibration", "run", "position, mm", "posture, mrad"),
-              tuple((n, k, float(position[n][k]), float(posture[n][k]))
-                    for n in position for k in range(len(position[n]))), shown=False),
-    ]  # fmt: skip
-    impedance = controller.impedance
-    chosen = []
-    for k, values in enumerate((position, posture)):
-        for name, printed in (("tracker", PAPER[k][0]), ("Eq. 24", PAPER[k][1])):
-            if name in values:
-                chosen.append((
-                    f"{_NAMES[k]}, {name}",
-                    f"{mean(values[name])} {_UNITS[k]} (Fig. 16: {printed:g})",
-                    f"goes with 1/K: {impedance.stiffness[3 * k]:g} "
-                    f"{('N/m', 'N·m/rad')[k]} chosen",
-                ))  # fmt: skip
+    impedance, tables, like, drawings = controller.impedance, [], [], []
+    chosen: list[tuple[str, str, str]] = []
+    for case, arms in cases.items():
+        runs = len(arms[0].truth.mass)
+        progress(f"{case}: {len(MOVES)} moves, {runs} runs, {len(arms)} calibrations")
+        fresh = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
+        found = simulate(Setup(rig, controller, MOVES), arms, fresh)
+        tables += _tables(case, found)
+        for k in (0, 1):
+            values, printed = found.lengths(k), PAPER[k][1] / PAPER[k][0]
+            pairs = [(f"{a}{end}", f"tracker{end}") for a in ("Eq. 24", "true angles")
+                     for end in ("", ", tared")]  # fmt: skip
+            what = f"{_NAMES[k]}, {case}"
+            like += controlled.beside("Fig. 16", what, dict.fromkeys(pairs, printed), values)
+            if case == next(iter(cases)):
+                unit = ("N/m", "N·m/rad")[k]
+                chosen += [
+                    (f"{_NAMES[k]}, {arm}",
+                     f"{mean(values[arm])} {_UNITS[k]} (Fig. 16: {own:g})",
+                     f"goes with 1/K: {impedance.stiffness[3 * k]:g} {unit} chosen")
+                    for arm, own in zip(("tracker", "Eq. 24"), PAPER[k], strict=True)
+                ]  # fmt: skip
+        said = "Rms over runs of each component and move, by what the controller knows."
+        title = f"Deviation of the final pose after each move: {case}"
+        drawings.append(Drawing(f"fig-16-{case}", title, said, partial(_paint, found)))
     return Study(
         "free-space",
         f"Free space: {rig.name}",
-        f"{len(MOVES)} moves of 50 mm, {len(arms[0].truth.mass)} runs; virtual mass "
-        f"{impedance.mass[0]:g} kg, damping {impedance.damping[0]:.3g} N·s/m, stiffness "
-        f"{impedance.stiffness[0]:g} N/m; {ORIGIN}",
+        f"{len(MOVES)} moves of 50 mm, {runs} runs of each case, `rig`: all that the rig file "
+        "states, the usual campaign; `paper`: the paper's two sources alone, the campaign where "
+        f"Eq. 24 leads; virtual mass {impedance.mass[0]:g} kg, damping "
+        f"{impedance.damping[0]:.3g} N·s/m, stiffness {impedance.stiffness[0]:g} N/m; {ORIGIN}",
         tuple(tables),
         beside=tuple(like),
         chosen=tuple(chosen),
-        drawings=(
-            Drawing("fig-16", "Deviation of the final pose after each move, rms over runs",
-                    "Of each component and move, by what the controller knows.",
-                    partial(_paint, found)),
-        ),
-    )  # fmt: skip
+        drawings=tuple(drawings),
+    )
+
+
+def _tables(case: str, found: Deviations) -> list[Table]:
+    position, posture = found.lengths(0), found.lengths(1)
+    ratios = tuple(
+        (f"{a} / {b}", ratio(position[a], position[b]), ratio(posture[a], posture[b]))
+        for a, b in controlled.pairs(found.arms)
+    )
+    means = tuple((n, mean(position[n]), mean(posture[n])) for n in position)
+    each = tuple(
+        (n, k, float(position[n][k]), float(posture[n][k]))
+        for n in position
+        for k in range(len(position[n]))
+    )
+    head = ("position, mm", "posture, mrad")
+    caption = f"Deviation of the final pose, mean over moves and runs; {case}"
+    knows = controlled.knowledge(found.arms)
+    return [
+        Table(f"deviation-{case}", caption, ("calibration", *head), means),
+        Table(f"ratios-{case}", f"Ratios of the means, like with like; {case}",
+              ("calibrations", "position", "posture"), ratios),
+        replace(knows, name=f"arms-{case}"),
+        Table(f"runs-{case}", "Every run", ("calibration", "run", *head), each, shown=False),
+    ]  # fmt: skip
 
 
 def _paint(found: Deviations) -> Figure:

@@ -25,7 +25,7 @@ from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import SurveyOptions
 
 POSTURES, SQUEEZES, NOISES = (12, 24, 100), (0.0, 200.0, 1000.0), (0.1, 0.3, 1.0)
-SOURCES = ("the paper's two", "the rig file's")
+SOURCES = ("paper", "rig")
 #: Of the campaigns of Eq. 24, this share is solved by maximum likelihood too.
 _SHARE = 4
 PAPER = -30.1
@@ -130,7 +130,9 @@ def _counted(s: int, method: str, found: dict[Place, Against]) -> str:
         if known:
             span = f" ({min(known, key=_value)} to {max(known, key=_value)} %)"
         parts.append(f"{name} in {below} of {len(known)} cases{span}")
-    return f"{METHODS[method]}, {SOURCES[s]} sources, is below the tracker: {'; '.join(parts)}."
+    return (
+        f"{METHODS[method]}, sources of the {SOURCES[s]}, is below the tracker: {'; '.join(parts)}."
+    )
 
 
 def _value(estimate: Estimate) -> float:

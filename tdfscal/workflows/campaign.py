@@ -19,17 +19,11 @@ from tdfscal.logs.bag.rosbag2 import entries_of, read_bag, refuse_unfinished
 from tdfscal.logs.formats import NOWHERE, check_regular
 from tdfscal.workflows.arguments import PathLike
 
-#: How the first line of each table begins: plan, contact wrenches, exported rotations, studies.
+#: How the first line of each table begins: plan and studies, contact wrenches, exported rotations.
 _FIRST_LINES = (
     b"# tdfscal ",
     b"time,fx,fy,fz,mx,my,mz,u_fx,",
     b"sensor,r_xx,r_xy,r_xz,",
-    b"posture_roll,posture_pitch,posture_yaw,internal_N,",
-    b"calibration,posture_roll,posture_pitch,posture_yaw,",
-    b"method,support,angle,",
-    b"method,run,",
-    b"calibration,move,run,",
-    b"calibration,run,",
 )
 #: What else they say near their begin: exports, pages, certificates, documents, drafts.
 _SAID = re.compile(

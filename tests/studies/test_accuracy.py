@@ -93,7 +93,7 @@ def test_the_map_has_every_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     cells = next(t for t in study.all_tables if t.name == "cells")
     assert len(cells.rows) == 2 * 1 * 2 * 1 * 2
     # Six postures are too few for 27 numbers, and the sentence counts what is known.
-    assert any("Eq. 24, the paper's two sources" in note and "of 1 cases" in note
+    assert any("Eq. 24, sources of the paper" in note and "of 1 cases" in note
                for note in study.notes)  # fmt: skip
     assert study.drawings[0].paint()
 

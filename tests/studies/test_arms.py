@@ -9,6 +9,7 @@ import pytest
 
 from studies import controlled, docking, free_space
 from studies.arms import KNOWS, MOUNTED, TARED, Arm, simulated
+from studies.campaigns import Setting
 from studies.control.contact import GearPair
 from studies.control.machine import Impedance, Sensing
 from studies.control.runs import Controller
@@ -21,7 +22,7 @@ SILENT = Controller(sensing=Sensing(noise=0.0))
 
 @pytest.fixture(scope="module")
 def compared() -> tuple[Arm, ...]:
-    return simulated(RIG, SurveyOptions(), 3, np.random.default_rng(0))
+    return simulated(RIG, SurveyOptions(), 3, np.random.default_rng(0), Setting())
 
 
 def test_arms_differ_in_their_angles_alone(compared: tuple[Arm, ...]) -> None:
