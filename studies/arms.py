@@ -21,7 +21,8 @@ from tdfscal.simulation.truth import stated
 #: What each controller knows.
 KNOWS = {
     "none": "nominal angles",
-    "none, 3 mrad": "nominal angles, on a machine that was mounted to 3 mrad about every axis",
+    "none, 3 mrad": "nominal angles of a machine that was mounted to 3 mrad about every axis",
+    "none, yaw 30": "nominal angles of a machine that was mounted to 3, 3 and 30 mrad",
     "tracker": "the tracker's angles",
     "Eq. 24": "the angles of the paper's self-calibration",
     "ML": "the angles of self-calibration by maximum likelihood",
@@ -30,8 +31,8 @@ KNOWS = {
 TARED = ("tracker", "Eq. 24", "ML", "true angles")
 #: Where all of it comes from.
 ORIGIN = "campaign and survey simulated and calibrated, a rig of its own in every run"
-#: rad, of the better mounting.
-MOUNTED = 3e-3
+#: rad, of better mountings: roll, pitch, yaw.
+MOUNTED = {"none, 3 mrad": (3e-3, 3e-3, 3e-3), "none, yaw 30": (3e-3, 3e-3, 3e-2)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +82,11 @@ def simulated(
         "true angles": list(truth.rotation),
     }
     arms = [_arm(rig, name, truth, each) for name, each in found.items()]
-    turn = so3.from_rpy(rig.nominal_rpy + MOUNTED * rng.standard_normal((runs, rig.n, 3)))
-    better = replace(truth, rotation=turn, rpy=so3.to_rpy(turn))
-    arms.insert(1, _arm(rig, "none, 3 mrad", better, list(nominal)))
+    unit = rng.standard_normal((runs, rig.n, 3))
+    for place, (name, std) in enumerate(MOUNTED.items()):
+        turn = so3.from_rpy(rig.nominal_rpy + np.array(std) * unit)
+        better = replace(truth, rotation=turn, rpy=so3.to_rpy(turn))
+        arms.insert(1 + place, _arm(rig, name, better, list(nominal)))
     return (*arms, *(tared(arm) for arm in arms if arm.name in TARED))
 
 

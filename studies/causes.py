@@ -16,10 +16,11 @@ from studies.campaigns import METHODS, SOURCES, Setting
 from studies.frame import Cell, Study, Table
 from studies.statistics import SAME, Estimate, jackknife, root_mean_square
 from tdfscal.records import FloatArray, Rig
-from tdfscal.simulation import SurveyOptions
+from tdfscal.simulation import Options, SurveyOptions
 
 ARMS = ("linear", "linear-forces", "angles", "angles-forces", "ml", "tracker")
 WHOLE, PAPERS = "nothing", "all but the paper's two"
+SQUEEZED = "positioners, their squeeze kept"
 #: N, of a posture's mean force, of sensors that are as good as free of noise.
 _SILENT = 1e-3
 
@@ -37,6 +38,11 @@ def run(
     for source in campaigns.stated(rig):
         quiet = replace(setting, noise=_SILENT) if source == "sensor noise" else setting
         cases[source] = campaigns.without(rig, source), quiet
+    # What the positioners' errors do besides: they squeeze.
+    pushed = rig.declared.positioner * float(Options().stiffness)
+    if pushed:
+        harder = replace(setting, squeeze=float(np.hypot(setting.squeeze, pushed)))
+        cases[SQUEEZED] = campaigns.without(rig, "positioners"), harder
     cases[PAPERS] = campaigns.papers_sources(rig), setting
     found: dict[str, dict[str, FloatArray]] = {}
     for name, (one, how) in cases.items():

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
-from studies.arms import KNOWS, Arm
-from studies.campaigns import pool, processes
+from studies.arms import KNOWS, MOUNTED, Arm
+from studies.campaigns import mapped, processes
 from studies.control.contact import GearPair
 from studies.control.loop import simulate
 from studies.control.machine import PositionErrors, draw_errors
@@ -26,6 +26,7 @@ from tdfscal.simulation import Pose, Truth
 MARKS = (
     (ink.BLACK, ":", "x"),
     (ink.GREY, ":", "+"),
+    (ink.GREY, "--", "v"),
     (ink.ORANGE, "--", "s"),
     (ink.RED, "-.", "D"),
     (ink.BLUE, "-", "o"),
@@ -38,15 +39,9 @@ MARKS = (
 #: Lane steps below which a second process costs more than it saves, and lanes per block at least.
 #: The blocks go by the work alone, so that the number of processes changes no number.
 _WORTH, _BLOCK = 1_000_000, 200
+#: Where the LCS origin starts in the BCS, m, and the travel of each NCP about there.
+HOME, TRAVEL = (0.05, -0.03, 1.2), (0.25, 0.25, 0.5)
 _R = TypeVar("_R", Truth, PositionErrors, Pose)
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where the LCS origin starts in the BCS, m, and the travel of each NCP about there."""
-
-    home: tuple[float, float, float] = (0.05, -0.03, 1.2)
-    travel: tuple[float, float, float] = (0.25, 0.25, 0.5)
 
 
 def controller_of(rig: Rig, gears: GearPair, *, relative: bool = False) -> Controller:
@@ -97,12 +92,7 @@ def simulate_lanes(
     parts = np.array_split(np.arange(runs), blocks)
     tasks = list(map(task, parts))
     workers = min(processes(), blocks)
-    if workers == 1:
-        results = [simulate(*one) for one in tasks]
-    else:
-        with pool(workers - 1) as running:
-            waiting = [running.submit(simulate, *one) for one in tasks[1:]]
-            results = [simulate(*tasks[0]), *(one.result() for one in waiting)]
+    results = list(mapped(simulate, *zip(*tasks, strict=True), workers=workers))
     lanes = np.arange(copies * runs).reshape(copies, runs)
     return _joined(results, np.argsort(np.concatenate([lanes[:, part].ravel() for part in parts])))
 
@@ -154,7 +144,7 @@ def knowledge(arms: Sequence[Arm]) -> Table:
 def pairs(arms: Sequence[Arm]) -> list[tuple[str, str]]:
     """Which arms are compared: like with like, untared with untared and tared with tared."""
     names = [arm.name for arm in arms]
-    found = [("tracker", "none"), ("tracker", "none, 3 mrad")]
+    found = [("tracker", "none"), *(("tracker", name) for name in MOUNTED)]
     found += [(name, "tracker") for name in ("Eq. 24", "ML", "true angles")]
     found += [(f"{a}, tared", f"{b}, tared") for a, b in found]
     return [(a, b) for a, b in found if a in names and b in names]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -41,15 +41,15 @@ _TICKS = ((0, 3, 6, 9, 12, 20, 40, 100), (0, 2, 4, 6, 10, 20, 50))
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """A docking: gap, m, before contact; speed, m/s; ramp, s."""
+    """A docking. slug : of its files. gap : m, before contact. speed : m/s. ramp : s."""
 
     rig: Rig
     controller: Controller
     gears: GearPair
+    slug: str = "docking"
     gap: float = 0.05
     speed: float = 1.5e-3
     ramp: float = 5.0
-    place: controlled.Place = field(default_factory=controlled.Place)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +127,9 @@ def simulate(
 
     Raises UsageError where the way leaves the NCPs' travel, or the loop is unstable.
     """
-    rig, gears, controller, place = setup.rig, setup.gears, setup.controller, setup.place
+    rig, gears, controller = setup.rig, setup.gears, setup.controller
     survey_seed, *machine_seeds = seed.spawn(3)
-    runs, home, tip = len(arms[0].truth.mass), np.asarray(place.home), np.asarray(gears.tip)
+    runs, home, tip = len(arms[0].truth.mass), np.asarray(controlled.HOME), np.asarray(gears.tip)
     mouth = home + tip + np.array([0.0, 0.0, setup.gap])
     # The way is planned by a survey of the outer gear.
     rng = np.random.default_rng(survey_seed)
@@ -143,7 +143,7 @@ def simulate(
         for s in (-setup.gap, way - setup.gap)
     )
     for pose, what in ((start, "start posture of run"), (goal, "end posture of run")):
-        require_within(rig, pose, place.home, place.travel, what)
+        require_within(rig, pose, controlled.HOME, controlled.TRAVEL, what)
     result = controlled.simulate_lanes(
         rig,
         controller,
@@ -157,16 +157,13 @@ def simulate(
 
 def cases(rig: Rig) -> dict[str, Setup]:
     """Contacts and damping terms that are docked at, by name."""
-    stand = GearPair()
+    stand, of = GearPair(), controlled.controller_of
     soft = replace(stand, stiffness=SOFT, seat_stiffness=2.0 * SOFT)
+    stiff = f"{1e-6 * stand.stiffness:.2g}"
     return {
-        "0.2 N/µm, B ẋ": Setup(rig, controlled.controller_of(rig, soft), soft),
-        "0.2 N/µm, B (ẋ − ẋ_d)": Setup(
-            rig, controlled.controller_of(rig, soft, relative=True), soft
-        ),
-        f"{1e-6 * stand.stiffness:.2g} N/µm, B ẋ": Setup(
-            rig, controlled.controller_of(rig, stand), stand
-        ),
+        "0.2 N/µm, B ẋ": Setup(rig, of(rig, soft), soft, "soft"),
+        "0.2 N/µm, B (ẋ − ẋ_d)": Setup(rig, of(rig, soft, relative=True), soft, "soft-relative"),
+        f"{stiff} N/µm, B ẋ": Setup(rig, of(rig, stand), stand, "stand"),
     }
 
 
@@ -184,11 +181,7 @@ def run(
         found[name] = simulate(setup, arms, fresh)
     first = next(iter(found.values()))
     tables = [_maxima(name, one) for name, one in found.items()]
-    tables.append(_ratios(found))
-    tables += [
-        controlled.knowledge(arms),
-        _every(found),
-    ]  # fmt: skip
+    tables += [_ratios(found), controlled.knowledge(arms)]
     limits = ", ".join(f"{v:g}" for v in first.setup.controller.thresholds)
     return Study(
         "docking",
@@ -216,7 +209,7 @@ def _maxima(name: str, one: Dockings) -> Table:
     head = ("calibration", "force, N", "torque, N·m", "seen, N", "seen, N·m", "success, %",
             "seated", "jammed", "false", "peak at contact, %")  # fmt: skip
     caption = "Largest contact wrench of a run, true and as the controller sees it, mean of x, y, z"
-    return Table(f"maxima-{_slug(name)}", f"{caption}; {name}", head, tuple(rows))
+    return Table(f"maxima-{one.setup.slug}", f"{caption}; {name}", head, tuple(rows))
 
 
 def _ratios(found: dict[str, Dockings]) -> Table:
@@ -229,19 +222,6 @@ def _ratios(found: dict[str, Dockings]) -> Table:
         ]
     head = ("contact, damping", "calibrations", "force", "torque")
     return Table("ratios", "Ratios of the means as seen, like with like", head, tuple(rows), 2)
-
-
-def _every(found: dict[str, Dockings]) -> Table:
-    rows: list[tuple[Cell, ...]] = [
-        (name, arm.name, k, int(one.seated[c, k]), *map(float, one.peak[c, k]),
-         *map(float, one.seen[c, k]))
-        for name, one in found.items()
-        for c, arm in enumerate(one.arms)
-        for k in range(one.seated.shape[1])
-    ]  # fmt: skip
-    head: tuple[str, ...] = ("contact, damping", "calibration", "run", "seated", *_FORCES)
-    head = (*head, *(f"seen {f}" for f in _FORCES))
-    return Table("runs", "Every run", head, tuple(rows), left=2, shown=False)
 
 
 def _like(name: str, one: Dockings) -> list[Beside]:
@@ -282,11 +262,6 @@ def _chosen(name: str, one: Dockings) -> list[tuple[str, str, str]]:
     return said
 
 
-def _slug(name: str) -> str:
-    kept = name.replace("µ", "u").replace("ẋ_d", "xd").replace("ẋ", "x").replace("−", "-")
-    return "-".join("".join(c if c.isalnum() else " " for c in kept).split()).lower()
-
-
 def _drawings(name: str, one: Dockings) -> list[Drawing]:
     """Fig. 17, of the median run of the paper's self-calibration, and Fig. 18."""
     arms = [arm.name for arm in one.arms]
@@ -301,12 +276,12 @@ def _drawings(name: str, one: Dockings) -> list[Drawing]:
             f"{peak[:3].max():.3g} N along {'xyz'[int(peak[:3].argmax())]}."
         )
         drawings.append(
-            Drawing(f"fig-17-{_slug(name)}",
+            Drawing(f"fig-17-{one.setup.slug}",
                     f"Contact wrench of one docking, {name}: {arms[c]}, the run of middle force",
                     said, partial(_paint_docking, one, c, run))
         )  # fmt: skip
     drawings.append(
-        Drawing(f"fig-18-{_slug(name)}", f"Largest contact wrench of each docking, {name}",
+        Drawing(f"fig-18-{one.setup.slug}", f"Largest contact wrench of each docking, {name}",
                 "Every run a mark, the mean a bar with its standard error.",
                 partial(_paint_maxima, one))
     )  # fmt: skip

@@ -109,7 +109,7 @@ class Beside:
             return "no result"
         if self.draws is not None:
             p = self.probability
-            return "undecided" if np.isnan(p) else "differs" if p < UNLIKELY else "agrees"
+            return "undecided" if np.isnan(p) else "differs" if p < UNLIKELY else "possible"
         off, spread = self.here.value - self.paper, SAME * float(np.nan_to_num(self.here.std))
         if self.bound:
             off = -off if self.bound == ">" else off

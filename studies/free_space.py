@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -50,7 +50,6 @@ class Setup:
     moves: FloatArray
     duration: float = 10.0
     rest: float = 40.0
-    place: controlled.Place = field(default_factory=controlled.Place)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +82,11 @@ def simulate(
 
     Raises UsageError where moves leave the NCPs' travel, or the loop is unstable.
     """
-    rig, moves, place = setup.rig, setup.moves, setup.place
-    pose = Pose(rotations.from_rpy(moves[..., :3]), np.asarray(place.home) + moves[..., 3:])
+    rig, moves = setup.rig, setup.moves
+    pose = Pose(rotations.from_rpy(moves[..., :3]), np.asarray(controlled.HOME) + moves[..., 3:])
     for end, what in enumerate(("initial posture of move", "target posture of move")):
         at = Pose(pose.rotation[:, end], pose.translation[:, end])
-        require_within(rig, at, place.home, place.travel, what)
+        require_within(rig, at, controlled.HOME, controlled.TRAVEL, what)
     runs = len(arms[0].truth.mass)
     start, goal = (
         Pose(*(np.repeat(v[:, end], runs, axis=0) for v in (pose.rotation, pose.translation)))

@@ -157,7 +157,7 @@ def _paint(found: dict[Place, Against]) -> Figure:
             said = f"{v:+.0f} %" if np.isfinite(v) else "–"
             ax.text(j, i, said.replace("-", "−"), ha="center", va="center", fontsize=8,
                     color="white" if dark else "black")  # fmt: skip
-        ax.set_title(f"{sources}, {noise:g} N", fontsize=8.5)
+        ax.set_title(f"sources: {sources}; {noise:g} N", fontsize=8.5)
         ax.set_xticks(range(len(SQUEEZES)), [f"{q:g}" for q in SQUEEZES])
         ax.set_yticks(range(len(POSTURES)), [str(c) for c in POSTURES])
         ax.grid(visible=False)
@@ -166,7 +166,7 @@ def _paint(found: dict[Place, Against]) -> Figure:
         if not k:
             ax.set_ylabel("postures")
     assert shown is not None
-    bar = fig.colorbar(shown, ax=grid, ticks=[-1, 0, 1, 2, 3, 4], extend="max")
+    bar = fig.colorbar(shown, ax=grid, ticks=[-1, 0, 1, 2, 3, 4], extend="both")
     bar.set_ticklabels(["½", "1", "2", "4", "8", "16"])
     bar.set_label("σ of Eq. 24 over the tracker's")
     return fig

@@ -102,7 +102,7 @@ def test_causes_are_those_that_were_taken_away() -> None:
     study = causes.run(RIG, SurveyOptions(), 6, 1)
     table = study.tables[0]
     rows: dict[Any, Any] = {row[0]: row[1:] for row in table.rows}
-    assert set(rows) == {causes.WHOLE, causes.PAPERS, *campaigns.stated(RIG)}
+    assert set(rows) == {causes.WHOLE, causes.PAPERS, causes.SQUEEZED, *campaigns.stated(RIG)}
     # Theory, section 17: angles by moments alone put the barycentre's millimetre into roll.
     angles = {name: row[2].value for name, row in rows.items()}
     assert angles["barycentre"] < 0.3 * angles[causes.WHOLE]

@@ -22,7 +22,7 @@ from tests.docs.pages import text
 RECORDS = Path(__file__).parents[2] / "benchmarks" / "paper"
 #: Fewer runs than the records', of another seed.
 RUNS = {"accuracy": 12, "table2": 6, "causes": 10, "free-space": 3, "docking": 3}
-_SPREAD = re.compile(r"−?[\d.]+ ± [\d.]+")
+_SPREAD = re.compile(r"−?\d+(?:\.\d+)? ± \d+(?:\.\d+)?")
 
 
 def record(name: str) -> dict[str, Any]:
@@ -30,12 +30,13 @@ def record(name: str) -> dict[str, Any]:
     return found
 
 
-def cells(document: dict[str, Any]) -> Iterator[tuple[tuple[str, int, str], Any]]:
-    """Every cell of the tables by table, row and column."""
+def cells(document: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every cell of the tables by table, first words of its row, and column."""
     for table, rows in document["tables"].items():
-        for k, row in enumerate(rows):
+        for row in rows:
+            words = [cell for cell in row.values() if isinstance(cell, str)]
             for column, cell in row.items():
-                yield (table, k, column), cell
+                yield (table, *words[:3], column), cell
 
 
 def said(cell: Any) -> str:
