@@ -121,9 +121,11 @@ def _sensor(results: ET.Element, support: SupportResult, *, linear: bool) -> Non
         if mounting is None:
             break
         interval, value, std = mounting.interval, mounting.rpy[k], mounting.rpy_std[k]
-        # D-SI knows no coverage factor below 1.
-        half = max(interval.high[k] - value, value - interval.low[k], std)
+        low, high = interval.low[k], interval.high[k]
         real = _real(data, f"{angle} of {support.name}", value, "\\radian")
+        if low is None or high is None:  # roll and yaw are one turn: neither has an uncertainty
+            continue
+        half = max(high - value, value - low, std)  # D-SI knows no coverage factor below 1
         if std > 0 and linear:
             _doubled(real, std)
         elif std > 0:

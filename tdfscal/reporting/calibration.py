@@ -74,7 +74,7 @@ def _angles(c: Calibration) -> Table:
                    support.interval.high, nominal[support.name], strict=True)  # fmt: skip
         for j, (angle, value, std, low, high, zero) in enumerate(each):
             row = [support.name, angle, f"{1e3 * value:.3f}", f"{1e3 * std:.3f}",
-                   f"{1e3 * low:.3f} to {1e3 * high:.3f}", _dominant(c, 3 * i + j)]  # fmt: skip
+                   _interval(low, high), _dominant(c, 3 * i + j)]  # fmt: skip
             if turned:
                 row.insert(3, f"{1e3 * math.remainder(value - zero, math.tau):+.3f}")
             rows.append(tuple(row))
@@ -84,6 +84,11 @@ def _angles(c: Calibration) -> Table:
     beside = ", and their turn from the nominal mounting" if turned else ""
     caption = f"Installation angles in the BCS{beside}, mrad; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
     return Table(caption, tuple(header), tuple(rows), left=2)
+
+
+def _interval(low: float | None, high: float | None) -> str:
+    """In mrad; none where roll and yaw are not separable."""
+    return "–" if low is None or high is None else f"{1e3 * low:.3f} to {1e3 * high:.3f}"
 
 
 def _dominant(c: Calibration, row: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -229,5 +230,5 @@ def angle_rows(calibration: CalibrationFile) -> Iterator[tuple[str | float, ...]
     """Return what stands under `ANGLE_COLUMNS`."""
     for support in calibration.mounted:
         low, high = support.interval.low, support.interval.high
-        each = zip(ANGLES, support.rpy, support.rpy_std, low, high, strict=True)
-        yield from ((support.name, *row) for row in each)
+        for angle, *row in zip(ANGLES, support.rpy, support.rpy_std, low, high, strict=True):
+            yield (support.name, angle, *(math.nan if value is None else value for value in row))

@@ -138,7 +138,9 @@ def _supports(
     if angles.trials is not None and not angles.trials.validated:
         low, high = angles.trials.low, angles.trials.high
     stated = np.where(known, rpy, np.inf)
-    stated_std = np.where(known & ~so3.locked(R)[:, None], std, np.inf)
+    separable = known & ~so3.locked(R)[:, None]
+    stated_std = np.where(separable, std, np.inf)
+    low, high = np.where(separable, low, np.inf), np.where(separable, high, np.inf)
     zeros, zero_stds = measured_only(zero, rig.axes), measured_only(zero_std, rig.axes)
     supports: list[dict[str, Any]] = []
     for i, name in enumerate(rig.supports):

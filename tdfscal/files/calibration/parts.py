@@ -93,15 +93,18 @@ class Input(Strict):
 
 
 class Interval(Strict):
-    """Coverage interval of roll, pitch, yaw, rad."""
+    """Coverage interval of roll, pitch, yaw, rad; null for an angle whose `rpy_std` is null."""
 
     coverage: Coverage = key("probability that the interval holds the value")
-    low: Vector = key("rad: lower ends of roll, pitch, yaw")
-    high: Vector = key("rad: upper ends of roll, pitch, yaw")
+    low: OpenAngles = key("rad: lower ends of roll, pitch, yaw; null where rpy_std is")
+    high: OpenAngles = key("rad: upper ends of roll, pitch, yaw; null where rpy_std is")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if any(low > high for low, high in zip(self.low, self.high, strict=True)):
+        ends = list(zip(self.low, self.high, strict=True))
+        if any((low is None) != (high is None) for low, high in ends):
+            raise fault("an interval has one of its ends and lacks the other")
+        if any(low > high for low, high in ends if low is not None and high is not None):
             raise fault("an interval's low end is above its high end")
         return self
 
@@ -182,6 +185,10 @@ class SupportResult(Strict):
         absent = [value is None for value in angles]
         if any(absent) != (not self.determined) or all(absent) != (not self.determined):
             raise fault("has some of its angles and lacks others", "rotation")
+        if self.rpy_interval is not None:
+            ends = zip(self.rpy_interval.low, self.rpy_std, strict=True)
+            if any(low is None and std is not None for low, std in ends):
+                raise fault("lacks an interval whose rpy_std is stated", "rpy_interval")
         if self.determined != (self.directions is None):
             raise fault("belongs to a sensor without rotation, and to no other", "directions")
         return self

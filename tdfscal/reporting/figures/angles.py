@@ -66,13 +66,14 @@ def draw(c: Calibration) -> Drawing:
 def _paint(c: Calibration) -> Figure:
     nominal = np.array([support.nominal_rpy for support in c.rig.supports])[c.determined]
     turn = 1e3 * so3.wrapped(c.rpy[c.determined] - nominal).ravel()
-    low = 1e3 * np.ravel([s.interval.low for s in c.mounted])
-    high = 1e3 * np.ravel([s.interval.high for s in c.mounted])
+    low = 1e3 * np.array([s.interval.low for s in c.mounted], dtype=np.float64).ravel()
+    high = 1e3 * np.array([s.interval.high for s in c.mounted], dtype=np.float64).ravel()
     value = 1e3 * c.rpy[c.determined].ravel()
     fig, (left, right), place = by_angle([s.name for s in c.mounted], 2)
     bars = _turns(left, place, turn)
     for bar, name, v, a, b in zip(bars, left.get_yticklabels(), value, low, high, strict=True):
-        tip(bar, f"{name.get_text()}: {v:.3f} mrad, 95 % from {a:.3f} to {b:.3f}")
+        known = f", 95 % from {a:.3f} to {b:.3f}" if np.isfinite(a) else ""
+        tip(bar, f"{name.get_text()}: {v:.3f} mrad{known}")
     reach = np.abs(turn).max() * 1.35 or 1.0
     left.set_xlim(min(0, turn.min()) - 0.3 * reach, max(0, turn.max()) + 0.3 * reach)
     for y, t in zip(place, turn, strict=True):

@@ -1,0 +1,107 @@
+"""A sensor pitched by 90°: roll and yaw are one turn, and no interval of them stands anywhere."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from matplotlib.container import ErrorbarContainer
+
+from tdfscal.exports.certificate import certificate
+from tdfscal.files.calibration.document import Calibration, load_calibration
+from tdfscal.files.calibration.from_results import from_self
+from tdfscal.files.rig.reading import parse_rig
+from tdfscal.numerics import so3
+from tdfscal.reporting.calibration import calibration_report
+from tdfscal.reporting.figures import angles, style
+from tdfscal.reporting.text import render
+from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.simulation import Options, simulate_dwells
+from tdfscal.workflows.calibration import angles_frame
+from tests.export.test_certificate import NAMES, check
+from tests.reporting.pages import render_page
+from tests.reporting.samples import RIG, provenance, saved, sketch
+
+UPRIGHT = 1
+
+
+@pytest.fixture(scope="module", params=[0, 500], ids=["linear", "trials"])
+def upright(request: pytest.FixtureRequest) -> Calibration:
+    turns = 2 * np.pi * np.arange(3) / 3
+    pitch = [np.pi / 2 if i == UPRIGHT else 0.0 for i in range(3)]
+    lines = [
+        f"  - {{name: s{i}, hinge: [{0.6 * np.cos(a)}, {0.6 * np.sin(a)}, 0.0], "
+        f"nominal_rpy: [0.0, {pitch[i]}, 0.0], zero: {{value: [0, 0, 0], std: [0.5, 0.5, 0.5]}}}}"
+        for i, a in enumerate(turns)
+    ]
+    loaded = parse_rig(RIG.format(name="R", supports="\n".join(lines)).encode(), "rig.yaml")
+    near = replace(loaded.rig, rpy_std=np.full((3, 3), 1e-3))
+    batch = simulate_dwells(near, Options(postures=12, squeeze=200.0), np.random.default_rng(3), 1)
+    assert so3.locked(batch.truth.rotation[0]).tolist() == [False, True, False]
+    result = self_calibrate(
+        loaded.rig, batch.dwells(0), rng=np.random.default_rng(0), max_trials=request.param
+    )
+    return from_self(result, provenance(loaded))
+
+
+def test_the_file_states_neither_uncertainty_nor_interval(
+    upright: Calibration, tmp_path: Path
+) -> None:
+    read = load_calibration(saved(upright, tmp_path, "c.yaml"))
+    for i, support in enumerate(read.supports):
+        assert support.rpy_interval is not None
+        open_ = [i == UPRIGHT] * 3
+        for stated in (support.rpy_std, support.rpy_interval.low, support.rpy_interval.high):
+            assert [value is None for value in stated] == open_
+
+
+def test_a_file_that_states_half_of_an_interval_is_refused(
+    upright: Calibration, tmp_path: Path
+) -> None:
+    document = upright.model_dump()
+    document["supports"][UPRIGHT]["rpy_interval"]["low"] = [0.0, None, None]
+    with pytest.raises(ValueError, match="one of its ends"):
+        Calibration.model_validate(document)
+    document = upright.model_dump()
+    document["supports"][0]["rpy_interval"] |= {"low": [None] * 3, "high": [None] * 3}
+    with pytest.raises(ValueError, match="lacks an interval whose rpy_std"):
+        Calibration.model_validate(document)
+
+
+def test_frame_text_page_and_certificate_leave_it_out(
+    upright: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sketch(monkeypatch)
+    frame = angles_frame(upright)
+    own = frame["support"] == f"s{UPRIGHT}"
+    assert frame.loc[own, ["low", "high"]].isna().all(axis=None)
+    assert frame.loc[~own, ["low", "high"]].notna().all(axis=None)
+    rows = [line for line in render(calibration_report(upright)).splitlines() if " to " in line]
+    assert [f"s{UPRIGHT}" in row for row in rows if re.search(r"\b(roll|pitch|yaw)\b", row)] == [
+        False
+    ] * 6
+    assert not re.search(r"\b(inf|nan|None)\b", render_page(upright))
+    text = certificate(upright)
+    check(text, tmp_path)
+    known = {
+        quantity.findtext("dcc:name/dcc:content", namespaces=NAMES): quantity.find(
+            ".//si:expandedMU", NAMES
+        )
+        is not None
+        for quantity in ET.fromstring(text).iterfind(".//dcc:quantity", NAMES)
+    }
+    for i in range(3):
+        assert [known[f"{a} of s{i}"] for a in ("roll", "pitch", "yaw")] == [i != UPRIGHT] * 3
+
+
+def test_the_figure_draws_no_whisker(upright: Calibration) -> None:
+    figure = style.to_figure(angles.draw(upright))
+    (bars,) = figure.axes[1].containers
+    assert isinstance(bars, ErrorbarContainer)
+    ends = [segment.ravel() for segment in bars.lines[2][0].get_segments()]
+    drawn = [len(x) == 4 and bool(np.isfinite(x).all()) for x in ends]
+    assert sum(drawn) == 6
