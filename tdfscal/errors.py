@@ -101,3 +101,12 @@ class RejectedError(TdfscalError):
     """The quality gate rejected what is asked to be used."""
 
     exit_status = 1
+
+
+def inaccessible(fault: OSError) -> UsageError:
+    """Return the error of a file or folder that the system does not let be read or written."""
+    return UsageError(
+        f"cannot be read or written: {fault.strerror or fault}",
+        where=str(fault.filename or "a file or folder"),
+        hint="check the path, make room, or choose another place",
+    )

@@ -14,6 +14,7 @@ from typing import Any
 
 from tdfscal import memory
 from tdfscal.cli.streams import Signalled, prepare, reporting, say
+from tdfscal.errors import inaccessible
 
 #: BSD's EX_SOFTWARE: none of the contract's statuses, which speak of the user's input.
 INTERNAL_ERROR = 70
@@ -64,10 +65,7 @@ def _judged(fault: BaseException) -> tuple[int, str]:
         error = memory.shortage()
         return error.exit_status, str(error)
     if isinstance(fault, OSError):
-        return 2, (
-            f"{fault.filename or 'a file or folder'} cannot be read or written: "
-            f"{fault.strerror or fault}. Make room, or choose another place."
-        )
+        return 2, str(inaccessible(fault))
     said = " ".join(str(fault).split())
     return INTERNAL_ERROR, (
         f"internal error, {type(fault).__name__}: {said}. This is a fault of "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from tdfscal.workflows.arguments import (
     PathLike,
     listed,
     one,
-    one_of,
     triple,
     window,
 )
@@ -160,7 +159,6 @@ def apply(
     UsageError, RigError, DataError
     """
     target, files = one(output), listed(paths)
-    one_of("--filter", filter, get_args(Kind))
     reads = inputs_read(files, one(rig), files=paths_of([calibration]))
     check_outputs({"--output": (target, SUFFIXES)}, reads)
     walk = None if filter == "none" else WALK

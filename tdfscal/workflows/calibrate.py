@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from tdfscal.workflows.arguments import (
     check_trials,
     listed,
     one,
-    one_of,
     window,
 )
 from tdfscal.workflows.calibration import Calibration, Records, as_calibration
@@ -103,9 +102,6 @@ def calibrate(
     """
     target, files = one(output), listed(paths)
     page, rig_file = one(html), one(rig)
-    one_of("--method", method, get_args(Method))
-    one_of("--samples", samples, get_args(Samples))
-    one_of("--estimator", estimator, get_args(Estimator))
     _check_samples(samples, method, estimator)
     check_trials(trials)
     check_outputs(

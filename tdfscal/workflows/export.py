@@ -11,7 +11,7 @@ from tdfscal.exports import FORMATS
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.saving import write_text
 from tdfscal.reporting.layout import Drawing
-from tdfscal.workflows.arguments import PathLike, one, one_of
+from tdfscal.workflows.arguments import PathLike, one
 from tdfscal.workflows.calibration import (
     Calibration,
     paths_of,
@@ -87,7 +87,6 @@ def export(
     """
     del progress
     target = one(output)
-    one_of("--to", to, list(FORMATS))
     check_outputs({"--output": (target, ())}, paths_of([calibration]))
     name, loaded = read_source(calibration)
     if not loaded.accepted and not allow_rejected:

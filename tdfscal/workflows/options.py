@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
+from tdfscal.errors import inaccessible
 from tdfscal.files.outputs import together
-from tdfscal.workflows.arguments import Instant, Numbers, PathLike, PathLikes
+from tdfscal.memory import is_short
+from tdfscal.workflows.arguments import Instant, Numbers, PathLike, PathLikes, check_argument
 from tdfscal.workflows.calibration import CalibrationSource
 from tdfscal.workflows.progress import Progress
 
@@ -53,7 +56,7 @@ class Described:
     @property
     def flags(self) -> tuple[str, ...]:
         """Names of the option."""
-        return self.option.names or (f"--{self.name.rstrip('_').replace('_', '-')}",)
+        return _flags(self.name, self.option)
 
     @property
     def values(self) -> str:
@@ -105,7 +108,7 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
     """
 
     def make(function: _Function) -> _Function:
-        made: Any = together()(function)
+        made = _checked(function)
         told = "\n".join(_told(name, hint) for name, hint in _hints(function))
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
         made.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{told}{raises}{tail}"
@@ -114,6 +117,37 @@ def command(example: str, **carries: str) -> Callable[[_Function], _Function]:
         return made  # type: ignore[no-any-return]
 
     return make
+
+
+def _checked(function: Callable[..., Any]) -> Any:
+    """Let a function refuse arguments of a wrong type, and make its outputs all or none.
+
+    What the system does not let be read or written is an error of this library too.
+    """
+    whole, types = signature(function), dict(_hints(function))
+
+    @wraps(function)
+    def call(*positional: Any, **named: Any) -> Any:
+        for name, value in whole.bind(*positional, **named).arguments.items():
+            kind, option = _of(types[name])
+            of = whole.parameters[name].kind
+            where = _flags(name, option)[0] if of is Parameter.KEYWORD_ONLY else name
+            for one in value if of is Parameter.VAR_POSITIONAL else (value,):
+                check_argument(where, one, kind, option.least)
+        try:
+            with together():
+                return function(*positional, **named)
+        except OSError as fault:
+            if is_short(fault):
+                raise
+            raise inaccessible(fault) from fault
+
+    return call
+
+
+def _flags(name: str, option: Option) -> tuple[str, ...]:
+    """Names of a parameter's option."""
+    return option.names or (f"--{name.rstrip('_').replace('_', '-')}",)
 
 
 def _plain(function: Callable[..., Any]) -> Signature:

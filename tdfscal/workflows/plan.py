@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -38,11 +38,9 @@ from tdfscal.workflows.arguments import (
     Numbers,
     PathLike,
     PathLikes,
-    at_least,
     listed,
     numbers,
     one,
-    one_of,
     triple,
 )
 from tdfscal.workflows.campaign import inputs_read, resolve, rig_named
@@ -61,7 +59,7 @@ DEFAULT_NOISE = 1.0
 DEFAULT_DENSITY = 0.1
 """N, of a force's mean over a second in motion."""
 #: Ways from home as `--travel` writes them, or by the NCP's name.
-Travel = Sequence[str] | Mapping[str | None, Sequence[float]]
+Travel = float | str | Sequence[str | float] | Mapping[str | None, Numbers]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -211,8 +209,6 @@ def plan(
         raise UsageError(
             "--postures and --target ask for two different things", hint="give one of them"
         )
-    one_of("--objective", objective, get_args(Objective))
-    at_least("--postures", postures, 1)
     reads = inputs_read(listed(given), Path(rig))
     check_outputs({"--output": (file, [".csv"]), "--waypoints": (spline, [".csv"])}, reads)
     known = rig_named(rig)
@@ -263,7 +259,7 @@ def _recorded(rig: LoadedRig, paths: list[Path], noise: float, progress: Progres
     return recorded(campaign.rig.rig, LogPass(campaign, Settings(progress)).dwells(), noise)
 
 
-def _travels(travel: Travel | str | float) -> dict[str | None, tuple[float, ...]]:
+def _travels(travel: Travel) -> dict[str | None, tuple[float, ...]]:
     if isinstance(travel, Mapping):
         return {name: numbers("--travel", value) for name, value in travel.items()}
     found = {}

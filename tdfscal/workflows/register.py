@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.registration import document, registration_report
 from tdfscal.trackercal import PointRegistration
 from tdfscal.trackercal.point_matching import Match
-from tdfscal.workflows.arguments import PathLike, one_of
+from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.options import Option, Telling, command
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result
@@ -89,7 +89,6 @@ def register(
         The points do not fix a transform.
     """
     del progress
-    one_of("--match", match, get_args(Match))
     instrument = _instrument(range, range_ppm, angle_arcsec)
     pairs = _pairs(groups)
     first = read_point_file(Path(measured), length_unit=unit)

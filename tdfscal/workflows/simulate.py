@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 from tdfscal.errors import UsageError
 from tdfscal.files.output_places import check_folder
@@ -13,7 +13,7 @@ from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.reporting.layout import Drawing
 from tdfscal.simulation import MOVING, SCENARIOS, Recorder, Run
-from tdfscal.workflows.arguments import PathLike, at_least, one_of
+from tdfscal.workflows.arguments import PathLike
 from tdfscal.workflows.options import Option, Telling, command
 from tdfscal.workflows.progress import SILENT
 from tdfscal.workflows.result import Result, by_angle
@@ -91,9 +91,6 @@ def simulate(
     """
     scenario = scenario.lower()
     check_folder(Path(folder))
-    one_of("--format", format, get_args(LogFormat))
-    at_least("--postures", postures, 1)
-    at_least("--months", months, 1)
     if not RATES[0] <= rate <= RATES[1]:
         raise UsageError(
             f"{rate:g} Hz is no rate of a recorder",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
 from tdfscal.validation.known_noise import AS_STATED, KnownNoise
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.workflows.arguments import listed, one, one_of, window
+from tdfscal.workflows.arguments import listed, one, window
 from tdfscal.workflows.calibration import Calibration, paths_of
 from tdfscal.workflows.calibration_in_use import InUse, take, zero_age
 from tdfscal.workflows.campaign import inputs_read
@@ -146,7 +146,6 @@ def validate(
     UsageError, RigError, DataError
     """
     files, page = listed(paths), one(html)
-    one_of("--samples", samples, get_args(Samples))
     reads = inputs_read(files, one(rig), files=paths_of([calibration]))
     check_outputs({"--html": (page, PAGE_SUFFIXES)}, reads)
     settings = Settings(progress, window(from_, to))
