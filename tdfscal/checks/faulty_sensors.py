@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.model.parameters import nominal
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
@@ -52,6 +53,7 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
             noise=np.sqrt(np.median(np.diagonal(dwells.force_cov, axis1=2, axis2=3), axis=0)),
         )
         for i, j in np.argwhere(stuck):
+            check_unit(rig, dwells.force)
             raise _stuck(rig, dwells, int(i), int(j))
     reasons: dict[int, str] = {}
     over = (np.maximum(np.abs(low), np.abs(high)) >= rig.capacity) & np.isfinite(rig.capacity)
@@ -73,6 +75,8 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
         )
     keep = np.ones(len(dwells), dtype=bool)
     keep[list(reasons)] = False
+    if not keep.any():
+        check_unit(rig, dwells.force)
     return Screened(keep, reasons)
 
 

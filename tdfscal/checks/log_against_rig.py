@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.checks import geometry
 from tdfscal.errors import DataError
-from tdfscal.model.parameters import State, gravity
+from tdfscal.model.parameters import State, gravity, nominal
 from tdfscal.model.pose import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
@@ -24,6 +24,8 @@ _SIZE = 0.02
 _SHAPE = 2e-3
 #: Forces and weight must agree within this share; the fit judges the rest far more sharply.
 _WEIGHT = 0.2
+#: Forces a thousand times too small may be rounded by up to this factor.
+_COARSELY = 2.0
 #: Units of length, m: those that a rig file can declare, and others that a recorder may write.
 _DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _FOREIGN = {"cm": 1e-2, "inches": 0.0254}
@@ -312,6 +314,24 @@ def check_weight(rig: Rig, postures: Postures, state: State) -> None:
         raise weight_error(ratio, allowed, float(rig.mass.value))
 
 
+def check_unit(rig: Rig, force: FloatArray) -> None:
+    """Look whether readings (K, n, 3), N, are a thousand times too large or too small.
+
+    Asked before a channel is called dead: in the wrong unit, with few digits, it does not move.
+
+    Raises
+    ------
+    DataError
+        kN where N is declared, or the other way round.
+    """
+    mass = float(rig.mass.value)
+    measured = np.where(rig.axes, force, 0.0)
+    ratio = float(np.median(weight_share(nominal(rig), rig.gravity, measured)))
+    for factor, unit in _FORCES.items():
+        if abs(np.log10(factor)) >= 3 and 1 / _COARSELY < abs(ratio) / factor < _COARSELY:
+            raise _unit_error(ratio, mass, unit)
+
+
 def weight_share(state: State, g: float, force: FloatArray) -> FloatArray:
     """Part (K,) of the weight that the readings (K, n, 3), N, hold up: 1 at rest, untouched."""
     weight = state.mass * gravity(state, g)
@@ -339,7 +359,10 @@ def weight_error(ratio: float, allowed: float, mass: float) -> DataError:
             hint="set log.force_on in rig.yaml to the other value, or state nominal_rpy where a "
             "sensor is mounted upside down",
         )
-    unit = unit_of(ratio)
+    return _unit_error(ratio, mass, unit_of(ratio))
+
+
+def _unit_error(ratio: float, mass: float, unit: str | None) -> DataError:
     return DataError(
         f"the forces sum to {ratio:.3g} times the weight of {mass:.6g} kg"
         + (f", as if they were {unit}" if unit else ""),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.checks.faulty_sensors import AXES, axes_line, check_directions, check_unmeasured
+from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, Stretch, blocks, runs
 from tdfscal.motioncal.streams import Slow
@@ -44,6 +45,8 @@ def usable_samples(rig: Rig, slow: Slow) -> Usable:
         keep[run] = False
         rejected.append(Stretch(float(slow.time[run][0]), float(slow.time[run][-1]), reason))
     cut = blocks(slow, keep)
+    if not cut:
+        check_unit(rig, slow.force)
     check_blocks(slow, cut)
     return Usable(keep, cut, tuple(rejected))
 
@@ -71,6 +74,7 @@ def check_stream(rig: Rig, slow: Slow) -> None:
     )
     still = np.ptp(slow.force, axis=0) <= _SAME * np.abs(slow.force).max(axis=0)
     for i, j in np.argwhere(still & rig.axes):
+        check_unit(rig, slow.force)
         raise DataError(
             f"the {AXES[j]} axis of the sensor of {rig.supports[i]} reads "
             f"{slow.force[0, i, j]:.6g} N throughout: it is dead or not connected",

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
+from tdfscal.checks.faulty_sensors import screen
 from tdfscal.checks.log_against_rig import (
     check_geometry,
     check_size,
@@ -341,6 +342,19 @@ def test_forces_in_another_unit_or_sign(factor: float, words: str | None) -> Non
         assert error.value.where == "log forces"
         units = [unit for unit in ("in N where kN", "in kN where N", "in kgf") if unit != words]
         assert not any(unit in error.value.what for unit in units)
+
+
+@pytest.mark.parametrize(("step", "unit"), [(1.0, 1e-3), (1e-2, 1e3)])
+def test_a_unit_that_leaves_few_digits_is_no_dead_sensor(step: float, unit: float) -> None:
+    """kN without decimals where N is declared stand still; N read as kN pass capacities."""
+    rig = replace(simulation.make_rig(), capacity=np.full((3, 3), 5e3))
+    dwells = simulation.simulate_dwells(rig, Options(), np.random.default_rng(1), 1).dwells(0)
+    arrays = {
+        name: step * np.round(unit * getattr(dwells, name) / step)
+        for name in ("force", "force_min", "force_max")
+    }
+    with pytest.raises(DataError, match="in kN where N" if unit < 1 else "in N where kN"):
+        screen(rig, replace(dwells, **arrays))
 
 
 def test_an_uncertain_mass_widens_what_is_allowed() -> None:
