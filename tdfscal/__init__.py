@@ -13,11 +13,13 @@ True
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 __version__ = "0.1.0"
 
+# Nothing is imported here: an interruption amid it could not be said in a line (`cli.main`).
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from tdfscal.api import *
 
 #: What is loaded from `tdfscal.api` on first use.

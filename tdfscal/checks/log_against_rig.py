@@ -327,7 +327,7 @@ def check_unit(rig: Rig, force: FloatArray) -> None:
     mass = float(rig.mass.value)
     measured = np.where(rig.axes, force, 0.0)
     ratio = float(np.median(weight_share(nominal(rig), rig.gravity, measured)))
-    for factor, unit in _FORCES.items():
+    for factor, unit in UNITS.items():
         if abs(np.log10(factor)) >= 3 and 1 / _COARSELY < abs(ratio) / factor < _COARSELY:
             raise _unit_error(ratio, mass, unit)
 

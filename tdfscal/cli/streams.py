@@ -62,8 +62,12 @@ def reporting() -> Iterator[None]:
     try:
         yield
         sys.stdout.flush()
-    except (OSError, ValueError):
+    except BrokenPipeError:
         leave_stdout()
+    except (OSError, ValueError) as fault:
+        leave_stdout()
+        reason = getattr(fault, "strerror", None) or str(fault)
+        say(f"tdfscal: warning: standard output takes no more of the report: {reason}")
 
 
 def say(text: str) -> None:

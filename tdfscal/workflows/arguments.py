@@ -82,7 +82,7 @@ def check_argument(option: str, value: Any, kind: Any, least: float | None = Non
         )
     if least is not None and isinstance(value, Real):
         at_least(option, value, least)  # type: ignore[arg-type]
-    if os.PathLike in map(get_origin, members):
+    if any(get_origin(member) is os.PathLike for member in members):
         for path in value if _is_list(value) else (value,):
             if isinstance(path, str | os.PathLike) and "\0" in os.fspath(path):
                 raise UsageError(f"{shortly(path)} is no path", where=option, hint="check it")

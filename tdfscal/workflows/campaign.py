@@ -261,6 +261,11 @@ def is_own_result(path: Path) -> bool:
         return False
 
 
+def is_other_result(path: Path) -> bool:
+    """Tell whether a file is a result of tdfscal, and no calibration."""
+    return path.is_file() and is_own_result(path) and not _is_calibration(path)
+
+
 def inputs_read(
     paths: Iterable[Path] = (), rig: Path | None = None, files: Iterable[Path] = ()
 ) -> list[Path]:

@@ -29,7 +29,7 @@ from tdfscal.selfcal.estimator import Priors
 from tdfscal.significance import ALARMS_PER_YEAR
 from tdfscal.workflows.arguments import one, window
 from tdfscal.workflows.calibration import CalibrationSource, paths_of, sources_of
-from tdfscal.workflows.campaign import campaign_folders, inputs_read
+from tdfscal.workflows.campaign import campaign_folders, inputs_read, is_other_result
 from tdfscal.workflows.earlier import Earlier, read_earlier
 from tdfscal.workflows.log_pass import Settings
 from tdfscal.workflows.options import Begin, End, Option, Page, Telling, command
@@ -169,10 +169,15 @@ def _date(text: str | None) -> float:
 
 
 def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationSource], list[Path]]:
-    """Tell calibrations from campaign folders."""
+    """Tell calibrations from campaign folders; what else is ours is left alone.
+
+    A pattern such as FOLDER/* names pages, tables and the truth of a simulation too.
+    """
     calibrations: list[CalibrationSource] = []
     folders: list[Path] = []
     for source in sources:
+        if not isinstance(source, CalibrationFile) and is_other_result(Path(source)):
+            continue
         if isinstance(source, CalibrationFile) or not Path(source).is_dir():
             calibrations.append(source)
             continue

@@ -46,6 +46,23 @@ def folders(months: Path, first: int, last: int) -> list[Path]:
     return sorted(p for p in months.iterdir() if p.is_dir())[first:last]
 
 
+def test_a_pattern_names_what_is_no_check_too(
+    months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """FOLDER/* holds the truth of all months, and what was written beside them."""
+    known = folders(months, 0, 3)
+    checks = [tmp_path / folder.name for folder in known]
+    for folder, check in zip(known, checks, strict=True):
+        shutil.copytree(folder, check)
+    shutil.copy(months / "truth.yaml", tmp_path)
+    page = tmp_path / "history.html"
+    alone = run(capsys, "monitor", *checks, "--html", page, "--json", "-q")
+    assert alone.status == 0, alone.err
+    others = {p.name for p in tmp_path.iterdir()} - {p.name for p in checks}
+    assert others == {"truth.yaml", "history.html"}
+    assert run(capsys, "monitor", *sorted(tmp_path.iterdir()), "--json", "-q").out == alone.out
+
+
 def test_months_are_pooled_and_updated_to_the_same_numbers(
     months: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

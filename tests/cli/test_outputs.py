@@ -269,7 +269,10 @@ def test_a_report_that_nobody_gets_changes_nothing(
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", STDOUTS[kind]())
         seen = run(capsys, "apply", "own.yaml", "C", "-o", target, "-q")
-    assert (seen.status, seen.err) == (0, "")
+    assert seen.status == 0
+    # Nobody listens to a pipe that ends, or to what is closed; a full one is the user's to know.
+    assert ("No space left" in seen.err) == (kind == "full")
+    assert seen.err.count("\n") == (kind == "full")
     assert len(target.read_text().splitlines()) > 4
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", STDOUTS[kind]())
@@ -286,6 +289,28 @@ def test_a_report_that_cannot_be_made_is_an_error(
     seen = run(capsys, "report", "own.yaml")
     assert (seen.status, seen.out) == (70, "")
     assert "no such row" in seen.err
+
+
+@pytest.mark.parametrize("name", ["tdfscal.cli.ending", "signal", "tdfscal.cli.program", "typer"])
+def test_an_interruption_among_the_imports_is_one_line(name: str, home: Path) -> None:
+    """What is imported before `main` is nothing of weight; from there on it is heard."""
+    code = f"""
+import builtins, sys
+before = set(sys.modules)
+import tdfscal.cli
+assert set(sys.modules) - before <= {{"tdfscal", "tdfscal.cli", "__future__", "gc"}}
+whole = builtins.__import__
+def interrupted(name, *rest):
+    if name == {name!r}:
+        raise KeyboardInterrupt
+    return whole(name, *rest)
+builtins.__import__, sys.argv = interrupted, ["tdfscal", "--version"]
+tdfscal.cli.main()
+"""
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, cwd=home, capture_output=True, text=True, check=False, timeout=15)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "tdfscal: interrupted; nothing was written\n"
 
 
 @needs_full
