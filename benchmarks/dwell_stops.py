@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
 
 from tdfscal.dwells import find_dwells
-from tdfscal.records import Dwells, FloatArray, Log, Series
+from tdfscal.records import Dwells, FloatArray, Series
 from tests.dwells.rig_log import Recipe, Recorded, record
 
 Random = np.random.Generator
@@ -81,101 +81,6 @@ def _also(recipe: Recipe, rng: Random) -> Recipe:
     return replace(recipe, also=(amplitude, tau * rng.uniform(0.5, 1.0), _log(rng, 0.5, 5.0)))
 
 
-def _changed(
-    recorded: Recorded,
-    force: Callable[[FloatArray, FloatArray], None] | None = None,
-    position: Callable[[FloatArray, FloatArray], None] | None = None,
-) -> Recorded:
-    """The same with the values of all supports (T, n, 3) changed in place, given their times."""
-
-    def series(old: tuple[Series, ...], change: Callable[..., None] | None) -> tuple[Series, ...]:
-        if change is None:
-            return old
-        value = np.stack([one.value for one in old], axis=1)
-        change(old[0].time, value)
-        return tuple(Series(old[0].time, value[:, i].copy()) for i in range(len(old)))
-
-    log = recorded.log
-    return replace(
-        recorded,
-        log=Log(log.supports, series(log.position, position), series(log.force, force)),
-    )
-
-
-def _bursts(rng: Random) -> Recorded:
-    """Half a sine of 0.1 to 0.5 s and 10 to 50 N amid every second stop."""
-    recorded = record(_usual(rng, stops=_stops(rng, 3.0, 6.0, 16)))
-
-    def force(t: FloatArray, value: FloatArray) -> None:
-        for begin, end in recorded.stops[::2]:
-            at, length = rng.uniform(begin + 1.0, end - 1.0), _log(rng, 0.1, 0.5)
-            u = (t - at) / length
-            push = np.where((u > 0) & (u < 1), np.sin(np.pi * np.clip(u, 0.0, 1.0)), 0.0)
-            value += _log(rng, 10.0, 50.0) * push[:, None, None] * rng.normal(size=(1, 3, 3))
-
-    return _changed(recorded, force=force)
-
-
-def _noisy_stops(rng: Random) -> Recorded:
-    """Every fifth stop is four times as noisy, as beside a machine that runs for a while."""
-    recorded = record(_usual(rng, stops=_stops(rng, 3.0, 6.0, 16)))
-
-    def force(t: FloatArray, value: FloatArray) -> None:
-        for begin, end in recorded.stops[2::5]:
-            here = (t >= begin) & (t < end)
-            more = rng.standard_normal((int(here.sum()), *value.shape[1:]))
-            value[here] += np.sqrt(15.0) * recorded.recipe.force_noise * more
-
-    return _changed(recorded, force=force)
-
-
-def _wrong_samples(rng: Random) -> Recorded:
-    """Encoders that miscount single samples by 0.05 to 1 mm, once in five seconds."""
-    recorded = record(_usual(rng, stops=_stops(rng, 3.0, 6.0, 16)))
-
-    def position(t: FloatArray, value: FloatArray) -> None:
-        for row in rng.integers(0, len(t), round((t[-1] - t[0]) / 5.0)):
-            value[row, rng.integers(3), rng.integers(3)] += _log(rng, 5e-5, 1e-3)
-
-    return _changed(recorded, position=position)
-
-
-def _never_at_rest(rng: Random) -> Recorded:
-    """A slow multisine; the one stop of the recipe lies after the log's end."""
-    recorded = record(_usual(rng, stops=(60.0,), force_noise=1.0))
-    hertz = rng.uniform(0.02, 0.2, (3, 3, 3))
-    phase = rng.uniform(0, 2 * np.pi, (3, 3, 3))
-    size = np.stack([rng.uniform(0.005, 0.02, (3, 3, 3)), rng.uniform(20.0, 80.0, (3, 3, 3))])
-
-    def moved(which: int) -> Callable[[FloatArray, FloatArray], None]:
-        def change(t: FloatArray, value: FloatArray) -> None:
-            turn = 2 * np.pi * hertz * t[:, None, None, None] + phase
-            value += (size[which] * np.sin(turn)).sum(axis=1)
-
-        return change
-
-    return replace(_changed(recorded, moved(1), moved(0)), stops=np.array([[1e6, 1e6 + 60.0]]))
-
-
-def _few_ringing(rng: Random) -> Recorded:
-    """Too few stops to see that they ring alike."""
-    return record(_settling(rng, _log(rng, 0.3, 2.0), _log(rng, 0.5, 3.0), count=4))
-
-
-def _filled(rng: Random, hertz: float) -> Recorded:
-    """Stops that end while 2 to 20 N of settling have one to two time constants behind them."""
-    tau = _log(rng, 1.0, 4.0)
-    return record(
-        _usual(
-            rng,
-            settle=(_log(rng, 2.0, 20.0), tau, hertz),
-            stops=tuple(tau * rng.uniform(1.0, 2.0, 12)),
-            force_noise=_log(rng, 0.1, 1.0),
-            rate=200.0,
-        )
-    )
-
-
 def _slow(rng: Random, kind: str) -> Recorded:
     """2 N of noise that is alike over much of a stop; 8 N settle in 0.1 s."""
     stops = tuple(rng.uniform(4.0, 5.0, 16))
@@ -183,20 +88,22 @@ def _slow(rng: Random, kind: str) -> Recorded:
         _usual(rng, rate=100.0, stops=stops, force_noise=1e-6, settle=(8.0, 0.1, 0.0))
     )
 
-    def force(t: FloatArray, value: FloatArray) -> None:
-        white = rng.standard_normal((8 * len(t), 9))
-        if kind == "1/f":
-            wave = np.fft.rfft(white, axis=0)
-            wave[1:] /= np.sqrt(np.arange(1, len(wave)))[:, None]
-            wave[0] = 0.0
-            noise = np.fft.irfft(wave, axis=0)[: len(t)]
-            noise /= noise.std(axis=0).mean()
-        else:
-            phi = float(kind)
-            noise = lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], white, axis=0)[-len(t) :]
-        value += 2.0 * noise.reshape(value.shape)
-
-    return _changed(recorded, force=force)
+    log = recorded.log
+    count = len(log.force[0].time)
+    white = rng.standard_normal((8 * count, 9))
+    if kind == "1/f":
+        wave = np.fft.rfft(white, axis=0)
+        wave[1:] /= np.sqrt(np.arange(1, len(wave)))[:, None]
+        wave[0] = 0.0
+        noise = np.fft.irfft(wave, axis=0)[:count]
+        noise /= noise.std(axis=0).mean()
+    else:
+        phi = float(kind)
+        noise = lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], white, axis=0)[-count:]
+    force = tuple(
+        Series(s.time, s.value + 2.0 * noise[:, 3 * i : 3 * i + 3]) for i, s in enumerate(log.force)
+    )
+    return replace(recorded, log=replace(log, force=force))
 
 
 #: Noise that is slower than white, and settling as friction makes it.
@@ -209,45 +116,6 @@ SLOW: dict[str, Callable[[Random], Recorded]] = {
                settle=(_log(rng, 1.0, 10.0), _log(rng, 0.1, 0.8), 0.0))
     ),
 }  # fmt: skip
-
-
-#: Faults that an ablation asks for besides; each is found here as a stop is, or not at all.
-FAULTS: dict[str, Callable[[Random], Recorded]] = {
-    "bursts of force amid stops": _bursts,
-    "some stops four times as noisy": _noisy_stops,
-    "encoders that miscount samples": _wrong_samples,
-    "never at rest": _never_at_rest,
-    "forces rounded to 3 to 6 times their noise": lambda rng: record(
-        _usual(rng, force_quantum=1.0, force_noise=1.0 / _log(rng, 3.0, 6.0))
-    ),
-    "ringing, four stops": _few_ringing,
-    "short stops, noise correlated over 0.02 to 0.2 s": lambda rng: record(
-        _usual(rng, force_tau=_log(rng, 0.02, 0.2), stops=_stops(rng, 0.6, 1.2, 25), rate=200.0)
-    ),
-    "settling of 1 s in stops of 1 s": lambda rng: record(
-        _usual(rng, settle=(20.0, 1.0, 0.0), stops=(1.0,) * 8, force_noise=1.0, rate=200.0)
-    ),
-    "vibration, 0.15 to 1.6 Hz": lambda rng: record(
-        _usual(
-            rng,
-            vibration=(_log(rng, 0.5, 3.0), 1e-8, _log(rng, 0.15, 1.6)),
-            stops=_stops(rng, 1.0, 6.0, 24),
-            force_noise=1.0,
-            rate=100.0,
-        )
-    ),
-    "forces rounded to 1 to 5 N": lambda rng: record(
-        _usual(
-            rng,
-            force_quantum=_log(rng, 1.0, 5.0),
-            force_noise=_log(rng, 0.1, 0.5),
-            quantum=_log(rng, 1e-7, 5e-6),
-            rate=100.0,
-        )
-    ),
-    "settling that fills the stops": lambda rng: _filled(rng, 0.0),
-    "ringing that fills the stops": lambda rng: _filled(rng, _log(rng, 0.2, 1.0)),
-}
 
 
 @dataclass(frozen=True)
@@ -300,17 +168,14 @@ def score(recorded: Recorded, dwells: Dwells) -> Score:
     )  # fmt: skip
 
 
-def recorded_of(what: str, seeds: range) -> Iterator[Recorded]:
-    """Logs of a kind."""
-    others = FAULTS | SLOW
-    for seed in seeds:
-        rng = np.random.default_rng(seed)
-        yield others[what](rng) if what in others else record(KINDS[what](rng))
-
-
 def scored(what: str, seeds: range) -> Score:
     """What is found of several logs of a kind."""
-    return together([score(one, find_dwells(one.log)) for one in recorded_of(what, seeds)])
+    scores = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        recorded = SLOW[what](rng) if what in SLOW else record(KINDS[what](rng))
+        scores.append(score(recorded, find_dwells(recorded.log)))
+    return together(scores)
 
 
 def together(scores: list[Score]) -> Score:

@@ -12,7 +12,6 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import tdfscal
-from benchmarks.motion_plan import time_table
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.motioncal.pipeline import calibrate_moving
@@ -21,10 +20,13 @@ from tdfscal.planning.limits import Limits
 from tdfscal.planning.moving_information import MovingRequest, forecast
 from tdfscal.planning.moving_plan import MovingPlan, plan_motion
 from tdfscal.planning.trajectory import Lines, brought_to_limits
+from tdfscal.records import FloatArray
 from tdfscal.reporting.planning import extremes
-from tdfscal.simulation import reference_rig
+from tdfscal.simulation import reference_rig, rotations
+from tdfscal.simulation.equilibrium import Pose
 from tdfscal.simulation.moving_campaign import simulate_moving
 from tdfscal.simulation.moving_options import MovingOptions
+from tdfscal.simulation.trajectories import Trajectory
 from tests.cli.running import run
 from tests.motioncal.campaigns import DELAY
 
@@ -43,6 +45,34 @@ REQUEST = MovingRequest(LIMITS, 24.0, 0.03, 0.11, DELAY)
 @cache
 def plan() -> MovingPlan:
     return plan_motion(RIG, REQUEST, np.random.default_rng(3))
+
+
+def time_table(hinge: FloatArray, time: FloatArray, position: FloatArray) -> Trajectory:
+    """The motion of a time table: servo positions (N, n, 3), m, BCS, at times (N,), s.
+
+    hinge : (n, 3), m, LCS. Between the rows runs a cubic spline, at rest at both ends.
+    """
+    middle = hinge.mean(axis=0)
+    R = np.stack(
+        [rotations.fit_rotation(hinge - middle, row - row.mean(axis=0)) for row in position]
+    )
+    turn = CubicSpline(time, rotations.log(R), bc_type="clamped")
+    way = CubicSpline(time, position, bc_type="clamped")
+
+    def within(at: FloatArray) -> FloatArray:
+        return np.clip(at, time[0], time[-1])
+
+    def servo(at: FloatArray) -> FloatArray:
+        return np.asarray(way(within(at)))
+
+    def pose(at: FloatArray) -> Pose:
+        turned = rotations.exp(turn(within(at)))
+        return Pose(turned, servo(at).mean(axis=1) - turned @ middle)
+
+    def nothing(at: FloatArray) -> FloatArray:
+        return np.zeros((len(at), 3 * len(hinge) - 6))
+
+    return Trajectory(pose, nothing, servo)
 
 
 @pytest.mark.slow

@@ -10,7 +10,14 @@ from scipy import stats
 
 from tdfscal import simulation
 from tdfscal.model.statics import postures
-from tdfscal.selfcal.linear_method import linear_data, linear_rotations
+from tdfscal.records import DeclaredUncertainty
+from tdfscal.selfcal.linear_method import (
+    evaluate_linear,
+    fit_linear,
+    linear_data,
+    linear_rotations,
+)
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Faults, Gain, Options, Recorder
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study, turns
 
@@ -75,29 +82,42 @@ def test_an_undeclared_gain_is_found() -> None:
 
 def test_the_linear_method_states_every_declared_input() -> None:
     """Hinges, datums, gain, friction, level and compliance together, each larger than the noise."""
-    from benchmarks.linear_inputs import declared, distances
-
-    rig = declared(
-        hinge=2e-4, datum=2e-4, force_sensitivity=2e-3, hinge_moment=0.05, compliance_vertical=1e-7
+    declared = DeclaredUncertainty(
+        positioner=1e-7, force_noise=0.02, hinge=2e-4, datum=2e-4, force_sensitivity=2e-3,
+        hinge_moment=0.05, compliance_vertical=1e-7,
+    )  # fmt: skip
+    rig = simulation.make_rig(
+        3, mass_std=1e-6, barycentre_std=1e-9, zero_std=1e-6, declared=declared
     )
-    runs = 12
-    found, _ = distances(replace(rig, gravity_tilt_std=1e-3), runs, trials=200, seed=1)
-    assert within(9 * float(np.sum(found)), stats.chi2, 9 * runs)
+    rig = replace(rig, gravity_tilt_std=1e-3)
+    recorder = Recorder(mean_sd=0.05)
+    options = Options(postures=40, tilt=np.radians(8.0), squeeze=300.0, recorder=recorder)
+    runs, trials, total = 12, 200, 0.0
+    batch = simulation.simulate_dwells(rig, options, np.random.default_rng(1), runs)
+    for i in range(runs):
+        fit = fit_linear(rig, postures(rig, batch.dwells(i)))
+        C = evaluate_linear(fit, np.random.default_rng(i), trials).covariance
+        d = turns(batch.truth.rotation[i], fit.state.rotation)
+        # E[S⁻¹] = C⁻¹ (N − 1)/(N − p − 2) of a sample covariance S.
+        total += float(d @ np.linalg.solve(C, d)) * (trials - 11) / (trials - 1)
+    assert within(total, stats.chi2, 9 * runs)
 
 
 @pytest.mark.slow
 def test_one_noisy_sensor_is_named_and_weighted() -> None:
     """Six times the stated noise in one sensor: covered, named, the others keep their weight."""
-    from benchmarks.noise import drawn, noisy
-    from tdfscal.selfcal.pipeline import self_calibrate
-
+    std = 0.3
     rig, runs = simulation.reference_rig(), 10
     rig = replace(rig, declared=replace(rig.declared, force_noise=0.0))
     options = replace(SQUEEZED, recorder=Recorder(mean_sd=1e-6))
     batch = simulation.simulate_dwells(rig, options, np.random.default_rng(3), runs)
     rng, total = np.random.default_rng(4), 0.0
     for i in range(runs):
-        dwells = noisy(batch.dwells(i), drawn("one sensor 6 times", rng, 24, 3))
+        dwells = batch.dwells(i)
+        noise = std * rng.standard_normal(dwells.force.shape)
+        noise[:, 0] *= 6.0
+        stated = np.broadcast_to(std**2 * np.eye(3), dwells.force_cov.shape)
+        dwells = replace(dwells, force=dwells.force + noise, force_cov=stated)
         result = self_calibrate(rig, dwells, rng=rng, max_trials=0)
         said = next(text for text in result.warnings if "more noise than is stated" in text)
         assert "ncp1" in said
