@@ -102,10 +102,10 @@ def _of_estimator(found: dict[str, dict[str, FloatArray]]) -> list[str]:
     """What force equations, and angles instead of entries, do to Eq. 24, under both sources."""
     said = []
     for case, name in ((WHOLE, "the rig file's sources"), (PAPERS, "the paper's two sources")):
-        changes = []
+        changes, entries = [], 3 * found[case]["linear"][0].size
         for arm, change in (
             ("linear-forces", "force equations"),
-            ("angles", "angles instead of 27 entries"),
+            ("angles", f"angles instead of {entries} entries"),
             ("angles-forces", "both"),
         ):
             by = _factor(found[case]["linear"], found[case][arm])
