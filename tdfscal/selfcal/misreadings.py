@@ -2,14 +2,11 @@
 
 Sensors or channels exchanged, an axis of the opposite sign, a sensor or a channel of another unit
 or scale, a zero that jumped on the way: each is undone, and of each the cost over all mountings is
-searched, everything but the rotations eliminated. A channel's scale is not guessed: its column of
-the rotation is left free, and its length says the scale. A jump is a parameter, tried between all
-postures.
+searched (`misreading_search`), and the few that fall lowest are fitted in full.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,28 +14,22 @@ import numpy as np
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError
 from tdfscal.model.parameters import nominal, starting_state
-from tdfscal.model.statics import Postures, balance
+from tdfscal.model.statics import Postures
 from tdfscal.model.zero_motion import ZeroMotion
 from tdfscal.numerics import so3
-from tdfscal.numerics.rotation_descent import descend, stacked
 from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Fit, Priors, spread, statistic
-from tdfscal.selfcal.mounting_search import best_start, landscape, robust_cost
+from tdfscal.selfcal.estimator import Fit, fit, spread
+from tdfscal.selfcal.misreading_search import Undone, lowest
+from tdfscal.selfcal.mounting_search import robust_cost
 from tdfscal.significance import CAUSES_APART
 
 #: A mistake is believed when without it the residuals' variance is below the present one's by
 #: this, and not above what is stated by as much.
 _BETTER = 9.0
-#: Postures that are looked at, at most, evenly spread over the log; mistakes that are fitted.
-_POSTURES, _FITTED = 60, 8
-#: Postures on either side of a jump.
-_FEWEST = 2
-#: Steps from each start at most; rounds in which a scale and the weights by it agree.
-_DESCENT, _ROUNDS = 40, 3
-#: Logarithm of a scale below which it is a sensor's gain, and no mistake.
-_GAIN = np.log(1.2)
-#: Share of the load that is left after a tare, at most.
-_TARED = 0.3
+#: Postures that are looked at, at most, evenly spread over the log.
+_POSTURES = 60
+#: Share of a tare by which it may miss the load, at most.
+_TARED = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,18 +62,6 @@ class Misreading:
         return float(np.linalg.norm(so3.log(self.fit.state.rotation @ back), axis=1).max())
 
 
-@dataclass(frozen=True, slots=True)
-class _Undone:
-    """The postures without a mistake, named as in `Misreading`; first : posture of a jump."""
-
-    postures: Postures
-    names: str = ""
-    support: int = 0
-    axis: int | None = None
-    factor: float = 1.0
-    first: int = 0
-
-
 def likeliest_misreading(
     rig: Rig, observed: Postures, present: Fit, time: FloatArray | None = None
 ) -> Misreading | None:
@@ -97,14 +76,9 @@ def likeliest_misreading(
     if misfit < _BETTER:
         return None
     starts = np.stack([nominal(rig).rotation, present.state.rotation])
-    undone = [*_renamed(rig, seen), *_in_other_units(rig, seen)]
-    undone += _rescaled(rig, seen, starts)
-    if time is not None:
-        undone += _without_jump(rig, seen)
-    cost = [_lowest(_root(rig, each.postures), starts)[1] for each in undone]
     found = []
-    for k in np.argsort(cost, kind="stable")[:_FITTED]:
-        mistake = _fitted(rig, undone[k], order[some])
+    for each, rotation in lowest(rig, seen, starts, timed=time is not None):
+        mistake = _fitted(rig, seen, each, rotation, order[some])
         if _BETTER * mistake.misfit < misfit and mistake.misfit < _BETTER:
             found.append(mistake)
     return _likeliest(found) if found else None
@@ -161,35 +135,33 @@ def _jump_refused(
     )
 
 
-def _root(rig: Rig, seen: Postures) -> FloatArray:
-    """Root of the cost over all mountings, as `landscape` has it."""
-    start = starting_state(rig, seen.motions)
-    at = balance(seen, start, rig.barycentre.value, rig.gravity)
-    compressed = statistic(at, np.ones(len(seen)))
-    return landscape(rig, at, compressed, start, Priors(rig, seen.motion))
-
-
-def _lowest(root: FloatArray, starts: FloatArray) -> tuple[FloatArray, float]:
-    """Mounting (n, 3, 3) of the lowest cost from some starts, and that cost."""
-    found = descend(root, starts, iterations=_DESCENT, tolerance=1e-3)
-    best = int(np.argmin(found.cost))
-    return found.rotation[best], float(found.cost[best])
-
-
-def _fitted(rig: Rig, undone: _Undone, order: IntArray) -> Misreading:
-    """Fit in full; order : (K,), the numbers of the postures."""
-    result = best_start(rig, undone.postures)
+def _fitted(
+    rig: Rig, seen: Postures, undone: Undone, near: FloatArray, order: IntArray
+) -> Misreading:
+    """Fit in full from a mounting; order : (K,), the numbers of the postures."""
+    postures = undone.postures
+    if undone.first:
+        postures = _drifting(seen, undone.support, undone.first)
+    result = fit(rig, postures, replace(starting_state(rig, postures.motions), rotation=near))
     said = Misreading(result, undone.names, undone.support, undone.axis, undone.factor)
     if not undone.first:
         return said
     jump, first = result.state.drift[-1, undone.support], undone.first
-    load = undone.postures.force[:first, undone.support].mean(axis=0)
     return replace(
         said,
         jump=jump,
         between=(int(order[first - 1]), int(order[first])),
-        tared=bool(np.linalg.norm(load + jump) < _TARED * np.linalg.norm(load)),
+        tared=_is_tare(jump, seen.force[first - 1 : first + 1, undone.support]),
     )
+
+
+def _is_tare(jump: FloatArray, read: FloatArray) -> bool:
+    """A jump (3,) takes away the load of some moment between the readings (2, 3) beside it."""
+    before, after = read[0], read[1] - jump
+    way = after - before
+    share = np.clip(-(jump + before) @ way / max(float(way @ way), np.finfo(float).tiny), 0, 1)
+    left = np.linalg.norm(before + share * way + jump)
+    return bool(left < _TARED * np.linalg.norm(jump))
 
 
 def _likeliest(found: list[Misreading]) -> Misreading:
@@ -203,70 +175,17 @@ def _likeliest(found: list[Misreading]) -> Misreading:
     return min(near, key=lambda mistake: mistake.turn)
 
 
-def _renamed(rig: Rig, seen: Postures) -> Iterator[_Undone]:
-    for ways in (log_against_rig.rewired, log_against_rig.channels_exchanged):
-        for words, other in ways(rig, seen):
-            yield _Undone(other, words)
-
-
-def _in_other_units(rig: Rig, seen: Postures) -> Iterator[_Undone]:
-    """One sensor whose every axis is in another unit."""
-    for i in range(rig.n):
-        for factor in log_against_rig.UNITS:
-            yield _Undone(_divided(seen, i, None, factor), support=i, factor=factor)
-
-
-def _divided(seen: Postures, sensor: int, axis: int | None, factor: float) -> Postures:
-    """Postures whose readings were too large by a factor; noise never below what is stated."""
-    scale, noise = np.ones(seen.measured.shape), np.ones(seen.measured.shape)
-    own = slice(None) if axis is None else axis
-    scale[sensor, own], noise[sensor, own] = 1 / factor, max(1.0, 1 / abs(factor))
-    grown = noise[:, :, None] * noise[:, None, :]
-    return replace(seen, force=seen.force * scale, force_cov=seen.force_cov * grown)
-
-
-def _rescaled(rig: Rig, seen: Postures, starts: FloatArray) -> Iterator[_Undone]:
-    """Channels of another scale; of the opposite sign alone they have a name already."""
-    for i, a in np.argwhere(rig.axes).tolist():
-        other = _scaled(rig, seen, i, a, starts)
-        if abs(np.log(abs(other.factor))) > _GAIN:
-            yield other
-
-
-def _scaled(rig: Rig, seen: Postures, i: int, a: int, starts: FloatArray) -> _Undone:
-    """A channel of the scale that explains the postures best."""
-    factor, own = 1.0, slice(9 * i + a, 9 * i + 9, 3)  # column a of X_i
-    undone = seen
-    for _ in range(_ROUNDS):
-        root = _root(rig, undone)
-        free = np.linalg.qr(root[:, own])[0]
-        across = root - free @ (free.T @ root)
-        rotation, _ = _lowest(across, starts)
-        y = stacked(rotation)
-        y[own] = 0.0
-        column = -np.linalg.lstsq(root[:, own], root @ y, rcond=None)[0]
-        scale = float(column @ rotation[i, :, a])
-        if not np.isfinite(scale) or scale == 0.0:
-            break
-        factor /= scale
-        undone = _divided(seen, i, a, factor)
-    return _Undone(undone, support=i, axis=a, factor=factor)
-
-
-def _without_jump(rig: Rig, seen: Postures) -> Iterator[_Undone]:
-    """Zeros that may have jumped between two postures, which are in the order of time."""
-    K = len(seen)
+def _drifting(seen: Postures, sensor: int, first: int) -> Postures:
+    """Postures with a zero whose step at one of them is a parameter."""
+    step = np.zeros((*seen.force.shape[:2], 1))
+    step[first:, sensor] = 1.0
     wide = 10.0 * float(np.median(np.linalg.norm(seen.force, axis=2)))
-    for i in range(rig.n):
-        for first in range(_FEWEST, K - _FEWEST + 1):
-            step = np.zeros((K, rig.n, 1))
-            step[first:, i] = 1.0
-            motion = ZeroMotion(("step",), step, np.array([wide]))
-            if (own := seen.motion) is not None:
-                motion = replace(
-                    own,
-                    kind=(*own.kind, "step"),
-                    value=np.concatenate([own.value, step], axis=2),
-                    std=np.append(own.std, wide),
-                )
-            yield _Undone(replace(seen, motion=motion), support=i, first=first)
+    motion = ZeroMotion(("step",), step, np.array([wide]))
+    if (own := seen.motion) is not None:
+        motion = replace(
+            own,
+            kind=(*own.kind, "step"),
+            value=np.concatenate([own.value, step], axis=2),
+            std=np.append(own.std, wide),
+        )
+    return replace(seen, motion=motion)
