@@ -10,6 +10,10 @@ from __future__ import annotations
 from math import erf, sqrt
 from typing import Final
 
+import numpy as np
+
+from tdfscal.records import FloatArray
+
 # Coverage -----------------------------------------------------------------------------------------
 
 #: Of every interval about an angle, in files, texts and figures: the field's custom (GUM, 6.3).
@@ -90,11 +94,21 @@ CAUSES_APART: Final = 9.0
 
 # Several campaigns --------------------------------------------------------------------------------
 
-#: That campaigns of an unchanged rig are called inconsistent, all of them together.
-CAMPAIGN_MISFIT: Final = 0.01
-#: Default rate at which an unchanged rig raises an alarm of `monitor`, per year: two years raise
-#: none in 99 of 100.
+#: Rate at which an unchanged rig raises an alarm of `monitor`, fails an `update` or does not fit
+#: its pool, per year: two years raise none in 99 of 100. One rate for all of them, or the laxest
+#: would contradict the others of months in which nothing happened.
 ALARMS_PER_YEAR: Final = 0.005
+#: Months between checks that are counted at least, a day, and at most.
+_INTERVALS: Final = 1 / 30.4375, 12.0
+
+
+def alarm_level(months: FloatArray, rate: float = ALARMS_PER_YEAR) -> FloatArray:
+    """Level of all tests of a check together, so many months after the one before (…).
+
+    The rate is spent evenly over time, however often the rig is checked.
+    """
+    return rate * np.clip(months, *_INTERVALS) / 12.0
+
 
 # The laser tracker --------------------------------------------------------------------------------
 

@@ -22,7 +22,7 @@ from tdfscal.comparison.turns_since import BACK, Kind, Turn, TurnsSince, begin
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.information import Information, p_value
 from tdfscal.records import FloatArray, IntArray
-from tdfscal.significance import CAUSE_EXPLAINS
+from tdfscal.significance import CAUSE_EXPLAINS, alarm_level
 
 #: Checks that speak together against those before them, each with its share of the alarm level. The
 #: longer see again what the shorter saw, so that of the shares' sum, above 1, at most 1 comes true
@@ -30,9 +30,6 @@ from tdfscal.significance import CAUSE_EXPLAINS
 WINDOWS = {1: 0.48, 3: 0.36, 9: 0.14, 27: 0.09}
 #: Share of all sensors together.
 OF_ALL = 0.03
-#: A month of 1/12 year; the rate of a check spends at least a day's and at most a year's share.
-_MONTHS = 12.0
-_SHORTEST = 1 / 30.4375
 #: Two steps have three unknowns and a date more than one creep: they must explain so much more χ².
 _TWO_STEPS_COST = 12.0
 #: By so much, kg and m, a load may be another.
@@ -106,7 +103,7 @@ class Watching:
         months = np.array([check.month for check in checks])
         self.gaps = np.diff(months, prepend=months[0])
         self.alarms: list[Alarm] = []
-        self.level = rate * np.clip(self.gaps, _SHORTEST, _MONTHS) / _MONTHS
+        self.level = alarm_level(self.gaps, rate)
         self.smallest = np.ones((len(checks), sensors))
 
     def run(self) -> Watch:

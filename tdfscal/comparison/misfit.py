@@ -22,7 +22,7 @@ from tdfscal.numerics.information import (
 )
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Priors
-from tdfscal.significance import CAMPAIGN_MISFIT, CAUSE_EXPLAINS, MISFIT
+from tdfscal.significance import CAUSE_EXPLAINS, MISFIT
 
 #: Stated standard uncertainties by which hinges, datums, gains or the base may have changed: by
 #: more, positions or weight would tell it without any force (theory, section 14).
@@ -36,8 +36,9 @@ class Misfit:
     cause : group of `model.parameters.CONSTANTS` whose change takes the misfit away, "load" for
     both of the terminal's; None where no single one does. sensor : name of the one that turned,
     where the cause is a rotation; turn : (3,), rad, BCS, its most likely turn. p_value : that
-    chance alone departs as much. detectable : (n, 3), rad, smallest change of each angle alone that
-    would have been seen with probability `significance.DETECTION_POWER`; None where not asked for.
+    chance alone departs as much, in any of the tests made; above `level` it is no misfit.
+    detectable : (n, 3), rad, smallest change of each angle alone that would have been seen with
+    probability `significance.DETECTION_POWER`; None where not asked for.
     """
 
     campaign: str
@@ -45,6 +46,7 @@ class Misfit:
     sensor: str | None
     turn: FloatArray
     p_value: float
+    level: float = 0.0
     detectable: FloatArray | None = None
 
 
@@ -64,9 +66,13 @@ def not_fitting(
     own: Sequence[Information],
     prior: Information,
     steps: Sequence[FloatArray],
+    level: FloatArray,
 ) -> tuple[Misfit, ...]:
-    """Campaigns that do not fit the others: the worst first, then what is left without it."""
-    level, own, found = CAMPAIGN_MISFIT / len(own), list(own), []
+    """Campaigns that do not fit the others: the worst first, then what is left without it.
+
+    level : (K,), of each campaign, all its tests together.
+    """
+    own, found = list(own), []
     silent = nothing(len(prior.score))
     for _ in range(len(own) - 1):
         ranked = []
@@ -75,12 +81,14 @@ def not_fitting(
                 departure = contrast(rest, own[k], prior)
                 ranked.append((_probability(shared.rigs[k], departure), k, departure))
         # Of heavy ones all probabilities are 0.
-        worst = min(ranked, key=lambda entry: (entry[0], -entry[2].chi2()[0]))
-        if worst[0] > level:
+        p, k, departure = min(
+            ranked, key=lambda each: (each[0] / level[each[1]], -each[2].chi2()[0])
+        )
+        if p > level[k]:
             break
-        p, k, departure = worst
         at = shared.places[k]
-        found.append(_named(shared.rigs[k], names[k], departure, prior, p, at))
+        misfit = _named(shared.rigs[k], names[k], departure, prior, p, at)
+        found.append(replace(misfit, level=float(level[k])))
         own[k] = silent
     return tuple(found)
 
@@ -101,10 +109,10 @@ def scatter_of(fits: Sequence[tuple[float, int]]) -> FloatArray:
     return np.array([birge_of([f]) if own else common for f, own in zip(fits, noisy, strict=True)])
 
 
-def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
+def misfit_of(rig: Rig, name: str, part: Eliminated, level: float) -> Misfit:
     """Hold a campaign against what is known before it (`rig.earlier`), about the latter's estimate.
 
-    p_value : that chance alone departs as much, in any of the tests made.
+    level : of all tests together.
     """
     assert rig.earlier is not None
     whole = replace(rig, earlier=None)
@@ -116,8 +124,8 @@ def misfit_of(rig: Rig, name: str, part: Eliminated) -> Misfit:
     departure = contrast(known, part.information.scaled(own), prior.scaled(birge))
     at = np.arange(len(known.score))
     found = _named(rig, name, departure, prior, _probability(rig, departure), at)
-    seen = smallest_changes(rig.earlier.rotation, departure, 3, CAMPAIGN_MISFIT / (rig.n + 1))
-    return replace(found, detectable=seen)
+    seen = smallest_changes(rig.earlier.rotation, departure, 3, level / (rig.n + 1))
+    return replace(found, level=level, detectable=seen)
 
 
 def _probability(rig: Rig, departure: Contrast) -> float:

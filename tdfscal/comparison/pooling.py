@@ -39,6 +39,7 @@ from tdfscal.numerics.information import Information
 from tdfscal.records import FloatArray, JointPrior, Rig, Rotations
 from tdfscal.selfcal.estimator import Fit, Priors, at_state
 from tdfscal.selfcal.outliers import fit_robust
+from tdfscal.significance import alarm_level
 
 #: Largest step of the common constants, in standard uncertainties, that needs no further round.
 _SETTLED = 1e-4
@@ -190,8 +191,8 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         )
     birge = scatter_of([within(part, prior) for part in reduced])
     scaled = [item.scaled(ratio) for item, ratio in zip(own, birge, strict=True)]
-    names = [item.name for item in ordered]
-    found = not_fitting(shared, names, scaled, prior.scaled(birge.min()), steps)
+    names, level = [item.name for item in ordered], alarm_level(np.append(gaps[1:2], gaps[1:]))
+    found = not_fitting(shared, names, scaled, prior.scaled(birge.min()), steps, level)
     return Pool(shared, references, prior, steps, tuple(members), found)
 
 

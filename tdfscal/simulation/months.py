@@ -42,13 +42,15 @@ def simulate_months(
     options: Options,
     rng: np.random.Generator,
     months: int,
+    *,
+    unchanged: bool = False,
 ) -> Months:
     """Simulate a campaign a month; the angles walk with the rig's `drift.angle`.
 
     Zeros are drawn anew each month with their stated standard deviation; load and everything else
-    of the rig stay; the second sensor turns once.
+    of the rig stay; the second sensor turns once, if not all is unchanged.
     """
-    steps = (Step(int(_WHEN * months), 1, STEP),) if months > 1 else ()
+    steps = (Step(int(_WHEN * months), 1, STEP),) if months > 1 and not unchanged else ()
     truth_rng, zero_rng, walk_rng, *month_rngs = rng.spawn(3 + months)
     truth = draw_truths(rig, options, truth_rng, 1)
     spread = width(rig.zero.std, UNKNOWN_ZERO)

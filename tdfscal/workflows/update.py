@@ -23,7 +23,7 @@ from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.numerics.information import contrast
 from tdfscal.records import Rig
 from tdfscal.selfcal.covariance import joint_posterior
-from tdfscal.significance import CAMPAIGN_MISFIT, DETECTION_POWER
+from tdfscal.significance import DETECTION_POWER, alarm_level
 from tdfscal.workflows.arguments import (
     PathLike,
     check_trials,
@@ -146,11 +146,12 @@ def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
     informed = replace(rig, earlier=earlier.prior(rig, read.measured.month))
     with read.log.explaining():
         own = calibrate_informed(read, informed, trials, tuple(read.inputs))
-    found, this = _contribution(informed, own, read)
-    if found.p_value <= CAMPAIGN_MISFIT and (unsound := rejected_alone(read)):
+    level = float(alarm_level(read.measured.month - earlier.measured.month))
+    found, this = _contribution(informed, own, read, level)
+    if found.p_value <= level and (unsound := rejected_alone(read)):
         text = f"{read.name} says nothing of any turn: calibrate rejects it by itself: {unsound}"
         own = replace(own, reasons=tuple(dict.fromkeys((*own.reasons, text))))
-    elif found.p_value <= CAMPAIGN_MISFIT:
+    elif found.p_value <= level:
         text = misfit_text(found, since=earlier.name)
         own = replace(own, reasons=(*own.reasons, text))
     origin = Provenance(
@@ -181,7 +182,7 @@ def _could_have_missed(found: Misfit, rig: Rig, earlier: Earlier) -> str:
     )
 
 
-def _contribution(rig: Rig, own: Own, read: Read) -> tuple[Misfit, dict[str, Any]]:
+def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit, dict[str, Any]]:
     """The new campaign against all that was known before it; and its place in the file's list."""
     assert rig.earlier is not None
     reference = starting_state(rig)
@@ -211,4 +212,4 @@ def _contribution(rig: Rig, own: Own, read: Read) -> tuple[Misfit, dict[str, Any
         chi2=chi2,
         dof=dof,
     )
-    return misfit_of(rig, read.name, part), this
+    return misfit_of(rig, read.name, part, level), this
