@@ -102,12 +102,12 @@ ALARMS_PER_YEAR: Final = 0.005
 _INTERVALS: Final = 1 / 30.4375, 12.0
 
 
-def alarm_level(months: FloatArray, rate: float = ALARMS_PER_YEAR) -> FloatArray:
+def alarm_level(months: FloatArray | float, rate: float = ALARMS_PER_YEAR) -> FloatArray:
     """Level of all tests of a check together, so many months after the one before (…).
 
     The rate is spent evenly over time, however often the rig is checked.
     """
-    return rate * np.clip(months, *_INTERVALS) / 12.0
+    return np.asarray(rate * np.clip(np.asarray(months), *_INTERVALS) / 12.0)
 
 
 # The laser tracker --------------------------------------------------------------------------------
