@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
+from benchmarks.frame import rms, row
 from tdfscal.dwells import find_dwells
 from tdfscal.records import Dwells, FloatArray, Series
 from tests.dwells.rig_log import Recipe, Recorded, record
@@ -133,14 +134,11 @@ class Score:
 
     def row(self, what: str) -> str:
         """A line of the table."""
-        worst, rms, z = (np.nan,) * 3
+        sizes = (np.nan,) * 3
         if len(self.bias):
-            worst, rms = self.bias.max(), np.sqrt((self.bias**2).mean())
-            z = np.sqrt((self.z**2).mean())
-        return (
-            f"| {what} | {self.stops} | {self.found} | {self.parts} | {self.astray} | "
-            f"{worst:.2f} | {rms:.2f} | {z:.2f} |"
-        )
+            sizes = (self.bias.max(), rms(self.bias), rms(self.z))
+        cells = (f"{size:.2f}" for size in sizes)
+        return row(what, self.stops, self.found, self.parts, self.astray, *cells)
 
 
 def score(recorded: Recorded, dwells: Dwells) -> Score:

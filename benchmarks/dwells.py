@@ -11,35 +11,24 @@ import argparse
 import resource
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.dwell_stops import HEADS, KINDS, SLOW, scored, together
+from benchmarks.frame import heads, over, row
+from benchmarks.logs import NAMES, RATE, blocks
 from tdfscal.dwells import find_dwells, reduce_to_bins
 from tdfscal.records import Log, Series
 
-RATE, STOP, MOVE = 1000, 4.0, 2.0
-BLOCK = 60.0
-
 
 def pieces(seconds: float) -> Iterator[Log]:
-    """Three supports, one time column, a stop and a move in turn; a minute at a time."""
-    names = ("ncp1", "ncp2", "ncp3")
-    rng = np.random.default_rng(0)
-    level = rng.normal(size=(int(seconds / (STOP + MOVE)) + 2, 18))
-    for begin in np.arange(0.0, seconds, BLOCK):
-        t = begin + np.arange(int(BLOCK * RATE)) / RATE
-        k, phase = np.divmod(t, STOP + MOVE)
-        u = np.clip((phase - STOP) / MOVE, 0.0, 1.0)
-        u = (u**3 * (10 - 15 * u + 6 * u**2))[:, None]
-        index = k.astype(int)
-        value = level[index] * (1 - u) + level[index + 1] * u
-        value[:, :9] = 0.5 + 0.05 * value[:, :9] + 3e-7 * rng.standard_normal((len(t), 9))
-        value[:, 9:] = 800 + 200 * value[:, 9:] + rng.standard_normal((len(t), 9))
+    """Three supports, one time column; the logs of `benchmarks.logs` in memory."""
+    for t, value in blocks(seconds):
         split = [np.ascontiguousarray(value[:, 3 * i : 3 * i + 3]) for i in range(6)]
         series = tuple(Series(t, part) for part in split)
-        yield Log(names, series[:3], series[3:])
+        yield Log(NAMES, series[:3], series[3:])
 
 
 def timed(work: Callable[[], object]) -> float:
@@ -66,7 +55,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="dwells: what is found, and how fast")
     parser.add_argument("--seeds", type=int, default=8, help="logs of each kind")
     seeds = parser.parse_args().seeds
-    scores = {what: scored(what, range(seeds)) for what in KINDS}
+    scores = dict(zip(KINDS, over(partial(scored, seeds=range(seeds)), KINDS), strict=True))
     found = [one.row(what) for what, one in scores.items()]
     found.append(together(list(scores.values())).row("all"))
     slow = [scored(what, range(5 * seeds)).row(what) for what in SLOW]
@@ -77,10 +66,9 @@ def main() -> None:
         reduced = timed(lambda logs=logs: reduce_to_bins(logs))  # type: ignore[misc]
         whole = timed(lambda logs=logs: find_dwells(logs))  # type: ignore[misc]
         bins, count = len(reduce_to_bins(logs)), len(find_dwells(logs))
-        rows.append(
-            f"| {minutes} | {minutes * 60 * RATE:,} | {bins:,} | {count} | {plain:.2f} "
-            f"| {reduced:.2f} | {whole:.2f} | {reduced / plain:.1f} | {whole / plain:.1f} |"
-        )
+        cells = [minutes, f"{minutes * 60 * RATE:,}", f"{bins:,}", count]
+        cells += [f"{value:.2f}" for value in (plain, reduced, whole)]
+        rows.append(row(*cells, f"{reduced / plain:.1f}", f"{whole / plain:.1f}"))
         del logs
     streamed = len(find_dwells(pieces(3600.0)))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -93,14 +81,12 @@ def main() -> None:
             "random from the ranges in `benchmarks/dwell_stops.py`. Bias: what settling leaves in",
             "a mean force without its noise, over the stated standard error.",
             "",
-            f"| {' | '.join(HEADS)} |",
-            f"|{'---|' * len(HEADS)}",
+            heads(*HEADS),
             *found,
             "",
             f"Noise that is alike over much of a stop, {5 * seeds} logs of 16 stops of each kind:",
             "",
-            f"| {' | '.join(HEADS)} |",
-            f"|{'---|' * len(HEADS)}",
+            heads(*HEADS),
             *slow,
             "",
             "## Speed",
@@ -108,9 +94,17 @@ def main() -> None:
             "Three supports, 19 columns, 1 kHz, arrays in memory. Ratios are to numpy's mean and",
             "standard deviation of the same columns.",
             "",
-            "| minutes | rows | bins | dwells | mean, std s | reduce s | reduce + find s "
-            "| ratio, reduce | ratio, all |",
-            "|---|---|---|---|---|---|---|---|---|",
+            heads(
+                "minutes",
+                "rows",
+                "bins",
+                "dwells",
+                "mean, std s",
+                "reduce s",
+                "reduce + find s",
+                "ratio, reduce",
+                "ratio, all",
+            ),
             *rows,
             "",
             f"Dwells of the hour read as a stream: {streamed}. Peak memory of the whole run, "

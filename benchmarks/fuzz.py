@@ -1,48 +1,48 @@
 """Damaged and nonsensical files of every kind through the command line.
 
-    python -m benchmarks.fuzz [--cases 20000] [--seed 0] [--keep FOLDER] > benchmarks/fuzz.md
+    python -m benchmarks.fuzz [CASES [SEED [KIND ...]]] > benchmarks/fuzz.md
 
-With --keep the outcomes are appended to files, and a run goes on where an earlier one ended.
-
-A file of each kind is mutated and given to a command that reads it, in this process's `main`: bytes
+A file of each kind is mutated and given to a command that reads it, in a process of its own: bytes
 flipped, cut, doubled, put in and spliced with another file's; for text also its cells, words and
 lines; for YAML and JSON also their values, keys and types; for Parquet its columns. Each run must
 end with a status of the contract, within 20 s of processor time, without traceback, internal error
-or a library's warning. Each kind runs in a process of its own, so that one which ends is counted
-too.
+or a library's warning.
 """
 
 from __future__ import annotations
 
-import argparse
 import copy
 import io
 import json
 import os
 import random
 import re
-import shutil
+import resource
 import signal
-import subprocess
 import sys
 import tempfile
-import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.csv
 import pyarrow.parquet as pq
 import yaml
 
-from benchmarks.fuzz_files import KINDS, Kind, build
+from benchmarks.frame import heads, over, row
 from tdfscal.cli import main as command_line
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.simulation import Recorder
+from tdfscal.workflows.calibrate import calibrate
+from tdfscal.workflows.plan import plan
 from tests.files.edits import edits
+from tests.files.logs.log_making import make_truth, mcap_bytes
+from tests.files.logs.test_log_bag_kinds import ros1_bag, sqlite_bag
 
 STATUSES = (0, 1, 2, 3, 4)
 #: Processor time, s, that a run may take, and time by the clock, on a machine that others use too.
@@ -56,8 +56,6 @@ ODD_VALUES: tuple[Any, ...] = (
     None, True, -1, 0, 1e308, 5e-324, float("nan"), float("inf"), 10**400, "", "x", "nan", [], {},
     [[]], {"a": 1}, [0, 0, 0], [1e308] * 3, "2026-11-21", "../../etc", "\x85",
 )  # fmt: skip
-
-
 TYPES: dict[str, Callable[[Any], Any]] = {
     "text": str,
     "list": lambda value: [value, value],
@@ -66,19 +64,82 @@ TYPES: dict[str, Callable[[Any], Any]] = {
     "bytes": lambda value: b"\x00",
     "null": lambda value: None,
 }
-
-
-class Stuck(BaseException):
-    """A run takes longer than a user waits."""
+TABLE = (
+    "info C/{0} --rig C/rig.yaml -q",
+    "calibrate C/{0} --rig C/rig.yaml --trials 0 -o x.yaml -q",
+)
+BAG = ("info {0} --rig bag.yaml -q", "info {0} -q")
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Status of a run, seconds, and what is wrong with it, if anything."""
+class Kind:
+    """A file that is mutated, the form that its mutations know, the commands that read it."""
 
-    status: int
-    seconds: float
-    fault: str | None
+    name: str
+    file: str
+    form: str
+    lines: tuple[str, ...]
+    weight: int = 2
+
+
+KINDS = (
+    Kind("rig.yaml", "C/rig.yaml", "yaml", (
+        "calibrate C/log.csv --rig C/rig.yaml --trials 0 -o x.yaml -q",
+        "info C/log.csv --rig C/rig.yaml -q",
+        "calibrate C/log.csv --rig C/rig.yaml --method tracker --trials 0 -o x.yaml -q",
+    ), 4),
+    Kind("log.csv", "C/log.csv", "text", tuple(line.format("log.csv") for line in TABLE), 4),
+    Kind("log.parquet", "C/log.parquet", "parquet",
+         tuple(line.format("log.parquet") for line in TABLE), 3),
+    Kind("log.mcap", "log.mcap", "bytes", tuple(line.format("log.mcap") for line in BAG), 3),
+    Kind("bag, SQLite", "sql/sql.db3", "bytes", tuple(line.format("sql") for line in BAG)),
+    Kind("bag, metadata", "sql/metadata.yaml", "yaml", tuple(line.format("sql") for line in BAG)),
+    Kind("ROS 1 bag", "ros1.bag", "bytes", tuple(line.format("ros1.bag") for line in BAG)),
+    Kind("points", "C/tracker/targets.csv", "text", (
+        "register C/tracker/targets.csv C/tracker/nominal.csv",
+        "calibrate C/log.csv --rig C/rig.yaml --method tracker --trials 0 -o x.yaml -q",
+    ), 3),
+    Kind("calibration.yaml", "c.yaml", "yaml", (
+        "report c.yaml", "export c.yaml --to csv",
+        "apply c.yaml C/log.csv --rig C/rig.yaml -o w.csv -q",
+    ), 3),
+    Kind("calibration.json", "c.json", "json", (
+        "report c.json", "compare c.json c.yaml", "validate c.json C/log.csv --rig C/rig.yaml -q",
+    ), 3),
+    Kind("calibration without digest", "bare.json", "json", (
+        "report bare.json", "compare bare.json c.yaml", "export bare.json --to ros",
+        "validate bare.json C/log.csv --rig C/rig.yaml -q",
+        "apply bare.json C/log.csv --rig C/rig.yaml -o w.csv -q",
+    ), 4),
+    Kind("plan", "plan.csv", "text", ("info plan.csv -q", "info plan.csv --rig C/rig.yaml -q"), 1),
+)  # fmt: skip
+
+
+def build(home: Path) -> None:
+    """Fill a folder with all that the commands name."""
+    simulate_to_folder(
+        home / "C", postures=12, rows="postures", seed=1, recorder=Recorder(mean_sd=0.05)
+    )
+    pq.write_table(pyarrow.csv.read_csv(home / "C" / "log.csv"), home / "C" / "log.parquet")
+    found = calibrate([home / "C" / "log.csv"], rig=home / "C" / "rig.yaml", trials=20)
+    for name in ("c.yaml", "c.json"):
+        found.save(home / name)
+    content = json.loads((home / "c.json").read_text(encoding="utf-8"))
+    del content["content_sha256"], content["rig"]["content_sha256"]
+    (home / "bare.json").write_text(json.dumps(content), encoding="utf-8")
+    plan(home / "C" / "rig.yaml", output=home / "plan.csv", postures=4)
+    (home / "log.mcap").write_bytes(mcap_bytes(make_truth(12)))
+    sqlite_bag(home / "sql")
+    ros1_bag(home / "ros1.bag")
+    rig = yaml.safe_load((home / "C" / "rig.yaml").read_text(encoding="utf-8"))
+    rig.pop("tracker")
+    rig["log"] = {
+        "supports": {
+            name: {"position": f"/{name}/position.point", "force": f"/{name}/wrench.wrench.force"}
+            for name in ("ncp1", "ncp2", "ncp3")
+        }
+    }
+    (home / "bag.yaml").write_text(yaml.safe_dump(rig), encoding="utf-8")
 
 
 def bytes_mutated(raw: bytes, rng: random.Random, others: list[bytes]) -> bytes:
@@ -204,125 +265,82 @@ def mutated(kind: Kind, raw: bytes, rng: random.Random, others: list[bytes]) -> 
     return rng.choice(ways)()
 
 
-def run(words: list[str]) -> Outcome:
-    """Run the command line and look at how it ends."""
+def run(words: list[str], said: Path) -> tuple[int, float, str]:
+    """Status of a command line, its processor time, s, and what is wrong with its end, if anything.
 
-    def stop(number: int, frame: FrameType | None) -> None:
-        del number, frame
-        raise Stuck
-
-    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
-    sys.argv, status, fault = ["tdfscal", *words], 0, None
-    signal.signal(signal.SIGALRM, stop)
-    signal.signal(signal.SIGPROF, stop)
-    signal.alarm(HANGING)
-    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
-    begin = time.process_time()
-    try:
-        with redirect_stdout(out), redirect_stderr(err):
+    said : file for what it says.
+    """
+    sys.stdout.flush()
+    child = os.fork()
+    if not child:
+        status = 0
+        try:
+            resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE + 5))
+            signal.alarm(HANGING)
+            sink = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(sink, 1)
+            os.dup2(sink, 2)
+            sys.argv = ["tdfscal", *words]
             command_line()
-    except SystemExit as end:
-        status = int(end.code or 0)
-    except Stuck:
-        fault = f"takes more than {PATIENCE} s of processor time, or {HANGING} s"
-    except BaseException:
-        fault = f"an exception: {traceback.format_exc().splitlines()[-1]}"
-    finally:
-        signal.alarm(0)
-        signal.setitimer(signal.ITIMER_PROF, 0)
-    err.flush()
-    said = err.buffer.getvalue().decode("utf-8", "replace")
-    if fault is None and status not in STATUSES:
-        fault = f"status {status}: {said.splitlines()[-1][:300] if said else ''}"
-    if fault is None and ("Traceback" in said or re.search(r"\w+Warning:", said)):
-        fault = f"says: {said[:300]}"
-    return Outcome(status, time.process_time() - begin, fault)
+        except SystemExit as end:
+            status = int(end.code or 0)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+    _, ended, used = os.wait4(child, 0)
+    status, text = os.waitstatus_to_exitcode(ended), said.read_text("utf-8", "replace")
+    fault = ""
+    if status < 0:
+        fault = f"ended by {signal.Signals(-status).name}"
+    elif status not in STATUSES or "Traceback" in text or re.search(r"\w+Warning:", text):
+        fault = f"status {status}: {text[-300:]}"
+    return status, used.ru_utime + used.ru_stime, fault
 
 
-def work(kind: Kind, cases: range, seed: int) -> None:
-    """Run the cases of a kind; one line of JSON each."""
-    shown = sys.stdout
+def fuzzed(seed: int, job: tuple[Kind, int]) -> tuple[str, list[str]]:
+    """The row of a kind, and its faults."""
+    kind, cases = job
+    ends, faults, slowest = Counter[int](), [], 0.0
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
-        home = Path(name)
+        home = Path(name) / "files"
+        home.mkdir()
         build(home)
         os.chdir(home)
         path = home / kind.file
         raw = path.read_bytes()
         others = [p.read_bytes() for p in sorted(home.rglob("*")) if p.is_file()]
-        for case in cases:
+        for case in range(cases):
             rng = random.Random(f"{kind.name} {seed} {case}")
             path.write_bytes(mutated(kind, raw, rng, others))
-            seen = run(rng.choice(kind.lines).split())
-            if seen.fault is not None and os.environ.get("FUZZ_KEEP"):
-                shutil.copy(
-                    path, Path(os.environ["FUZZ_KEEP"]) / f"{kind.name}-{case}{path.suffix}"
-                )
-            line = [seen.status, round(seen.seconds, 3), seen.fault]
-            print(json.dumps(line), file=shown, flush=True)
-
-
-def count(kind: Kind, cases: int, seed: int, kept: Path) -> list[Outcome]:
-    """Outcomes of so many cases; a process that ends is one, and the rest follows in another."""
-    place = kept / f"{kind.name}-{seed}.jsonl"
-    place.touch()
-
-    def outcomes() -> list[Outcome]:
-        return [Outcome(*json.loads(line)) for line in place.read_text().splitlines()]
-
-    while (begin := len(outcomes())) < cases:
-        words = [sys.executable, "-m", "benchmarks.fuzz", "--worker", kind.name]
-        words += ["--cases", str(cases), "--seed", str(seed), "--begin", str(begin)]
-        with place.open("a") as sink:
-            ran = subprocess.run(words, stdout=sink, stderr=subprocess.PIPE, text=True, check=False)
-        reached = len(outcomes())
-        if reached < cases:
-            if reached == begin and ran.returncode > 0:
-                raise RuntimeError(ran.stderr)
-            ended = [ran.returncode, 0.0, f"the process ends: {ran.returncode}"]
-            with place.open("a") as sink:
-                print(json.dumps(ended), file=sink)
-    return outcomes()[:cases]
+            words = rng.choice(kind.lines).split()
+            status, seconds, fault = run(words, Path(name) / "said")
+            ends[status] += 1
+            slowest = max(slowest, seconds)
+            if fault:
+                faults.append(f"{kind.name}, case {case}: {fault}")
+        os.chdir("/")
+    counts = (ends[status] for status in STATUSES)
+    return row(kind.name, cases, *counts, f"{slowest:.1f}", len(faults)), faults
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--cases", type=int, default=20_000, help="of all kinds together")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", nargs="*", help="names of kinds; default all")
-    parser.add_argument("--keep", type=Path, help="folder of outcomes so far")
-    parser.add_argument("--worker", help=argparse.SUPPRESS)
-    parser.add_argument("--begin", type=int, default=0, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.worker:
-        kind = next(k for k in KINDS if k.name == options.worker)
-        work(kind, range(options.begin, options.cases), options.seed)
-        return
-    kept = options.keep or Path(tempfile.mkdtemp(prefix="fuzz-"))
-    kept.mkdir(exist_ok=True)
+    cases = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    kinds = [kind for kind in KINDS if kind.name in (sys.argv[3:] or [k.name for k in KINDS])]
     total = sum(kind.weight for kind in KINDS)
-    rows, faults, done = [], Counter[str](), 0
-    for kind in (kind for kind in KINDS if not options.only or kind.name in options.only):
-        seen = count(kind, options.cases * kind.weight // total, options.seed, kept)
-        by = Counter(outcome.status for outcome in seen)
-        bad = [outcome.fault for outcome in seen if outcome.fault]
-        faults.update(f"{kind.name}: {fault}" for fault in bad)
-        cells = [kind.name, len(seen), *(by[status] for status in STATUSES)]
-        cells += [f"{max(outcome.seconds for outcome in seen):.1f}", len(bad)]
-        rows.append(f"| {' | '.join(map(str, cells))} |")
-        done += len(seen)
-        print(rows[-1], file=sys.stderr, flush=True)
+    found = over(partial(fuzzed, seed), [(kind, cases * kind.weight // total) for kind in kinds])
     introduction = __doc__.split("\n\n")[-1] if __doc__ else ""
-    print(
-        f"# Damaged files\n\nMade by `python -m benchmarks.fuzz --cases {options.cases} --seed "
-        f"{options.seed}`.\n{introduction}\n{done} cases; columns 0 to 4 are exit statuses.\n"
-    )
-    heads = ["file", "cases", *map(str, STATUSES), "slowest, s", "faults"]
-    print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
-    print("\n".join(rows))
-    print(f"\nFaults: {'none' if not faults else ''}")
-    for what, times in faults.most_common():
-        print(f"- {times} × {what}")
+    print(f"# Damaged files\n\n`python -m benchmarks.fuzz {cases} {seed}`.\n{introduction}")
+    print("Columns 0 to 4 are exit statuses.\n")
+    print(heads("file", "cases", *map(str, STATUSES), "slowest, s", "faults"))
+    print("\n".join(line for line, _ in found))
+    faults = [fault for _, several in found for fault in several]
+    print("\nFaults: " + ("none" if not faults else ""))
+    print("\n".join(f"- {fault}" for fault in faults))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,24 @@
-"""Calibration in motion against the truth: error, honesty of what is stated, contacts, the bound.
+"""Calibration in motion against the truth: error, honesty, stops, contacts, alarms, validation.
 
-    python -m benchmarks.motion CASE [--lacking AXES] [--runs 100] [--first 1000]
+    python -m benchmarks.motion WHAT CASE [--lacking AXES] [--runs 100] [--first 1000]
 
-CASE: white, slow, approach (clean logs), contact, approach-contact, dwells. Each run draws a rig,
-a motion, error fields and noise of its own; the estimator knows what a rig file states. RMSE over
-all angles of all runs; d²/3n with the full stated covariance; share of errors within ±1.96 stated
-standard uncertainties, and of roll, pitch, yaw within the trials' 95 % intervals; the bound is the
-Cramér–Rao bound of the linearised model with the true spectrum of the force noise, positions
-without error and all nuisances free. With axes lacking, all of it is over the sensors whose angles
-are determined.
+Each run draws a rig, a motion, error fields and noise of its own; the estimator knows what a rig
+file states. WHAT and its CASEs:
+
+- errors: white, slow, approach (clean logs), contact, approach-contact. RMSE over all angles of all
+  runs; d²/3n with the full stated covariance; share of errors within ±1.96 stated standard
+  uncertainties, and of roll, pitch, yaw within the trials' 95 % intervals; the bound is the
+  Cramér–Rao bound of the linearised model with the true spectrum of the force noise, positions
+  without error and all nuisances free. With axes lacking, all of it is over the sensors whose
+  angles are determined.
+- stops: white, slow (0.3 N of noise slow as 2 s besides), stiff (carriages of 200 N/µm, white
+  noise, where the positioners' errors weigh most). 15 postures in --seconds, rests of 6 s and moves
+  of 4 s. Wider: runs in which an angle's uncertainty is above that of the rests alone.
+- alarms: slow, white, approach, rests (ten rests and moves). Suspected: any suspicion; harmful: one
+  that the gate rejects for. The level is `significance.UNDECLARED_ERROR` per log.
+- validation: clean, turn (one sensor by 2 mrad in a random direction), zero (one sensor's zero by
+  1 N), zero3 (by 3 N), load (2 kg and 2 mm), contact (15 N for 3 s; must hold). A minute of motion
+  calibrates, and validates another motion of the same machine, with --drive approach an approach.
 """
 
 from __future__ import annotations
@@ -16,9 +26,13 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from benchmarks.frame import errors, mean, over, rms, row
+from tdfscal.dwells import find_dwells
+from tdfscal.errors import TdfscalError
 from tdfscal.model.dynamics import Moving, voigt
 from tdfscal.model.parameters import nominal
 from tdfscal.motioncal.blocks import blocks
@@ -28,10 +42,13 @@ from tdfscal.motioncal.streams import Slow, slow_streams
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
 from tdfscal.simulation.moving_options import MovingOptions, Touch
 from tdfscal.simulation.reference_rig import make_rig
+from tdfscal.simulation.truth import Truth
+from tdfscal.validation.in_motion import validate_moving
 
 DELAY = UncertainValue(np.array(0.0), np.array(0.02))
 TOUCH = (9.0, -6.0, 10.39)  # 15 N
@@ -42,6 +59,15 @@ CASES = {
     "contact": MovingOptions(slow_noise=0.3, touches=(Touch(28.5, 31.5, TOUCH),)),
     "approach-contact": replace(MovingOptions.approach(), touches=(Touch(15.0, 18.0, TOUCH),)),
 }
+STOPS = {
+    "white": MovingOptions.stops(),
+    "slow": replace(MovingOptions.stops(), slow_noise=0.3),
+    "stiff": replace(MovingOptions.stops(), stiffness=(200e6, 200e6, 200e6)),
+}
+SOUND = {name: CASES[name] for name in ("slow", "white", "approach")} | {"rests": STOPS["slow"]}
+#: What `validate` should name first.
+NAMED = {"turn": "sensor turned", "zero": "zero drifted", "zero3": "zero drifted"}
+NAMED |= {"load": "load changed"}
 #: Supports, and the axes (support, axis) that are not measured.
 LACKING: dict[str, tuple[int, tuple[tuple[int, int], ...]]] = {
     "lateral": (3, ((2, 1),)),
@@ -90,45 +116,158 @@ def played(
     return rig, campaign, slow, result, time.perf_counter() - began
 
 
+def one_error(case: str, lacking: str | None, seed: int) -> tuple[FloatArray, ...]:
+    """Errors, stated std and the bound's (k,) of the angles that are determined; then d²/k, the
+    share within the trials' intervals, whether these are refuted, whether a contact is named, s.
+    """
+    rig, campaign, slow, result, took = played(case, lacking, seed)
+    known = np.flatnonzero(np.repeat(result.observability.determined, 3))
+    C = result.uncertainty.turns.covariance[np.ix_(known, known)]
+    back = np.swapaxes(result.fit.state.still.rotation, 1, 2)
+    e = so3.log(campaign.truth.rotation @ back).ravel()[known]
+    trials = result.monte_carlo
+    assert trials is not None
+    rpy = so3.to_rpy(campaign.truth.rotation)
+    inside = np.mean(((trials.low < rpy) & (rpy < trials.high)).ravel()[known])
+    distance = float(e @ np.linalg.solve(C, e)) / len(e)
+    flags = [distance, inside, not trials.validated, bool(result.rejected), took]
+    least = np.sqrt(np.diagonal(bound(rig, campaign, slow))[known])
+    return e, np.sqrt(np.diagonal(C)), least, np.array(flags, dtype=np.float64)
+
+
+def error_row(case: str, lacking: str | None, seeds: range) -> str:
+    """RMSE, stated, bound, their ratio, d²/k, shares inside, refuted, named, seconds."""
+    found = zip(*over(partial(one_error, case, lacking), seeds), strict=True)
+    e, std, least, flags = (np.array(part) for part in found)
+    name = f"{case}, without {lacking}" if lacking else case
+    return row(
+        name, len(seeds), *(f"{1e3 * rms(x):.3f}" for x in (e, std, least)),
+        f"{rms(e) / rms(least):.2f}", mean(flags[:, 0]), f"{np.mean(np.abs(e) < 1.96 * std):.1%}",
+        mean(flags[:, 1], ".1%"), *flags[:, 2:4].sum(axis=0).astype(int),
+        f"{np.median(flags[:, 4]):.1f}",
+    )  # fmt: skip
+
+
+def one_stop(case: str, seconds: float, seed: int) -> tuple[FloatArray, FloatArray, bool] | None:
+    """Of the rests and of all samples: errors, stated std (9,) each and d²/9; whether wider."""
+    rig, rng = reference_rig(), np.random.default_rng(seed)
+    campaign = simulate_moving(rig, replace(STOPS[case], duration=seconds), rng)
+    dwells = find_dwells([campaign.log])
+    try:
+        alone = self_calibrate(rig, dwells, rng=np.random.default_rng(seed), max_trials=0)
+        slow = slow_streams([campaign.log], rig.capacity)
+        both = calibrate_moving(rig, slow, DELAY, dwells=len(dwells))
+    except TdfscalError:
+        return None
+    turns = both.uncertainty.turns
+    scores = []
+    for rotation, C in (
+        (alone.fit.state.rotation, alone.uncertainty.covariance),
+        (both.fit.state.still.rotation, turns.covariance),
+    ):
+        e, distance = errors(campaign.truth.rotation, rotation, C)
+        scores.append(np.array([*e, *np.sqrt(np.diagonal(C)), distance]))
+    return scores[0], scores[1], bool(np.any(turns.rpy_std > alone.uncertainty.rpy_std))
+
+
+def stop_rows(case: str, seconds: float, seeds: range) -> str:
+    """RMSE, stated, d²/9 and share inside, of the rests and of all samples."""
+    found = over(partial(one_stop, case, seconds), seeds)
+    good = [each for each in found if each is not None]
+    rows = []
+    for k, name in enumerate(("rests", "all")):
+        part = np.array([each[k] for each in good])
+        e, s, d = part[:, :9], part[:, 9:18], part[:, 18]
+        inside = f"{np.mean(np.abs(e) < 1.96 * s):.1%}"
+        sizes = (f"{1e3 * rms(x):.3f}" for x in (e, s))
+        rows.append(row(f"{case}, {name}", len(part), *sizes, mean(d), inside))
+    wider = sum(each[2] for each in good)
+    return "\n".join(rows) + f"\n\nwider {wider}, refused {len(found) - len(good)}"
+
+
+def one_alarm(case: str, seed: int) -> tuple[str, bool]:
+    """What is suspected of a sound log, and whether it would reject."""
+    rig = reference_rig()
+    campaign = simulate_moving(rig, SOUND[case], np.random.default_rng(seed))
+    found = calibrate_moving(rig, slow_streams([campaign.log], rig.capacity), DELAY).suspicions
+    said = f"{seed}: {found[0].kind}, p = {found[0].p_value:.2g}" if found else ""
+    return said, any(doubt.harmful for doubt in found)
+
+
+def alarm_row(case: str, seeds: range) -> str:
+    """How many logs are suspected, how many harmfully, and of what."""
+    found = over(partial(one_alarm, case), seeds)
+    said = [text for text, _ in found if text]
+    return row(case, len(seeds), len(said), sum(harmful for _, harmful in found), "; ".join(said))
+
+
+def changed(case: str, truth: Truth, sensor: int, rng: np.random.Generator) -> Truth:
+    """The machine after what the case does to it."""
+    way = rng.standard_normal(3)
+    way /= np.linalg.norm(way)
+    if case == "turn":
+        rotation = truth.rotation.copy()
+        rotation[sensor] = so3.exp(2e-3 * way) @ rotation[sensor]
+        return replace(truth, rotation=rotation)
+    if case in ("zero", "zero3"):
+        zero = truth.zero.copy()
+        zero[sensor] += way * (3.0 if case == "zero3" else 1.0)
+        return replace(truth, zero=zero)
+    if case == "load":
+        shift = np.array([2e-3, 0.0, 0.0])
+        return replace(truth, mass=truth.mass + 2.0, barycentre=truth.barycentre + shift)
+    return truth
+
+
+def one_validation(case: str, drive: str, seed: int) -> tuple[list[bool], FloatArray]:
+    """Held, p < 5 %, cause among the named, first, alone, contact left out; detectable turns."""
+    rig, rng = reference_rig(), np.random.default_rng(seed)
+    first, second = rng.spawn(2)
+    base = MovingOptions(rate=100.0, noise=1.1, slow_noise=0.3)
+    before = simulate_moving(rig, base, first)
+    known = calibrate_moving(rig, slow_streams([before.log], rig.capacity), DELAY)
+    sensor = int(rng.integers(rig.n))
+    options = replace(
+        MovingOptions.approach() if drive == "approach" else base, rate=100.0, noise=1.1,
+        slow_noise=0.3, inertia=before.inertia,
+        touches=(Touch(15.0, 18.0, TOUCH),) if case == "contact" else (),
+    )  # fmt: skip
+    after = simulate_moving(rig, options, second, changed(case, before.truth, sensor, rng))
+    v = validate_moving(known.calibrated, slow_streams([after.log], rig.capacity), DELAY)
+    wanted = (NAMED.get(case), None if case == "load" else sensor)
+    named = [(cause.kind, cause.support) for cause in v.suspected]
+    flags = [v.holds, v.p_value < 0.05, wanted in named, named[:1] == [wanted], named == [wanted]]
+    return [*flags, bool(v.rejected)], v.detectable
+
+
+def validation_row(case: str, drive: str, seeds: range) -> str:
+    """The counts, and the turns that are detectable about a horizontal axis / the vertical."""
+    flags, turns = zip(*over(partial(one_validation, case, drive), seeds), strict=True)
+    size = 1e3 * np.median(turns, axis=0)
+    sizes = f"{size[:, :2].mean():.2f} / {size[:, 2].mean():.2f}"
+    return row(f"{drive}, {case}", len(seeds), *np.sum(flags, axis=0), sizes)
+
+
 def main() -> None:
-    """Run one case and print its row."""
+    """Run one case and print its rows."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("case", choices=sorted(CASES))
+    parser.add_argument("what", choices=("errors", "stops", "alarms", "validation"))
+    parser.add_argument("case")
     parser.add_argument("--lacking", choices=sorted(LACKING))
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--first", type=int, default=1000)
+    parser.add_argument("--seconds", type=float, default=144.0)
+    parser.add_argument("--drive", choices=("minute", "approach"), default="minute")
     chosen = parser.parse_args()
-    error, std, distance, least, named, seconds = [], [], [], [], 0, []
-    inside, refuted = [], 0
-    for seed in range(chosen.first, chosen.first + chosen.runs):
-        rig, campaign, slow, result, took = played(chosen.case, chosen.lacking, seed)
-        known = np.flatnonzero(np.repeat(result.observability.determined, 3))
-        e = so3.log(
-            campaign.truth.rotation @ np.swapaxes(result.fit.state.still.rotation, 1, 2)
-        ).ravel()[known]
-        C = result.uncertainty.turns.covariance[np.ix_(known, known)]
-        error.append(e)
-        std.append(np.sqrt(np.diagonal(C)))
-        distance.append(float(e @ np.linalg.solve(C, e)) / len(e))
-        least.append(np.diagonal(bound(rig, campaign, slow))[known])
-        named += bool(result.rejected)
-        trials = result.monte_carlo
-        assert trials is not None
-        rpy = so3.to_rpy(campaign.truth.rotation)
-        inside.append(np.mean(((trials.low < rpy) & (rpy < trials.high)).ravel()[known]))
-        refuted += not trials.validated
-        seconds.append(took)
-    e, s = np.concatenate(error), np.concatenate(std)
-    rmse, least_rms = np.sqrt(np.mean(e**2)), np.sqrt(np.mean(np.concatenate(least)))
-    spread = np.std(distance) / np.sqrt(len(distance))
-    name = f"{chosen.case}, without {chosen.lacking}" if chosen.lacking else chosen.case
-    print(
-        f"| {name} | {chosen.runs} | {1e3 * rmse:.3f} | "
-        f"{1e3 * np.sqrt(np.mean(s**2)):.3f} | {1e3 * least_rms:.3f} | {rmse / least_rms:.2f} | "
-        f"{np.mean(distance):.2f} ± {spread:.2f} | {np.mean(np.abs(e) < 1.96 * s):.1%} | "
-        f"{np.mean(inside):.1%} ± {np.std(inside) / np.sqrt(len(inside)):.1%} | {refuted} | "
-        f"{named} | {np.median(seconds):.1f} |"
-    )
+    seeds = range(chosen.first, chosen.first + chosen.runs)
+    if chosen.what == "errors":
+        print(error_row(chosen.case, chosen.lacking, seeds))
+    elif chosen.what == "stops":
+        print(stop_rows(chosen.case, chosen.seconds, seeds))
+    elif chosen.what == "alarms":
+        print(alarm_row(chosen.case, seeds))
+    else:
+        print(validation_row(chosen.case, chosen.drive, seeds))
 
 
 if __name__ == "__main__":
