@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import secrets
 import shutil
 import signal
@@ -13,41 +12,36 @@ from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files.yaml.scalars import shorten
 
-_fcntl: ModuleType | None
-try:
-    import fcntl as _fcntl
-except ImportError:  # no POSIX: dead runs' files are then left where they are
-    _fcntl = None
-
-#: A file beside its place, held by a lock as long as the run that writes it lives.
-_PART = re.compile(r"\..*\.[0-9a-f]{12}\.part", re.DOTALL)
 #: What ends a run from outside; it waits while files are moved into their places.
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 #: Device and inode of a file, whatever its name.
 Identity = tuple[int, int]
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Staged:
-    """A file that waits beside its place. direct : that is no regular file, and written into."""
+    """A file that waits beside its place. name : of the place, as it was given."""
 
     beside: Path
-    lock: int | None
     target: Path
     name: Path
-    direct: bool = False
+
+    @property
+    def direct(self) -> bool:
+        """The place is a device or a pipe, which is written into."""
+        return self.target.exists() and not self.target.is_file()
 
 
 @dataclass(slots=True)
 class Outputs:
     """Files of one command, on their way.
 
-    protected : files that it reads. appeared : they are in their places, and stay there.
+    removed : files that go as these appear. folders : made for them. protected : files that the
+    command reads. appeared : they are in their places, and stay there.
     """
 
     staged: list[_Staged] = field(default_factory=list)
@@ -67,27 +61,17 @@ class Outputs:
                 raise UsageError(
                     "two outputs go to one file", where=str(path), hint="choose another name"
                 )
-            if target.exists() and not target.is_file():
-                handle, name = tempfile.mkstemp(suffix=".part")
-                os.close(handle)
-                staged = _Staged(Path(name), None, target, path, direct=True)
-            else:
-                remove_dead(target.parent)
-                staged = _Staged(*_beside(target), target, path)
+            staged = _Staged(_beside(target), target, path)
         except (OSError, ValueError) as fault:
             raise unwritable(path, fault) from fault
         self.staged.append(staged)
         return staged
 
-    def forget(self, staged: _Staged) -> None:
-        """Take back a file that failed."""
-        self.staged.remove(staged)
-        _drop(staged)
-
     def appear(self) -> None:
         """Put everything in its place. Raises UsageError; then nothing has changed."""
         for staged in self.staged:
             try:
+                check_target(staged.target)
                 with staged.beside.open("rb+") as written:
                     os.fsync(written.fileno())
                 if staged.direct:
@@ -98,46 +82,27 @@ class Outputs:
             except OSError as fault:
                 raise unwritable(staged.name, fault) from fault
         with _undisturbed():
-            self._move([staged for staged in self.staged if not staged.direct])
-            self.appeared = bool(self.staged)
             for staged in self.staged:
-                _drop(staged)
-            self.staged.clear()
-            self.folders.clear()
-
-    def _move(self, files: list[_Staged]) -> None:
-        """Move the files one after the other; at a fault give all places back what they held."""
-        several = len(files) + len(self.removed) > 1
-        done: list[tuple[Path, Path | None]] = []
-        at = Path()
-        try:
-            for staged in files:
-                at = staged.name
-                done.append((staged.target, _kept(staged.target) if several else None))
-                staged.beside.replace(staged.target)
-            for at in self.removed:
-                if at.exists():
-                    done.append((at, _kept(at)))
-                    at.unlink()
-        except OSError as fault:
-            for target, kept in reversed(done):
+                try:
+                    if not staged.direct:
+                        staged.beside.replace(staged.target)
+                except OSError as fault:
+                    raise unwritable(staged.name, fault) from fault
+            for path in self.removed:
                 with contextlib.suppress(OSError):
-                    if kept is not None:
-                        kept.replace(target)
-                    elif several:
-                        target.unlink()
-            raise unwritable(at, fault) from fault
-        finally:
-            for _, kept in done:
-                if kept is not None:
-                    kept.unlink(missing_ok=True)
+                    path.unlink()
+            self.appeared = bool(self.staged)
+            self.folders.clear()
+            self.vanish()
 
     def vanish(self) -> None:
         """Remove what has not appeared."""
         for staged in self.staged:
-            _drop(staged)
-        for folder in self.folders:
             with contextlib.suppress(OSError):
+                staged.beside.unlink(missing_ok=True)
+        self.staged.clear()
+        for folder in self.folders:
+            with contextlib.suppress(OSError):  # there are files in it
                 folder.rmdir()
 
 
@@ -183,7 +148,8 @@ def replacing(path: Path) -> Iterator[Path]:
         try:
             yield staged.beside
         except BaseException:
-            outputs.forget(staged)
+            outputs.staged.remove(staged)
+            staged.beside.unlink(missing_ok=True)
             raise
 
 
@@ -256,54 +222,17 @@ def unwritable(path: Path, fault: OSError | ValueError) -> TdfscalError:
     )
 
 
-def remove_dead(folder: Path) -> None:
-    """Remove the unfinished files of runs that were killed; those of living runs are locked."""
-    if _fcntl is None:
-        return
-    for path in folder.iterdir():
-        if not _PART.fullmatch(path.name):
-            continue
-        with contextlib.suppress(OSError):
-            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-            try:
-                _fcntl.flock(handle, _fcntl.LOCK_EX | _fcntl.LOCK_NB)
-                path.unlink()
-            finally:
-                os.close(handle)
-
-
-def _beside(target: Path) -> tuple[Path, int | None]:
-    """Create a file beside a target and lock it."""
-    beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
-    # O_EXCL: never into a file that something else laid there; the mode obeys the umask.
-    handle = os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
-    if _fcntl is None:
-        os.close(handle)
-        return beside, None
-    with contextlib.suppress(OSError):  # a file system without locks
-        _fcntl.flock(handle, _fcntl.LOCK_EX | _fcntl.LOCK_NB)
-    return beside, handle
-
-
-def _kept(target: Path) -> Path | None:
-    """Another name for what a target holds, to give it back."""
-    if not target.exists():
-        return None
-    kept = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
-    try:
-        os.link(target, kept)
-    except OSError:  # a file system without hard links
-        shutil.copy2(target, kept)
-    return kept
-
-
-def _drop(staged: _Staged) -> None:
-    with contextlib.suppress(OSError):
-        staged.beside.unlink(missing_ok=True)
-    if staged.lock is not None:
-        with contextlib.suppress(OSError):
-            os.close(staged.lock)
-        staged.lock = None
+def _beside(target: Path) -> Path:
+    """Create a file to write to: beside its target, or elsewhere for a device's content."""
+    if target.exists() and not target.is_file():
+        handle, name = tempfile.mkstemp(suffix=".part")
+        beside = Path(name)
+    else:
+        beside = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
+        # O_EXCL: never into a file that something else laid there; the mode obeys the umask.
+        handle = os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+    os.close(handle)
+    return beside
 
 
 @contextlib.contextmanager

@@ -349,7 +349,7 @@ def program(*words: object, cwd: Path) -> subprocess.Popen[str]:
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT", "SIGKILL"])
 def test_a_run_that_is_ended_leaves_nothing(name: str, home: Path, tmp_path: Path) -> None:
-    """An earlier output stays whole; what a killed run leaves goes with the next one."""
+    """An earlier output stays whole, after a kill too."""
     number = getattr(signal, name)
     target = tmp_path / "w.csv"
     target.write_text("before")
@@ -368,21 +368,6 @@ def test_a_run_that_is_ended_leaves_nothing(name: str, home: Path, tmp_path: Pat
         assert "interrupted" in said
         assert {p.name for p in tmp_path.iterdir()} == {"w.csv"}
     assert target.read_text() == "before"
-
-
-def test_what_dead_runs_leave_is_removed_and_what_living_ones_write_is_not(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    dead = tmp_path / ".page.html.0123456789ab.part"
-    dead.write_text("half")
-    from tdfscal.files.outputs import replacing
-
-    with replacing(tmp_path / "living.html") as living:
-        living.write_text("whole")
-        assert run(capsys, "report", "own.yaml", "--html", tmp_path / "page.html").status == 0
-        assert not dead.exists()
-        assert living.exists()
-    assert {p.name for p in tmp_path.iterdir()} == {"living.html", "page.html"}
 
 
 def test_files_appear_together_or_not_at_all(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import time
 from pathlib import Path
 from typing import Any
 
@@ -66,17 +65,15 @@ def test_scalars_of_yaml_1_2(text: str, value: object) -> None:
 
 
 def test_lines_and_places() -> None:
-    text = "a: 1\nb:\n  - x\n  - {c: 2,\n     d: [3, 4]}\nf: &n\n  g: 5\nh: *n\n"
+    text = "a: 1\nb:\n  - x\n  - {c: 2,\n     d: [3, 4]}\nf:\n  g: 5\n"
     document = parse_document(text.encode(), "some.yaml", DataError)
     assert document.content == {
         "a": 1,
         "b": ["x", {"c": 2, "d": [3, 4]}],
         "f": {"g": 5},
-        "h": {"g": 5},
     }
     assert document.where(("b", 1, "d", 1)) == "some.yaml, line 5, b[1].d[1]"
     assert document.where(("f", "g")) == "some.yaml, line 7, f.g"
-    assert document.where(("h", "g")) == "some.yaml, line 8, h.g"
     assert document.where(("b", 7)) == "some.yaml, line 3, b[7]"
     assert document.where() == "some.yaml"
 
@@ -95,11 +92,11 @@ def test_hash_and_size_are_of_the_file(tmp_path: Path) -> None:
         ("a: 1\nb: [1, 2\nc: 3\n", "line 3"),
         ("a: 1\nb: 2\na: 3\n", "line 3: the key `a` occurs twice"),
         ("a: 1\n---\nb: 2\n", "more than one document"),
-        ("a: &x [*x]\n", "refers to nothing before it, or to itself"),
-        ("a: *x\n", "alias"),
-        ("d: &d {a: 1}\ne: {<<: *d}\n", "merge keys"),
+        ("a: &x [*x]\n", "anchors and aliases"),
+        ("a: *x\n", "line 1: anchors and aliases"),
+        ("d: &d {a: 1}\ne: {<<: *d}\n", "anchors and aliases"),
         ("? [1, 2]\n: 3\n", "plain text"),
-        ("x: &x a\n*x : 3\n", "plain text"),
+        ("x: &x a\n*x : 3\n", "anchors and aliases"),
         ("a: !!python/object/apply:os.system ['true']\n", "tag"),
         ("a: !!binary aGk=\n", "tag"),
         ("a: !mine 3\n", "tag"),
@@ -132,18 +129,6 @@ def test_refused_yaml(text: str | bytes, word: str) -> None:
 )
 def test_refused_json(text: str, word: str) -> None:
     assert word in refused(text, "json")
-
-
-def test_alias_bombs_are_small_and_quick() -> None:
-    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
-    rows += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 25)]
-    began = time.perf_counter()
-    assert "values" in refused("\n".join(rows))
-    rows = ["a0: &a0 [[[[[[[[x]]]]]]]]"]
-    rows += [f"a{k}: &a{k} [[[[[[[[*a{k - 1}]]]]]]]]" for k in range(1, 50)]
-    assert "nested deeper" in refused("\n".join(rows))
-    # Without the limits the first would not end within the age of the universe.
-    assert time.perf_counter() - began < 5.0
 
 
 def test_depth_limit_is_exact() -> None:

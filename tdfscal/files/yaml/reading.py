@@ -1,27 +1,34 @@
-"""YAML and JSON documents with the place of every value, read within stated limits."""
+"""YAML and JSON documents with the place of every value, read within stated limits.
+
+YAML is stricter than 1.1: scalars follow the YAML 1.2 core schema (`1e-5` is a number; `on`, `1:30`
+and dates are text), keys are text that occurs once, there are no anchors, and no tag makes an
+object.
+"""
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
-import os
-import select
-from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
+import yaml
+
 from tdfscal.errors import TdfscalError, UsageError
-from tdfscal.files.yaml.events import MAX_DEPTH, Place, YamlBuilder
-from tdfscal.files.yaml.scalars import decimal, integer, shorten
+from tdfscal.files.yaml.scalars import decimal, integer, plain_scalar, shorten
 
 Format = Literal["json", "yaml"]
+Place = tuple[str | int, ...]
+"""Keys and indices from the top of a document to a value."""
 
 MAX_BYTES = 4_000_000
-#: Seconds without anything from a pipe.
-_PATIENCE = 10.0
+MAX_DEPTH = 32
+_TOO_DEEP = f"is nested deeper than {MAX_DEPTH} levels"
+_CORE = ("str", "int", "float", "bool", "null", "timestamp", "seq", "map")
+_TAGS = {None, "!"} | {f"tag:yaml.org,2002:{name}" for name in _CORE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,29 +64,12 @@ def read_document(path: Path, error: type[TdfscalError]) -> Document:
     wrong in it.
     """
     try:
-        raw = _content(path)
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as fault:
         raise unreadable(path, fault) from fault
-    return parse_document(
-        raw, str(path), error, "json" if path.suffix.lower() == ".json" else "yaml"
-    )
-
-
-def _content(path: Path) -> bytes:
-    """Read a file, no more than a document may have; a pipe is waited for, but not for ever."""
-    if not path.is_fifo():
-        with path.open("rb") as file:
-            return file.read(MAX_BYTES + 1)
-    content = b""
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as pipe:
-        while len(content) <= MAX_BYTES:
-            if not select.select([pipe], [], [], _PATIENCE)[0]:
-                raise OSError(errno.ETIMEDOUT, "nothing comes through this pipe")
-            part = pipe.read(1 << 16)
-            if not part:
-                break
-            content += part
-    return content
+    form: Format = "json" if path.suffix.lower() == ".json" else "yaml"
+    return parse_document(raw, str(path), error, form)
 
 
 def parse_document(
@@ -104,11 +94,9 @@ def parse_document(
             where=f"{source}, line {line}",
             hint="save the file as UTF-8",
         ) from fault
-    digest = hashlib.sha256(raw).hexdigest()
-    if form == "json":
-        return Document(_parse_json(text, source, error), {}, source, digest)
-    builder = YamlBuilder(source, error)
-    return Document(builder.build(text), builder.lines, source, digest)
+    builder = _Builder(source, error)
+    content = builder.from_json(text) if form == "json" else builder.from_yaml(text)
+    return Document(content, builder.lines, source, hashlib.sha256(raw).hexdigest())
 
 
 def unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
@@ -122,41 +110,111 @@ def unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
     return UsageError(f"cannot be read: {reason}", where=where, hint="check the path")
 
 
-def _parse_json(text: str, source: str, error: type[TdfscalError]) -> Any:
-    def constant(name: str) -> NoReturn:
-        raise error(f"{name} is not JSON", where=source, hint="leave it out or write null")
+@dataclass(slots=True)
+class _Builder:
+    """Makes plain values of a text. lines : of each value of YAML, from 1."""
 
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        content = dict(pairs)
-        if len(content) < len(pairs):
-            twice = next(k for k, count in Counter(k for k, _ in pairs).items() if count > 1)
-            what = f"the key `{shorten(twice)}` occurs twice in one object"
-            raise error(what, where=source, hint="keep one of them")
+    source: str
+    error: type[TdfscalError]
+    lines: dict[Place, int] = field(default_factory=dict)
+
+    def from_yaml(self, text: str) -> Any:
+        """Return a YAML document's value; None for an empty text."""
+        events = yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        found: list[Any] = []
+        try:
+            for event in events:
+                if isinstance(event, yaml.NodeEvent):
+                    found.append(self._node(event, events, ()))
+                elif isinstance(event, yaml.DocumentStartEvent) and found:
+                    self._fail("holds more than one document", event, "remove the line `---`")
+        except yaml.YAMLError as fault:
+            raise self._syntax(fault, text) from fault
+        return found[0] if found else None
+
+    def _node(self, event: Any, events: Iterator[Any], place: Place) -> Any:
+        """The value that begins with an event, its own events taken."""
+        self.lines[place] = event.start_mark.line + 1
+        if event.anchor is not None:
+            self._fail("anchors and aliases are not read", event, "write the value out")
+        if event.tag not in _TAGS:
+            self._fail(f"the tag {shorten(event.tag)} is not read", event, "write a plain value")
+        if isinstance(event, yaml.ScalarEvent):
+            try:
+                return plain_scalar(event.value) if event.implicit[0] else event.value
+            except OverflowError as fault:
+                self._fail(str(fault), event, "check the number")
+        if len(place) >= MAX_DEPTH:
+            self._fail(_TOO_DEEP, event, "check that it is this file")
+        inner = takewhile(lambda one: isinstance(one, yaml.NodeEvent), events)
+        if isinstance(event, yaml.SequenceStartEvent):
+            return [self._node(each, events, (*place, k)) for k, each in enumerate(inner)]
+        content: dict[str, Any] = {}
+        for each in inner:
+            if not isinstance(each, yaml.ScalarEvent):
+                self._fail("a key must be plain text", each, "write `key: value`")
+            if each.value in content:
+                what = f"the key `{shorten(each.value)}` occurs twice"
+                self._fail(what, each, "keep one of them")
+            content[each.value] = self._node(next(events), events, (*place, each.value))
         return content
 
-    try:
-        content = json.loads(
-            text,
-            parse_constant=constant,
-            parse_float=decimal,
-            parse_int=integer,
-            object_pairs_hook=unique,
+    def _fail(self, what: str, event: Any, hint: str) -> NoReturn:
+        where = f"{self.source}, line {event.start_mark.line + 1}"
+        raise self.error(what, where=where, hint=hint)
+
+    def _syntax(self, fault: yaml.YAMLError, text: str) -> TdfscalError:
+        if not isinstance(fault, yaml.MarkedYAMLError) or (mark := fault.problem_mark) is None:
+            what, hint = (
+                "holds a character that YAML does not allow",
+                "check that it is a text file",
+            )
+            return self.error(what, where=self.source, hint=hint)
+        row = [*text.split("\n"), ""][mark.line]
+        tab = "\t" in row[: len(row) - len(row.lstrip())]
+        return self.error(
+            "a tab stands where YAML wants spaces" if tab else f"is not YAML: {fault.problem}",
+            where=f"{self.source}, line {mark.line + 1}, column {mark.column + 1}",
+            hint="indent with spaces" if tab else "correct the indentation or the syntax there",
         )
-        too_deep = _deeper_than(MAX_DEPTH, content)
-    except json.JSONDecodeError as fault:
-        raise error(
-            f"is not JSON: {fault.msg}",
-            where=f"{source}, line {fault.lineno}, column {fault.colno}",
-            hint="correct the syntax there",
-        ) from fault
-    except OverflowError as fault:
-        raise error(str(fault), where=source, hint="check the number") from fault
-    except RecursionError:
-        too_deep = True
-    if too_deep:
-        what = f"is nested deeper than {MAX_DEPTH} levels"
-        raise error(what, where=source, hint="check that it is the file you mean")
-    return content
+
+    def from_json(self, text: str) -> Any:
+        """Return a JSON document's value."""
+        try:
+            content = json.loads(
+                text,
+                parse_constant=self._constant,
+                parse_float=decimal,
+                parse_int=integer,
+                object_pairs_hook=self._object,
+            )
+            too_deep = _deeper_than(MAX_DEPTH, content)
+        except json.JSONDecodeError as fault:
+            raise self.error(
+                f"is not JSON: {fault.msg}",
+                where=f"{self.source}, line {fault.lineno}, column {fault.colno}",
+                hint="correct the syntax there",
+            ) from fault
+        except OverflowError as fault:
+            raise self.error(str(fault), where=self.source, hint="check the number") from fault
+        except RecursionError:
+            too_deep = True
+        if too_deep:
+            raise self.error(_TOO_DEEP, where=self.source, hint="check that it is this file")
+        return content
+
+    def _constant(self, name: str) -> NoReturn:
+        hint = "leave it out or write null"
+        raise self.error(f"{name} is not JSON", where=self.source, hint=hint)
+
+    def _object(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        content: dict[str, Any] = {}
+        for key, value in pairs:
+            if key in content:
+                what = f"the key `{shorten(key)}` occurs twice in one object"
+                raise self.error(what, where=self.source, hint="keep one of them")
+            content[key] = value
+        return content
 
 
 def _deeper_than(limit: int, content: Any) -> bool:
