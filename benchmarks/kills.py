@@ -1,8 +1,7 @@
 """Random kills over all commands: nothing of an earlier output is lost, nothing is left behind.
 
-    python -m benchmarks.kills [--kills 500] [--seed 0] [--keep FILE] > benchmarks/kills.md
+    python -m benchmarks.kills [--kills 500] [--seed 0] > benchmarks/kills.md
 
-With --keep the trials are appended to a file, and a run goes on where an earlier one ended.
 Every command line is made for two campaigns, and its results are known to the byte. Before each
 trial the results for the one lie in the folder; the run for the other is ended by a signal at a
 random moment. Afterwards every file must be one of the two, whole, and after a signal that can be
@@ -12,7 +11,6 @@ caught all of them must belong together.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import random
 import re
@@ -23,8 +21,10 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT")
 #: Command lines; `@` is the number of the campaign, `%` the other; each writes to `out`.
@@ -34,8 +34,8 @@ LINES = (
     "validate c@.yaml C@ --html out/v.html",
     "apply c@.yaml C@ -o out/w.csv",
     "apply c@.yaml C@ -o out/w.parquet",
-    "plan C@ -o out/p.csv --postures 4 --seed @",
-    "report c@.yaml --html out/r.html --figures out/figures",
+    "plan C@ -o out/p.csv --postures 4",
+    "report c@.yaml --html out/r.html",
     "monitor c@.yaml C% --html out/m.html",
     "export c@.yaml --to urdf -o out/x.urdf",
     "init C@ -o out/rig.yaml",
@@ -141,10 +141,6 @@ def trial(home: Path, results: Results, name: str, moment: float) -> set[str]:
     found = faults(results, name, run.returncode, said, now)
     if found:
         print(f"{results.line}: {name}: {found}: {said}", file=sys.stderr, flush=True)
-    if set(now) - set(results.files[0]):
-        started(home, results.line, 1).communicate()
-        if timeless(contents(out)) != timeless(results.files[1]):
-            found.add("the next run does not tidy up")
     return found
 
 
@@ -153,40 +149,33 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--kills", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--keep", type=Path, help="file of trials so far")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="kills-") as folder:
-        kept = options.keep or Path(folder) / "trials.jsonl"
-        kept.touch()
-        if len(kept.read_text().splitlines()) < options.kills:
-            _run(Path(folder), options.kills, options.seed, kept)
-        trials = [json.loads(line) for line in kept.read_text().splitlines()][: options.kills]
     runs, bad, ends = Counter[tuple[str, str]](), Counter[tuple[str, str]](), Counter[str]()
-    for line, name, found, end in trials:
-        runs[line, name] += 1
-        bad.update((line, fault) for fault in found)
-        ends[end] += 1
+    with tempfile.TemporaryDirectory(prefix="kills-") as folder:
+        for line, name, found, end in trials(Path(folder), options.kills, options.seed):
+            runs[line, name] += 1
+            bad.update((line, fault) for fault in found)
+            ends[end] += 1
     _print(options, runs, bad, ends)
 
 
-def _run(home: Path, kills: int, seed: int, kept: Path) -> None:
-    """Run the trials that are not in the file yet and append each: line, signal, faults, end."""
+def trials(
+    home: Path, kills: int, seed: int
+) -> Iterator[tuple[str, str, set[str], Literal["earlier outputs", "new ones"]]]:
+    """Run the trials: line, signal, faults, end."""
     for campaign in (0, 1):
         for line in ("simulate C@ --postures 10 --rate 20 --seed @",
                      "calibrate C@ --trials 0 -o c@.yaml"):  # fmt: skip
             started(home, line, campaign).communicate()
     inputs = [contents(home / f"C{campaign}") for campaign in (0, 1)]
-    table = [known(home, line) for line in LINES]
-    with kept.open("a") as sink:
-        for number in range(len(kept.read_text().splitlines()), kills):
-            rng = random.Random(f"{seed} {number}")
-            results, name = rng.choice(table), rng.choice(SIGNALS)
-            found = trial(home, results, name, rng.uniform(0.05, 1.05) * results.seconds)
-            if inputs != [contents(home / f"C{campaign}") for campaign in (0, 1)]:
-                found.add("an input is changed")
-            earlier = timeless(contents(home / "out")) == timeless(results.files[0])
-            end = "earlier outputs" if earlier else "new ones"
-            print(json.dumps([results.line, name, sorted(found), end]), file=sink, flush=True)
+    table, rng = [known(home, line) for line in LINES], random.Random(seed)
+    for _ in range(kills):
+        results, name = rng.choice(table), rng.choice(SIGNALS)
+        found = trial(home, results, name, rng.uniform(0.05, 1.05) * results.seconds)
+        if inputs != [contents(home / f"C{campaign}") for campaign in (0, 1)]:
+            found.add("an input is changed")
+        earlier = timeless(contents(home / "out")) == timeless(results.files[0])
+        yield results.line, name, found, "earlier outputs" if earlier else "new ones"
 
 
 def _print(
@@ -202,8 +191,8 @@ Made by `python -m benchmarks.kills --kills {options.kills} --seed {options.seed
 {options.kills} runs over the results of an earlier run with other inputs, each ended by a signal at
 a random moment of its usual time (up to 5 % beyond it). Afterwards every file must be, to the byte
 (times of writing apart),
-the earlier or the new one; after TERM, HUP and INT all of one kind, and nothing beside them; after
-KILL the next run must tidy up. The folder held the earlier outputs after
+the earlier or the new one; after TERM, HUP and INT all of one kind, and nothing beside them. The
+folder held the earlier outputs after
 {ends["earlier outputs"]} trials, the new ones after {ends["new ones"]}.
 """
     )

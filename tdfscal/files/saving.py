@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from tdfscal.files.escaping import csv_cell
 from tdfscal.files.outputs import replacing, unwritable
 from tdfscal.files.yaml.scalars import plain_scalar
 
@@ -23,15 +19,6 @@ def write_text(path: Path, text: str) -> None:
             beside.write_text(text, encoding="utf-8", newline="\n")
         except OSError as fault:
             raise unwritable(path, fault) from fault
-
-
-def save_rows(path: Path, rows: Iterable[tuple[str | float | int | None, ...]]) -> None:
-    """Write header and rows, doubles to the last bit, whole or not at all. Raises UsageError."""
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows(
-        [csv_cell(cell) if isinstance(cell, str) else cell for cell in row] for row in rows
-    )
-    write_text(path, stream.getvalue())
 
 
 def to_json(content: Any) -> str:

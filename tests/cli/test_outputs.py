@@ -442,17 +442,12 @@ def test_odd_files_and_surroundings_are_said_in_one_line(
 ) -> None:
     loop = tmp_path / "loop.yaml"
     loop.symlink_to(loop)
-    pipe = tmp_path / "pipe.yaml"
-    os.mkfifo(pipe)
-    monkeypatch.setattr("tdfscal.files.yaml.reading._PATIENCE", 0.2)
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "nonsense")
     monkeypatch.setattr("tdfscal.reporting.html.to_svg", to_svg)  # matplotlib reads it
     for words in (
         ("calibrate", "C", "-o", loop),
         ("calibrate", "C/log.parquet", "--rig", loop),
-        ("calibrate", "C/log.parquet", "--rig", pipe),
         ("report", loop),
-        ("report", pipe),
         ("simulate", loop),
         ("plan", loop, "-o", tmp_path / "p.csv"),
     ):

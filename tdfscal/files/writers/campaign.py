@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -67,13 +67,9 @@ def simulate_to_folder(
     months : of the scenario "months", which writes a folder each; the run is then the last one's.
     The same arguments and seed give the same bytes; another format gives the same numbers.
 
-    Raises UsageError for an unknown scenario or format, impossible numbers, or a folder that is
+    Raises UsageError for an unknown scenario, impossible numbers, or a folder that is
     not empty (unless overwrite); RigError and NotConvergedError as `simulate_campaign`.
     """
-    if format not in _FORMATS:
-        raise UsageError(
-            f"there is no log format {format!r}", hint=f"choose from {', '.join(_FORMATS)}"
-        )
     _check_folder(folder, overwrite)
     options = Options(
         postures=postures,
@@ -82,8 +78,6 @@ def simulate_to_folder(
         rows=rows,
         recorder=recorder or Recorder(),
     )
-    if seed < 0:
-        raise UsageError(f"the seed is {seed}", hint="give a whole number from 0 up")
     rng, drawn = np.random.default_rng(seed), rig or reference_rig()
     if scenario == "months":
         return _months(drawn, options, folder, format, months, seed, overwrite)
@@ -112,8 +106,6 @@ def _months(
 
     With overwrite, what `simulate` wrote for the same dates is replaced.
     """
-    if months < 1:
-        raise UsageError(f"{months} months asked for", hint="ask for one or more")
     played = simulate_months(rig, options, np.random.default_rng(seed), months)
     runs = [Run("months", rig, c.truth, c, None) for c in played.campaigns]
     with together():
@@ -182,19 +174,6 @@ def write_run(
             f"the campaign cannot be written ({error.strerror or error})", where=str(folder)
         ) from error
     return tuple(folder / name for name in (*files, _TRUTH))
-
-
-def write_control_logs(
-    folder: Path, rig: Rig, logs: Sequence[tuple[str, Log]], form: LogFormat
-) -> list[str]:
-    """Write `<name>.<form>` of each log, and the rig.yaml that reads them; returns their names.
-
-    Raises UsageError where the folder cannot be written.
-    """
-    make_folder(folder)
-    blocks = [_write_log(folder / f"{name}.{form}", log, form) for name, log in logs]
-    documents.write_yaml(folder / "rig.yaml", documents.rig_document(rig, blocks[0] or None))
-    return [*(f"{name}.{form}" for name, _ in logs), "rig.yaml"]
 
 
 def _write_log(path: Path, log: Log, form: LogFormat) -> dict[str, Any]:
