@@ -264,14 +264,10 @@ def test_failure_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_impossible_requests(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="log format 'xlsx'"):
-        simulate_to_folder(tmp_path / "c", format="xlsx")  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="postures"):
         simulate_to_folder(tmp_path / "c", postures=0)
     with pytest.raises(UsageError, match="tilt"):
         simulate_to_folder(tmp_path / "c", tilt_deg=80.0)
-    with pytest.raises(UsageError, match="seed"):
-        simulate_to_folder(tmp_path / "c", seed=-1)
     with pytest.raises(UsageError, match="scenario"):
         simulate_to_folder(tmp_path / "c", scenario="nonsense")
     assert not (tmp_path / "c").exists()
