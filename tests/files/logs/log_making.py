@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
 from tdfscal.records import FloatArray, Log, LogMapping
@@ -155,6 +157,63 @@ def mcap_bytes(
         writer.add_message(channel, ns, data, ns, sequence)
     writer.finish()  # type: ignore[no-untyped-call]
     return target.getvalue()
+
+
+def small_mcap(
+    channels: dict[str, tuple[str, str, bytes]], messages: list[tuple[str, int, bytes]]
+) -> bytes:
+    """Topic → (encoding, type, schema); messages as (topic, ns, data), published 5 ns earlier."""
+    target = io.BytesIO()
+    writer = Writer(target)
+    writer.start()
+    ids = {}
+    for topic, (encoding, kind, schema) in channels.items():
+        schema_encoding = "jsonschema" if encoding == "json" else "ros2msg"
+        ids[topic] = writer.register_channel(
+            topic, encoding, writer.register_schema(kind, schema_encoding, schema)
+        )
+    for topic, ns, data in messages:
+        writer.add_message(ids[topic], ns, data, ns - 5)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return target.getvalue()
+
+
+def ros(kind: str) -> tuple[str, str, bytes]:
+    return "cdr", kind, definition(kind)
+
+
+def events(truth: Truth) -> Iterator[tuple[float, str, str, bytes]]:
+    """Time, topic, type and CDR of each message; strings move what follows them."""
+    point, wrench = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
+    found = []
+    for i, name in enumerate(SUPPORTS):
+        for t, xyz in zip(truth.time, truth.position[i], strict=True):
+            found.append((t, f"/{name}/position", point, point_stamped(t, xyz)))
+        for k, (t, xyz) in enumerate(zip(truth.force_time, truth.force[i], strict=True)):
+            frame = ("tdfs", "sensor", "s")[k % 3]
+            found.append((t, f"/{name}/wrench", wrench, wrench_stamped(t, xyz, frame)))
+    yield from sorted(found, key=lambda event: event[0])
+
+
+def rosbag2(
+    folder: Path,
+    truth: Truth,
+    storage: StoragePlugin,
+    version: Literal[8, 9] = 9,
+    *,
+    compressed: bool = False,
+) -> Path:
+    """A recording by rosbags."""
+    bag = BagWriter(folder, version=version, storage_plugin=storage)
+    if compressed:
+        bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with bag:
+        topics: dict[str, Any] = {}
+        for t, topic, kind, data in events(truth):
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
+            bag.write(topics[topic], round(t * 1e6) * 1000, data)
+    return folder
 
 
 def write(path: Path, content: bytes) -> Path:

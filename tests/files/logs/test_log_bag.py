@@ -8,46 +8,24 @@ from typing import Any
 
 import pytest
 import yaml
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as BagWriter
+from rosbags.rosbag2 import StoragePlugin
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.logs import is_log, read_log
 from tdfscal.logs.describe import describe_logs
 from tests.files.logs.log_making import (
     MAPPING,
-    STORE,
     SUPPORTS,
     Truth,
     assert_holds,
     make_truth,
     mcap_bytes,
-    point_stamped,
+    rosbag2,
     same_numbers,
-    wrench_stamped,
 )
 
 TRUTH = make_truth()
 SPLIT = 36  # of 60 positions, in the first file
-
-
-def by_rosbags(folder: Path, *, compressed: bool = False) -> Path:
-    bag = BagWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP)
-    if compressed:
-        bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-    with bag:
-        events = []
-        for i, name in enumerate(SUPPORTS):
-            kinds = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
-            point = bag.add_connection(f"/{name}/position", kinds[0], typestore=STORE)
-            wrench = bag.add_connection(f"/{name}/wrench", kinds[1], typestore=STORE)
-            for t, xyz in zip(TRUTH.time, TRUTH.position[i], strict=True):
-                events.append((t, point, point_stamped(t, xyz)))
-            for t, xyz in zip(TRUTH.force_time, TRUTH.force[i], strict=True):
-                events.append((t, wrench, wrench_stamped(t, xyz)))
-        for t, connection, data in sorted(events, key=lambda e: e[0]):
-            bag.write(connection, int(t * 1e9), data)
-    return folder
 
 
 def part(truth: Truth, begin: int, end: int) -> Truth:
@@ -101,7 +79,7 @@ def topics(counts: dict[str, int]) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("compressed", [False, True])
 def test_by_rosbags(tmp_path: Path, compressed: bool) -> None:
-    folder = by_rosbags(tmp_path / "bag", compressed=compressed)
+    folder = rosbag2(tmp_path / "bag", TRUTH, StoragePlugin.MCAP, compressed=compressed)
     assert is_log(folder)
     log = read_log([folder], MAPPING, SUPPORTS)
     assert_holds(log, TRUTH)
@@ -110,7 +88,7 @@ def test_by_rosbags(tmp_path: Path, compressed: bool) -> None:
 
 
 def test_by_rosbags_with_another_file_in_place_of_its_own(tmp_path: Path) -> None:
-    folder = by_rosbags(tmp_path / "bag")
+    folder = rosbag2(tmp_path / "bag", TRUTH, StoragePlugin.MCAP)
     (file,) = folder.glob("*.mcap")
     file.write_bytes(mcap_bytes(part(TRUTH, 0, 59)))
     match = r"59 messages of /ncp1/position are there where metadata\.yaml states 60"

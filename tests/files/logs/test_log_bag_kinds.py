@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,6 @@ from typing import Any, Literal
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from tdfscal.errors import DataError, TdfscalError, UsageError
@@ -23,40 +22,21 @@ from tests.files.logs.log_making import (
     STORE,
     SUPPORTS,
     assert_holds,
+    events,
     make_truth,
     mcap_bytes,
-    point_stamped,
+    rosbag2,
     same_numbers,
-    wrench_stamped,
     write,
 )
 
 TRUTH = make_truth()
-POINT, WRENCH = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped"
+POINT = "geometry_msgs/msg/PointStamped"
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 
 
-def events() -> Iterator[tuple[float, str, str, bytes]]:
-    """Time, topic, type and CDR of each message."""
-    found = []
-    for i, name in enumerate(SUPPORTS):
-        for t, xyz in zip(TRUTH.time, TRUTH.position[i], strict=True):
-            found.append((t, f"/{name}/position", POINT, point_stamped(t, xyz)))
-        for k, (t, xyz) in enumerate(zip(TRUTH.force_time, TRUTH.force[i], strict=True)):
-            frame = ("tdfs", "sensor", "s")[k % 3]  # strings that move what follows them
-            found.append((t, f"/{name}/wrench", WRENCH, wrench_stamped(t, xyz, frame)))
-    yield from sorted(found, key=lambda event: event[0])
-
-
 def sqlite_bag(folder: Path, version: Literal[8, 9] = 9) -> Path:
-    bag = Writer2(folder, version=version, storage_plugin=StoragePlugin.SQLITE3)
-    with bag:
-        topics: dict[str, Any] = {}
-        for t, topic, kind, data in events():
-            if topic not in topics:
-                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
-            bag.write(topics[topic], round(t * 1e6) * 1000, data)
-    return folder
+    return rosbag2(folder, TRUTH, StoragePlugin.SQLITE3, version)
 
 
 def ros1_bag(path: Path, compression: Writer1.CompressionFormat | None = None) -> Path:
@@ -65,7 +45,7 @@ def ros1_bag(path: Path, compression: Writer1.CompressionFormat | None = None) -
         bag.set_compression(compression)
     with bag:
         topics: dict[str, Any] = {}
-        for t, topic, kind, data in events():
+        for t, topic, kind, data in events(TRUTH):
             if topic not in topics:
                 topics[topic] = bag.add_connection(topic, kind, typestore=ROS1)
             bag.write(topics[topic], round(t * 1e6) * 1000, bytes(as_ros1(data, kind)))

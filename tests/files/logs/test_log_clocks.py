@@ -22,10 +22,11 @@ from tests.files.logs.log_making import (
     MAPPING,
     SUPPORTS,
     assert_holds,
-    definition,
     make_truth,
     mcap_bytes,
     point_stamped,
+    ros,
+    small_mcap,
     table,
     wrench_stamped,
     write,
@@ -34,23 +35,21 @@ from tests.files.logs.log_making import (
 ONE = LogMapping(("a",), (("/p.point",),), (("/f.wrench.force",),))
 
 
+CHANNELS = {
+    "/p": ros("geometry_msgs/msg/PointStamped"),
+    "/f": ros("geometry_msgs/msg/WrenchStamped"),
+}
+
+
 def skewed(shift: float, late: set[int]) -> bytes:
     """One support, 60 messages; header times off by a shift, those of `late` by 0.5 s more."""
-    target = io.BytesIO()
-    writer = Writer(target)
-    writer.start()
-    kinds = ("geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped")
-    schemas = [writer.register_schema(kind, "ros2msg", definition(kind)) for kind in kinds]
-    channels = [
-        writer.register_channel(t, "cdr", s) for t, s in zip(("/p", "/f"), schemas, strict=True)
-    ]
+    messages = []
     for k in range(60):
         when = 100.0 + 0.01 * k
         header = when + shift + (0.5 if k in late else 0.0)
-        for channel, make in zip(channels, (point_stamped, wrench_stamped), strict=True):
-            writer.add_message(channel, round(when * 1e9), make(header, (1, 2, 3)), 0)
-    writer.finish()  # type: ignore[no-untyped-call]
-    return target.getvalue()
+        for topic, make in (("/p", point_stamped), ("/f", wrench_stamped)):
+            messages.append((topic, round(when * 1e9), make(header, (1, 2, 3))))
+    return small_mcap(CHANNELS, messages)
 
 
 def test_header_times_are_compared_with_log_times(tmp_path: Path) -> None:
@@ -205,22 +204,13 @@ def test_gaps_are_counted_alike_in_even_and_uneven_pieces() -> None:
 
 def dying(begin: int, end: int, rate: float = 20.0) -> bytes:
     """Positions of one support for 10 s at `rate`, forces only of samples `begin` to `end`."""
-    target = io.BytesIO()
-    writer = Writer(target)
-    writer.start()
-    kinds = ("geometry_msgs/msg/PointStamped", "geometry_msgs/msg/WrenchStamped")
-    schemas = [writer.register_schema(kind, "ros2msg", definition(kind)) for kind in kinds]
-    point, force = (
-        writer.register_channel(t, "cdr", s) for t, s in zip(("/p", "/f"), schemas, strict=True)
-    )
+    messages = []
     for k in range(round(10.0 * rate) + 1):
         when = 1_750_000_000.0 + k / rate
-        stamp = round(when * 1e9)
-        writer.add_message(point, stamp, point_stamped(when, (1, 2, 3)), stamp)
+        messages.append(("/p", round(when * 1e9), point_stamped(when, (1, 2, 3))))
         if begin <= k < end:
-            writer.add_message(force, stamp, wrench_stamped(when, (1, 2, 3)), stamp)
-    writer.finish()  # type: ignore[no-untyped-call]
-    return target.getvalue()
+            messages.append(("/f", round(when * 1e9), wrench_stamped(when, (1, 2, 3))))
+    return small_mcap(CHANNELS, messages)
 
 
 def test_a_signal_that_stops_or_starts_apart_from_the_others(tmp_path: Path) -> None:

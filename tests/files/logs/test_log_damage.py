@@ -17,7 +17,7 @@ import pytest
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 
 import tdfscal
 from benchmarks.bitflips import KINDS, REFUSED, SAME, Kind, attempt, count, places
@@ -29,6 +29,7 @@ from tests.files.logs.log_making import (
     SUPPORTS,
     make_truth,
     mcap_bytes,
+    small_mcap,
     table,
     write,
 )
@@ -254,16 +255,9 @@ def test_any_json_message(tmp_path: Path, data: st.DataObject) -> None:
         ),
         max_leaves=8,
     )
-    target = io.BytesIO()
-    writer = Writer(target)
-    writer.start()
-    schema = writer.register_schema("any", "jsonschema", b"{}")
-    for topic in ("/a/p", "/a/f"):
-        channel = writer.register_channel(topic, "json", schema)
-        content = json.dumps(data.draw(tree)).encode()
-        writer.add_message(channel, 1, content, 1)
-    writer.finish()  # type: ignore[no-untyped-call]
-    path = write(tmp_path / "a.mcap", target.getvalue())
+    messages = [(t, 9, json.dumps(data.draw(tree)).encode()) for t in ("/a/p", "/a/f")]
+    content = small_mcap(dict.fromkeys(("/a/p", "/a/f"), ("json", "any", b"{}")), messages)
+    path = write(tmp_path / "a.mcap", content)
     mapping = LogMapping(ONE, (("/a/p.point",),), (("/a/f.force",),))
     try:
         log = read_log([path], mapping, ONE)

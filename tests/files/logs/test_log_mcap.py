@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import Nodetype
 
@@ -34,6 +33,8 @@ from tests.files.logs.log_making import (
     make_truth,
     mcap_bytes,
     point_stamped,
+    ros,
+    small_mcap,
     wrench_stamped,
     write,
 )
@@ -90,29 +91,6 @@ def test_json(tmp_path: Path) -> None:
     assert_holds(read_log([path], JSON_MAPPING, SUPPORTS), TRUTH)
     with pytest.raises(DataError, match=r"no header\.stamp"):
         read_log([path], replace(JSON_MAPPING, time_source="header"), SUPPORTS)
-
-
-def small_mcap(
-    channels: dict[str, tuple[str, str, bytes]], messages: list[tuple[str, int, bytes]]
-) -> bytes:
-    """Topic → (encoding, type, schema); messages as (topic, ns, data), published 5 ns earlier."""
-    target = io.BytesIO()
-    writer = Writer(target)
-    writer.start()
-    ids = {}
-    for topic, (encoding, kind, schema) in channels.items():
-        schema_encoding = "jsonschema" if encoding == "json" else "ros2msg"
-        ids[topic] = writer.register_channel(
-            topic, encoding, writer.register_schema(kind, schema_encoding, schema)
-        )
-    for topic, ns, data in messages:
-        writer.add_message(ids[topic], ns, data, ns - 5)
-    writer.finish()  # type: ignore[no-untyped-call]
-    return target.getvalue()
-
-
-def ros(kind: str) -> tuple[str, str, bytes]:
-    return "cdr", kind, definition(kind)
 
 
 def one_support(position: str, force: str) -> LogMapping:

@@ -203,16 +203,6 @@ def test_numbers_of_lists(tmp_path: Path, fixed: bool) -> None:
         read_log([path], beyond, ONE)
 
 
-def test_a_log_of_constants_is_no_bomb(tmp_path: Path) -> None:
-    count = 400_000
-    path = tmp_path / "log.parquet"
-    columns = {"time": np.arange(count), **dict.fromkeys(DEFAULT, np.zeros(count))}
-    encoding = {"time": "DELTA_BINARY_PACKED"}
-    pq.write_table(pa.table(columns), path, use_dictionary=DEFAULT, column_encoding=encoding)
-    assert path.stat().st_size < count / 20
-    assert sum(len(p.force[0].time) for p in iter_log([path], None, ONE)) == count
-
-
 def test_the_footer_must_end_where_the_file_does(tmp_path: Path) -> None:
     path = tmp_path / "log.parquet"
     pq.write_table(pa.table(plain()), path)
@@ -263,16 +253,6 @@ def test_texts_that_are_no_dates_are_named(
 ) -> None:
     with pytest.raises(DataError, match=match):
         read(tmp_path, plain(time=time))
-
-
-def test_a_long_text_of_many_rows_is_there_once(tmp_path: Path) -> None:
-    rows = 1 << 16
-    columns: dict[str, Any] = {name: np.sin(np.arange(rows)) for name in DEFAULT}
-    columns["time"] = pa.DictionaryArray.from_arrays(
-        np.zeros(rows, dtype=np.int32), ["x" * 100_000]
-    )
-    with pytest.raises(DataError, match="column time holds string"):
-        read(tmp_path, columns)
 
 
 def test_a_time_without_a_name_is_named_by_its_place(tmp_path: Path) -> None:

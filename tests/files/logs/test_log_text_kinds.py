@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
@@ -266,14 +265,3 @@ def test_scope_exports(tmp_path: Path, sep: str) -> None:
     scope(path, rows=0, sep=sep)
     with pytest.raises(DataError):
         read_log([path], mapping, SUPPORTS)
-
-
-def test_a_long_name_takes_no_memory_with_its_square(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    FRAME.assign(**{"x" * 20_000: 1.0}).to_csv(path, index=False)
-    tracemalloc.start()
-    contents = describe_logs([path]).contents
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert len(contents[0].vectors) == 6
-    assert peak < 20e6, f"{peak / 1e6:.0f} MB"
