@@ -153,16 +153,6 @@ def test_metadata_that_is_wrong(tmp_path: Path, changes: dict[str, Any], match: 
         read_log([by_hand(tmp_path / "bag", **changes)], MAPPING, SUPPORTS)
 
 
-def test_metadata_that_grows(tmp_path: Path) -> None:
-    folder = by_hand(tmp_path / "bag")
-    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
-    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 12)]
-    text = "\n".join([*lines, "rosbag2_bagfile_information: {relative_file_paths: *a11}"])
-    (folder / "metadata.yaml").write_text(text)
-    with pytest.raises(DataError, match="holds more than 500000 values"):
-        read_log([folder], MAPPING, SUPPORTS)
-
-
 def test_a_folder_without_metadata(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no recording"):
         read_log([tmp_path], MAPPING, SUPPORTS)
