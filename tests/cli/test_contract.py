@@ -246,7 +246,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (KeyboardInterrupt(), 130, "interrupted"),
         (RuntimeError("odd"), 70, "internal error, RuntimeError: odd"),
-        (OSError(28, "No space left on device", "c.yaml"), 2, "c.yaml cannot be read or written"),
+        (OSError(28, "No space left on device", "c.yaml"), 2, "c.yaml: cannot be read or written"),
     ],
     ids=lambda value: type(value).__name__,
 )

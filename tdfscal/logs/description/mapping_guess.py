@@ -158,6 +158,8 @@ def _role(vector: Vector) -> Role:
         return "other"
     found = words(vector.label)
     joints = vector.kind.rpartition(" ")[2] if len(vector.fields) == 3 else ""
+    if joints == "position":
+        return "position"
     if joints == "effort":
         return "force"
     if joints == "velocity":
@@ -171,8 +173,6 @@ def _role(vector: Vector) -> Role:
             return "position"
     if "Wrench" in vector.kind or "Force" in vector.kind:
         return "force"
-    if joints == "position":
-        return "position"
     if "current" in found:  # of a motor
         return "other"
     # A bare axis letter, `ncp1.x`, `X1`: a position.
