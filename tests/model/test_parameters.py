@@ -70,8 +70,6 @@ def test_own_quantities_of_a_campaign_are_no_constants() -> None:
         place = layout(4, motions)
         expected = [
             *range(12, 24),  # zeros
-            place["mass"].start,
-            *range(place["barycentre"].start, place["barycentre"].stop),
             place["friction"].start,
             *range(place["drift"].start, place["drift"].stop),
         ]
@@ -183,8 +181,8 @@ def test_a_sensor_without_all_axes_has_a_turn_spread_over_the_circle() -> None:
 def earlier() -> tuple[Rig, State]:
     """A rig with knowledge of an earlier campaign, and that campaign's estimate."""
     estimate = state(0)
-    size = parameter_count(4)
-    prior = JointPrior(estimate.rotation, vector(estimate), np.eye(size), 0.0, 0)
+    root = np.eye(parameter_count(4))[constants(4)]
+    prior = JointPrior(estimate.rotation, vector(estimate), root, 0.0, 0)
     return replace(RIG, earlier=prior), estimate
 
 
@@ -192,10 +190,10 @@ def test_constants_start_where_an_earlier_campaign_left_them() -> None:
     rig, estimate = earlier()
     start = starting_state(rig, 2)
     assert np.allclose(start.rotation, estimate.rotation, rtol=0, atol=1e-14)
-    for name in ("sensitivity", "hinge", "datum", "tilt", "compliance"):
+    for name in ("sensitivity", "mass", "barycentre", "hinge", "datum", "tilt", "compliance"):
         assert np.allclose(getattr(start, name), getattr(estimate, name), atol=1e-14), name
     stated = nominal(rig)
-    for name in ("zero", "mass", "barycentre", "friction"):
+    for name in ("zero", "friction"):
         assert np.array_equal(getattr(start, name), getattr(stated, name)), name
     assert start.drift.shape == (2, 4, 3)
     assert starting_state(rig).drift.shape == starting_state(RIG).drift.shape == (0, 4, 3)

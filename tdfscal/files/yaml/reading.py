@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import takewhile
@@ -27,6 +28,8 @@ Place = tuple[str | int, ...]
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 32
 _TOO_DEEP = f"is nested deeper than {MAX_DEPTH} levels"
+#: What ends a line for YAML.
+_LINE_END = re.compile(r"\r\n|[\r\n\x85\u2028\u2029]")
 _CORE = ("str", "int", "float", "bool", "null", "timestamp", "seq", "map")
 _TAGS = {None, "!"} | {f"tag:yaml.org,2002:{name}" for name in _CORE}
 
@@ -170,7 +173,7 @@ class _Builder:
                 "check that it is a text file",
             )
             return self.error(what, where=self.source, hint=hint)
-        row = [*text.split("\n"), ""][mark.line]
+        row = [*_LINE_END.split(text), ""][mark.line]
         tab = "\t" in row[: len(row) - len(row.lstrip())]
         return self.error(
             "a tab stands where YAML wants spaces" if tab else f"is not YAML: {fault.problem}",
