@@ -207,5 +207,9 @@ def test_constants_known_from_earlier_have_no_prior_of_their_own() -> None:
     own, known, place = prior_std(RIG), prior_std(rig), constants(4)
     assert np.isinf(known[place]).all()
     assert np.array_equal(known[~place], own[~place])
-    exact = prior_std(replace(rig, declared=replace(DECLARED, datum=0.0)))
-    assert not exact[layout(4)["datum"]].any()
+    assert rig.earlier is not None
+    root = rig.earlier.root.copy()
+    root[:, layout(4)["datum"]] = 0.0  # as of a rig whose datums are exact
+    exact = replace(rig.earlier, root=root)
+    std = prior_std(replace(rig, earlier=exact, declared=replace(DECLARED, datum=0.0)))
+    assert not std[layout(4)["datum"]].any()
