@@ -24,13 +24,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal import simulation
+from tdfscal.catalogue import sentence
+from tdfscal.checks.geometry import CODES
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.closure import DISTANCES
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Options, Recorder
@@ -88,11 +89,12 @@ def run(case: Case, rng: np.random.Generator) -> Outcome:
         return Outcome("refused", error.what, _named(case, stated.supports[which], error.what))
     except TdfscalError as error:
         return Outcome(f"no angles ({type(error).__name__})", "", False)
-    doubts = [d for d in result.suspicions if d.evidence == DISTANCES]
-    text = "; ".join(doubt.what for doubt in result.suspicions)
+    found = [f for doubt in result.suspicions for f in doubt.findings(rejects=False)]
+    placed = {code for code, _ in CODES.values()}
+    text = "; ".join(map(sentence, found))
     verdict = "rejected" if result.reasons else "warned" if result.suspicions else "silent"
     largest, beyond = _errors(result, truth)
-    said = "; ".join(doubt.what for doubt in doubts)
+    said = "; ".join(sentence(f) for f in found if f.code in placed)
     return Outcome(verdict, said, _named(case, stated.supports[which], text), largest, beyond)
 
 

@@ -138,7 +138,7 @@ def turn(truth: FloatArray, result: SelfCalibration) -> FloatArray:
 
 
 def noticed(result: SelfCalibration | None) -> bool:
-    return result is None or bool(result.reasons or result.warnings or result.rejected)
+    return result is None or bool(result.findings or result.rejected)
 
 
 def row(case: Case, trials: int, seed: int) -> str:

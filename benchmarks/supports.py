@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal import simulation
+from tdfscal.catalogue import sentence
 from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import postures
 from tdfscal.numerics import so3
@@ -30,6 +31,7 @@ from tdfscal.selfcal.covariance import estimate, information_root
 from tdfscal.selfcal.estimator import at_state, fit
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.score_tests import suspicions
+from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Walk, Warming
@@ -46,6 +48,10 @@ class Case:
     simulated: Rig
     options: Options
     cause: str = ""
+
+
+def _says(doubt: Suspicion, cause: str) -> bool:
+    return any(cause in sentence(finding) for finding in doubt.findings(rejects=False))
 
 
 def _lacking(n: int, *dead: tuple[int, int]) -> Rig:
@@ -134,7 +140,11 @@ def run(case: Case, runs: int) -> str:
         inside.append(np.abs(error[-1]) < half)
         held = (dwells.start + dwells.end) / 2
         doubts = (*suspicions(known, held, dwells.temperature), *misplaced(known))
-        named.append(any(case.cause in doubt.what for doubt in doubts))
+        named.append(
+            any(
+                case.cause in sentence(f) for doubt in doubts for f in doubt.findings(rejects=False)
+            )
+        )
     e, s, b, o = np.array(error), np.array(std), np.array(bound), np.array(own)
     known = (np.median(s, axis=0) < 0.05).reshape(-1, 3).all(axis=1).repeat(3)
     rmse, sigma, crb, full = (np.sqrt(np.mean(x[:, known] ** 2)) for x in (e, s, b, o))

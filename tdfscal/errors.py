@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar, Self
 
+from tdfscal.findings import Finding
+
 
 def visible(text: str) -> str:
     r"""Text for people: a character that does not print becomes an escape such as ``\u202e``.
@@ -29,6 +31,7 @@ class TdfscalError(Exception):
     hint : what to do, a sentence without its full stop.
     evidence : records of what was seen until then, for a page about it.
     fields : of a log, that the error is about, as the mapping names them.
+    findings : what was found, for those who have the words.
     """
 
     exit_status: ClassVar[int] = 3
@@ -41,9 +44,10 @@ class TdfscalError(Exception):
         hint: str | None = None,
         evidence: object = None,
         fields: Sequence[str] = (),
+        findings: tuple[Finding, ...] = (),
     ) -> None:
         self.what, self.where, self.hint, self.evidence = what, where, hint, evidence
-        self.fields = tuple(fields)
+        self.fields, self.findings = tuple(fields), findings
         place = f"{where}: " if where else ""
         advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
         super().__init__(visible(f"{place}{what}.{advice}"))
@@ -58,6 +62,7 @@ class TdfscalError(Exception):
             hint=hint or self.hint,
             evidence=self.evidence,
             fields=self.fields,
+            findings=() if what else self.findings,
         )
 
 

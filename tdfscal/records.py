@@ -13,6 +13,8 @@ from typing import Literal, Self
 import numpy as np
 import numpy.typing as npt
 
+from tdfscal.findings import Finding
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
@@ -266,7 +268,7 @@ class Log:
     force: tuple[Series, ...]
     rows: Rows = "timeseries"
     inputs: tuple[InputFile, ...] = ()
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     temperature: tuple[Series, ...] = ()
     truncated: tuple[LogTruncated, ...] = ()
 
@@ -286,7 +288,7 @@ class LeftOut:
 
     start: float
     end: float
-    reason: str
+    reason: Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,7 +332,7 @@ class Dwells:
     count: IntArray
     effective: FloatArray
     left_out: tuple[LeftOut, ...] = ()
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     temperature: FloatArray | None = None
     absence: Absence | None = None
     force_range: FloatArray | None = None

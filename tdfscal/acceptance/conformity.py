@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.statics import wrench as lever
@@ -68,10 +69,10 @@ class Conformity:
         return self.force.conforms and self.torque.conforms
 
     @property
-    def reasons(self) -> tuple[str, ...]:
-        """Why it does not conform, for the quality gate; empty where it does."""
+    def findings(self) -> tuple[Finding, ...]:
+        """What does not conform, for the quality gate."""
         return tuple(
-            _reason(part, self.rpy) for part in (self.force, self.torque) if not part.conforms
+            _finding(part, self.rpy) for part in (self.force, self.torque) if not part.conforms
         )
 
 
@@ -167,11 +168,12 @@ def _axis(std: float, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
     return x, density * radius[:, None] * np.cos(end * node) * end * share
 
 
-def _reason(part: Limited, rpy: tuple[float, float, float]) -> str:
-    posture = ", ".join(f"{angle:g}" for angle in rpy)
-    return (
-        f"the contact {part.quantity} at roll, pitch, yaw = {posture} rad has an expanded "
-        f"uncertainty of {part.expanded:.2g} {part.unit} (95.45 %), above the limit of "
-        f"{part.limit:g} {part.unit}; its error exceeds the limit with a probability of "
-        f"{part.exceeding:.1g}"
+def _finding(part: Limited, rpy: tuple[float, float, float]) -> Finding:
+    values: dict[str, Value] = {
+        "rpy": [f"{angle:g}" for angle in rpy],
+        "limit": part.limit,
+        "exceeding": part.exceeding,
+    }
+    return Finding(
+        "contact-uncertain", (part.quantity,), part.expanded, part.unit, values=values, rejects=True
     )

@@ -3,51 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity
 from tdfscal.acceptance.turns import turn_names, turn_std
+from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, Rig, Rotations
 from tdfscal.significance import MOST_REJECTED
 
 
 def judge(
     rig: Rig,
-    found: Rotations,
+    rotations: Rotations,
     birge: float,
     *,
     determined: BoolArray | None = None,
     used: int = 0,
     rejected: int = 0,
-    suspicions: Sequence[str] = (),
+    suspicions: Sequence[Finding] = (),
     conformity: Conformity | None = None,
-) -> tuple[str, ...]:
+) -> tuple[Finding, ...]:
     """Reasons to reject rotations by the uncertainty of their turns about the BCS's axes.
 
     None: accepted. determined : (n,), sensors that are judged, by default all. used, rejected :
-    numbers of postures. suspicions : harmful ones, in
-    words. conformity : of the contact wrench, where the rig file states a limit.
+    numbers of postures. suspicions : harmful ones. conformity : of the contact wrench, where
+    the rig file states a limit.
     """
-    limits, reasons = rig.acceptance, []
-    std, names = turn_std(found.covariance), turn_names(found.rotation)
+    limits, found = rig.acceptance, list[Finding]()
+    std, names = turn_std(rotations.covariance), turn_names(rotations.rotation)
     judged = np.ones(rig.n, dtype=np.bool_) if determined is None else determined
     for i, j in np.argwhere(~(std <= limits.angle_std) & judged[:, None]):
-        reasons.append(
-            f"{names[i][j]} of {rig.supports[i]} has a standard uncertainty of "
-            f"{1e3 * std[i, j]:.2g} mrad, above the limit of {1e3 * limits.angle_std:.2g} mrad"
+        values: dict[str, Value] = {"angle": names[i][j], "limit": limits.angle_std}
+        found.append(
+            Finding("angle-uncertain", (rig.supports[i],), float(std[i, j]), "rad", values=values)
         )
     if birge > limits.birge_max:
-        reasons.append(
-            f"the residuals are {birge:.2g} times what the stated uncertainties explain, above "
-            f"the limit of {limits.birge_max:.2g}"
-        )
+        values = {"limit": limits.birge_max}
+        found.append(Finding("residuals-large", size=birge, values=values))
     if rejected > MOST_REJECTED * (used + rejected):
-        reasons.append(
-            f"{rejected} of {used + rejected} postures had to be rejected, above the limit of "
-            f"{MOST_REJECTED:.0%}"
-        )
-    reasons += suspicions
+        values = {"postures": used + rejected, "limit": MOST_REJECTED}
+        found.append(Finding("postures-rejected", size=rejected, values=values))
+    found += suspicions
     if conformity is not None:
-        reasons += conformity.reasons
-    return tuple(reasons)
+        found += conformity.findings
+    return tuple(replace(finding, rejects=True) for finding in found)

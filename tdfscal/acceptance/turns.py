@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tdfscal.findings import Finding
 from tdfscal.numerics import so3
 from tdfscal.records import ANGLES, FloatArray
 
@@ -46,11 +47,10 @@ def prior_turn_std(rpy_std: FloatArray, rotation: FloatArray) -> FloatArray:
     return np.where(free, np.inf, std)
 
 
-def locked_warnings(supports: Sequence[str], rotation: FloatArray) -> list[str]:
-    """Warnings for the sensors whose roll and yaw are one turn; rotation (n, 3, 3)."""
+def locked_sensors(supports: Sequence[str], rotation: FloatArray) -> list[Finding]:
+    """Name the sensors whose roll and yaw are one turn; rotation (n, 3, 3)."""
     return [
-        f"{name} is pitched by {np.degrees(np.arcsin(np.clip(-R[2, 0], -1, 1))):.0f}°, where roll "
-        "and yaw are one turn: its uncertainties are those of the turns about X, Y and Z of the BCS"
+        Finding("angles-locked", (name,), float(np.arcsin(np.clip(-R[2, 0], -1, 1))), "rad")
         for name, R, stuck in zip(supports, rotation, so3.locked(rotation), strict=True)
         if stuck
     ]

@@ -8,6 +8,7 @@ import numpy as np
 
 from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import nominal
 from tdfscal.records import BoolArray, Dwells, FloatArray, Rig
 
@@ -29,7 +30,7 @@ class Screened:
     """Which dwells may be used (K,), and the reason for each that may not."""
 
     keep: BoolArray
-    reasons: dict[int, str]
+    reasons: dict[int, Finding]
 
 
 def screen(rig: Rig, dwells: Dwells) -> Screened:
@@ -55,24 +56,19 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
         for i, j in np.argwhere(stuck):
             check_unit(rig, dwells.force)
             raise _stuck(rig, dwells, int(i), int(j))
-    reasons: dict[int, str] = {}
+    reasons: dict[int, Finding] = {}
     over = (np.maximum(np.abs(low), np.abs(high)) >= rig.capacity) & np.isfinite(rig.capacity)
     over &= rig.axes
     for k, i, j in np.argwhere(over):
-        reasons.setdefault(
-            int(k),
-            f"{_axis(rig, i, j)} reaches its capacity of {rig.capacity[i, j]:.6g} N",
-        )
+        full = float(rig.capacity[i, j])
+        reasons.setdefault(int(k), _spoilt("posture-over-capacity", rig, i, j, full))
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
     still = _same(low, high) & (dwells.count >= 8)[..., None]
     lively = rig.axes & (np.mean(~still, axis=0) > 0.5)
     for k, i, j in np.argwhere(still & (lively | _froze(still, low) & rig.axes)):
-        reasons.setdefault(
-            int(k),
-            f"{_axis(rig, i, j)} is "
-            f"{'saturated' if _at_limit(dwells, low[k, i, j], i, j) else 'frozen'} at "
-            f"{low[k, i, j]:.6g} N",
-        )
+        value = float(low[k, i, j])
+        code = "posture-saturated" if _at_limit(dwells, value, i, j) else "posture-frozen"
+        reasons.setdefault(int(k), _spoilt(code, rig, i, j, value))
     keep = np.ones(len(dwells), dtype=bool)
     keep[list(reasons)] = False
     if not keep.any():
@@ -137,6 +133,10 @@ def axes_line(rig: Rig, i: int, j: int) -> str:
     """The line of the rig file that takes an axis out."""
     left = [name for k, name in enumerate(AXES) if rig.axes[i, k] and k != j]
     return f"write `axes: [{', '.join(left)}]` for {rig.supports[i]} in rig.yaml"
+
+
+def _spoilt(code: str, rig: Rig, i: int, j: int, force: float) -> Finding:
+    return Finding(code, (rig.supports[i],), force, "N", values={"axis": AXES[j]})
 
 
 def _axis(rig: Rig, i: int, j: int) -> str:

@@ -24,6 +24,7 @@ from tdfscal.checks.hinge_distances import (
     equations,
     without_jolts,
 )
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART, FRAME_MISFIT, GEOMETRY_MISFIT
@@ -32,36 +33,16 @@ from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART, FRAME_MISFIT, GEO
 _GIVES: Final = 5e-7
 #: A standard uncertainty of a place above this is none, m.
 _UNKNOWN: Final = 1.0
-#: What is wrong with {0}, and its cure; {1} is the size in the rig file's unit, upwards.
-WORDS: Final = {
-    "hinge": (
-        "the hinge of {0} is not where it is stated",
-        "measure the hinges again, or write `uncertainty.hinge: {1}` in rig.yaml",
-    ),
-    "datum": (
-        "the servo coordinates of {0} are offset",
-        "measure the servo datums, or write `uncertainty.datum: {1}` in rig.yaml",
-    ),
-    "scale": (
-        "positions and hinges differ in scale",
-        "check the scale of the positioners and of the hinges' survey",
-    ),
-    "compliance": (
-        "the NCPs give between encoder and hinge",
-        "see what is loose, or write `uncertainty.compliance: {{lateral: {1}, vertical: {1}}}` in "
-        "rig.yaml",
-    ),
+#: Code of a finding by the cause's kind, and the unit of its size.
+CODES: Final = {
+    "hinge": ("hinge-misplaced", "m"),
+    "datum": ("positions-offset", "m"),
+    "scale": ("scale-differs", ""),
+    "compliance": ("supports-give", "m/N"),
+    "turned": ("frame-turned", "rad"),
+    "scaled": ("frame-scaled", ""),
+    "not square": ("frame-not-square", "rad"),
 }
-#: Components of a frame's errors, and its cure.
-_COMPONENTS: Final = {
-    "turned": ("about x", "about y", "about z"),
-    "scaled": ("along x", "along y", "along z"),
-    "not square": ("y to z", "x to z", "x to y"),
-}
-_ALIGN: Final = (
-    "align it, or calibrate the positioner; hinge distances show no error that all positioners "
-    "share"
-)
 #: Share of what a cause explains that its second order, or another's, may leave.
 _SECOND_ORDER: Final = 0.05
 #: Equations that are left when all constant errors are known, for a frame to be judged.
@@ -83,45 +64,22 @@ class Geometry:
     explained: bool
     scatter: float
 
-    def told(self, supports: tuple[str, ...]) -> tuple[str, str]:
-        """What is wrong, by how much, and the cures, in words."""
-        what = ", or ".join(_told(cause, supports, self.scatter) for cause in self.causes)
-        if not self.explained:
-            what += ", and other distances disagree too"
-        return what, "; or ".join(dict.fromkeys(_cure(cause) for cause in self.causes))
+    def findings(self, supports: tuple[str, ...]) -> tuple[Finding, ...]:
+        """What may be wrong, and by how much, the likeliest first."""
+        return tuple(_finding(cause, supports, self) for cause in self.causes)
 
 
-def _cure(cause: Cause) -> str:
-    """What to do about it, in words."""
-    if cause.kind not in WORDS:
-        return _ALIGN
-    return WORDS[cause.kind][1].format("", upwards(float(np.abs(cause.amount).max())))
-
-
-def _told(cause: Cause, supports: tuple[str, ...], scatter: float) -> str:
-    """What is wrong and by how much, in words; scatter : variance over the stated one."""
-    name = "" if cause.support is None else supports[cause.support]
+def _finding(cause: Cause, supports: tuple[str, ...], found: Geometry) -> Finding:
+    subject = () if cause.support is None else (supports[cause.support],)
+    code, unit = CODES[cause.kind]
+    values: dict[str, Value] = {"elsewhere": not found.explained}
+    values["or_more"] = not np.isfinite(cause.std).all()
+    values["component"] = float(np.abs(cause.amount).max())
+    if cause.kind in FRAMES:
+        values["amount"] = cause.amount.tolist()
+        values["std"] = (cause.std * np.sqrt(found.scatter)).tolist()
     size = float(np.linalg.norm(cause.amount))
-    if cause.kind in ("hinge", "datum"):
-        more = "" if np.isfinite(cause.std).all() else " or more"
-        return f"{WORDS[cause.kind][0].format(name)}, by {1e3 * size:.3g} mm{more}"
-    if cause.kind == "scale":
-        return f"{WORDS[cause.kind][0]}, by {size:.2%}"
-    if cause.kind in WORDS:
-        return f"{WORDS[cause.kind][0]}, by {size:.2g} m/N"
-    parts = [
-        f"{words} by {1e3 * value:.2g} ± {1e3 * std * np.sqrt(scatter):.1g} mrad"
-        for words, value, std in zip(_COMPONENTS[cause.kind], cause.amount, cause.std, strict=True)
-        if np.isfinite(std)
-    ]
-    said = f"the frame of the positioner of {name} is {cause.kind}"
-    return f"{said} ({', '.join(parts)})" if parts else said
-
-
-def upwards(size: float) -> str:
-    """A size with one significant digit, rounded up."""
-    step = 10.0 ** np.floor(np.log10(max(size, np.finfo(float).tiny)))
-    return f"{float(f'{np.ceil(size / step) * step:.1g}'):g}"
+    return Finding(code, subject, size, unit, values=values)
 
 
 def examine(

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tdfscal.checks import log_against_rig
+from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray
@@ -67,8 +68,8 @@ class Inspection:
             self._stride *= 2
         self.kept = kept
 
-    def finish(self) -> list[str]:
-        """Judge what has passed, and return warnings.
+    def finish(self) -> list[Finding]:
+        """Judge what has passed, and return what was found.
 
         Raises
         ------
@@ -80,8 +81,7 @@ class Inspection:
         given, seen = self._given, self.kept
         log_against_rig.check_geometry(given.rig, seen.position, seen.force)
         _check_forces(given, seen)
-        notes = (log_against_rig.turned(given.rig, seen.position), _doubt(given, seen))
-        return [note for note in notes if note]
+        return [*log_against_rig.turned(given.rig, seen.position), *_doubt(given, seen)]
 
 
 def _mass_std(given: Calibrated) -> float:
@@ -115,8 +115,8 @@ def _check_forces(given: Calibrated, seen: Samples) -> None:
         raise log_against_rig.weight_error(ratio, allowed, mass)
 
 
-def _doubt(given: Calibrated, seen: Samples) -> str | None:
-    """Warning of a wrench that another wiring explains, or that is of the weight's order."""
+def _doubt(given: Calibrated, seen: Samples) -> tuple[Finding, ...]:
+    """Name a wrench that another wiring explains, or that is of the weight's order."""
     found = wrenches(given, seen.time, seen.position, seen.force)
     rewired = list(log_against_rig.rewired(given.rig, single(given, seen.position, seen.force)))
     # First among equals: every axis of every sensor of the opposite sign is the reaction.
@@ -126,22 +126,18 @@ def _doubt(given: Calibrated, seen: Samples) -> str | None:
     best = int(np.argmin(left))
     force = float(np.median(np.linalg.norm(found.value[:, :3], axis=1)))
     torque = float(np.median(np.linalg.norm(found.value[:, 3:], axis=1)))
-    median = f"the median wrench over the log is {force:.3g} N and {torque:.3g} N·m"
+    values: dict[str, Value] = {"torque": torque}
     if left[best] * _BETTER < here:
-        return (
-            f"{median}, and {here / left[best]:.2g} times smaller with {words[best]}: check the "
-            "log block in rig.yaml, and the cabling"
-        )
+        values |= {"ratio": here / left[best], "other": words[best]}
+        return (Finding("wrench-rewired", size=force, unit="N", values=values),)
     weight = float(given.state.mass) * given.rig.gravity
     std = float(np.median(np.linalg.norm(found.calibration_std[:, :3], axis=1)))
     if force > max(
         weight * log_against_rig.weight_tolerance(_mass_std(given)), WRENCH_PRESENT * std
     ):
-        return (
-            f"{median}, {force / weight:.2g} times the weight in force: unless that is contact, "
-            "check log.force_unit, log.force_on, the force fields and the cabling"
-        )
-    return None
+        values["ratio"] = force / weight
+        return (Finding("wrench-large", size=force, unit="N", values=values),)
+    return ()
 
 
 def _sizes(given: Calibrated, seen: Samples, readings: list[FloatArray]) -> list[float]:

@@ -12,7 +12,9 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from tdfscal.checks import geometry
+from tdfscal.checks.hinge_distances import Cause
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import State, gravity, nominal
 from tdfscal.model.pose import register
 from tdfscal.model.statics import Postures, forces
@@ -79,7 +81,7 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
     if found:
         wrong += f"; it would fit with {found}"
     elif placed:
-        wrong += f": {pattern.told(rig.supports)[0]}"
+        wrong += ": " + ", or ".join(_misplaced(rig, cause) for cause in pattern.causes)
     raise DataError(
         wrong,
         where="log positions",
@@ -88,6 +90,17 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
         else f"measure the hinges again ({_farthest(rig, position)}), or check the position fields "
         "and that log and rig.yaml belong together",
     )
+
+
+def _misplaced(rig: Rig, cause: Cause) -> str:
+    """What does not fit, and by how much, in words."""
+    size = float(np.linalg.norm(cause.amount))
+    if cause.support is None:
+        return "what gives, or a scale, would explain it"
+    what = "the hinge of {}" if cause.kind == "hinge" else "the servo coordinates of {}"
+    verb = "is not where it is stated" if cause.kind == "hinge" else "are offset"
+    more = "" if np.isfinite(cause.std).all() else " or more"
+    return f"{what.format(rig.supports[cause.support])} {verb}, by {1e3 * size:.3g} mm{more}"
 
 
 def _farthest(rig: Rig, position: FloatArray) -> str:
@@ -139,8 +152,8 @@ def _units(size: float) -> tuple[str, bool]:
     return "", False
 
 
-def turned(rig: Rig, position: FloatArray) -> str | None:
-    """Warning where the terminal stands far from the BCS's axes; position (K, n, 3) in m.
+def turned(rig: Rig, position: FloatArray) -> tuple[Finding, ...]:
+    """Say where the terminal stands far from the BCS's axes; position (K, n, 3) in m.
 
     On a symmetric rig, supports renamed in a circle look like a terminal that is turned: nothing
     contradicts it, so that it can only be said.
@@ -148,26 +161,25 @@ def turned(rig: Rig, position: FloatArray) -> str | None:
     turn = _turn(rig, position)
     angle = float(np.linalg.norm(turn))
     if angle <= _TURNED:
-        return None
+        return ()
     R, _ = register(rig.hinge, position)
     always = bool(np.linalg.norm(so3.log(R), axis=1).min() > _TURNED)
     about = turn / angle
     axis = int(np.argmax(np.abs(about)))
     sign = "-" if about[axis] < 0 else ""
     clear = abs(about[axis]) > np.cos(_TURNED / 2)
-    names = f"about {sign}{'XYZ'[axis]} of the BCS " if clear else ""
+    values: dict[str, Value] = {"always": always}
+    if clear:
+        values["axis"] = f"{sign}{'XYZ'[axis]}"
     limit, upright = _shape_limit(rig), []
     for order in orders(rig.n):
         off, up = _misfit(rig.hinge, position[:, order])
         left = float(np.linalg.norm(_turn(rig, position[:, order])))
         if off <= limit and up > 0 and left <= _TURNED:
             upright.append((left, renamed(rig, order)))
-    return (
-        f"the terminal stands turned by {np.degrees(angle):.0f}° {names}in "
-        f"{'every posture' if always else 'most postures'}: check "
-        "that the supports' names in the log are right"
-        + (f"; it would stand upright with {min(upright)[1]}" if upright else "")
-    )
+    if upright:
+        values["upright"] = min(upright)[1]
+    return (Finding("terminal-turned", size=angle, unit="rad", values=values),)
 
 
 def _turn(rig: Rig, position: FloatArray) -> FloatArray:

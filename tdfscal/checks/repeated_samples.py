@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, Dwells, FloatArray, IntArray, LeftOut, Log, Rig
 from tdfscal.significance import REPEATED_BY_CHANCE
 
@@ -89,18 +90,24 @@ def counted_once(dwells: Dwells, repeats: Sequence[Repeat]) -> Dwells:
         LeftOut(
             float(dwells.start[k]),
             float(dwells.end[k]),
-            f"the readings of {_named(dwells.supports, twice[k])} are those of {original[k]:.6g} s",
+            Finding(
+                "stop-repeated",
+                _named(dwells.supports, twice[k]),
+                values={"original": float(original[k])},
+            ),
         )
         for k in np.flatnonzero(lost)
     ]
-    said = (
-        f"{len(out)} of {len(dwells)} dwells repeat earlier readings, noise included, and are left "
-        f"out: first, at {out[0].start:.6g} s {out[0].reason}"
-    )
+    first: dict[str, Value] = {
+        "dwells": len(dwells),
+        "begin": out[0].start,
+        "original": out[0].reason.values["original"],
+    }
+    said = Finding("samples-repeated", out[0].reason.subject, len(out), values=first)
     return replace(
         _taken(dwells, ~lost),
         left_out=tuple(sorted((*dwells.left_out, *out), key=lambda piece: piece.start)),
-        warnings=(*dwells.warnings, said),
+        findings=(*dwells.findings, said),
     )
 
 
@@ -113,16 +120,16 @@ def refuse(repeats: Sequence[Repeat], supports: Sequence[str]) -> None:
     sensors = {r.sensor for r, there in zip(repeats, alike, strict=True) if there}
     named = _named(supports, np.isin(np.arange(len(supports)), list(sensors)))
     raise DataError(
-        f"the readings of {named} from {first.begin:.6g} to {first.end:.6g} s are those from "
-        f"{first.original:.6g} s on, noise included",
+        f"the readings of {', '.join(named)} from {first.begin:.6g} to {first.end:.6g} s are "
+        f"those from {first.original:.6g} s on, noise included",
         where="log",
         hint="give each recording once; choose a part with --from and --to",
     )
 
 
-def _named(supports: Sequence[str], which: BoolArray) -> str:
-    named = [name for name, there in zip(supports, which, strict=True) if there]
-    return "all sensors" if len(named) == len(supports) else ", ".join(named)
+def _named(supports: Sequence[str], which: BoolArray) -> tuple[str, ...]:
+    named = tuple(name for name, there in zip(supports, which, strict=True) if there)
+    return ("all sensors",) if len(named) == len(supports) else named
 
 
 def _taken(dwells: Dwells, keep: BoolArray) -> Dwells:

@@ -23,6 +23,7 @@ from tdfscal.comparison.eliminated import (
 )
 from tdfscal.comparison.misfit import Misfit, not_fitting, scatter_of, within
 from tdfscal.comparison.walk import forward, others
+from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.earlier import free_constants, joint_prior, loosened, turned
 from tdfscal.model.parameters import (
@@ -76,7 +77,7 @@ class Member:
     reduced: Eliminated
     fit: Fit | None
     state: State | None
-    rejected: dict[int, str]
+    rejected: dict[int, Finding]
     chi2: float
     dof: int
 
@@ -204,10 +205,10 @@ def _fresh(known: Information, part: Eliminated) -> float:
 
 def _first_round(
     ordered: Sequence[Recorded], shared: Common
-) -> tuple[list[Fit | None], list[dict[int, str]]]:
+) -> tuple[list[Fit | None], list[dict[int, Finding]]]:
     """Fit each campaign with what those with more postures know; outliers are left out here."""
     fits: list[Fit | None] = [None] * len(ordered)
-    rejected: list[dict[int, str]] = [{} for _ in ordered]
+    rejected: list[dict[int, Finding]] = [{} for _ in ordered]
     sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
     known: Information | None = None
     references: list[State] = []

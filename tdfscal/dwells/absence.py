@@ -13,6 +13,7 @@ import numpy as np
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.noise_level import runs, signals
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.records import Absence, BoolArray, Dwells, FloatArray, IntArray
 
 _ZEROS = 1e-4  # share of samples at which a stream drops to 0, 0, 0
@@ -46,7 +47,7 @@ def explain(bins: Bins, moving: BoolArray, shortest: float) -> Absence:
     position, force = np.split(signals(bins).value, [3 * n])
     first, last = _slow(position)
     return (
-        zeros(bins)
+        _zeros(bins)
         or _too_slow(bins, first, last)
         or _too_short(bins, moving, shortest)
         or _smoothed("positions", position, first, last, bins.width)
@@ -61,17 +62,25 @@ def explain(bins: Bins, moving: BoolArray, shortest: float) -> Absence:
     )
 
 
-def zeros(bins: Bins) -> Absence | None:
+def zeros(bins: Bins) -> Finding | None:
     """Readings that drop to 0, 0, 0 and return, as no noisy signal does."""
     worst = int(np.argmax(bins.zeros))
     if bins.zeros[worst] <= _ZEROS:
         return None
     n = len(bins.supports)
-    what = "position" if worst < n else "force"
+    values: dict[str, Value] = {"signal": "position" if worst < n else "force"}
+    subject = (bins.supports[worst % n],)
+    return Finding("readings-zero", subject, float(bins.zeros[worst]), values=values)
+
+
+def _zeros(bins: Bins) -> Absence | None:
+    found = zeros(bins)
+    if found is None:
+        return None
     return Absence(
-        f"the {what} of {bins.supports[worst % n]} drops to 0, 0, 0 and returns, at "
-        f"{100 * bins.zeros[worst]:.2g} % of the samples, as if the recorder wrote zeros where it "
-        "had no reading",
+        f"the {found.values['signal']} of {found.subject[0]} drops to 0, 0, 0 and returns, at "
+        f"{100 * (found.size or 0.0):.2g} % of the samples, as if the recorder wrote zeros where "
+        "it had no reading",
         "let the recorder leave such cells empty, or repeat the last reading",
     )
 

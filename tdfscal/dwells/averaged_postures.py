@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.records import Dwells, FloatArray, IntArray, Log
 
 _DIGITS = range(9, 1, -1)  # after the point, that files are rounded to in m and N
@@ -46,7 +47,7 @@ def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
         raise DataError(
             "a reading is not a number", where=f"posture {row + 1}", hint="leave this posture out"
         )
-    keep, warnings = _once(position, force)
+    keep, found = _once(position, force)
     t, p, f = t[keep], p[keep], f[keep]
     zero = np.zeros((*f.shape, 3))
     return Dwells(
@@ -61,12 +62,14 @@ def postures_as_dwells(pieces: Iterable[Log]) -> Dwells:
         force_max=f.copy(),
         count=np.ones(f.shape[:2], dtype=np.int64),
         effective=np.ones(f.shape[:2]),
-        warnings=warnings,
+        findings=found,
         force_range=np.stack([f.min(axis=0), f.max(axis=0)]),
     )
 
 
-def _once(position: list[FloatArray], force: list[FloatArray]) -> tuple[IntArray, tuple[str, ...]]:
+def _once(
+    position: list[FloatArray], force: list[FloatArray]
+) -> tuple[IntArray, tuple[Finding, ...]]:
     """Rows of all files to keep, each once, and what to say of the others."""
     files = list(zip(position, force, strict=True))
     value = np.concatenate([np.concatenate(of, axis=1).reshape(len(of[0]), -1) for of in files])
@@ -75,10 +78,13 @@ def _once(position: list[FloatArray], force: list[FloatArray]) -> tuple[IntArray
     if not repeats:
         return np.arange(len(value)), ()
     later, earlier = min(repeats.items())
-    return np.setdiff1d(np.arange(len(value)), list(repeats)), (
-        f"{len(repeats)} of {len(value)} postures repeat an earlier one in every digit (first: "
-        f"{later + 1} is {earlier + 1}): a recording that is there twice counts once",
-    )
+    values: dict[str, Value] = {
+        "postures": len(value),
+        "later": later + 1,
+        "earlier": earlier + 1,
+    }
+    said = Finding("postures-repeated", size=len(repeats), values=values)
+    return np.setdiff1d(np.arange(len(value)), list(repeats)), (said,)
 
 
 def _resolution(position: FloatArray, force: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
+from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, Dwells, FloatArray
 
 _LEVELS = np.array([0.25, 0.5, 0.75])
@@ -60,25 +61,19 @@ class Offset:
         half = 0.5 * self.span * self.rate
         return self.seconds - half, self.seconds + half
 
-    def __str__(self) -> str:
+    @property
+    def finding(self) -> Finding:
+        """As a finding."""
+        values: dict[str, Value] = {"moves": self.moves, "std": self.std}
         if self.running:
-            begin, end = (f"{1e3 * each:.0f}" for each in self._ends)
-            return (
-                f"those of forces and positions run apart by {1e6 * self.rate:.0f} ppm (standard "
-                f"error {1e6 * self.rate_std:.2g} ppm): the forces come {begin} ms after the "
-                f"positions at the beginning and {end} ms at the end ({self.moves} moves)"
-            )
-        if abs(self.seconds) < 3.0 * self.std:
-            return (
-                f"no offset of the forces against the positions is seen: "
-                f"{self.seconds * 1e3:.0f} ms, standard error {self.std * 1e3:.0f} ms, "
-                f"{self.moves} moves"
-            )
-        late = "later" if self.seconds > 0 else "earlier"
-        return (
-            f"the forces follow the motion {abs(self.seconds) * 1e3:.0f} ms {late} than the "
-            f"positions (standard error {self.std * 1e3:.1f} ms, {self.moves} moves)"
-        )
+            begin, end = self._ends
+            values |= {"ppm": 1e6 * self.rate, "ppm_std": 1e6 * self.rate_std}
+            values |= {"begin": begin, "end": end}
+            return Finding("clocks-run-apart", size=self.rate, unit="1", values=values)
+        code = "clocks-apart" if abs(self.seconds) >= 3.0 * self.std else "clocks-together"
+        values["late"] = self.seconds > 0
+        size = self.seconds if code == "clocks-together" else abs(self.seconds)
+        return Finding(code, size=size, unit="s", values=values)
 
 
 def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:

@@ -22,6 +22,7 @@ from tdfscal.dwells.noise_level import (
     without_creep,
 )
 from tdfscal.dwells.ringing import Ringing, find_ringing
+from tdfscal.findings import Finding
 from tdfscal.records import BoolArray, FloatArray, LeftOut
 
 _SHORTEST = 0.2  # s
@@ -66,7 +67,7 @@ class Field:
             return float(self.bins.start[index])
         return float(self.bins.start[-1] + self.bins.width)
 
-    def out(self, begin: int, end: int, reason: str) -> LeftOut:
+    def out(self, begin: int, end: int, reason: Finding) -> LeftOut:
         """A stretch of bins left out; `end` is exclusive."""
         return LeftOut(self.time(begin), self.time(end - 1) + self.bins.width, reason)
 

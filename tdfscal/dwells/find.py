@@ -19,6 +19,7 @@ from tdfscal.dwells.field import Field, prepare, within
 from tdfscal.dwells.search import INTERRUPTED, search
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.records import Dwells, FloatArray, LeftOut, Log
 from tdfscal.significance import DRIFT_PER_LOG
 
@@ -49,12 +50,12 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
     first = next(stream, None)
     if first is None:
         raise DataError("the log is empty", hint="give a log with recorded samples")
-    warnings: list[str] = []
+    said: list[Finding] = []
     thermometer = Thermometer()
 
     def noted() -> Iterator[Log]:
         for piece in chain([first], stream):
-            warnings.extend(piece.warnings)
+            said.extend(finding for finding in piece.findings if finding not in said)
             yield piece
 
     rest = thermometer.passing(noted())
@@ -64,7 +65,7 @@ def find_dwells(pieces: Log | Iterable[Log], options: DwellOptions | None = None
         found = dwells_of_bins(reduce_to_bins(rest, options), options)
     return replace(
         found,
-        warnings=(*dict.fromkeys(warnings), *found.warnings),
+        findings=(*said, *found.findings),
         temperature=thermometer.at(found.start, found.end, len(found.supports)),
     )
 
@@ -91,10 +92,10 @@ def dwells_of_bins(bins: Bins, options: DwellOptions | None = None) -> Dwells:
     if not len(dwells):
         return replace(dwells, absence=explain(bins, field.moving, field.shortest * bins.width))
     if dropped := zeros(bins):
-        dwells = replace(dwells, warnings=(*dwells.warnings, f"{dropped.seen}: {dropped.advice}"))
+        dwells = replace(dwells, findings=(*dwells.findings, dropped))
     offset = motion_offset(bins, dwells)
     if offset is not None and offset.large:
-        return replace(dwells, warnings=(*dwells.warnings, f"clocks: {offset}"))
+        return replace(dwells, findings=(*dwells.findings, offset.finding))
     return dwells
 
 
@@ -120,12 +121,12 @@ def _long_run(bins: Bins, moments: Moments) -> FloatArray:
 def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut]) -> Dwells:
     bins, n = field.bins, len(field.bins.supports)
     moments = dwell_moments(bins, extents)
-    unsettled, warnings = _drifts(field, extents, moments)
+    unsettled, found = _drifts(field, extents, moments)
     keep = np.array([k for k in range(len(extents)) if k not in unsettled], dtype=np.int64)
     left_out = left_out + [
         field.out(extents[k].begin, extents[k].end, reason) for k, reason in unsettled.items()
     ]
-    warnings += _interruptions(left_out)
+    found += _interruptions(left_out)
     force = moments.mean[:, n:]
     low, high = force_extremes(bins, extents)
     return Dwells(
@@ -141,26 +142,22 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
         count=moments.count[keep, n:],
         effective=moments.effective[keep, n:],
         left_out=tuple(sorted(left_out, key=lambda out: out.start)),
-        warnings=tuple(warnings),
+        findings=tuple(found),
         force_range=whole_range(bins),
     )
 
 
-def _interruptions(left_out: list[LeftOut]) -> list[str]:
-    found = [out.start for out in left_out if out.reason.startswith(INTERRUPTED)]
+def _interruptions(left_out: list[LeftOut]) -> list[Finding]:
+    found = [out.start for out in left_out if out.reason.code == INTERRUPTED]
     if not found:
         return []
-    places = f"in {len(found)} places, the first" if len(found) > 1 else "once,"
-    return [
-        f"readings leave their level and return within a stop {places} at {min(found):.2f} s: "
-        "look for wrong samples in the log"
-    ]
+    return [Finding("readings-return", size=len(found), values={"first": min(found)})]
 
 
 def _drifts(
     field: Field, extents: list[Extent], moments: Moments
-) -> tuple[dict[int, str], list[str]]:
-    """Dwells that are not settled after all (index → reason), and warnings of slow drift.
+) -> tuple[dict[int, Finding], list[Finding]]:
+    """Dwells that are not settled after all (index → reason), and those that drift slowly.
 
     A line or a bow of the forces that neither the noise nor the drift common to all dwells
     explains is settling in a short dwell, and drift in a long one.
@@ -180,23 +177,28 @@ def _drifts(
     own = np.abs(moments.drift[:, n:] - common * span[:, None, None]) > limit[:, n:]
     bow = moments.bow[:, n:]
     bent = np.abs(bow) > z * _beyond_noise(bow, np.ones_like(bow))
-    unsettled: dict[int, str] = {}
-    warnings: list[str] = []
+    unsettled: dict[int, Finding] = {}
+    found: list[Finding] = []
     for k, extent in enumerate(extents):
         if span[k] < _SETTLING and (own[k] | bent[k]).any():
-            unsettled[k] = "forces never settled: they still change to the end of the stop"
+            unsettled[k] = Finding("stop-unsettled", size=float(span[k]), unit="s")
         elif significant[k].any():
             strength = np.where(significant[k], np.abs(moments.drift[k]) / limit[k], 0.0)
             stream, axis = np.unravel_index(int(np.argmax(strength)), strength.shape)
-            what = "position" if stream < n else "force"
-            unit, scale = ("µm", 1e6) if stream < n else ("N", 1.0)
-            change = scale * moments.drift[k, stream, axis]
-            warnings.append(
-                f"dwell {field.time(extent.begin):.2f} to {field.time(extent.end):.2f} s: "
-                f"the {what} of {bins.supports[stream % n]} drifts by {change:.3g} {unit} "
-                f"along {'xyz'[axis]}"
+            found.append(
+                Finding(
+                    "dwell-drifts" if stream < n else "dwell-force-drifts",
+                    (bins.supports[stream % n],),
+                    float(moments.drift[k, stream, axis]),
+                    "m" if stream < n else "N",
+                    values={
+                        "begin": field.time(extent.begin),
+                        "end": field.time(extent.end),
+                        "axis": "xyz"[axis],
+                    },
+                )
             )
-    return unsettled, warnings
+    return unsettled, found
 
 
 def _beyond_noise(value: FloatArray, std: FloatArray) -> FloatArray:

@@ -55,12 +55,15 @@ class Ringing:
     amplitude: ComplexArray
     power: FloatArray
 
-    def __str__(self) -> str:
-        """In words."""
-        constant = f"time constant {self.width / self.decay.real:.2g} s"
-        if not self.decay.imag:
-            return constant
-        return f"{abs(self.decay.imag) / (2 * np.pi * self.width):.2g} Hz, {constant}"
+    @property
+    def constant(self) -> float:
+        """Time constant, s."""
+        return float(self.width / self.decay.real)
+
+    @property
+    def frequency(self) -> float:
+        """Hz; 0 where it creeps and does not swing."""
+        return float(abs(self.decay.imag) / (2 * np.pi * self.width))
 
     def removed(self, value: FloatArray) -> FloatArray:
         """The forces (A, B) without it."""

@@ -12,12 +12,13 @@ from tdfscal.dwells.dwell_means import Extent, evenly
 from tdfscal.dwells.field import Field
 from tdfscal.dwells.noise_level import runs
 from tdfscal.dwells.settling import Settled, Stretch, one_level, settled_part
+from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, IntArray, LeftOut
 from tdfscal.significance import SAME_LEVEL
 
-INTERRUPTED = "interrupted"  # begins the reason of wrong readings that are left out amid a dwell
-_WRONG = f"{INTERRUPTED}: readings leave their level and return"
-_JOLT = "jolt: a burst of force, excluded from the dwell around it"
+INTERRUPTED = "stop-interrupted"  # code of wrong readings that are left out amid a dwell
+_WRONG = Finding(INTERRUPTED)
+_JOLT = Finding("stop-jolted")
 
 _MENTIONED = 0.1  # s; shorter moments of rest within a move are not worth a line
 _BRIEF = 1.0  # s; pauses between stretches of rest that are looked at together
@@ -164,13 +165,14 @@ def _within_rest(
     length = (end - begin) * field.bins.width
     if end - begin < field.shortest:
         wanted = field.shortest * field.bins.width
-        reason = f"too short: at rest for {length:.2f} s, {wanted:.2f} s needed"
+        reason = Finding("stop-too-short", size=length, unit="s", values={"wanted": wanted})
         return [], [field.out(begin, end, reason)]
     settled, unsettled = _settled_parts(field, stretch, begin, end, inner, rough)
     if not settled:
-        reason = f"forces never settled in {length:.2f} s at rest"
+        rings: dict[str, Value] = {}
         if field.ringing:
-            reason += f": they ring ({field.ringing})"
+            rings = {"constant": field.ringing.constant, "frequency": field.ringing.frequency}
+        reason = Finding("stop-unsettled", size=length, unit="s", values=rings)
         return [], [field.out(begin, end, reason)]
     kept = [Extent(a.begin, a.end, np.ones(a.end - a.begin, np.bool_)) for a in settled]
     return kept, unsettled
@@ -199,7 +201,7 @@ def _settled_parts(
                 stretch, start, last, origin, field.shortest, left=left, rough=rough
             )
         if part is None or part.ratio > _UNSETTLED:
-            unsettled.append(field.out(start, last, "forces never settled between two changes"))
+            unsettled.append(field.out(start, last, Finding("stop-changing")))
             continue
         settled.append(part)
         final = stop == found[-1][1]

@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
+from tdfscal.catalogue import told
 from tdfscal.dwells import (
     dwells_of_bins,
     find_dwells,
@@ -109,7 +110,7 @@ def _read(
             for clock, series in zip(clocks, (*piece.position, *piece.force), strict=True):
                 clock.ascending(series.time)
             inputs.extend(piece.inputs)
-            problems.extend(piece.warnings)
+            problems.extend(map(told, piece.findings))
             yield piece
 
     try:
@@ -120,7 +121,7 @@ def _read(
             bins = reduce_to_bins(passing(log))
             dwells = dwells_of_bins(bins)
             offset = motion_offset(bins, dwells)
-        problems += dwells.warnings
+        problems += map(told, dwells.findings)
         if not len(dwells):
             absence = no_dwell(dwells)
             problems.append(f"{absence.what}; {absence.hint}")

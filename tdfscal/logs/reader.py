@@ -11,7 +11,8 @@ import numpy as np
 
 from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
-from tdfscal.files.hashing import Fingerprint, note_outside, printable
+from tdfscal.files.hashing import Fingerprint, note_outside
+from tdfscal.findings import Finding
 from tdfscal.logs.bag.rosbag2 import METADATA, Bag
 from tdfscal.logs.common.clock import Clock, apart, shown
 from tdfscal.logs.common.contents import Contents
@@ -111,7 +112,7 @@ def concatenate(pieces: Iterable[Log]) -> Log:
         temperature=tuple(map(joined, *(p.temperature for p in parts))),
         inputs=tuple(i for p in parts for i in p.inputs),
         truncated=tuple(t for p in parts for t in p.truncated),
-        warnings=tuple(dict.fromkeys(w for p in parts for w in p.warnings)),
+        findings=tuple(f for p in parts for f in p.findings),
     )
 
 
@@ -167,7 +168,7 @@ def _campaign(
                     pending = _log(ascending, request)
             except DataError as error:
                 raise without_axis(error, request) from error
-            warnings = streams.warnings(outcome)
+            said = streams.findings(outcome)
             note = None if bag is None else note_outside(path, bag.folder, METADATA)
             entry = fingerprint.result(outcome.integrity, note)
         if seen is not None and outcome.contents is not None:
@@ -179,18 +180,15 @@ def _campaign(
         cut: tuple[LogTruncated, ...] = ()
         if outcome.cut_at is not None:
             cut = (LogTruncated(str(path), outcome.cut_at, float(streams.last.max())),)
-            warnings = [truncation(cut[0]), *warnings]
-        said = tuple(printable(f"{path}: {what}") for what in warnings)
+            said = [truncation(cut[0]), *said]
+        told = tuple(replace(f, values={**f.values, "file": str(path)}) for f in said)
         last = pending or _log((), request)
-        yield replace(last, inputs=(entry,), warnings=said, truncated=cut)
+        yield replace(last, inputs=(entry,), findings=told, truncated=cut)
 
 
-def truncation(cut: LogTruncated) -> str:
+def truncation(cut: LogTruncated) -> Finding:
     """Say where a log ends that was cut short."""
-    return (
-        f"the file ends within a record at byte {cut.byte}, as one that was cut short does: it is "
-        f"read as far as it is whole, to {shown(cut.end)} s"
-    )
+    return Finding("log-truncated", values={"byte": cut.byte, "at": shown(cut.end)})
 
 
 def _opening(path: Path, request: Request) -> Generator[Piece, None, None]:
@@ -319,11 +317,11 @@ class _Streams:
                     "the largest value read",
                 )
 
-    def warnings(self, outcome: Outcome) -> list[str]:
+    def findings(self, outcome: Outcome) -> list[Finding]:
         """What is to be said at the file's end; refuses a file that lacks a signal."""
         clocks = tuple(self._clocks.values())
-        said = [*outcome.warnings, *(w for clock in clocks for w in clock.finish()), *apart(clocks)]
-        said += [what for lone in self._lone.values() for what in lone.warnings()]
+        said = [*outcome.findings, *(f for clock in clocks for f in clock.finish()), *apart(clocks)]
+        said += [what for lone in self._lone.values() for what in lone.findings()]
         for signal, count in zip(self._request.signals, self.count, strict=True):
             if count:
                 continue

@@ -8,12 +8,13 @@ data: ∫ w x'' e^{−iωt} dt = ∫ (w'' − 2 i ω w' − ω² w) x e^{−iωt
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from tdfscal.findings import Finding, Value
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, FloatArray
 
@@ -42,12 +43,13 @@ class Stretch:
 
     begin: float
     end: float
-    reason: str
+    reason: Finding
 
     @property
-    def text(self) -> str:
-        """What is said of it."""
-        return f"{self.begin:.2f} to {self.end:.2f} s of the log were left out: {self.reason}"
+    def finding(self) -> Finding:
+        """That it is left out."""
+        values: dict[str, Value] = {"begin": self.begin, "end": self.end}
+        return replace(self.reason, values={**self.reason.values, **values})
 
 
 @dataclass(frozen=True, slots=True)

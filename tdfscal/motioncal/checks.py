@@ -9,6 +9,7 @@ import numpy as np
 from tdfscal.checks.faulty_sensors import AXES, axes_line, check_directions, check_unmeasured
 from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, Stretch, blocks, runs
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -120,21 +121,21 @@ def check_blocks(slow: Slow, cut: tuple[Block, ...]) -> None:
         )
 
 
-def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, str]]:
+def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, Finding]]:
     """Runs of instants at which a channel is frozen or clipped, and what is wrong there.
 
     A force that stays the same to the last digit is frozen; an NCP's place is while others move.
     """
     found = []
     for i, j in np.argwhere(rig.axes):
-        reason = f"the {AXES[j]} axis of the sensor of {rig.supports[i]} is frozen"
+        reason = Finding("stretch-frozen", (rig.supports[i],), values={"axis": AXES[j]})
         found += [(run, reason) for run in _same(slow.force[:, i, j, None], slow.step)]
     for i in range(rig.n):
-        reason = f"the position of {rig.supports[i]} is frozen while others move"
+        reason = Finding("stretch-standing", (rig.supports[i],))
         for run in _same(slow.position[:, i], slow.step):
             if np.ptp(slow.position[run], axis=0).max() > _MOVES:
                 found.append((run, reason))
-    return found + [(run, "a sensor is at its capacity") for run in runs(slow.clipped)]
+    return found + [(run, Finding("stretch-over-capacity")) for run in runs(slow.clipped)]
 
 
 def _same(value: FloatArray, step: float) -> list[slice]:
@@ -148,8 +149,8 @@ def _same(value: FloatArray, step: float) -> list[slice]:
     ]
 
 
-def gaps(slow: Slow) -> tuple[str, ...]:
-    """Words for the holes at which the motion is cut: pauses, and clocks that jumped ahead.
+def gaps(slow: Slow) -> list[Finding]:
+    """Name the holes at which the motion is cut: pauses, and clocks that jumped ahead.
 
     Where the NCPs go on after a hole from where they stood before it, while they moved all along,
     no time has passed: the clock of all streams jumped. What follows is as good as what was before.
@@ -160,13 +161,10 @@ def gaps(slow: Slow) -> tuple[str, ...]:
     for k in np.flatnonzero(np.diff(slow.time) > _HOLE * slow.step):
         begin, end = slow.time[k : k + 2]
         expected = (way[k] + way[k + 2]) / 2 * (end - begin) / slow.step
-        why = "the recording paused"
-        if expected > _MOVES and way[k + 1] < _JUMPED * expected:
-            why = "the NCPs go on from where they stood: the clock of all streams jumped ahead"
-        out.append(
-            f"no stream has a sample from {begin:.2f} to {end:.2f} s: {why}; the motion is cut "
-            "there"
-        )
+        jumped = expected > _MOVES and way[k + 1] < _JUMPED * expected
+        values: dict[str, Value] = {"begin": float(begin), "end": float(end)}
+        code = "clock-jumped" if jumped else "recording-paused"
+        out.append(Finding(code, size=float(end - begin), unit="s", values=values))
     if len(out) > _NAMED:
-        out = [*out[:_NAMED], f"{len(out) - _NAMED} more holes in all streams, cut likewise"]
-    return tuple(out)
+        out = [*out[:_NAMED], Finding("holes-more", size=len(out) - _NAMED)]
+    return out

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from tdfscal.findings import Finding
 from tdfscal.motioncal.blocks import Block, ComplexArray, Stretch, blocks, runs
 from tdfscal.motioncal.checks import Usable, check_blocks
 from tdfscal.motioncal.design import BlockDesign
@@ -89,8 +90,9 @@ def _stretch(middle: FloatArray, wrench: FloatArray) -> Stretch:
     return Stretch(
         begin=float(middle[0] - WINDOW / 4),
         end=float(middle[-1] + WINDOW / 4),
-        reason=f"a wrench of {force:.2g} N and {moment:.2g} N·m that the model does not know: "
-        "contact, or a motion too fast for it",
+        reason=Finding(
+            "stretch-touched", size=float(force), unit="N", values={"moment": float(moment)}
+        ),
     )
 
 

@@ -11,6 +11,7 @@ from tdfscal.acceptance.conformity import Conformity, assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.dynamics import RATE
 from tdfscal.model.parameters import nominal, parameter_count, with_motions
@@ -56,7 +57,7 @@ class MotionCalibration:
     residuals say was not declared. rejected : stretches left out, with their reasons. postures :
     moments of the motion, for figures. dwells : rests within it. residual_power : frequencies (M,)
     in Hz and density (M,) of the residual force, N²/Hz, with the nominal mounting and calibrated.
-    residual : the residual wrench over time. reasons : why the gate rejects; empty where accepted.
+    residual : the residual wrench over time. findings : all that was found.
     """
 
     rig: Rig
@@ -75,9 +76,13 @@ class MotionCalibration:
     dwells: int
     residual_power: tuple[FloatArray, FloatArray, FloatArray]
     residual: ResidualWrench
-    reasons: tuple[str, ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
     monte_carlo: MonteCarlo | None = None
+
+    @property
+    def reasons(self) -> tuple[Finding, ...]:
+        """Why the gate rejects; empty where it accepts."""
+        return rejecting(self.findings)
 
     @property
     def rate_told(self) -> bool:
@@ -162,7 +167,7 @@ def calibrate_moving(
         progress("confirming the uncertainties by Monte Carlo")
         stand = result.observability.determined
         trials = simulate(fit, result.uncertainty, rng, max_trials or MOST_TRIALS, stand)
-    return replace(result, monte_carlo=trials, warnings=(*result.warnings, *doubt))
+    return replace(result, monte_carlo=trials, findings=(*result.findings, *doubt))
 
 
 def _judged(
@@ -195,11 +200,11 @@ def _judged(
     progress("checking the halves of the log against each other")
     halves = compare_halves(fit, keep, verdict.determined)
     _one_delay(halves)
-    warnings = [*checks.gaps(slow), *verdict.caveats, *(stretch.text for stretch in rejected)]
-    if turned := log_against_rig.turned(rig, used.position):
-        warnings.append(turned)
-    till = "" if beside is None else "; till then the stated uncertainty holds that move"
-    warnings += [doubt.text + till for doubt in doubts if not doubt.spoils_motion]
+    found = [*checks.gaps(slow), *verdict.findings, *(stretch.finding for stretch in rejected)]
+    found += log_against_rig.turned(rig, used.position)
+    for doubt in doubts:
+        if not doubt.spoils_motion:
+            found += doubt.findings(rejects=False, held=beside is not None)
     start = fit.priors.start(nominal(rig))
     result = MotionCalibration(
         rig=rig,
@@ -218,11 +223,11 @@ def _judged(
         dwells=dwells,
         residual_power=_residual_power(fit, start),
         residual=residual_wrench(fit, start.still, still),
-        reasons=(),
-        warnings=tuple(warnings),
+        findings=(),
     )
     conformity = assess_stated(result.calibrated)
-    return replace(result, conformity=conformity, reasons=_reasons(result, conformity, inputs))
+    reasons = _reasons(result, conformity, inputs)
+    return replace(result, conformity=conformity, findings=(*reasons, *found))
 
 
 def _one_delay(halves: Halves) -> None:
@@ -239,9 +244,15 @@ def _one_delay(halves: Halves) -> None:
 
 def _reasons(
     result: MotionCalibration, conformity: Conformity | None, inputs: tuple[InputFile, ...]
-) -> tuple[str, ...]:
+) -> tuple[Finding, ...]:
     """Why the gate rejects."""
     rig, halves, rejected = result.rig, result.halves, result.rejected
+    suspected = [
+        finding
+        for doubt in result.suspicions
+        if doubt.spoils_motion
+        for finding in doubt.findings(rejects=True)
+    ]
     reasons = judge(
         rig,
         Rotations(
@@ -249,23 +260,30 @@ def _reasons(
         ),
         result.quality.birge,
         determined=result.observability.determined,
-        suspicions=[doubt.finding for doubt in result.suspicions if doubt.spoils_motion],
+        suspicions=suspected,
         conformity=conformity,
     )
     lost = sum(s.end - s.begin for s in rejected)
     if lost > MOST_REJECTED * (lost + result.seconds):
-        reasons += (
-            f"{lost:.0f} of {lost + result.seconds:.0f} s had to be left out, above the limit of "
-            f"{MOST_REJECTED:.0%}; the first: {rejected[0].reason}",
-        )
+        values: dict[str, Value] = {"seconds": lost + result.seconds, "limit": MOST_REJECTED}
+        reasons += (Finding("motion-left-out", (), lost, "s", values=values, rejects=True),)
     if halves.p_value < CHANGED_RIG:
-        i, j = np.unravel_index(np.argmax(np.abs(halves.turn / halves.std)), halves.turn.shape)
-        reasons += (
-            f"the two halves of the log disagree (p = {halves.p_value:.1g}), most about the "
-            f"{'xyz'[j]} axis of {rig.supports[i]}: "
-            f"{1e3 * halves.turn[i, j]:.2g} ± {1e3 * halves.std[i, j]:.2g} mrad",
-        )
+        reasons += (_disagreeing(halves, rig),)
     return reasons
+
+
+def _disagreeing(halves: Halves, rig: Rig) -> Finding:
+    """That the halves of a log do not agree, by the turn that is surest."""
+    i, j = np.unravel_index(np.argmax(np.abs(halves.turn / halves.std)), halves.turn.shape)
+    return Finding(
+        "halves-disagree",
+        (rig.supports[i],),
+        float(halves.turn[i, j]),
+        "rad",
+        halves.p_value,
+        values={"axis": "xyz"[j], "std": float(halves.std[i, j])},
+        rejects=True,
+    )
 
 
 def _residual_power(

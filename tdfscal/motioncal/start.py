@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import State, starting_state
 from tdfscal.model.postures import Postures, alike
 from tdfscal.motioncal.estimator import MovingFit
@@ -26,7 +27,7 @@ _MOUNTED_WITHIN = 0.3
 
 def first_fit(
     rig: Rig, seen: Postures, fitted: Callable[[State], MovingFit]
-) -> tuple[MovingFit, tuple[str, ...]]:
+) -> tuple[MovingFit, tuple[Finding, ...]]:
     """Fit from the nominal mounting, and from the one that explains the forces best.
 
     Where the two are mountings apart the likelier one stands. A motion that hardly tilts shows
@@ -53,10 +54,8 @@ def first_fit(
     gap = replace(close, noise=scale).cost - replace(far, noise=scale).cost
     if gap > float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2:
         return far, ()
-    return close, (
-        "another mounting explains the motion about as well, "
-        f"{describe(rig, close.state.still, far.state.still)}; the nominal one decided",
-    )
+    other = describe(rig, close.state.still, far.state.still)
+    return close, (Finding("mounting-ambiguous", values={"other": other}),)
 
 
 def moments(rig: Rig, slow: Slow, keep: BoolArray) -> Postures:

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import ceil
 
 import numpy as np
 
+from tdfscal.catalogue.suspects import SUSPECTS
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import MotionResult
-from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.records import ANGLES
-from tdfscal.significance import INCOMPATIBLE, MOST_REJECTED
+from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
 _TRIED = 3
-#: In the cure of noise that is more than stated.
-_NOISE = "uncertainty.force_noise"
+#: Noise that is more than stated: what touched is looked for first.
+_NOISE = ("force-noise-suspected", "sensor-noise-suspected")
 #: Postures named at most.
 _NAMED = 8
-#: Reasons of postures that a sensor spoilt.
-_SENSOR = re.compile("capacity|saturated|frozen")
-#: A warning of a log whose stops are no dwells.
-_STOPS = re.compile(r"stops were left out \(mostly")
+#: Why a sensor spoilt a posture: it is at its end, or gives one reading.
+_FULL, _FROZEN = ("posture-over-capacity", "posture-saturated"), ("posture-frozen",)
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
 #: Uncertainty, as a share of that of the dwells alone, at which the moves are worth a word.
@@ -69,7 +68,7 @@ def advise(c: Calibration) -> tuple[str, ...]:
             *(f"If that does not mend it: {cure}." for cure in others),
             "Do not load this result into a controller; calibrate again first.",
         )
-    advice = [f"Mend what the residuals say: {cure}." for cure in c.quality.advice[:1]]
+    advice = [f"Mend what the residuals say: {found.cure}." for found in _suspected(c)[:1]]
     new = "three to five new postures" if c.motion is None else "the next motion without contact"
     advice.append(f"Prove it on {new}: tdfscal validate {_file(c)} LOG. Repeat monthly.")
     advice += _of_the_moves(c)
@@ -109,43 +108,52 @@ def _cures(c: Calibration) -> tuple[str, ...]:
     residuals say, which makes postures misfit; then what touched, which looks like noise; precision
     last, for it is judged with the noise that all of these add.
     """
-    found = [f"{text[0].upper()}{text[1:]}" for text in c.quality.advice]
+    suspected = _suspected(c)
     return (
         *_of_the_log(c),
         *_of_the_sensors(c),
-        *(text for text in found if _NOISE not in text),
-        *(_of_postures(c) if c.motion is None else _of_motion(c.motion, c.quality.reasons)),
-        *(text for text in found if _NOISE in text),
+        *(_begun(found.cure) for found in suspected if found.code not in _NOISE),
+        *(_of_postures(c) if c.motion is None else _of_motion(c, c.motion)),
+        *(_begun(found.cure) for found in suspected if found.code in _NOISE),
         *_of_the_misfit(c),
         *_of_the_precision(c),
     )
 
 
+def _suspected(c: Calibration) -> list[FindingResult]:
+    """What the residuals say, one size for each suspect; those that reject first."""
+    found = {(f.code, f.subject): f for f in reversed(c.found(*SUSPECTS, "channel-broken"))}
+    return list(reversed(found.values()))
+
+
+def _begun(text: str | None) -> str:
+    return f"{text[0].upper()}{text[1:]}" if text else ""
+
+
 def _of_the_log(c: Calibration) -> Iterator[str]:
     """A log in motion that was meant to rest: what is said of its stops."""
-    for text in c.warnings:
-        if c.motion is not None and _STOPS.search(text):
-            said, _, cure = text.partition("; ")
-            yield f"{cure[0].upper()}{cure[1:]}: {said}"
+    for found in c.found("stops-left-out", "stops-over-capacity"):
+        if c.motion is not None:
+            yield f"{_begun(found.cure)}: {found.text}"
 
 
 def _of_the_sensors(c: Calibration) -> Iterator[str]:
     """Postures that the sensors themselves spoilt."""
-    said = [rejected.reason for rejected in _many_rejected(c)]
-    full = [reason for reason in said if "capacity" in reason or "saturated" in reason]
+    many = _many_rejected(c)
+    full = [rejected.reason for rejected in many if rejected.code in _FULL]
     if full:
         yield (
             "Squeeze less, carry less, or widen the range of sensor and amplifier (or correct "
             f"`capacity` in rig.yaml): {full[0]}"
         )
-    frozen = [reason for reason in said if "frozen" in reason]
+    frozen = [rejected.reason for rejected in many if rejected.code in _FROZEN]
     if frozen:
         yield f"Look at the sensor's cable and amplifier: {frozen[0]}; then record again"
 
 
 def _of_postures(c: Calibration) -> Iterator[str]:
     """Postures that something touched."""
-    touched = [r.index + 1 for r in _many_rejected(c) if not _SENSOR.search(r.reason)]
+    touched = [r.index + 1 for r in _many_rejected(c) if r.code not in (*_FULL, *_FROZEN)]
     if touched:
         names = ", ".join(map(str, touched[:_NAMED])) + (", …" if touched[_NAMED:] else "")
         yield (
@@ -154,10 +162,10 @@ def _of_postures(c: Calibration) -> Iterator[str]:
         )
 
 
-def _of_motion(motion: MotionResult, reasons: Sequence[str]) -> Iterator[str]:
+def _of_motion(c: Calibration, motion: MotionResult) -> Iterator[str]:
     """What may have caused the reasons that only a motion has."""
-    if any("had to be left out" in reason for reason in reasons):
-        touched = any("contact" in stretch.reason for stretch in motion.rejected)
+    if c.found("motion-left-out"):
+        touched = any(stretch.code == "stretch-touched" for stretch in motion.rejected)
         yield (
             "Find what touched the terminal in the stretches left out (cables, a hand, a stop), "
             "and free it; where nothing did, move more slowly, or hold eight or more postures "
@@ -166,29 +174,21 @@ def _of_motion(motion: MotionResult, reasons: Sequence[str]) -> Iterator[str]:
             else "Squeeze less, or carry less: sensors reached their capacity or froze in the "
             "stretches left out"
         )
-    if any("halves of the log" in reason for reason in reasons):
-        yield (
-            "See what changed while it moved (a screw, a hinge, a warming sensor: declare "
-            "drift.time), and calibrate the two halves of the log apart"
-        )
+    yield from (_begun(found.cure) for found in c.found("halves-disagree"))
 
 
 def _of_the_misfit(c: Calibration) -> Iterator[str]:
     """Residuals too large, and no suspect that stands out; of the tracker's survey too."""
-    limit, told = c.rig.acceptance.birge_max, c.tracker or {}
-    if c.motion is None and c.fit is not None and c.fit.birge > limit and not c.quality.advice:
+    limit, survey = c.rig.acceptance.birge_max, c.tracker or {}
+    if c.motion is None and c.fit is not None and c.fit.birge > limit and not _suspected(c):
         yield (
             "Look at the postures one by one: a few bad ones are contact or a jolt; misfit that "
             "grows with time is drift; misfit everywhere is noise beyond "
             "`uncertainty.force_noise`, gain or crosstalk (`uncertainty.force_sensitivity`), NCPs "
             "that do not repeat, or a wrong mass, hinge or barycentre in rig.yaml"
         )
-    consistency, birge = told.get("consistency_p_value"), told.get("birge")
-    if isinstance(consistency, float) and consistency < INCOMPATIBLE:
-        yield (
-            "Calibrate by each method alone and compare: the tracker sees a sensor's body, "
-            "self-calibration its sensing axes (tracker.misalignment states what may lie between)"
-        )
+    yield from (_begun(found.cure) for found in c.found("methods-disagree"))
+    birge = survey.get("birge")
     if c.method != "self" and isinstance(birge, float) and birge > limit:
         yield (
             "Look at the tracker's residuals: a moved instrument, a loose target, or understated "
@@ -213,7 +213,7 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
             )
         else:
             yield f"Squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
-    elif c.conformity is not None and any("contact" in reason for reason in c.quality.reasons):
+    elif c.found("contact-uncertain"):
         yield _LESSEN.get(_largest_source(c)[0], _LESSEN["noise"]).rstrip(".")
 
 

@@ -7,10 +7,11 @@ from pathlib import PurePath
 
 import numpy as np
 
+from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import MotionResult
 from tdfscal.files.calibration.log_time import clock
-from tdfscal.files.calibration.parts import ResidualWrench
+from tdfscal.files.calibration.parts import FindingResult, ResidualWrench
 from tdfscal.records import ANGLES
 from tdfscal.reporting import phrases
 from tdfscal.reporting.advice import advise
@@ -44,9 +45,10 @@ def calibration_report(
         subtitle=f"{METHODS[c.method]}{_ESTIMATORS[c.estimator]} of {len(c.supports)} sensors "
         f"from {names}",
         verdict=c.status.upper(),
-        accepted=c.status == "accepted",
-        claim="" if c.quality.reasons else " ".join(filter(None, claims)),
-        reasons=c.quality.reasons,
+        accepted=c.accepted,
+        provisional=c.status == "provisional",
+        claim=" ".join(filter(None, (*_unconfirmed(c), *claims))) if c.accepted else "",
+        reasons=tuple(finding.text for finding in c.reasons),
         tiles=_tiles(c),
         sections=(
             *illustrated(drawings, blocks),
@@ -57,9 +59,23 @@ def calibration_report(
             provenance(c),
             *phrases.not_shown(_absent(c, {drawing.name for drawing in drawings})),
         ),
-        warnings=(*overdue(c), *c.warnings),
+        warnings=(*overdue(c), *(f.told for f in c.findings if _beside(f))),
         advice=advise(c),
         created=utc(c.created),
+    )
+
+
+def _beside(finding: FindingResult) -> bool:
+    """Whether it is told beside the verdict and its lines to be confirmed."""
+    return finding.severity != "rejects" and finding.code != UNCONFIRMED
+
+
+def _unconfirmed(c: Calibration) -> tuple[str, ...]:
+    """The lines of a drafted rig file on which an accepted result rests, all of them."""
+    return tuple(
+        f"Provisional: it rests on lines of the rig file that nobody has confirmed: "
+        f"{', '.join(finding.subject)}."
+        for finding in c.found(UNCONFIRMED)
     )
 
 

@@ -76,7 +76,8 @@ class Section:
 class Report:
     """A result as a reader meets it: verdict, reasons, evidence, what next.
 
-    verdict : one or two words in capitals; none where nothing is judged. accepted : its colour.
+    verdict : one or two words in capitals; none where nothing is judged. accepted,
+    provisional : its colour.
     claim : what was achieved, in a sentence. tiles : name, number, remark; seen at a glance.
     """
 
@@ -84,6 +85,7 @@ class Report:
     subtitle: str = ""
     verdict: str = ""
     accepted: bool = True
+    provisional: bool = False
     claim: str = ""
     reasons: tuple[str, ...] = ()
     tiles: tuple[Row, ...] = ()

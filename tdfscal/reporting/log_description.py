@@ -7,6 +7,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from tdfscal.catalogue import sentence
+from tdfscal.catalogue.logs import STOPS
+from tdfscal.dwells.clock_offset import Offset
 from tdfscal.errors import visible
 from tdfscal.files.yaml.scalars import shorten
 from tdfscal.logs.common.contents import Contents, Field, Stream
@@ -26,6 +29,11 @@ def as_text(info: LogInfo) -> str:
     lines = [line for block in map(list, blocks) if block for line in (*block, "")]
     lines += _mapping(info)
     return "\n".join(map(visible, lines)).rstrip("\n") + "\n"
+
+
+def _sentence(offset: Offset) -> str:
+    said = sentence(offset.finding)
+    return f"{said[0].upper()}{said[1:]}"
 
 
 def _problems(info: LogInfo) -> Iterator[str]:
@@ -105,7 +113,7 @@ def _signals(info: LogInfo) -> Iterator[str]:
     header = ("support", "quantity", "samples", "Hz", "span s", "gaps", "longest s")
     yield from table(header, rows, left=2)
     if info.offset is not None:
-        yield from wrapped(f"Clocks: {info.offset}.", hanging="")
+        yield from wrapped(f"{_sentence(info.offset)}.", hanging="")
 
 
 def _dwells(info: LogInfo) -> Iterator[str]:
@@ -126,7 +134,7 @@ def _dwells(info: LogInfo) -> Iterator[str]:
             f"{np.median(length):.2f} s), {share:.0f} % of the log",
             *_PLAIN,
         )
-    reasons = Counter(out.reason.split(":")[0].split(" in ")[0] for out in dwells.left_out)
+    reasons = Counter(STOPS[out.reason.code] for out in dwells.left_out)
     for reason, count in reasons.most_common():
         yield from wrapped(f"{count} × left out: {reason}", hanging="")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.evidence_model import LeftOutStretch
 from tdfscal.files.calibration.log_time import Clock
 from tdfscal.files.calibration.parts import Input, RejectedPosture, ResidualWrench
@@ -53,7 +54,12 @@ def residual_tiles(found: Mapping[str, ResidualWrench]) -> tuple[Row, ...]:
 
 def stretches(left_out: Iterable[Stretch | LeftOutStretch]) -> tuple[str, ...]:
     """Stretches of a motion with why each was left out."""
-    return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {s.reason}" for s in left_out)
+    return tuple(f"{s.begin:.2f} to {s.end:.2f} s: {reason(s)}" for s in left_out)
+
+
+def reason(left_out: Stretch | LeftOutStretch) -> str:
+    """Return why a stretch was left out."""
+    return left_out.reason if isinstance(left_out, LeftOutStretch) else sentence(left_out.reason)
 
 
 def postures(rejected: Iterable[RejectedPosture], clock: Clock) -> tuple[str, ...]:

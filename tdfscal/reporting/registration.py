@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.catalogue import documents, sentence, told
+from tdfscal.catalogue.survey import point_remark
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Facts, Report, Section, Table
 from tdfscal.reporting.phrases import chi_squared
@@ -43,7 +45,7 @@ def registration_report(r: PointRegistration) -> Report:
     return Report(
         title=f"{len(r.names)} points fit within {1e3 * r.rms:.3g} mm (rms)",
         sections=(Section("Transform", blocks),),
-        warnings=r.warnings,
+        warnings=tuple(map(told, r.findings)),
     )
 
 
@@ -85,8 +87,8 @@ def document(r: PointRegistration, notes: Sequence[str] = ()) -> dict[str, Any]:
         "scale_std": r.scale_std if np.isfinite(r.scale_std) else None,
         "scale_estimated": r.scaled,
         "coplanar": r.coplanar,
-        "rejected": [{"name": p.name, "reason": p.reason} for p in r.rejected],
+        "rejected": [{"name": p.name, "reason": sentence(p.finding)} for p in r.rejected],
         "missing": list(r.missing),
         "extra": list(r.extra),
-        "warnings": [*notes, *r.warnings],
+        "findings": documents([*(point_remark(text) for text in notes), *r.findings]),
     }

@@ -49,7 +49,7 @@ def show_on(console: Console, report: Report) -> None:
     from rich.text import Text
 
     report = legible(report)
-    colour = "green" if report.accepted else "red"
+    colour = "red" if not report.accepted else "yellow" if report.provisional else "green"
     head = Text(report.subtitle)
     if report.verdict:
         mark = "✓" if report.accepted else "✗"

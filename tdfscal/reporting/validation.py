@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from tdfscal import __version__
+from tdfscal.catalogue import documents, sentence, told
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import ResidualWrench
+from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, InputFile
 from tdfscal.reporting import phrases
 from tdfscal.reporting.layout import (
@@ -24,7 +26,7 @@ from tdfscal.reporting.layout import (
     illustrated,
 )
 from tdfscal.reporting.phrases import METHODS, chi_squared
-from tdfscal.reporting.validation_causes import REMEDIES, describe, lengths, start_of
+from tdfscal.reporting.validation_causes import CHANGES, REMEDIES, describe, lengths, start_of
 from tdfscal.significance import DETECTION_POWER, VALIDATION_ALARM
 from tdfscal.validation.causes import Cause
 from tdfscal.validation.in_motion import MovingValidation
@@ -58,7 +60,7 @@ class Origin:
     inputs: tuple[InputFile, ...]
 
 
-def document(v: Tested, warnings: Sequence[str]) -> dict[str, Any]:
+def document(v: Tested, findings: Sequence[Finding]) -> dict[str, Any]:
     """Everything as JSON values, SI units."""
     return {
         "verdict": "still valid" if v.holds else "recalibrate",
@@ -96,7 +98,7 @@ def document(v: Tested, warnings: Sequence[str]) -> dict[str, Any]:
                 for name, turn in zip(v.rig.supports, v.detectable, strict=True)
             ],
         },
-        "warnings": list(warnings),
+        "findings": documents([*changes(v), *findings]),
     }
 
 
@@ -113,7 +115,10 @@ def _postures(v: Validation) -> dict[str, Any]:
             }
             for row, k in enumerate(v.used)
         ],
-        "left_out": [{"index": k, "reason": reason} for k, reason in sorted(v.left_out.items())],
+        "left_out": [
+            {"index": k, "code": why.code, "reason": sentence(why)}
+            for k, why in sorted(v.left_out.items())
+        ],
     }
 
 
@@ -123,7 +128,15 @@ def _motion(v: MovingValidation) -> dict[str, Any]:
         "motion": {
             "begin": v.begin,
             "seconds": v.seconds,
-            "rejected": [{"begin": s.begin, "end": s.end, "reason": s.reason} for s in v.rejected],
+            "rejected": [
+                {
+                    "begin": s.begin,
+                    "end": s.end,
+                    "code": s.reason.code,
+                    "reason": sentence(s.reason),
+                }
+                for s in v.rejected
+            ],
             "time": r.time.tolist(),
             "force": {"before": r.before[:, 0].tolist(), "after": r.after[:, 0].tolist()},
             "moment": {"before": r.before[:, 1].tolist(), "after": r.after[:, 1].tolist()},
@@ -229,6 +242,22 @@ def _zero_table(v: Tested) -> Section:
     return Section("Zeros", (Table(caption, ("sensor", "x", "y", "z"), rows),))
 
 
+def changes(v: Tested) -> list[Finding]:
+    """Return what has changed since the calibration, the likeliest first."""
+    found = []
+    if v.zeros.moved:
+        most = float(np.abs(v.zeros.change[np.isfinite(v.zeros.change_std)]).max())
+        found.append(Finding("zeros-moved", size=most, unit="N"))
+    for k, cause in enumerate(v.suspected):
+        subject = () if cause.support is None else (v.rig.supports[cause.support],)
+        values: dict[str, Value] = {"said": describe(v, cause), "tied": k > 0}
+        code = CHANGES[cause.kind]
+        found.append(Finding(code, subject, p_value=cause.p_value, values=values, rejects=True))
+    if not v.holds and not v.suspected:
+        found.append(Finding("change-unexplained", p_value=v.p_value, rejects=True))
+    return found
+
+
 def _more(v: Tested) -> str:
     """What would show a smaller change."""
     longer = "a longer motion" if isinstance(v, MovingValidation) else "more postures"
@@ -249,7 +278,7 @@ def _sure(v: Tested) -> str:
 
 def validation_report(
     v: Tested,
-    warnings: Sequence[str],
+    findings: Sequence[Finding],
     origin: Origin | None = None,
     drawings: tuple[Drawing, ...] = (),
 ) -> Report:
@@ -265,7 +294,9 @@ def validation_report(
     else:
         tested = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
         figure, where = "validation", "LCS, about its origin"
-        left_out = tuple(f"posture {k + 1}: {why}" for k, why in sorted(v.left_out.items()))
+        left_out = tuple(
+            f"posture {k + 1}: {sentence(why)}" for k, why in sorted(v.left_out.items())
+        )
         beside = (_posture_table(v, _LISTED_ON_PAGE if drawings else _LISTED),)
     table = phrases.residual_table(found, where)
     report = Report(
@@ -285,7 +316,7 @@ def validation_report(
             Section("Left out", (Items("Left out", left_out),) if left_out else ()),
             _power(v),
         ),
-        warnings=tuple(warnings),
+        warnings=tuple(map(told, findings)),
         advice=(*(_TAKE_ZEROS if v.zeros.moved else ()), *_KEEP) if v.holds else _RENEW,
     )  # fmt: skip
     if origin is None:

@@ -28,6 +28,21 @@ REMEDIES: dict[Kind, str] = {
 }
 
 
+#: Codes of the causes' findings.
+CHANGES: dict[Kind, str] = {
+    "sensor turned": "change-sensor-turned",
+    "zero drifted": "change-zero-drifted",
+    "gain changed": "change-gain",
+    "load changed": "change-load",
+    "base tilted": "change-base-tilted",
+    "contact": "change-contact",
+    "hinges stick": "change-hinges-stick",
+    "noise grown": "change-noise-grown",
+    "zeros moved": "change-zeros-moved",
+    "zeros wander": "change-zeros-wander",
+}
+
+
 def describe(v: Verdict, cause: Cause) -> str:
     """One cause in words, with its size."""
     value, std = cause.value, cause.std

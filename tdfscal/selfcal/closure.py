@@ -14,9 +14,6 @@ from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.covariance import Estimate, Uncertainty
 from tdfscal.selfcal.suspicion import Suspicion, worst_angle
 
-#: What says so, beside the residuals of the balance.
-DISTANCES = "the distances between hinges"
-
 
 def misplaced(of: Estimate) -> tuple[Suspicion, ...]:
     """Name what contradicts the stated distances between hinges, with what it does to angles."""
@@ -55,19 +52,16 @@ def suspected(
         return ()
     moves = [move(cause) for cause in found.causes]
     shifts = [worst_angle(rig, known, each) for each in moves]
-    worst = int(np.argmax([shift for shift, _ in shifts]))
-    what, advice = found.told(rig.supports)
+    worst = int(np.argmax([shift for shift, _, _ in shifts]))
     best = found.causes[0]
     return (
         Suspicion(
-            what,
-            advice,
+            found.findings(rig.supports),
             found.p_value,
             *shifts[worst],
             kind=best.kind,
             support=best.support,
             weight=best.statistic,
-            evidence=DISTANCES,
             move=moves[worst],
         ),
     )

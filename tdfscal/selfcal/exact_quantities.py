@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import State, layout
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
@@ -53,11 +54,8 @@ _TYPICAL = (
     ("sensitivity", "gain, crosstalk", 1e-3, "relative"),
     ("zero", "zeros", 0.5, "N"),
 )
-#: What of these is the terminal's, a typical error in words, and the key of its uncertainty.
-_OF_THE_TERMINAL = {
-    "mass": ("an error of 0.1 %", "terminal.mass.std"),
-    "barycentre": ("an error of 1 mm", "terminal.barycenter.std"),
-}
+#: What of these is the terminal's, and the code of its finding.
+_OF_THE_TERMINAL = {"mass": "mass-exact", "barycentre": "barycentre-exact"}
 #: Share of its entry in S by which crosstalk is smaller than gain (theory, section 3).
 _CROSSTALK = np.sqrt(0.5)
 
@@ -98,8 +96,8 @@ def of_columns(
     return tuple(found)
 
 
-def exact_caveats(fit: Fit, uncertainty: Uncertainty) -> list[str]:
-    """Warn of a mass or barycentre called exact whose errors go into the zeros unseen.
+def exact_caveats(fit: Fit, uncertainty: Uncertainty) -> list[Finding]:
+    """Find a mass or barycentre called exact whose errors go into the zeros unseen.
 
     Along three directions zeros and these are exchangeable (theory, section 4), and the zeros are
     as good as what is called exact: an error of typical size, or as small as the tests are certain
@@ -118,11 +116,16 @@ def exact_caveats(fit: Fit, uncertainty: Uncertainty) -> list[str]:
         shown = np.sqrt(np.maximum(np.asarray(quantity.shows), certain**2)) / certain
         i, j = np.unravel_index(int((size / shown).argmax()), size.shape)
         if size[i, j] / shown[j] > HARMFUL_SHIFT * certain:
-            error, key = _OF_THE_TERMINAL[quantity.name]
             found.append(
-                f"the {quantity.name} is called exact, and the zeros rest on it: {error} would "
-                f"move the zero {'xyz'[i % 3]} of {fit.rig.supports[i // 3]} by "
-                f"{abs(quantity.zeros[i, j]):.2g} N, {size[i, j]:.2g} of its standard "
-                f"uncertainties, and hardly a residual: write its own as `{key}`, or tare"
+                Finding(
+                    _OF_THE_TERMINAL[quantity.name],
+                    size=quantity.error,
+                    unit=quantity.unit,
+                    values={
+                        "zero": f"{'xyz'[i % 3]} of {fit.rig.supports[i // 3]}",
+                        "moved": abs(float(quantity.zeros[i, j])),
+                        "shift": float(size[i, j]),
+                    },
+                )
             )
     return found

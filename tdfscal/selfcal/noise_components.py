@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tdfscal.findings import Finding, Value
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, IntArray
@@ -56,23 +57,17 @@ class GrossNoise:
     postures: IntArray
 
     @property
-    def finding(self) -> str:
-        """What is found, and what it may be."""
-        names = ", ".join(map(str, self.postures[:_LISTED]))
-        more = ", …" if len(self.postures) > _LISTED else ""
-        return (
-            f"F{self.axis} of {self.support} scatters by {self.noise:.2g} N, {self.factor:.2g} "
-            f"times as much as stated and {self.noise / self.load:.1%} of the load, as no channel "
-            f"that works does: contact (postures {names}{more} do not fit), or a broken channel"
-        )
-
-    @property
-    def advice(self) -> str:
-        """What to do."""
-        return (
-            "find what touched the terminal or a sensor at the postures that do not fit, and "
-            f"record them again; where nothing did, look at F{self.axis} of {self.support}, its "
-            "cable and amplifier, or leave that axis out of `axes` in rig.yaml"
+    def finding(self) -> Finding:
+        """What is found."""
+        values: dict[str, Value] = {
+            "channel": f"F{self.axis} of {self.support}",
+            "factor": self.factor,
+            "share": self.noise / self.load,
+            "postures": [str(k) for k in self.postures[:_LISTED]],
+            "more": len(self.postures) > _LISTED,
+        }
+        return Finding(
+            "channel-broken", (self.support,), self.noise, "N", values=values, rejects=True
         )
 
 
@@ -144,16 +139,13 @@ def worth(factor: FloatArray, stated: Fit, own: Fit) -> float:
     return misfit(stated) - misfit(own) - unknowns * float(np.log(max(stated.rows, 2)))
 
 
-def noisier(factor: FloatArray, supports: tuple[str, ...]) -> str:
+def noisier(factor: FloatArray, supports: tuple[str, ...]) -> Finding:
     """Name the channels that are noisier than stated."""
-    named = [
-        f"F{'xyz'[a]} of {supports[i]} {factor[i, a]:.2g} times"
-        for i, a in np.argwhere(factor > _NAMED)
-    ]
-    return (
-        "the residuals show more noise than is stated in some channels, and the postures were "
-        f"weighted by it: {', '.join(named)}: look at these sensors and their cables"
-    )
+    named = np.argwhere(factor > _NAMED)
+    channels = [f"F{'xyz'[a]} of {supports[i]} {factor[i, a]:.2g} times" for i, a in named]
+    subject = tuple(dict.fromkeys(supports[i] for i, _ in named))
+    values: dict[str, Value] = {"channels": channels}
+    return Finding("channels-noisy", subject, float(factor.max()), values=values)
 
 
 def _restricted(channel: FloatArray, left: FloatArray, white: FloatArray) -> FloatArray:

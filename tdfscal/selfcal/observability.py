@@ -8,6 +8,7 @@ import numpy as np
 
 from tdfscal.acceptance.turns import prior_turn_std, turn_names, turn_std
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, forces
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -105,14 +106,9 @@ class Observability:
         return [w.angle.name for w in self.weak if w.angle.support not in self.undetermined]
 
     @property
-    def caveats(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         """Sensors that go without angles although the calibration stands."""
-        if not self.undetermined:
-            return []
-        return [
-            f"{', '.join(self.undetermined)}: the axes that are measured leave the mounting of the "
-            "sensor undetermined, so that it has no angles; the others stand"
-        ]
+        return [Finding("mounting-open", self.undetermined)] if self.undetermined else []
 
     @property
     def verdict(self) -> str:

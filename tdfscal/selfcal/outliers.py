@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_quantile
@@ -30,11 +31,11 @@ _MOVES = 3
 class RobustFit:
     """A fit, the postures that it leaves out, and the mountings that come near, likeliest first.
 
-    rejected : posture → its evidence in words.
+    rejected : posture → its evidence.
     """
 
     fit: Fit
-    rejected: dict[int, str] = field(default_factory=dict)
+    rejected: dict[int, Finding] = field(default_factory=dict)
     rivals: tuple[Rival, ...] = ()
 
 
@@ -108,15 +109,17 @@ def _reweighted(rig: Rig, postures: Postures, start: State) -> Fit:
     return result
 
 
-def _rejected(result: Fit) -> dict[int, str]:
+def _rejected(result: Fit) -> dict[int, Finding]:
     """Name the postures of weight 0 with their residual wrench (moment about the barycentre)."""
     scale = spread(result.distance[result.weight > 0], result.at.rows)
     found = {}
     for k in np.flatnonzero(result.weight == 0):
         force, moment = (np.linalg.norm(part) for part in np.split(result.residual[k], 2))
         ratio = np.sqrt(result.distance[k] / (result.at.rows[k] * scale))
-        found[int(k)] = (
-            f"unexplained force {force:.3g} N and moment {moment:.3g} N·m, {ratio:.0f} times what "
-            "is expected: contact, a hand, or a jolt"
+        found[int(k)] = Finding(
+            "posture-misfits",
+            size=float(force),
+            unit="N",
+            values={"moment": float(moment), "ratio": float(ratio)},
         )
     return found

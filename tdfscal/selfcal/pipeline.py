@@ -10,6 +10,7 @@ import numpy as np
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
+from tdfscal.findings import Finding
 from tdfscal.model.earlier import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
@@ -40,7 +41,7 @@ from tdfscal.selfcal.result import (
 from tdfscal.selfcal.scatter import wandering
 from tdfscal.selfcal.score_tests import suspicions
 from tdfscal.selfcal.slip import find_slip
-from tdfscal.selfcal.suspicion import Suspicion, likeliest
+from tdfscal.selfcal.suspicion import PARABOLAS, SCATTERS, Suspicion, likeliest
 from tdfscal.selfcal.wiring import check_readings
 from tdfscal.significance import MOST_REJECTED
 
@@ -51,10 +52,6 @@ MAX_TRIALS = 20_000
 MOST_SIMULATED = 12
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
-_PARABOLA = (
-    "the residuals ask for more than a slope of the zeros in time: a parabola was estimated "
-    "beside it"
-)
 
 
 def self_calibrate(
@@ -109,12 +106,12 @@ def self_calibrate(
         warmth = None if dwells.temperature is None else dwells.temperature[usable.index]
         many = len(robust.rejected) > MOST_REJECTED * len(usable.index)
         doubts = _doubts(known, usable, held, warmth, many_rejected=many)
-        if any(doubt.kind.endswith("parabola") for doubt in doubts):
+        if any(doubt.kind in PARABOLAS for doubt in doubts):
             bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
             again = self_calibrate(
                 bent, dwells, rng=rng, max_trials=max_trials, inputs=inputs, progress=progress
             )
-            return replace(again, warnings=(*again.warnings, _PARABOLA))
+            return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
         doubts, set_aside = _slip_or(doubts, known, usable, held)
         doubts = (*placed, *doubts)
     trials = None
@@ -140,11 +137,11 @@ def self_calibrate(
         monte_carlo=trials,
         rejected=rejected,
     )
-    return replace(
-        calibration,
-        reasons=_reasons(calibration, inputs),
-        warnings=caveats(calibration, usable.measured_noise, unasked),
+    found = (
+        *_reasons(calibration, inputs),
+        *caveats(calibration, usable.measured_noise, unasked),
     )
+    return replace(calibration, findings=found)
 
 
 def _likeliest_rotations(
@@ -232,12 +229,12 @@ def _slip_or(
 
 def _likelier(slip: Suspicion, doubt: Suspicion) -> bool:
     """Noise has no structure that a test could hold against its scatter: likelihoods decide."""
-    if doubt.kind.endswith(("noise", "walk")):
+    if doubt.kind in SCATTERS:
         return slip.weight > doubt.weight
     return slip.p_value <= doubt.p_value
 
 
-def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[str, ...]:
+def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[Finding, ...]:
     return judge(
         of.rig,
         Rotations(of.rig.supports, of.fit.state.rotation, of.uncertainty.covariance),
@@ -247,7 +244,12 @@ def _reasons(of: SelfCalibration, inputs: tuple[InputFile, ...]) -> tuple[str, .
         rejected=len(of.rejected),
         suspicions=[
             *([of.gross.finding] if of.gross is not None else []),
-            *(doubt.finding for doubt in of.suspicions if doubt.harmful),
+            *(
+                finding
+                for doubt in of.suspicions
+                if doubt.harmful
+                for finding in doubt.findings(rejects=True)
+            ),
         ],
         conformity=of.conformity,
     )

@@ -9,6 +9,7 @@ import numpy as np
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError, RigError
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures, postures
 from tdfscal.records import Dwells, IntArray, Rig
@@ -32,7 +33,7 @@ class Usable:
 
     postures: Postures
     index: IntArray
-    reasons: dict[int, str]
+    reasons: dict[int, Finding]
     measured_noise: bool
     start: State
 
@@ -51,9 +52,10 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     index = np.flatnonzero(screened.keep)
     if len(index) == 0:
         raise DataError(
-            f"no posture can be used: {screened.reasons[0]}",
+            "no posture can be used",
             where="log forces",
             hint="check the sensors, and supports.capacity in rig.yaml",
+            findings=(screened.reasons[0],),
         )
     _check_temperature(rig, dwells)
     observed = postures(rig, dwells).subset(index)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tdfscal.numerics.distributions import chi2_sf, p_text
+from tdfscal.findings import Finding
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray, IntArray
 from tdfscal.selfcal.estimator import ROWS, Fit
 from tdfscal.significance import CHANGED_RIG
@@ -34,10 +35,9 @@ class Change:
     moment: float
     p_value: float
 
-    @property
-    def text(self) -> str:
-        """In words."""
-        return f"{self.force:.2g} N and {self.moment:.2g} N·m ({p_text(self.p_value)})"
+    def finding(self, code: str) -> Finding:
+        """As a finding; its size is that of the force."""
+        return Finding(code, (), self.force, "N", self.p_value, values={"moment": self.moment})
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,24 +55,15 @@ class Stability:
     hysteresis: Change | None
 
     @property
-    def warnings(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         """What is more than noise."""
         found = []
         if self.drift.p_value < CHANGED_RIG:
-            found.append(
-                f"the unexplained wrench drifts by {self.drift.text} over the campaign: warm up "
-                "longer, tare just before, or record faster"
-            )
+            found.append(self.drift.finding("wrench-drifts"))
         if self.hysteresis is not None and self.hysteresis.p_value < CHANGED_RIG:
-            found.append(
-                f"postures reached from opposite sides differ by {self.hysteresis.text}: hinge "
-                "friction or backlash (declare uncertainty.hinge_moment)"
-            )
+            found.append(self.hysteresis.finding("postures-hysteresis"))
         elif self.repeat is not None and self.repeat.p_value < CHANGED_RIG:
-            found.append(
-                f"postures visited again differ by {self.repeat.text}: the machine or its sensors "
-                "changed between the visits"
-            )
+            found.append(self.repeat.finding("postures-changed"))
         return found
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from tdfscal.acceptance.conformity import Conformity
 from tdfscal.checks import log_against_rig
 from tdfscal.errors import NotIdentifiableError
+from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.model.parameters import State, nominal
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import p_text
 from tdfscal.numerics.propagation import MonteCarlo
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.covariance import Quality, Uncertainty, information_root
@@ -28,10 +28,6 @@ from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
 Estimator = Literal["ml", "linear"]
 
-_NO_TRIALS = (
-    "the linear intervals of {} sensors stand without a Monte Carlo, which takes minutes: ask for "
-    "it by --trials"
-)
 #: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
 _FAR_TURNED = np.pi / 8
 
@@ -44,9 +40,9 @@ class SelfCalibration:
     index → reason. suspicions : what the residuals say was not declared. conformity : of the
     contact wrench, where the rig file limits it. channels : (n, 3), noise over the stated one.
     gross : of a channel that is touched or broken.
-    reasons : why the gate rejects; empty where it accepts. set_aside : suspicions that a slip
-    explains as well. with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to
-    expect from dwells and moves together, where the log holds moves.
+    findings : all that was found. set_aside : suspicions that a slip explains as well.
+    with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to expect from dwells and
+    moves together, where the log holds moves.
     """
 
     rig: Rig
@@ -63,11 +59,15 @@ class SelfCalibration:
     conformity: Conformity | None
     validation: CrossValidation
     monte_carlo: MonteCarlo | None
-    rejected: dict[int, str]
+    rejected: dict[int, Finding]
     set_aside: tuple[Suspicion, ...]
-    reasons: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     with_moves: FloatArray | None = None
+
+    @property
+    def reasons(self) -> tuple[Finding, ...]:
+        """Why the gate rejects; empty where it accepts."""
+        return rejecting(self.findings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class Undetermined:
     fit: Fit
     quality: Quality
     observability: Observability
-    rejected: dict[int, str]
+    rejected: dict[int, Finding]
 
     @property
     def validation(self) -> CrossValidation:
@@ -108,63 +108,53 @@ def check_determined(seen: Undetermined, near: tuple[Rival, ...]) -> None:
         )
 
 
-def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[str, ...]:
+def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[Finding, ...]:
     """Collect what the user must know although the result may be good."""
-    rig, stats, trials, seen = of.rig, of.quality, of.monte_carlo, of.observability
-    found = list(of.dwells.warnings)
-    if turned := log_against_rig.turned(rig, of.dwells.position):
-        found.append(turned)
+    rig, trials = of.rig, of.monte_carlo
+    found = list(of.dwells.findings)
+    found += log_against_rig.turned(rig, of.dwells.position)
     found += _turned_sensors(rig, of.fit.state)
     if of.channels is not None and of.gross is None:
         found.append(noisier(of.channels, rig.supports))
-    found += seen.caveats
+    found += of.observability.findings
     if rig.declared.force_sensitivity > 0:
-        found.append(
-            "gain and crosstalk of the sensors were decoupled in situ, from a prior of "
-            f"{rig.declared.force_sensitivity:.2%}: a reading needs rotation · sensitivity⁻¹"
-        )
-    if measured_noise:
-        found.append(
-            "neither the log nor rig.yaml states a force noise; it was taken from the residuals, "
-            "so χ² cannot warn of contact or a wrong rig file (set uncertainty.force_noise)"
-        )
-    elif stats.p_value < MISFIT:
-        found.append(
-            f"the residuals are {stats.birge:.2g} times what the stated uncertainties explain "
-            f"({p_text(stats.p_value)}); all noise was scaled up by that factor"
-        )
-    elif stats.p_value > 1 - OVERSTATED_NOISE:
-        found.append(
-            f"the residuals are only {stats.birge:.2g} times what the stated uncertainties "
-            "explain: those may be overstated (uncertainty.force_noise, positioner), and so the "
-            "angles' own"
-        )
-    found += [doubt.text for doubt in of.suspicions if not doubt.harmful]
+        found.append(Finding("sensitivity-in-situ", size=rig.declared.force_sensitivity))
+    found += _of_the_noise(of.quality, measured_noise=measured_noise)
+    for doubt in of.suspicions:
+        if not doubt.harmful:
+            found += doubt.findings(rejects=False)
+    for doubt in of.set_aside:
+        found += doubt.findings(rejects=False, slip=True)
     if not measured_noise and not of.suspicions:  # a named cause says more than the trend it makes
-        found += of.stability.warnings
+        found += of.stability.findings
     if trials is not None and trials.unsettled:
-        found.append(
-            f"{trials.unsettled} of {trials.trials} Monte Carlo trials did not settle; they count "
-            "where they ended: the angles are known so poorly that noise can turn a sensor away"
-        )
+        values: dict[str, Value] = {"trials": trials.trials}
+        found.append(Finding("trials-unsettled", size=trials.unsettled, values=values))
     if trials is not None and not trials.validated:
-        found.append(
-            "Monte Carlo does not confirm the linear 95 % intervals; the intervals given are those "
-            "of the trials"
-        )
+        found.append(Finding("intervals-by-trials"))
     if of.estimator == "ml":
         found += exact_caveats(of.fit, of.uncertainty)
         if unasked:
-            found.append(_NO_TRIALS.format(rig.n))
+            found.append(Finding("trials-left-out", size=rig.n))
     return tuple(found)
 
 
-def _turned_sensors(rig: Rig, state: State) -> list[str]:
-    """Warnings for sensors that stand far from their nominal mounting."""
+def _of_the_noise(stats: Quality, *, measured_noise: bool) -> list[Finding]:
+    """Noise that nobody stated, or that was stated too small or too large."""
+    if measured_noise:
+        return [Finding("noise-from-residuals")]
+    if stats.p_value < MISFIT:
+        return [Finding("noise-understated", size=stats.birge, p_value=stats.p_value)]
+    if stats.p_value > 1 - OVERSTATED_NOISE:
+        return [Finding("noise-overstated", size=stats.birge, p_value=1 - stats.p_value)]
+    return []
+
+
+def _turned_sensors(rig: Rig, state: State) -> list[Finding]:
+    """Sensors that stand far from their nominal mounting."""
     back = np.swapaxes(nominal(rig).rotation, 1, 2)
     turn = np.linalg.norm(so3.log(state.rotation @ back), axis=1)
     return [
-        f"the sensor of {rig.supports[i]} is turned by {np.degrees(turn[i]):.0f}° from its "
-        "nominal mounting: look whether it is, and state nominal_rpy in rig.yaml"
+        Finding("sensor-turned", (rig.supports[i],), float(turn[i]), "rad")
         for i in np.flatnonzero(turn > _FAR_TURNED)
     ]

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtrc
 
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
@@ -221,14 +222,13 @@ def _suspicion(
         if each.group == "rotation":
             after[3 * each.sensor : 3 * each.sensor + 3] += each.amount
         moves += [np.abs(before), np.abs(after)]
-    what = _words(rig, step) + (f", or {_words(rig, rival)}" if rival else "")
-    shift, angle = worst_angle(rig, of.uncertainty, np.max(moves, axis=0))
+    shift, harm, angle = worst_angle(rig, of.uncertainty, np.max(moves, axis=0))
+    steps = (step,) if rival is None else (step, rival)
     return Suspicion(
-        what=f"{what} before posture {number[step.first]}",
-        advice=f"fasten the sensor of {rig.supports[step.sensor]}, look at its cable, let it "
-        "settle, and record the campaign again",
+        causes=tuple(_cause(rig, each, int(number[step.first])) for each in steps),
         p_value=p_value,
         shift=shift,
+        harm=harm,
         angle=angle,
         kind="slip" if step.group == "rotation" else "jump",
         support=step.sensor,
@@ -236,10 +236,10 @@ def _suspicion(
     )
 
 
-def _words(rig: Rig, step: _Step) -> str:
-    support = rig.supports[step.sensor]
+def _cause(rig: Rig, step: _Step, posture: int) -> Finding:
+    """A sensor that turned about the BCS's axes, or whose zero jumped; posture : from which on."""
+    values = {"amount": step.amount.tolist(), "posture": posture}
+    size, subject = float(np.linalg.norm(step.amount)), (rig.supports[step.sensor],)
     if step.group == "rotation":
-        turn = ", ".join(f"{1e3 * value:.2g}" for value in step.amount)
-        return f"the sensor of {support} turned by ({turn}) mrad about the BCS's axes"
-    jump = ", ".join(f"{value:.2g}" for value in step.amount)
-    return f"the zero of {support} jumped by ({jump}) N"
+        return Finding("sensor-slipped", subject, size, "rad", values=values)
+    return Finding("zero-jumped", subject, size, "N", values=values)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, TdfscalError
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import Extension, extend
@@ -25,9 +26,9 @@ from tdfscal.trackercal.point_matching import (
     LISTED,
     Match,
     MatchedPoints,
-    describe_unmatched,
     match_points,
     relabellings,
+    unmatched,
 )
 
 _SCALE_STEPS = 30
@@ -70,7 +71,7 @@ class PointRegistration:
     rejected: tuple[RejectedPoint, ...]
     missing: tuple[str, ...]
     extra: tuple[str, ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def register(
@@ -108,11 +109,14 @@ def register(
     beside_it = []
     if chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS and not scale:
         beside_it.append(
-            f"a scale of {ratio * 1e6:+.0f} ± {ratio_std * 1e6:.0f} ppm fits significantly better: "
-            "check temperature and units, or let --scale estimate it"
+            Finding(
+                "scale-fits-better",
+                size=ratio,
+                values={"ppm": 1e6 * ratio, "ppm_std": 1e6 * ratio_std},
+            )
         )
     if instrument is not None and MEASURED_FILE in noise.measured:
-        beside_it.append("the uncertainties stated in the file stand in place of the instrument's")
+        beside_it.append(Finding("uncertainty-from-file"))
     J = so3.rpy_jacobian(fit.rotation)
     return PointRegistration(
         names=survey.points.names,
@@ -135,29 +139,26 @@ def register(
         rejected=survey.rejected,
         missing=matched.missing,
         extra=matched.extra,
-        warnings=(
-            *describe_unmatched(matched),
+        findings=(
+            *unmatched(matched),
             *_doubts(matched, noise, survey),
             *beside_it,
         ),
     )
 
 
-def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator[str]:
+def _doubts(matched: MatchedPoints, noise: Noise, survey: SurveyFit) -> Iterator[Finding]:
     """What the fit cannot vouch for, and what was left out of it."""
     lost = survey.rejected
-    yield from (f"{r.name} is left out: {r.reason}" for r in lost[:LISTED])
+    yield from (point.finding for point in lost[:LISTED])
     if len(lost) > LISTED:
-        yield f"{len(lost) - LISTED} more points are left out"
+        yield Finding("points-left-out", size=len(lost) - LISTED)
     if not survey.fit.handed:
-        yield (
-            "the points lie in one plane within their uncertainty: a mirrored frame would not be "
-            "noticed"
-        )
+        yield Finding("points-coplanar")
     if apart := moved_apart(matched, noise, survey):
         yield apart
     if relabellings(survey.points, survey.sigma):
-        yield "the points are symmetric: they would fit under other names too"
+        yield Finding("points-symmetric")
 
 
 def _scaled(points: MatchedPoints, noise: Noise) -> tuple[float, SurveyFit]:
@@ -201,7 +202,7 @@ def _together(points: MatchedPoints, noise: Noise) -> SurveyFit:
         ) from error
 
 
-def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> str | None:
+def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> Finding | None:
     """Say that a translation, or a transform, per group fits much better; None where it does not.
 
     together : the fit of one transform for all.
@@ -220,12 +221,8 @@ def moved_apart(points: MatchedPoints, noise: Noise, together: SurveyFit) -> str
             best, model = _spread(fits), name
     if not model:
         return None
-    return (
-        f"{model} of its own for each group ({', '.join(points.groups)}) fits "
-        f"{_spread([together]) / best:.3g} times better, within {1e3 * best:.2g} mm per "
-        "coordinate: the groups have moved against each other, or are given in frames of their "
-        "own; register each by itself"
-    )
+    values: dict[str, Value] = {"model": model, "ratio": _spread([together]) / best}
+    return Finding("groups-moved-apart", points.groups, best, "m", values=values)
 
 
 def fit_one_by_one(points: MatchedPoints, noise: Noise) -> list[SurveyFit]:

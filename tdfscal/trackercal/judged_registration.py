@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, TdfscalError
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics.registration import MirroredError, Registration, outlier_p_beside
 from tdfscal.numerics.registration import register as solve
 from tdfscal.records import FloatArray, Instrument, IntArray, PointSet
@@ -59,10 +60,22 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class RejectedPoint:
-    """A point that is not used: its name, and why in words."""
+    """A point that is not used: its residual, m, and times what is allowed.
+
+    stated : by its uncertainty, not by the other points.
+    """
 
     name: str
-    reason: str
+    residual: float
+    ratio: float
+    stated: bool = True
+
+    @property
+    def finding(self) -> Finding:
+        """That it is left out."""
+        code = "point-left-out" if self.stated else "point-apart"
+        values: dict[str, Value] = {"ratio": self.ratio}
+        return Finding(code, (self.name,), self.residual, "m", values=values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,8 +178,7 @@ def fit_survey(
             return SurveyFit(current, covs, index, fit, tuple(rejected))
         size = np.linalg.norm(fit.residual[worst])
         ratio = np.sqrt(fit.statistic[worst] / max(fit.redundancy[worst], 1))
-        reason = f"residual {size * 1e3:.3g} mm, {ratio:.3g} times what its uncertainty allows"
-        rejected.append(RejectedPoint(current.names[worst], reason))
+        rejected.append(RejectedPoint(current.names[worst], float(size), float(ratio)))
         kept = np.delete(kept, worst)
 
 
@@ -178,11 +190,7 @@ def _without_outlying(points: MatchedPoints) -> tuple[IntArray, list[RejectedPoi
     if points.take(kept).groups != points.groups:  # it has moved, and its points are sound
         return every, []
     return kept, [
-        RejectedPoint(
-            points.names[point.index],
-            f"residual {point.distance * 1e3:.3g} mm, {point.ratio:.3g} times what the other "
-            "points allow",
-        )
+        RejectedPoint(points.names[point.index], point.distance, point.ratio, stated=False)
         for point in off
     ]
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.propagation import MonteCarlo
@@ -31,9 +32,9 @@ from tdfscal.trackercal.judged_registration import (
 from tdfscal.trackercal.monte_carlo import simulate_inputs
 from tdfscal.trackercal.point_matching import (
     MatchedPoints,
-    describe_unmatched,
     match_points,
     relabellings,
+    unmatched,
 )
 from tdfscal.trackercal.positioner_axes import AxisFault, examine_axes
 from tdfscal.trackercal.variance_components import Components, estimate_components
@@ -69,7 +70,7 @@ class TrackerCalibration:
     budget: Mapping[str, FloatArray]
     monte_carlo: MonteCarlo | None
     axes: tuple[AxisFault, ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
     exact: tuple[ExactQuantity, ...]
 
     @property
@@ -143,15 +144,15 @@ def calibrate_tracker(
         budget={name: so3.rpy_variance(X, share) for name, share in shares.items()},
         monte_carlo=monte_carlo,
         axes=axes,
-        warnings=notes,
+        findings=notes,
         exact=_exact_quantities(rig.supports, X, session, misalignment),
     )
-    return replace(result, warnings=(*notes, *_warnings(rig, result)))
+    return replace(result, findings=(*notes, *_findings(rig, result)))
 
 
 def _matched(
     rig: Rig, session: TrackerSession
-) -> tuple[MatchedPoints, MatchedPoints, tuple[str, ...]]:
+) -> tuple[MatchedPoints, MatchedPoints, tuple[Finding, ...]]:
     """Moves of the rig's supports, and targets; with what is to be said of them."""
     moves = match_points(session.moves, session.servo)
     targets = match_points(session.targets, session.nominal)
@@ -159,10 +160,10 @@ def _matched(
         count = len(targets.indices(name))
         if count < 3:
             here = [m for m in (*targets.missing, *targets.extra) if m.startswith(f"{name}/")]
-            unmatched = f" ({', '.join(here)} in one of the two files only)" if here else ""
+            lacking = f" ({', '.join(here)} in one of the two files only)" if here else ""
             raise DataError(
                 f"{count} target(s) of {name} have both a nominal and a measured position"
-                f"{unmatched}; three are the least",
+                f"{lacking}; three are the least",
                 where=targets.measured.source,
                 hint="measure at least three targets on each sensor, named as in the drawing",
             )
@@ -175,17 +176,14 @@ def _matched(
             hint=f"name the groups as the supports: {', '.join(rig.supports)}",
         )
     notes = [
-        f"{source}: group {name} is no support of the rig"
+        Finding("group-unknown", (name,), values={"file": source})
         for name in sorted(set(moves.groups) - set(rig.supports))
     ]
-    notes += [
-        f"{source}: {name} has fewer than two moves; the other NCPs' axes stand for its own"
-        for name in few
-    ]
+    notes += [Finding("moves-few", (name,), values={"file": source}) for name in few]
     usable = moves.take(
         np.flatnonzero([g in rig.supports and g not in few for g in moves.reference.group])
     )
-    return usable, targets, (*describe_unmatched(moves), *describe_unmatched(targets), *notes)
+    return usable, targets, (*unmatched(moves), *unmatched(targets), *notes)
 
 
 def _fit(
@@ -274,43 +272,31 @@ def _exact_quantities(
     return tuple(found)
 
 
-def _warnings(rig: Rig, result: TrackerCalibration) -> Iterator[str]:
+def _findings(rig: Rig, result: TrackerCalibration) -> Iterator[Finding]:
     """What the survey's numbers cannot vouch for."""
-    yield from (f"{point.name} is left out: {point.reason}" for point in result.rejected)
-    yield from (f"{text}; the result is weighted by it" for text in result.components.understated)
-    yield from map(str, result.axes)
-    if flat := ", ".join(result.coplanar_targets):
-        yield (
-            f"the targets of {flat} lie in one plane within their uncertainty: a mirrored frame "
-            "would not be noticed"
-        )
+    yield from (point.finding for point in result.rejected)
+    yield from result.components.understated
+    yield from (fault.finding for fault in result.axes)
+    if result.coplanar_targets:
+        yield Finding("targets-coplanar", result.coplanar_targets)
     symmetric = {}
     for name, t in zip(rig.supports, result.targets, strict=True):
         if others := relabellings(t.points, t.sigma):
             symmetric[name] = "-".join(t.points.reference.point[k] for k in others[0])
     if symmetric:
-        yield (
-            f"the targets of {', '.join(symmetric)} are symmetric: as "
-            f"{next(iter(symmetric.values()))} they would fit too, so their distances do not check "
-            "their names"
-        )
+        values: dict[str, Value] = {"order": next(iter(symmetric.values()))}
+        yield Finding("targets-symmetric", tuple(symmetric), values=values)
     back = np.swapaxes(so3.from_rpy(rig.nominal_rpy), 1, 2)
     turn = np.linalg.norm(so3.log(result.rotations.rotation @ back), axis=1)
     for i in np.flatnonzero(turn > FAR_FROM_NOMINAL * np.linalg.norm(rig.rpy_std, axis=1)):
-        yield (
-            f"{rig.supports[i]} is turned by {turn[i]:.3g} rad from its nominal mounting, far more "
-            "than its rpy_std allows: check the names of its targets"
-        )
+        yield Finding("targets-misnamed", (rig.supports[i],), float(turn[i]), "rad")
     yield from _swapped_supports(rig, result.moves, result.targets)
     sources = {s for t in result.surveys for s in (*t.noise.measured, *t.noise.reference)}
     if sources & {MEASURED_FILE, REFERENCE_FILE}:
-        yield (
-            "uncertainties that the point files state stand in place of the instrument's, the "
-            "drawing's and the positioners'"
-        )
+        yield Finding("uncertainty-from-files")
 
 
-def _swapped_supports(rig: Rig, moves: SurveyFit, targets: Sequence[SurveyFit]) -> list[str]:
+def _swapped_supports(rig: Rig, moves: SurveyFit, targets: Sequence[SurveyFit]) -> list[Finding]:
     """Targets sit beside the point that their NCP carries; swapped supports lie far from it."""
     if set(moves.points.groups) != set(rig.supports):
         return []
@@ -320,8 +306,9 @@ def _swapped_supports(rig: Rig, moves: SurveyFit, targets: Sequence[SurveyFit]) 
     gap = np.linalg.norm(centres[:, None] - places, axis=-1)
     nearest = gap.argmin(axis=1)
     return [
-        f"the targets of {name} lie nearest to the moves of {rig.supports[k]}: check the group "
-        "names"
+        Finding(
+            "targets-swapped", (name,), float(gap[i, i]), "m", values={"other": rig.supports[k]}
+        )
         for i, (name, k) in enumerate(zip(rig.supports, nearest, strict=True))
         if k != i and gap[i, i] > 2 * gap[i, k]
     ]

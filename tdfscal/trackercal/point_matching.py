@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, PointSet
 
@@ -160,13 +161,13 @@ def _names(points: PointSet) -> tuple[str, ...]:
     return tuple("/".join(filter(None, name)) for name in named)
 
 
-def describe_unmatched(points: MatchedPoints) -> tuple[str, ...]:
-    """One sentence each for the missing and the extra points, if any."""
+def unmatched(points: MatchedPoints) -> tuple[Finding, ...]:
+    """Name the missing and the extra points, if any."""
     return tuple(
-        f"{points.measured.source}: {what}: {_listed(names)}"
-        for what, names in (
-            ("not measured", points.missing),
-            ("measured, but without reference", points.extra),
+        Finding(code, (points.measured.source,), len(names), values={"points": names})
+        for code, names in (
+            ("points-not-measured", points.missing),
+            ("points-without-reference", points.extra),
         )
         if names
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdfscal.errors import TdfscalError
+from tdfscal.findings import Finding, Value
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.registration import LARGEST_MEANINGFUL_STD, Registration, extend
@@ -38,11 +39,17 @@ class AxisFault:
     unit: str
     p_value: float
 
-    def __str__(self) -> str:
-        factor, unit = {"rad": (1e3, "mrad"), "1": (1e6, "ppm"), "m": (1e6, "µm")}[self.unit]
-        return (
-            f"{self.support}: {self.axis}: {self.kind} {self.size * factor:+.3g} ± "
-            f"{self.std * factor:.2g} {unit}"
+    @property
+    def finding(self) -> Finding:
+        """As a finding."""
+        values: dict[str, Value] = {"axis": self.axis, "kind": self.kind, "std": self.std}
+        return Finding(
+            "positioner-axis-faulty",
+            (self.support,),
+            self.size,
+            self.unit,
+            self.p_value,
+            values=values,
         )
 
 

@@ -17,6 +17,7 @@ from itertools import compress
 
 import numpy as np
 
+from tdfscal.findings import Finding
 from tdfscal.records import FloatArray, Instrument
 from tdfscal.significance import NOISE_UNDERSTATED, STATED_NOISE_RIGHT
 from tdfscal.trackercal.judged_registration import Noise, SurveyFit
@@ -32,14 +33,14 @@ class Components:
     """Noise of each source, as the residuals and the statement together have it.
 
     instrument : factor on its standard uncertainties. positioner, drawing : m per coordinate,
-    standard uncertainty beyond the stated one. understated : in words, the sources whose
-    statement the residuals make improbable.
+    standard uncertainty beyond the stated one. understated : the sources whose statement
+    the residuals make improbable.
     """
 
     instrument: float
     positioner: float
     drawing: float
-    understated: tuple[str, ...]
+    understated: tuple[Finding, ...]
 
     def scaled(self, instrument: Instrument) -> Instrument:
         """The instrument with the noise that it shows."""
@@ -74,13 +75,13 @@ def estimate_components(moves: SurveyFit, targets: Sequence[SurveyFit]) -> Compo
         for part, values in zip(parts, (_FACTORS, _EXCESS, _EXCESS), strict=True)
     )
     servo, drawn = servo * unit_moves, drawn * unit_targets
-    words = (
-        f"the instrument's noise is {factor:.2g} times the stated one",
-        f"the NCPs' positions scatter by {servo * 1e6:.2g} µm beyond what is stated",
-        f"the nominal points are off by {drawn * 1e6:.2g} µm beyond what is stated",
+    found = (
+        Finding("instrument-understated", size=factor),
+        Finding("positioners-understated", size=servo, unit="m"),
+        Finding("drawing-understated", size=drawn, unit="m"),
     )
     shown = [bool(part[0] < NOISE_UNDERSTATED) for part in parts]
-    return Components(factor, servo, drawn, tuple(compress(words, shown)))
+    return Components(factor, servo, drawn, tuple(compress(found, shown)))
 
 
 def _log_prior(ratio: FloatArray) -> FloatArray:

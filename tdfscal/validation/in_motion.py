@@ -82,8 +82,6 @@ def validate_moving(
     given = with_own_load(given, rig)
     at = _linearised(given, fit, MovingPriors(rig, slow, delay))
     judged, zeros = judged_with_zeros(at, given, rig, _judged)
-    turned = log_against_rig.turned(rig, place)
-    left_out = [stretch.text for stretch in usable.rejected]
     return MovingValidation(
         rig=rig,
         begin=float(slow.time[0]),
@@ -92,7 +90,11 @@ def validate_moving(
         residual=residual_wrench(fit, nominal(rig), start.still),
         judged=judged,
         zeros=zeros,
-        warnings=(*gaps(slow), *left_out, *([turned] if turned else [])),
+        findings=(
+            *gaps(slow),
+            *(stretch.finding for stretch in usable.rejected),
+            *log_against_rig.turned(rig, place),
+        ),
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from tdfscal.findings import Finding
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import FloatArray
@@ -57,19 +58,13 @@ class KnownNoise:
         return observed
 
     @property
-    def words(self) -> tuple[str, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         """What was taken from the calibration, where the noise was not as stated."""
         found = []
         if self.birge > 1.0 and chi2_sf(self.birge**2 * self.dof, self.dof) < MISFIT:
-            found.append(
-                f"noise is taken as {self.birge:.2f} times what is stated, as the calibration's "
-                "residuals showed it (fit.birge)"
-            )
+            found.append(Finding("noise-as-calibrated", size=self.birge))
         if self.channels is not None:
-            found.append(
-                "the channels' noise is taken as unequal as the calibration's residuals showed it "
-                "(fit.channel_noise)"
-            )
+            found.append(Finding("channels-as-calibrated"))
         return tuple(found)
 
     @property

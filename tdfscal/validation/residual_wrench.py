@@ -13,6 +13,7 @@ import numpy as np
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.dwells.absence import no_dwell
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal, with_motions
 from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, postures
@@ -40,7 +41,7 @@ class Validation(Verdict):
 
     dwells: Dwells
     used: IntArray
-    left_out: dict[int, str]
+    left_out: dict[int, Finding]
     nominal: FloatArray
     calibrated: FloatArray
     std: FloatArray
@@ -78,10 +79,12 @@ def validate(
     used = np.flatnonzero(screened.keep)
     if not used.size:
         raise DataError(
-            f"no dwell can be used: {next(iter(screened.reasons.values()))}", where="log forces"
+            "no dwell can be used",
+            where="log forces",
+            findings=tuple(screened.reasons.values())[:1],
         )
     given = with_own_load(given, rig)
-    observed, warnings = _with_noise(postures(rig, dwells, age).subset(used), noise)
+    observed, found = _with_noise(postures(rig, dwells, age).subset(used), noise)
     balanced, slopes, at = _linearised(given, known.scaled(observed))
     judged, zeros = judged_with_zeros(at, given, rig, lambda white: _judged(white, known))
     given = zeros.brought_into(given)
@@ -89,7 +92,6 @@ def validate(
         contact_wrench(state, given.rig.gravity, balanced.rotation, balanced.seen.force)
         for state in (nominal(given.rig), given.state)
     )
-    turned = log_against_rig.turned(rig, dwells.position)
     return Validation(
         rig=rig,
         dwells=dwells,
@@ -100,7 +102,12 @@ def validate(
         std=_std(balanced, slopes @ block_diagonal(given.root, at.own_root)),
         judged=judged,
         zeros=zeros,
-        warnings=(*dwells.warnings, *warnings, *known.words, *([turned] if turned else [])),
+        findings=(
+            *dwells.findings,
+            *found,
+            *known.findings,
+            *log_against_rig.turned(rig, dwells.position),
+        ),
     )
 
 
@@ -126,7 +133,7 @@ def _chances(white: Whitened, found: Causes, known: KnownNoise) -> tuple[float, 
     return overall, searched(found, chance)
 
 
-def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[str, ...]]:
+def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tuple[Finding, ...]]:
     """Postures with a noise level: their own, or the one that the calibration met."""
     if np.diagonal(observed.force_cov, axis1=2, axis2=3)[:, observed.measured].min() > 0:
         return observed, ()
@@ -136,12 +143,10 @@ def _with_noise(observed: Postures, noise: float | None) -> tuple[Postures, tupl
             where="log forces",
             hint="set uncertainty.force_noise in rig.yaml",
         )
-    text = (
-        f"neither the log nor the rig file states a force noise; {noise:.2g} N per axis and "
-        "posture was taken from the residuals of the calibration"
-    )
     cov = np.broadcast_to(noise**2 * np.eye(3), observed.force_cov.shape)
-    return replace(observed, force_cov=cov), (text,)
+    return replace(observed, force_cov=cov), (
+        Finding("noise-of-calibration", size=noise, unit="N"),
+    )
 
 
 def _linearised(given: Calibrated, observed: Postures) -> tuple[Balance, FloatArray, Linearised]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated, redrawn
 from tdfscal.model.parameters import layout
 from tdfscal.records import FloatArray, Rig
@@ -82,12 +83,13 @@ class Verdict:
     """Verdict on a calibration: on angles, load and gain, by zeros that may have been tared anew.
 
     rig : of the log. judged : the test. zeros : whether they moved.
+    findings : what is to be said of log and noise.
     """
 
     rig: Rig
     judged: Judged
     zeros: Zeros
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def white(self) -> Whitened:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from tdfscal.catalogue import told_of
 from tdfscal.checks.log_against_calibration import Inspection
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError
@@ -80,14 +81,9 @@ class ApplyResult(Result):
     columns: dict[str, FloatArray] | None = None
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Of the calibration and the log."""
-        return tuple(self.summary["warnings"])
-
-    @property
     def notes(self) -> tuple[str, ...]:
-        """The warnings: the text does not repeat them."""
-        return self.warnings
+        """What was found of calibration and log: the text does not repeat it."""
+        return tuple(told_of(finding) for finding in self.summary["findings"])
 
     def to_report(self) -> Report:
         """Return size of the wrench with and without the calibration."""

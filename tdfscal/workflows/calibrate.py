@@ -11,6 +11,8 @@ import numpy as np
 
 from tdfscal.acceptance.conformity import assess_stated
 from tdfscal.acceptance.gate import judge
+from tdfscal.catalogue import told
+from tdfscal.catalogue.survey import point_remark
 from tdfscal.comparison.joint import combine
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
@@ -20,6 +22,7 @@ from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
 from tdfscal.files.outputs import appear_now
 from tdfscal.files.rig.draft import unconfirmed_in
 from tdfscal.files.saving import write_text
+from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import independent
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import InputFile, Rig, Rotations
@@ -54,8 +57,6 @@ from tdfscal.workflows.recordings import measured
 from tdfscal.workflows.samples import Own, Samples, calibrate_samples
 
 Method = Literal["self", "tracker", "joint"]
-#: Lines to be confirmed that a warning names at most.
-_LISTED = 8
 
 
 @command("calibrate campaign -o calibration.yaml --html report.html", output="content")
@@ -94,7 +95,7 @@ def calibrate(
 ) -> Calibration:
     """Calibrate the sensors of a rig from a recorded campaign.
 
-    The result may be rejected: look at `.status` and `.quality.reasons`.
+    The result may be rejected: look at `.status` and `.findings`.
 
     Raises
     ------
@@ -197,33 +198,28 @@ def _calibrated(
 
         log.progress.stage("calibrating from the tracker's survey")
         tracker, files, doubts = surveyed(campaign, settings.trials, tracker_rng)
-        notes += doubts
+        notes += map(point_remark, doubts)
         inputs += files
 
     origin = Provenance(campaign.rig, tuple(inputs), settings.command, settings.seed, measured(log))
     if tracker is None:
         assert own is not None
         if isinstance(own, MotionCalibration) and own.reasons and log.stops:
-            notes += (log.stops,)  # it may have been meant to rest
+            notes.append(log.stops)  # it may have been meant to rest
         return as_calibration(own, origin, notes)
     if own is not None:
         assert isinstance(own, SelfCalibration)
         return _both(log.rig, own, tracker, origin, notes)
     given = independent(log.rig, tracker.rotations.rotation, tracker.rotations.covariance)
     reasons = judge(log.rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
-    file = from_tracker(tracker, origin, reasons, notes)
+    file = from_tracker(tracker, origin, (*reasons, *notes))
     return Calibration.of(file, Records(tracker=tracker))
 
 
-def _confirmations(campaign: Campaign) -> tuple[str, ...]:
+def _confirmations(campaign: Campaign) -> list[Finding]:
     """Which lines of a drafted rig file are still to be confirmed."""
-    keys = unconfirmed_in(campaign.rig.path)
-    if not keys:
-        return ()
-    listed = ", ".join(keys[:_LISTED]) + (
-        f" and {len(keys) - _LISTED} more" if len(keys) > _LISTED else ""
-    )
-    return (f"the result rests on {len(keys)} lines of the rig file to be confirmed: {listed}",)
+    keys = tuple(unconfirmed_in(campaign.rig.path))
+    return [Finding("draft-unconfirmed", keys, len(keys))] if keys else []
 
 
 def _both(
@@ -231,18 +227,22 @@ def _both(
     own: SelfCalibration,
     tracker: TrackerCalibration,
     origin: Provenance,
-    notes: Sequence[str],
+    notes: Sequence[Finding],
 ) -> Calibration:
     """Combine two calibrations; the contact wrench is judged with both, not with either."""
     mine = Rotations(rig.supports, own.fit.state.rotation, own.uncertainty.covariance)
     both = combine(mine, tracker.rotations)
     given = joint_posterior(own.fit, both.rotations.covariance, both.rotations.rotation)
-    alone = own.conformity.reasons if own.conformity else ()
-    reasons = [reason for reason in own.reasons if reason not in alone]
+    mine_alone = [f for f in own.findings if f.code != "contact-uncertain"]
+    reasons = [f for f in mine_alone if f.rejects]
     reasons += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
     if not both.test.verified:
-        reasons.append(both.test.verdict)
-    file = from_joint(both, own, tracker, origin, reasons, notes)
+        verdict: dict[str, Value] = {"verdict": both.test.verdict}
+        p_value = both.test.p_value
+        reasons.append(Finding("methods-disagree", p_value=p_value, values=verdict, rejects=True))
+    others = [f for f in mine_alone if not f.rejects]
+    found = (*reasons, *notes, *others, *tracker.findings)
+    file = from_joint(both, own, tracker, origin, found)
     return Calibration.of(file, Records(own, tracker, both))
 
 
@@ -264,7 +264,7 @@ def _write_attempt(
         error,
         log.campaign.rig,
         tuple(log.inputs),
-        tuple(log.messages),
+        tuple(map(told, log.messages)),
         tuple(map(str, paths)),
         log.settings.command,
     )

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import PrivateAttr
 
+from tdfscal.catalogue import sentence
 from tdfscal.comparison.joint import Joint
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.assembled import Provenance
+from tdfscal.files.calibration.consistency import UNCONFIRMED
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
     dump_calibration,
@@ -24,6 +26,7 @@ from tdfscal.files.calibration.document import (
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.calibration.from_results import from_self
+from tdfscal.findings import Finding
 from tdfscal.motioncal.pipeline import MotionCalibration
 from tdfscal.records import ANGLES
 from tdfscal.reporting.layout import Drawing, Report
@@ -76,11 +79,6 @@ class Calibration(Result, CalibrationFile):
         return self._records
 
     @property
-    def accepted(self) -> bool:
-        """The quality gate accepts it; `quality.reasons` says why not."""
-        return self.status == "accepted"
-
-    @property
     def exit_status(self) -> int:
         """1 where the quality gate rejects it."""
         return 0 if self.accepted else 1
@@ -91,7 +89,9 @@ class Calibration(Result, CalibrationFile):
         if self.records is None or self.records.own is None:
             return ()
         left_out = self.records.own.dwells.left_out
-        return tuple(f"left out: {s.start:.2f} to {s.end:.2f} s: {s.reason}" for s in left_out)
+        return tuple(
+            f"left out: {s.start:.2f} to {s.end:.2f} s: {sentence(s.reason)}" for s in left_out
+        )
 
     def _page(self, drawings: tuple[Drawing, ...]) -> Report:
         """Lay out verdict, angles, evidence, what next."""
@@ -124,7 +124,7 @@ class Calibration(Result, CalibrationFile):
 
 
 def as_calibration(
-    own: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[str]
+    own: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[Finding]
 ) -> Calibration:
     """Return a self-calibration, at rest or in motion, with the content of its file."""
     records = Records(motion=own) if isinstance(own, MotionCalibration) else Records(own)
@@ -180,14 +180,19 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
     return str(path), Calibration.of(load_file(path))
 
 
-def unsealed(calibration: CalibrationFile, name: str) -> tuple[str, ...]:
-    """Warn of a file that cannot tell whether it was edited; name : as by `read_source`."""
+def provisional(name: str, calibration: CalibrationFile) -> tuple[Finding, ...]:
+    """Say so of an accepted calibration that rests on lines of a draft."""
+    if calibration.status != "provisional":
+        return ()
+    lines = [line for entry in calibration.found(UNCONFIRMED) for line in entry.subject]
+    return (Finding("provisional-in-use", (name,), len(lines), values={"lines": lines}),)
+
+
+def unsealed(calibration: CalibrationFile, name: str) -> tuple[Finding, ...]:
+    """Name a file that cannot tell whether it was edited; name : as by `read_source`."""
     if name == IN_MEMORY or calibration.content_sha256 is not None:
         return ()
-    return (
-        f"{name} has no `content_sha256`, by which an edited file is known: what stands in it once "
-        "only is taken on trust",
-    )
+    return (Finding("calibration-unsealed", (name,)),)
 
 
 def read_sources(sources: Sequence[CalibrationSource]) -> list[tuple[str, Calibration]]:

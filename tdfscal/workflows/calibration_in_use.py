@@ -13,10 +13,17 @@ from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated_from
+from tdfscal.findings import Finding, Value
 from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray, UncertainValue
-from tdfscal.workflows.calibration import Calibration, CalibrationSource, read_source, unsealed
+from tdfscal.workflows.calibration import (
+    Calibration,
+    CalibrationSource,
+    provisional,
+    read_source,
+    unsealed,
+)
 from tdfscal.workflows.campaign import Campaign, resolve
 from tdfscal.workflows.recordings import by_wall_clock, stated_date
 from tdfscal.wrench.sample_noise import LogHead
@@ -28,14 +35,14 @@ class InUse:
     """A calibration with the logs that it is used on.
 
     name : of its file, for messages. given : with the inertia and the declared uncertainties of
-    the logs' rig. warnings : what a user must know first.
+    the logs' rig. findings : what a user must know first.
     """
 
     name: str
     calibration: Calibration
     given: Calibrated
     campaign: Campaign
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def reading_noise(self) -> float:
@@ -86,29 +93,27 @@ def take(calibration: CalibrationSource, paths: Sequence[Path], rig: Path | None
         )
     given = calibrated(loaded, name)
     other = campaign.rig.rig
-    found = contradictions(given.rig, other)
-    if found:
+    differences = contradictions(given.rig, other)
+    if differences:
         raise UsageError(
-            f"the rig of the log is not the one that was calibrated: {'; '.join(found)}",
+            f"the rig of the log is not the one that was calibrated: {'; '.join(differences)}",
             where=str(campaign.rig.path),
             hint="correct the rig file, or calibrate this rig",
         )
     used = replace(given.rig, inertia=other.inertia, declared=other.declared)
-    warnings = _warnings(loaded, name, other.name)
-    return InUse(name, loaded, replace(given, rig=used), campaign, warnings)
+    found = _findings(loaded, name, other.name)
+    return InUse(name, loaded, replace(given, rig=used), campaign, found)
 
 
-def _warnings(calibration: Calibration, path: str, rig: str) -> tuple[str, ...]:
-    told = unsealed(calibration, path)
+def _findings(calibration: Calibration, path: str, rig: str) -> tuple[Finding, ...]:
+    found = unsealed(calibration, path)
     if calibration.rig.name != rig:
-        told = (f"{path} is of {calibration.rig.name}, the log's rig file of {rig}", *told)
-    if calibration.status == "accepted":
-        return told
-    return (
-        f"{path} IS A REJECTED CALIBRATION, not fit for use: "
-        f"{'; '.join(calibration.quality.reasons)}",
-        *told,
-    )
+        names: dict[str, Value] = {"own": calibration.rig.name, "other": rig}
+        found = (Finding("rig-renamed", (path,), values=names), *found)
+    if not calibration.accepted:
+        why: dict[str, Value] = {"why": "; ".join(reason.text for reason in calibration.reasons)}
+        return (Finding("rejected-in-use", (path,), values=why), *found)
+    return (*provisional(path, calibration), *found)
 
 
 @dataclass(frozen=True, slots=True)

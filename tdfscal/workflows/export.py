@@ -6,15 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from tdfscal.catalogue import told
 from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS
 from tdfscal.files.output_places import check_outputs
 from tdfscal.files.saving import write_text
+from tdfscal.findings import Finding
 from tdfscal.reporting.layout import Drawing
 from tdfscal.workflows.arguments import PathLike, one
 from tdfscal.workflows.calibration import (
     Calibration,
     paths_of,
+    provisional,
     read_source,
     unsealed,
 )
@@ -98,4 +101,8 @@ def export(
     text = FORMATS[to](loaded, parent)
     if target is not None:
         write_text(target, text)
-    return ExportResult(to, text, loaded, target, unsealed(loaded, name))
+    return ExportResult(to, text, loaded, target, tuple(map(told, _notes(name, loaded))))
+
+
+def _notes(name: str, calibration: Calibration) -> tuple[Finding, ...]:
+    return (*provisional(name, calibration), *unsealed(calibration, name))

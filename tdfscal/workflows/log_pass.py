@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from tdfscal.catalogue import sentence, told
+from tdfscal.catalogue.logs import STOPS
 from tdfscal.checks.repeated_samples import Repeat, RepeatedSamples, counted_once
 from tdfscal.dwells import find_dwells
 from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
+from tdfscal.findings import Finding, Value
 from tdfscal.logs import TimeWindow, iter_log
 from tdfscal.records import Dwells, InputFile, Log, Rig
 from tdfscal.workflows.campaign import Campaign
 from tdfscal.workflows.progress import SILENT, Progress
 
-#: Warnings of a log that an error repeats at most; those of its clocks come first.
+#: Warnings of a log that an error repeats at most.
 _REPEATED = 3
 #: Stops left out per dwell found, from which an error says so.
 _LOST = 2
 #: A reading this close to its capacity, relative, stands at it.
 _AT_CAPACITY = 1e-6
-_CLOCK = re.compile(r"clock|header time|step back|repeat the time")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ class Settings:
 class LogPass:
     """What one reading of a campaign's logs leaves behind.
 
-    inputs : files that were read. messages : warnings of the logs, in order, each once. stops :
+    inputs : files that were read. messages : what the logs say of themselves, each once. stops :
     what became of most of them, where few are dwells. begin, end : s, the first and the last time
     in the logs, by their clock. repeats : samples that the logs hold twice.
     """
@@ -54,10 +55,10 @@ class LogPass:
     campaign: Campaign
     settings: Settings
     inputs: list[InputFile] = field(default_factory=list)
-    messages: dict[str, None] = field(default_factory=dict)
+    messages: list[Finding] = field(default_factory=list)
     begin: float = float("inf")
     end: float = float("-inf")
-    stops: str = ""
+    stops: Finding | None = None
     repeats: tuple[Repeat, ...] = ()
 
     @property
@@ -83,7 +84,7 @@ class LogPass:
                 progress=share,
             ):
                 self.inputs += piece.inputs
-                self.messages |= dict.fromkeys(piece.warnings)
+                self._note(piece.findings)
                 times = [series.time for series in piece.force if len(series.time)]
                 self.begin = min([self.begin, *(float(time[0]) for time in times)])
                 self.end = max([self.end, *(float(time[-1]) for time in times)])
@@ -105,9 +106,12 @@ class LogPass:
     def noted(self, dwells: Dwells) -> Dwells:
         """Keep what the dwells say of the log; samples that are there twice count once."""
         dwells = counted_once(dwells, self.repeats)
-        self.messages |= dict.fromkeys(dwells.warnings)
+        self._note(dwells.findings)
         self.stops = _lost_stops(dwells, self.rig)
         return dwells
+
+    def _note(self, findings: Iterable[Finding]) -> None:
+        self.messages += [finding for finding in findings if finding not in self.messages]
 
     @contextmanager
     def explaining(self) -> Iterator[None]:
@@ -115,31 +119,32 @@ class LogPass:
         try:
             yield
         except (DataError, NotIdentifiableError, NotConvergedError) as error:
-            messages = [self.stops] if self.stops else []
-            messages += sorted(self.messages, key=lambda text: _CLOCK.search(text) is None)
-            if not messages:
+            found = [*([self.stops] if self.stops else []), *self.messages]
+            what = "; ".join([error.what, *map(sentence, error.findings)])
+            if not found and not error.findings:
                 raise
-            rest = len(messages) - _REPEATED
+            if not found:
+                raise error.restated(what=what) from error
+            rest = len(found) - _REPEATED
             more = f"; and {rest} more" if rest > 0 else ""
-            look = f"look first at the log: {'; '.join(messages[:_REPEATED])}{more}"
+            look = f"look first at the log: {'; '.join(map(told, found[:_REPEATED]))}{more}"
             advice = f"{look}. {error.hint[0].upper()}{error.hint[1:]}" if error.hint else look
-            raise error.restated(hint=advice) from error
+            raise error.restated(what=what, hint=advice) from error
 
 
-def _lost_stops(dwells: Dwells, rig: Rig) -> str:
+def _lost_stops(dwells: Dwells, rig: Rig) -> Finding | None:
     """Say so where far more stops are left out than found, and why."""
     lost = len(dwells.left_out)
     if lost <= _LOST * len(dwells):
-        return ""
-    reasons = Counter(re.split(r":| in ", piece.reason)[0] for piece in dwells.left_out)
-    reason, _ = reasons.most_common(1)[0]
-    said = f"{lost} of {lost + len(dwells)} stops were left out (mostly: {reason})"
+        return None
+    reasons = Counter(piece.reason.code for piece in dwells.left_out)
+    values: dict[str, Value] = {
+        "stops": lost + len(dwells),
+        "reason": STOPS[reasons.most_common(1)[0][0]],
+    }
     if dwells.force_range is not None:
         full = np.abs(dwells.force_range).max(axis=0) >= rig.capacity * (1 - _AT_CAPACITY)
         for i, j in np.argwhere(full & np.isfinite(rig.capacity) & rig.axes):
-            return (
-                f"{said}, and F{'xyz'[j]} of {rig.supports[i]} reaches its capacity of "
-                f"{rig.capacity[i, j]:.6g} N; squeeze less, or widen the range of sensor and "
-                "amplifier"
-            )
-    return f"{said}; hold postures for longer, and see that forces and positions share one clock"
+            values |= {"axis": "xyz"[j], "capacity": float(rig.capacity[i, j])}
+            return Finding("stops-over-capacity", (rig.supports[i],), lost, values=values)
+    return Finding("stops-left-out", size=lost, values=values)

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from tdfscal.catalogue import documents, sentence, told
 from tdfscal.comparison.common import common, with_load
 from tdfscal.comparison.control_chart import Alarm, Check
 from tdfscal.comparison.eliminated import stated
@@ -19,6 +20,7 @@ from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import UsageError
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.findings import Finding
 from tdfscal.logs import is_log
 from tdfscal.model.earlier import free_constants, of_load, same_load
 from tdfscal.model.parameters import State, deviation, nominal
@@ -52,7 +54,7 @@ class MonitorResult(Result):
     rig: Rig
     life: Life
     alarms: tuple[Alarm, ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def exit_status(self) -> int:
@@ -64,11 +66,10 @@ class MonitorResult(Result):
         from tdfscal.reporting.history import history_report
 
         report = history_report(self.life, self.alarms, drawings)
-        papers = _papers(self.rig)
         return replace(
             report,
             title=f"{self.rig.name}: {report.title[0].lower()}{report.title[1:]}",
-            warnings=(*self.warnings, *papers),
+            warnings=tuple(map(told, (*self.findings, *_papers(self.rig)))),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -76,7 +77,8 @@ class MonitorResult(Result):
         from tdfscal.reporting.history import document
 
         content = document(self.life, self.alarms)
-        return {"rig": self.rig.name, **content, "warnings": [*self.warnings, *_papers(self.rig)]}
+        found = documents((*self.findings, *_papers(self.rig)))
+        return {"rig": self.rig.name, **content, "findings": found}
 
     def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""
@@ -149,7 +151,7 @@ def monitor(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
-        (*_left_out(unsound), *noisy, *_warnings(life, known, reads)),
+        (*_left_out(unsound), *noisy, *_findings(life, known, reads)),
     )
     result.save_page(page, progress)
     return result
@@ -199,52 +201,46 @@ def _one_rig(known: Sequence[Earlier], reads: Sequence[Read]) -> Rig:
     return latest.rig
 
 
-def _papers(rig: Rig) -> tuple[str, ...]:
+def _papers(rig: Rig) -> tuple[Finding, ...]:
     """Sensors whose own calibration is due."""
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     return tuple(
-        f"the sensor of {name} was due for calibration on {papers.due}"
+        Finding("sensor-overdue", (name,), values={"due": papers.due})
         for name, papers in zip(rig.supports, rig.sensors, strict=False)
         if papers.due is not None and papers.due < today
     )
 
 
-def _left_out(unsound: Mapping[str, str]) -> Iterator[str]:
+def _left_out(unsound: Mapping[str, Finding]) -> Iterator[Finding]:
     """Campaigns whose own data do not agree among themselves: they say nothing of any turn."""
     for name, reason in unsound.items():
-        yield f"{name} takes no part, since calibrate rejects it by itself: {reason}"
+        yield Finding("campaign-left-out", (name,), values={"why": sentence(reason)})
 
 
-def _warnings(life: Life, known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[str, ...]:
-    rejected = [e.name for e in known if not e.file.accepted]
+def _findings(life: Life, known: Sequence[Earlier], reads: Sequence[Read]) -> Iterator[Finding]:
+    rejected = tuple(e.name for e in known if not e.file.accepted)
     checks: list[Earlier | Read] = [*known, *reads]
-    dated = [check.name for check in checks if check.measured.source == "file"]
-    found = []
+    dated = tuple(check.name for check in checks if check.measured.source == "file")
     if rejected:
-        found.append(f"rejected by the quality gate: {_some(rejected)}")
+        yield Finding("checks-rejected", _some(rejected))
     if dated:
-        found.append(
-            f"nothing says when it was recorded, and the file's date stands for it: {_some(dated)}"
-        )
+        yield Finding("checks-undated", _some(dated))
     never = [name for name, told in zip(life.supports, life.known, strict=True) if not told]
-    found += [
-        f"{name}: no check determines the mounting of its sensor, which lacks an axis; it has no "
-        "angles, and its turn raises no alarm"
-        for name in never
-    ]
+    yield from (Finding("sensor-never-determined", (name,)) for name in never)
     for e in known:
         if silent := [name for name in e.file.undetermined if name not in never]:
-            found.append(f"{e.name} leaves {', '.join(silent)} undetermined and says nothing of it")
-    return tuple(found)
+            yield Finding("check-silent", (e.name,), values={"sensors": silent})
 
 
-def _some(names: Sequence[str]) -> str:
+def _some(names: Sequence[str]) -> tuple[str, ...]:
     """Names, the first ones of many."""
     more = len(names) - LISTED
-    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
+    return (*names[:LISTED], *([f"and {more} more"] if more > 0 else []))
 
 
-def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[Life, list[str]]:
+def life_of(
+    rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]
+) -> tuple[Life, list[Finding]]:
     """Go through calibrations and campaigns of a rig; and say which count with their own scatter.
 
     Raises UsageError where a calibration stands on another that is not among them.
@@ -275,7 +271,7 @@ def life_of(rig: Rig, known: Sequence[Earlier], reads: Sequence[Read]) -> tuple[
         for check, ratio in zip(checks, birge, strict=True)
     ]
     noisy = [
-        f"{check.name} scatters {ratio:.2g} times as much as is stated, and counts with that"
+        Finding("campaign-noisy", (check.name,), float(ratio))
         for check, ratio in zip(checks, birge, strict=True)
         if ratio > birge.min()
     ]

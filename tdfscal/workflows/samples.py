@@ -9,11 +9,13 @@ from typing import Literal
 
 import numpy as np
 
+from tdfscal.catalogue import sentence
 from tdfscal.checks.repeated_samples import refuse
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.temperature import Thermometer
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.findings import Finding
 from tdfscal.motioncal.forecast import with_moves
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import Decimator, Slow
@@ -202,9 +204,10 @@ def _all(
         why = error.what
     else:
         if both.reasons and not own.reasons:
-            why = both.reasons[0]
+            why = sentence(both.reasons[0])
         elif np.any(both.uncertainty.turns.rpy_std > own.uncertainty.rpy_std):
             why = "they are no more certain"
         else:
             return both
-    return replace(own, warnings=(*own.warnings, f"the moves add nothing to the dwells: {why}"))
+    nothing = Finding("moves-add-nothing", values={"why": why})
+    return replace(own, findings=(*own.findings, nothing))

@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from tdfscal.catalogue import told
 from tdfscal.checks.same_rig import different_constants
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.calibration.assembled import Provenance
 from tdfscal.files.calibration.statistics import campaign_document
+from tdfscal.findings import Finding, Value
 from tdfscal.model.parameters import layout
-from tdfscal.numerics.distributions import p_text
 from tdfscal.records import Acceptance, InputFile, Measured, Rig, Rotations
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
@@ -90,7 +91,7 @@ def recorded(read: Read) -> Recorded:
         return Recorded(read.name, month, rig, usable_postures(rig, read.dwells).postures)
 
 
-def rejected_alone(read: Read) -> str | None:
+def rejected_alone(read: Read) -> Finding | None:
     """Why `calibrate` rejects a campaign's dwells by themselves, however well they know the angles.
 
     None where it does not, or where they do not suffice to be judged alone.
@@ -161,7 +162,7 @@ def _result(ordered: Sequence[Read], last: int, pooled: Pool) -> Calibration:
     informed = replace(read.rig, earlier=pooled.others(read.rig, last))
     with read.log.explaining():
         own = calibrate_informed(read, informed, settings.trials, inputs)
-    reasons = [*own.reasons, *map(misfit_text, pooled.misfits), *_lost(ordered, pooled, last)]
+    reasons = [*map(misfit_finding, pooled.misfits), *_lost(ordered, pooled, last)]
     origin = Provenance(
         read.log.campaign.rig,
         inputs,
@@ -174,7 +175,7 @@ def _result(ordered: Sequence[Read], last: int, pooled: Pool) -> Calibration:
         ),
         campaigns=_campaigns(ordered, pooled),
     )
-    own = replace(own, reasons=tuple(dict.fromkeys(reasons)))
+    own = replace(own, findings=(*own.findings, *reasons))
     return as_calibration(own, origin, _notes(ordered, last))
 
 
@@ -223,52 +224,44 @@ def _campaigns(ordered: Sequence[Read], pooled: Pool) -> tuple[Mapping[str, Any]
     return tuple(described)
 
 
-#: What may have changed between campaigns beside a sensor, by its group of parameters.
-_CHANGED = {
-    "load": "the terminal seems loaded",
-    "sensitivity": "gains or crosstalk of the sensors seem",
-    "hinge": "the hinges seem to lie",
-    "datum": "the servo coordinates seem offset",
-    "tilt": "the base seems tilted",
-    "compliance": "what gives between encoders and hinges seems",
-}
-
-
-def misfit_text(misfit: Misfit, *, since: str | None = None) -> str:
-    """A campaign that does not fit the others, or an earlier calibration (since), in words."""
+def misfit_finding(misfit: Misfit, *, since: str | None = None) -> Finding:
+    """A campaign that does not fit the others, or an earlier calibration (since)."""
+    code, size = "misfit-unexplained", None
+    values: dict[str, Value] = {
+        "campaign": misfit.campaign,
+        "than": since or "the other campaigns",
+        "updating": since is not None,
+    }
     if misfit.sensor is not None:
-        size = 1e3 * float(np.linalg.norm(misfit.turn))
-        what = f"{misfit.sensor} seems turned by {size:.2g} mrad there"
+        code, size = "misfit-turned", float(np.linalg.norm(misfit.turn))
     elif misfit.cause is not None:
-        what = f"{_CHANGED[misfit.cause]} otherwise there"
-    else:
-        what = "no single cause explains it"
-    than = "the other campaigns" if since is None else since
-    advice = "leave it out, or calibrate the campaigns before and after apart"
-    if since is not None:
-        advice = "calibrate anew instead of updating; or declare drift.angle, where the angles walk"
-    said = f"{misfit.campaign} does not fit {than} ({p_text(misfit.p_value)}): {what}"
-    return f"{said}; {advice}"
+        code = f"misfit-{misfit.cause}"
+    subject = (misfit.campaign,) if misfit.sensor is None else (misfit.sensor,)
+    unit = "" if size is None else "rad"
+    return Finding(code, subject, size, unit, misfit.p_value, values=values, rejects=True)
 
 
-def _lost(ordered: Sequence[Read], pooled: Pool, last: int) -> list[str]:
+def _lost(ordered: Sequence[Read], pooled: Pool, last: int) -> list[Finding]:
     """Campaigns of which more postures had to be left out than a faultless one loses."""
     found = []
     for k, (read, member) in enumerate(zip(ordered, pooled.members, strict=True)):
         count = 0 if member.fit is None else len(member.fit.weight)
         if k != last and len(member.rejected) > MOST_REJECTED * count:
+            values: dict[str, Value] = {"postures": count, "limit": MOST_REJECTED}
+            lost = len(member.rejected)
             found.append(
-                f"{len(member.rejected)} of {count} postures of {read.name} had to be rejected, "
-                f"above the limit of {MOST_REJECTED:.0%}"
+                Finding(
+                    "campaign-postures-rejected", (read.name,), lost, values=values, rejects=True
+                )
             )
     return found
 
 
-def _notes(ordered: Sequence[Read], last: int) -> tuple[str, ...]:
+def _notes(ordered: Sequence[Read], last: int) -> tuple[Finding, ...]:
     """What the logs of the other campaigns say."""
     return tuple(
-        f"{read.name}: {text}"
+        Finding("campaign-remark", (read.name,), values={"said": told(found)})
         for k, read in enumerate(ordered)
         if k != last
-        for text in read.log.messages
+        for found in read.log.messages
     )

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from tdfscal.catalogue import sentence
 from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
@@ -17,6 +18,7 @@ from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES, save_calibr
 from tdfscal.files.calibration.from_results import published_std
 from tdfscal.files.calibration.statistics import campaign_document
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.findings import Finding, Value
 from tdfscal.model.earlier import information_of
 from tdfscal.model.parameters import placed, starting_state
 from tdfscal.motioncal.pipeline import MotionCalibration
@@ -55,7 +57,7 @@ from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
     Read,
     calibrate_informed,
-    misfit_text,
+    misfit_finding,
     read_campaign,
     rejected_alone,
     require_one_rig,
@@ -148,12 +150,13 @@ def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
         own = calibrate_informed(read, informed, trials, tuple(read.inputs))
     level = float(alarm_level(read.measured.month - earlier.measured.month))
     found, this = _contribution(informed, own, read, level)
-    if found.p_value <= level and (unsound := rejected_alone(read)):
-        text = f"{read.name} says nothing of any turn: calibrate rejects it by itself: {unsound}"
-        own = replace(own, reasons=tuple(dict.fromkeys((*own.reasons, text))))
-    elif found.p_value <= level:
-        text = misfit_text(found, since=earlier.name)
-        own = replace(own, reasons=(*own.reasons, text))
+    if found.p_value <= level:
+        if unsound := rejected_alone(read):
+            values: dict[str, Value] = {"why": sentence(unsound)}
+            said = Finding("campaign-unsound", (read.name,), values=values, rejects=True)
+        else:
+            said = misfit_finding(found, since=earlier.name)
+        own = replace(own, findings=(*own.findings, said))
     origin = Provenance(
         read.log.campaign.rig,
         tuple(read.inputs),
@@ -165,21 +168,19 @@ def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
     )
     notes = [_could_have_missed(found, rig, earlier)]
     if not earlier.file.accepted:
-        notes.append(f"{earlier.name} is a rejected calibration")
+        notes.append(Finding("calibration-rejected", (earlier.name,)))
     return as_calibration(own, origin, tuple(notes))
 
 
-def _could_have_missed(found: Misfit, rig: Rig, earlier: Earlier) -> str:
+def _could_have_missed(found: Misfit, rig: Rig, earlier: Earlier) -> Finding:
     """Smallest turns that would have been seen, per sensor by its least visible angle."""
     assert found.detectable is not None
     seen = [
         f"{name} {1e3 * least:.2g} mrad" if np.isfinite(least) else f"{name} none"
         for name, least in zip(rig.supports, found.detectable.max(axis=1), strict=True)
     ]
-    return (
-        f"a turn since {earlier.name} would have been seen with {DETECTION_POWER:.0%} probability "
-        f"from this size on, whatever the angle: {', '.join(seen)}"
-    )
+    values: dict[str, Value] = {"power": DETECTION_POWER, "turns": seen}
+    return Finding("turns-visible", (earlier.name,), values=values)
 
 
 def _contribution(rig: Rig, own: Own, read: Read, level: float) -> tuple[Misfit, dict[str, Any]]:

@@ -8,8 +8,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from tdfscal.catalogue import told
 from tdfscal.errors import TdfscalError
 from tdfscal.files.output_places import PAGE_SUFFIXES, check_outputs
+from tdfscal.findings import Finding
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, FloatArray, InputFile
 from tdfscal.reporting.layout import Drawing, Report
@@ -50,12 +52,12 @@ class ValidateResult(Result):
     """Verdict of `validate`.
 
     validation : the test, with the residual contact wrench of every posture, or over the motion.
-    warnings : of the calibration, the log and the test. inputs : the logs.
+    findings : of the calibration, the log and the test. inputs : the logs.
     """
 
     validation: Validation | MovingValidation
     calibration: Calibration
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
     inputs: tuple[InputFile, ...]
     _asked: tuple[str, str]
 
@@ -75,17 +77,17 @@ class ValidateResult(Result):
         if drawings:
             created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
             origin = Origin(self.calibration, *self._asked, created, self.inputs)
-        return validation_report(self.validation, self.warnings, origin, drawings)
+        return validation_report(self.validation, self.findings, origin, drawings)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What concerns the calibration's use, said beside the verdict too."""
-        own = set(self.validation.warnings)
-        return tuple(text for text in self.warnings if text not in own)
+        own = self.validation.findings
+        return tuple(told(finding) for finding in self.findings if finding not in own)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""
-        return document(self.validation, self.warnings)
+        return document(self.validation, self.findings)
 
     def table(self) -> dict[str, FloatArray]:
         """One row per posture and component: residual before and after, its std; N, N·m, LCS.
@@ -153,10 +155,10 @@ def validate(
     log = LogPass(use.campaign, settings)
     with log.explaining():
         result = _tested(use, log, samples)
-    # The log's own warnings come with its dwells.
-    warnings = (*use.warnings, *_used_before(use, log, result), *result.warnings)
+    # What the log says of itself comes with its dwells.
+    found = (*use.findings, *_used_before(use, log, result), *result.findings)
     asked, inputs = (use.name, command), tuple(log.inputs)
-    verdict = ValidateResult(result, use.calibration, warnings, inputs, asked)
+    verdict = ValidateResult(result, use.calibration, found, inputs, asked)
     verdict.save_page(page, progress)
     return verdict
 
@@ -205,16 +207,14 @@ def _known_noise(use: InUse) -> KnownNoise:
     return KnownNoise(channels, fit.kurtosis, fit.postures, max(1.0, fit.birge), fit.dof)
 
 
-def _used_before(use: InUse, log: LogPass, tested: Validation | MovingValidation) -> list[str]:
-    """Warnings of logs that went into the calibration itself, where what is tested did."""
+def _used_before(use: InUse, log: LogPass, tested: Validation | MovingValidation) -> list[Finding]:
+    """Name the logs that went into the calibration itself, where what is tested did."""
     used = {entry.sha256 for entry in use.calibration.inputs}
     known, new = _times_used(use.calibration), _times_tested(tested)
     if known is not None and not np.any((new[:, :1] <= known[:, 1]) & (known[:, 0] <= new[:, 1:])):
         return []
     return [
-        f"{entry.path} went into this calibration: what it shows is no proof"
-        for entry in log.inputs
-        if entry.sha256 in used
+        Finding("log-used-before", (entry.path,)) for entry in log.inputs if entry.sha256 in used
     ]
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tdfscal.catalogue import documents
+from tdfscal.findings import Finding, Value
 from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.workflows.calibration_in_use import InUse
@@ -115,28 +117,29 @@ def metadata(
     }
 
 
-def left_out(tally: Tally, use: InUse) -> list[str]:
-    """Warnings of what is left out, and of what stays unknown."""
-    notes = []
+def left_out(tally: Tally, use: InUse) -> list[Finding]:
+    """Name what is left out, and what stays unknown."""
+    found = []
     if tally.uncovered:
-        notes.append(
-            f"{tally.uncovered} force samples lie where another stream has a gap, has not begun "
-            "or has ended; they are left out"
-        )
+        found.append(Finding("samples-uncovered", size=tally.uncovered))
     if tally.unreadable:
-        notes.append(f"{tally.unreadable} samples hold no number and are left out")
+        found.append(Finding("samples-unreadable", size=tally.unreadable))
     if not use.given.rig.axes.all():
-        notes.append(observable_text(use.given))
+        values: dict[str, Value] = {"components": observable_text(use.given)}
+        found.append(Finding("wrench-in-part", values=values))
     if use.given.open.any():
-        notes.append(
-            "the calibration leaves zeros, mass or barycentre open: the uncertainty of the "
-            "components that they touch is unknown (empty)"
-        )
-    return notes
+        found.append(Finding("calibration-open"))
+    return found
 
 
 def summary_of(
-    use: InUse, output: Path | None, tally: Tally, totals: Totals, notes: list[str], *, moving: bool
+    use: InUse,
+    output: Path | None,
+    tally: Tally,
+    totals: Totals,
+    notes: Sequence[Finding],
+    *,
+    moving: bool,
 ) -> dict[str, Any]:
     """Return the document of the command, SI units; rms of each component over the rows."""
     roots = {
@@ -156,5 +159,5 @@ def summary_of(
         "left_out": {"uncovered": tally.uncovered, "unreadable": tally.unreadable},
         **roots,
         "largest": {"force": float(totals.largest[0]), "torque": float(totals.largest[1])},
-        "warnings": [*use.warnings, *notes],
+        "findings": documents([*use.findings, *notes]),
     }

@@ -12,6 +12,7 @@ from tdfscal.acceptance.conformity import Conformity, assess, coverage_radius, w
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.significance import EXPANDED_COVERAGE
 from tdfscal.wrench.contact_wrench import wrenches
+from tests.words import in_words
 from tests.wrench.held_out import RIG, world
 
 GIVEN = world(1).given[0]
@@ -51,8 +52,8 @@ def test_guard_band() -> None:
     assert limited(GIVEN, 1.0001 * U).conforms
     tight = limited(GIVEN, 0.9999 * U)
     assert not tight.conforms
-    assert len(tight.reasons) == 1
-    assert "contact force" in tight.reasons[0]
+    assert len(tight.findings) == 1
+    assert "contact force" in in_words(tight.findings)[0]
     assert tight.force.exceeding == pytest.approx(1 - EXPANDED_COVERAGE, rel=0.01)
 
 

@@ -51,7 +51,7 @@ def test_covariance_is_that_of_turned_thirds_of_the_weight() -> None:
     # Two equal horizontal directions and none upright: χ² with two degrees of freedom.
     assert found.force.expanded == pytest.approx(std[0] * np.sqrt(-2 * np.log(0.0455)), rel=1e-4)
     assert found.conforms
-    assert found.reasons == ()
+    assert found.findings == ()
 
 
 def limited(of: Calibrated, force: float | None = None, torque: float | None = None) -> Conformity:
@@ -66,9 +66,9 @@ def test_one_quantity_above_its_limit_is_one_reason() -> None:
     assert found.force.limit == np.inf
     assert found.torque.limit == 0.99 * U
     assert not found.conforms
-    assert len(found.reasons) == 1
+    assert len(found.findings) == 1
     assert not limited(given(), force=1e-3).conforms
-    assert len(limited(given(), force=1e-3, torque=1e-3).reasons) == 2
+    assert len(limited(given(), force=1e-3, torque=1e-3).findings) == 2
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from tdfscal import simulation
 from tdfscal.acceptance.conformity import assess
 from tdfscal.acceptance.gate import judge
+from tdfscal.findings import Finding
 from tdfscal.model.calibrated import independent
 from tdfscal.numerics import so3
 from tdfscal.records import (
@@ -43,9 +44,9 @@ def test_each_turn_above_its_limit_is_a_reason_with_its_support() -> None:
     std = np.full((3, 3), 1e-3)
     std[0, 2] = std[2, 1] = 2.1e-3
     first, second = judge(RIG, rotations(std), 1.0)
-    assert f"yaw of {RIG.supports[0]} has" in first
-    assert "2.1 mrad" in first
-    assert f"pitch of {RIG.supports[2]} has" in second
+    assert (first.values["angle"], first.subject) == ("yaw", RIG.supports[:1])
+    assert first.size == pytest.approx(2.1e-3)
+    assert (second.values["angle"], second.subject) == ("pitch", RIG.supports[2:])
 
 
 def test_an_unknown_uncertainty_is_above_every_limit() -> None:
@@ -107,14 +108,15 @@ def test_all_reasons_stand_in_their_order() -> None:
         2.0,
         used=1,
         rejected=1,
-        suspicions=("slip", "drift"),
+        suspicions=(Finding("sensor-slipped"), Finding("zero-drift")),
         conformity=tight,
     )
     assert len(found) == 6
-    assert found[3:5] == ("slip", "drift")
-    assert found[5:] == tight.reasons
-    assert judge(RIG, FINE, 1.0, suspicions=("slip",)) == ("slip",)
-    assert judge(RIG, FINE, 1.0, conformity=tight) == tight.reasons
+    assert [each.code for each in found[3:5]] == ["sensor-slipped", "zero-drift"]
+    assert found[5:] == tight.findings
+    assert judge(RIG, FINE, 1.0, suspicions=found[3:4]) == found[3:4]
+    assert all(each.rejects for each in found)
+    assert judge(RIG, FINE, 1.0, conformity=tight) == tight.findings
     assert judge(RIG, FINE, 1.0, conformity=loose) == ()
 
 
@@ -124,4 +126,4 @@ def test_turned_sensors_are_judged_about_the_axes_of_the_base() -> None:
     std[0, 0] = 3e-3
     turned = replace(rotations(std), rotation=so3.from_rpy(np.diag([0, 0, np.pi / 2])[::-1]))
     (reason,) = judge(RIG, turned, 1.0)
-    assert f"turn about X of {RIG.supports[0]}" in reason
+    assert (reason.values["angle"], reason.subject) == ("turn about X", RIG.supports[:1])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tdfscal.acceptance.turns import locked_warnings, prior_turn_std, turn_names, turn_std
+from tdfscal.acceptance.turns import locked_sensors, prior_turn_std, turn_names, turn_std
 from tdfscal.records import FloatArray
 
 
@@ -72,8 +72,8 @@ def test_a_turn_has_the_name_of_the_angle_that_turns_about_its_axis(
 def test_only_sensors_pitched_by_a_right_angle_are_warned_of() -> None:
     pitch = np.radians([0.0, 88.0, 89.5, -90.0])
     rotation = matrix(np.stack([0 * pitch, pitch, 0 * pitch], axis=1))
-    found = locked_warnings(["a", "b", "c", "d"], rotation)
+    found = locked_sensors(["a", "b", "c", "d"], rotation)
     assert len(found) == 2
-    assert found[0].startswith("c is pitched by 90°")
-    assert found[1].startswith("d is pitched by -90°")
-    assert locked_warnings(["a"], rotation[:1]) == []
+    assert [each.subject for each in found] == [("c",), ("d",)]
+    assert [each.size for each in found] == pytest.approx(pitch[2:])
+    assert locked_sensors(["a"], rotation[:1]) == []

@@ -17,6 +17,7 @@ from tdfscal.model.parameters import layout
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.wrench.resampling import Samples
+from tests.words import in_words
 
 N = 60
 X = so3.exp(np.array([[0.02, 0.01, -0.03], [0.0, -0.02, 0.04], [-0.01, 0.03, 0.02]]))
@@ -64,7 +65,7 @@ def judge(seen: Samples, given: Calibrated = GIVEN) -> list[str]:
     inspection = Inspection(given)
     for piece in inspection.watch([seen.rows(slice(0, 20)), seen.rows(slice(20, None))]):
         assert piece.time.size
-    return inspection.finish()
+    return list(in_words(inspection.finish()))
 
 
 def refused(seen: Samples, given: Calibrated = GIVEN) -> DataError:

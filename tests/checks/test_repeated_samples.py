@@ -13,6 +13,7 @@ from tdfscal.dwells import find_dwells
 from tdfscal.records import FloatArray, Log, Series
 from tdfscal.simulation import make_rig
 from tests.dwells.rig_log import Recipe, record
+from tests.words import in_words
 
 RIG = make_rig()
 SHIFT = 0.37  # s, of a copy's clock beyond the end of the first
@@ -65,7 +66,7 @@ def test_copies_in_one_log_leave_the_dwells_of_the_first(copies: int, rate: floa
     dwells = counted_once(find_dwells(pieces), looking.found())
     assert len(dwells) == len(find_dwells(once)) == 8
     assert dwells.end[-1] <= once.force[0].time[-1]
-    assert len(dwells.warnings) == 1
+    assert len(in_words(dwells.findings)) == 1
     assert len(dwells.left_out) >= 8 * copies
 
 
@@ -99,7 +100,7 @@ def test_a_stale_sensor_alone_is_named() -> None:
     looking = RepeatedSamples(RIG)
     looking.add(stale)
     dwells = counted_once(find_dwells(stale), looking.found())
-    lost = [piece for piece in dwells.left_out if log.supports[1] in piece.reason]
+    lost = [piece for piece in dwells.left_out if log.supports[1] in piece.reason.subject]
     assert len(lost) == 2
 
 

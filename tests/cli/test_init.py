@@ -25,6 +25,7 @@ from tdfscal.errors import DataError, TdfscalError
 from tdfscal.files.rig.draft import unconfirmed
 from tests.cli.running import run
 from tests.files.logs.log_making import STORE, definition, point_stamped, wrench_stamped
+from tests.words import in_words
 
 BEGIN = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
@@ -310,10 +311,10 @@ def test_what_is_to_be_confirmed_is_said(
     assert draft.confirm == unconfirmed(text)
     assert any(key.startswith("supports.ncp2.hinge ") for key in draft.confirm)
     result = tdfscal.calibrate(log, rig=rig, trials=0)
-    assert any(f"{len(draft.confirm)} lines" in warning for warning in result.warnings)
+    assert any(f"{len(draft.confirm)} lines" in warning for warning in in_words(result.findings))
     rig.write_text(text.replace("# confirm", "# confirmed"))
     result = tdfscal.calibrate(log, rig=rig, trials=0)
-    assert not any("to be confirmed" in warning for warning in result.warnings)
+    assert not any("to be confirmed" in warning for warning in in_words(result.findings))
 
 
 def test_a_newcomer_needs_two_commands(

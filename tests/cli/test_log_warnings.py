@@ -14,6 +14,7 @@ import yaml
 from pyarrow import csv
 
 from tdfscal.errors import DataError, NotIdentifiableError
+from tdfscal.findings import Finding
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tests.cli.running import SAMPLES, run
@@ -81,14 +82,16 @@ def test_a_failure_says_what_the_log_warned_of(
 
 
 def test_clocks_come_first_and_long_lists_are_cut() -> None:
-    messages = ["a gap", "b gap", "the header times of /f are +100 s off the recorder's", "c gap"]
+    gaps = [Finding("campaign-remark", (name,), values={"said": "gap"}) for name in "abc"]
+    clock = Finding("header-clock-off", ("/f",), 100.0, "s", values={"file": "log"})
+    messages = [*gaps[:2], clock, gaps[2]]
     campaign = resolve([SAMPLES / "parquet"])
-    passing = LogPass(campaign, Settings(), messages=dict.fromkeys(messages))
+    passing = LogPass(campaign, Settings(), messages=messages)
     with (
         pytest.raises(
             NotIdentifiableError,
-            match=r"^what\. Look first at the log: the header .*; "
-            r"a gap; b gap; and 1 more\. Do it\.$",
+            match=r"^what\. Look first at the log: log: the header .*; "
+            r"a: gap; b: gap; and 1 more\. Do it\.$",
         ),
         passing.explaining(),
     ):

@@ -16,6 +16,7 @@ import pytest
 import tdfscal
 from tdfscal.errors import UsageError
 from tests.cli.running import SAMPLES, run
+from tests.words import in_words
 
 EPOCH = datetime(2026, 11, 21, 9, 30, tzinfo=UTC).timestamp()
 
@@ -112,7 +113,7 @@ def test_every_command_takes_it(
 
 
 def test_the_result_says_so(campaign: Path) -> None:
-    warnings = tdfscal.calibrate(campaign, trials=0, from_="+5").warnings
+    warnings = in_words(tdfscal.calibrate(campaign, trials=0, from_="+5").findings)
     assert "the log is used from +5 s only" in warnings
 
 

@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 
 from tdfscal.dwells import DwellOptions, find_dwells, no_dwell
 from tdfscal.records import Absence, FloatArray, Log, Series
+from tests.words import in_words
 
 from .rig_log import Recipe, record
 
@@ -107,7 +108,7 @@ def test_zeros_in_place_of_readings_are_named_whether_dwells_are_found_or_not(
         return np.where(rng.random(len(series.time))[:, None] < share, 0.0, series.value)
 
     dwells = find_dwells(changed(record(Recipe()).log, quantity, dropped))
-    said = " ".join(dwells.warnings) + (dwells.absence.seen if dwells.absence else "")
+    said = " ".join(in_words(dwells.findings)) + (dwells.absence.seen if dwells.absence else "")
     assert f"the {quantity} of ncp" in said
     assert "0, 0, 0" in said
 
@@ -120,7 +121,7 @@ def test_a_signal_that_rests_at_zero_is_no_mistake() -> None:
 
     dwells = find_dwells(changed(record(Recipe()).log, "position", homed))
     assert len(dwells) == 8
-    assert not dwells.warnings
+    assert not in_words(dwells.findings)
 
 
 def test_a_log_in_motion_is_called_so() -> None:

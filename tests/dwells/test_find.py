@@ -9,7 +9,9 @@ import pytest
 
 from tdfscal.dwells import DwellOptions, find_dwells
 from tdfscal.errors import DataError, UsageError
+from tdfscal.findings import Finding
 from tdfscal.records import Dwells, Log, Series
+from tests.words import in_words
 
 from .rig_log import Recipe, Recorded, record
 from .test_bins import cut
@@ -148,7 +150,7 @@ def test_what_never_settles_is_left_out_with_the_reason(tau: float, stop: float,
     dwells = find_dwells(record(recipe).log)
     assert len(dwells) == 0
     assert len(dwells.left_out) == 8
-    assert all("never settled" in out.reason for out in dwells.left_out)
+    assert all("never settled" in in_words([out.reason])[0] for out in dwells.left_out)
 
 
 def test_a_stop_too_short_is_named() -> None:
@@ -156,7 +158,7 @@ def test_a_stop_too_short_is_named() -> None:
     dwells = find_dwells(recorded.log)
     assert len(dwells) == 3
     (out,) = dwells.left_out
-    assert "too short" in out.reason
+    assert "too short" in in_words([out.reason])[0]
     assert recorded.stops[1, 0] - 0.1 < out.start < out.end < recorded.stops[1, 1] + 0.1
 
 
@@ -188,7 +190,7 @@ def test_a_jolt_is_cut_out_of_its_dwell(length: float) -> None:
     dwells = find_dwells(recorded.log)
     assert len(dwells) == 6
     (out,) = dwells.left_out
-    assert "jolt" in out.reason
+    assert "jolt" in in_words([out.reason])[0]
     assert out.start <= at < at + length - 1 / 200 <= out.end
     assert out.end - out.start < length + 0.3
     error = (dwells.force - recorded.force)[3]
@@ -240,7 +242,7 @@ def test_wrong_positions_part_no_stop(wrong: float) -> None:
     value[np.random.default_rng(1).random(len(value)) < wrong] = 0.0
     dwells = find_dwells(replace(log, position=(Series(series.time, value), *log.position[1:])))
     assert list(stop_of(recorded, dwells)) == list(range(len(STOPS)))
-    assert any("leave their level and return" in warning for warning in dwells.warnings)
+    assert any("leave their level and return" in warning for warning in in_words(dwells.findings))
     se = np.sqrt(np.diagonal(dwells.force_cov, axis1=2, axis2=3))
     assert np.abs((dwells.force - recorded.force) / se).max() < 4.5
 
@@ -296,7 +298,7 @@ def test_options_override_what_is_derived() -> None:
     recorded = record(Recipe(stops=(1.0, 4.0, 1.0, 4.0)))
     long = find_dwells(recorded.log, DwellOptions(min_duration=2.0))
     assert len(long) == 2
-    assert [("too short" in out.reason) for out in long.left_out] == [True, True]
+    assert [("too short" in in_words([out.reason])[0]) for out in long.left_out] == [True, True]
     late = find_dwells(recorded.log, DwellOptions(settle_time=0.5))
     assert np.all(late.start >= recorded.stops[:, 0] + 0.4)
     blind = find_dwells(
@@ -324,9 +326,9 @@ def test_rows_that_are_postures_pass_as_they_are() -> None:
         position=tuple(Series(time, p) for p in position),
         force=tuple(Series(time, f) for f in force),
         rows="postures",
-        warnings=("said by the reader",),
+        findings=(Finding("log-truncated"),),
     )
-    dwells = find_dwells([log, replace(log, position=later, warnings=())])
+    dwells = find_dwells([log, replace(log, position=later, findings=())])
     assert len(dwells) == 10
     np.testing.assert_array_equal(dwells.force[:5], force.transpose(1, 0, 2))
     np.testing.assert_array_equal(dwells.position[:5], position.transpose(1, 0, 2))
@@ -334,7 +336,7 @@ def test_rows_that_are_postures_pass_as_they_are() -> None:
     assert not dwells.force_cov.any()
     assert not dwells.position_cov.any()
     assert np.all(dwells.count == 1)
-    assert dwells.warnings == ("said by the reader",)
+    assert dwells.findings == log.findings
     short = replace(log, force=(Series(time[:4], force[0][:4]), *log.force[1:]))
     with pytest.raises(DataError, match="different numbers of postures"):
         find_dwells(short)

@@ -8,6 +8,7 @@ import pytest
 from tdfscal.dwells import find_dwells
 from tdfscal.records import IntArray, Log, Series
 from tdfscal.simulation import Options, reference_rig, simulate_dwells
+from tests.words import in_words
 
 
 def postures(count: int = 12, seed: int = 0) -> Log:
@@ -44,8 +45,8 @@ def test_a_second_export_counts_once(
     once = find_dwells(log)
     assert np.array_equal(dwells.force, once.force)
     assert np.array_equal(dwells.start, once.start)
-    assert len(dwells.warnings) == 1
-    assert f"{len(order)} of {12 + len(order)}" in dwells.warnings[0]
+    assert len(in_words(dwells.findings)) == 1
+    assert f"{len(order)} of {12 + len(order)}" in in_words(dwells.findings)[0]
 
 
 def test_doubled_rows_of_one_file_count_once() -> None:
@@ -53,7 +54,7 @@ def test_doubled_rows_of_one_file_count_once() -> None:
     doubled = changed(log, None, None, np.repeat(np.arange(12), 2))
     dwells = find_dwells(doubled)
     assert np.array_equal(dwells.force, find_dwells(log).force)
-    assert dwells.warnings
+    assert in_words(dwells.findings)
 
 
 def test_postures_visited_again_are_no_copies() -> None:
@@ -69,4 +70,4 @@ def test_postures_visited_again_are_no_copies() -> None:
     rows = np.arange(12)
     dwells = find_dwells([changed(log, 6, 3, rows), changed(again, 6, 3, rows)])
     assert len(dwells) == 24
-    assert not dwells.warnings
+    assert not in_words(dwells.findings)

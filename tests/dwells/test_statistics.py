@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from tdfscal.dwells import find_dwells
 from tdfscal.dwells.slow_noise import SlowNoise, slow_noise
 from tdfscal.records import Dwells
+from tests.words import in_words
 
 from .rig_log import Recipe, Recorded, record
 
@@ -135,11 +136,11 @@ def test_drift_is_flagged_with_its_time_and_does_not_widen_the_noise() -> None:
     recipe = Recipe(rate=200, drift=0.5, stops=(4.0,) * 12, seed=2)
     dwells = find_dwells(record(recipe).log)
     assert len(dwells) == 12
-    assert any(f"{dwells.start[3]:.2f}" in w and "drifts" in w for w in dwells.warnings)
+    assert any(f"{dwells.start[3]:.2f}" in w and "drifts" in w for w in in_words(dwells.findings))
     ratio = force_variance(dwells) * dwells.count[:, :, None]
     assert np.all(np.abs(ratio - 1) < 5 * np.sqrt(2 / 40))
     quiet = find_dwells(record(Recipe(rate=200, stops=(4.0,) * 12, seed=2)).log)
-    assert not quiet.warnings
+    assert not in_words(quiet.findings)
 
 
 @pytest.mark.parametrize("tau", [0.2, 1.0])

@@ -24,6 +24,7 @@ from tdfscal.files.rig.draft import draft
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.files.writers.plan import plan_csv
 from tdfscal.files.writers.wrenches import recording
+from tdfscal.findings import Finding
 from tdfscal.planning import Plan, Request, make_plan
 from tdfscal.reporting.text import render
 from tdfscal.simulation import Recorder, reference_rig
@@ -77,11 +78,11 @@ def test_monitor_pages_and_documents(
         monitored,
         rig=replace(monitored.rig, name=f"rig {line}"),
         life=replace(monitored.life, names=names),
-        warnings=(f"warning {line}",),
+        findings=(Finding("campaign-noisy", (f"warning {line}",), 2.0),),
     )
     document = json.loads(json.dumps(result.to_dict(), ensure_ascii=False, allow_nan=False))
     assert document["rig"] == f"rig {line}"
-    assert document["warnings"] == [f"warning {line}"]
+    assert document["findings"][0]["subject"] == [f"warning {line}"]
     assert [check["name"] for check in document["checks"]] == list(names)
     words = " ".join(read(result.html).words)
     no_controls(words)

@@ -16,6 +16,7 @@ from tdfscal.records import BoolArray, FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation.moving_campaign import MovingCampaign
 from tdfscal.simulation.moving_options import MovingOptions, Touch
 from tests.motioncal.campaigns import played, turn_error
+from tests.words import in_words
 
 #: A rig file that states no delay, and no inertia.
 NOTHING = UncertainValue(np.array(0.0), np.array(np.inf))
@@ -68,10 +69,10 @@ def test_a_clock_that_jumps_ahead_is_told_from_a_pause() -> None:
     paused = seen(lambda time: (time < 30.0) | (time >= 35.0), 0.0)
     for result, word in ((jumped, "clock of all streams jumped"), (paused, "recording paused")):
         assert within(campaign, result)
-        (named,) = [text for text in result.warnings if "no stream has a sample" in text]
+        (named,) = [text for text in in_words(result.findings) if "no stream has a sample" in text]
         assert word in named
         assert "from 29.9" in named or "from 30.0" in named
-    assert not any("no stream" in text for text in calibrated(MINUTE)[1].warnings)
+    assert not any("no stream" in text for text in in_words(calibrated(MINUTE)[1].findings))
 
 
 def test_held_out_stretches_and_halves_agree_with_the_noise() -> None:
@@ -116,6 +117,6 @@ def test_a_dead_axis_and_a_frozen_position_are_named() -> None:
     position[600:700, 1] = position[600, 1]
     result = calibrate_moving(campaign.rig, replace(slow, position=position), NOTHING)
     (stretch,) = result.rejected
-    assert "position of ncp2 is frozen" in stretch.reason
+    assert "position of ncp2 is frozen" in in_words([stretch.reason])[0]
     assert (stretch.begin, stretch.end) == pytest.approx((slow.time[600], slow.time[699]), abs=0.2)
     assert within(campaign, result)

@@ -17,6 +17,7 @@ from tdfscal.records import Drift, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.simulation.moving_options import MovingOptions
 from tests.motioncal.campaigns import DELAY, played, turn_error
+from tests.words import in_words
 
 MINUTE = MovingOptions(rate=100.0, noise=1.1, slow_noise=0.3, stiffness=(2e8, 2e8, 2e8))
 
@@ -67,7 +68,7 @@ def test_an_uncertain_suspicion_stands_in_the_uncertainty() -> None:
     assert np.mean(np.abs(error) < 1.96 * silent) < 0.8
     assert np.all(np.abs(error) < 1.96 * np.sqrt(np.diagonal(turns.covariance)))
     assert turns.contributions[UNDECLARED].max() > 0.5 * turns.rpy_std.max() ** 2
-    assert any("uncertainty holds" in warning for warning in result.warnings)
+    assert any("uncertainty holds" in warning for warning in in_words(result.findings))
     assert result.monte_carlo is not None
     assert result.monte_carlo.std == pytest.approx(turns.rpy_std, rel=0.1)
 
@@ -114,4 +115,4 @@ def test_a_wrong_geometry_is_named_before_its_echoes(change: str) -> None:
     found = calibrate_moving(rig, replace(slow, position=position), DELAY)
     first = found.suspicions[0]
     assert (first.kind, first.support) == (change, 0)
-    assert any("distances between hinges" in reason for reason in found.reasons)
+    assert any("distances between hinges" in reason for reason in in_words(found.reasons))

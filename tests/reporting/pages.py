@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tdfscal.files.calibration.document import Calibration
+from tdfscal.findings import Finding
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.figures import drawings, residuals
 from tdfscal.reporting.figures.history import drift
@@ -23,5 +24,5 @@ def render_several(named: Sequence[tuple[str, Calibration]]) -> str:
     return render(several_report(view, (drift(view.history, view.letters, view.days),)))
 
 
-def render_validation(v: Validation, warnings: Sequence[str], origin: Origin) -> str:
-    return render(validation_report(v, warnings, origin, (residuals.validated(v),)))
+def render_validation(v: Validation, findings: Sequence[Finding], origin: Origin) -> str:
+    return render(validation_report(v, findings, origin, (residuals.validated(v),)))

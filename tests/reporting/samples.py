@@ -115,8 +115,8 @@ def surveyed() -> tuple[Calibration, Calibration]:
     )
     both = combine(own, tracker.rotations)
     return (
-        from_tracker(tracker, origin, (), ()),
-        from_joint(both, base.result, tracker, origin, (), ()),
+        from_tracker(tracker, origin, ()),
+        from_joint(both, base.result, tracker, origin, ()),
     )
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.files.writers.campaign import write_campaign
+from tdfscal.findings import Finding
 from tdfscal.motioncal.blocks import Stretch
 from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.motioncal.streams import Slow
@@ -127,7 +128,7 @@ def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
     slow = Slow(
         still.rig.supports, time, force, force, 0.05, 100.0, np.zeros(len(time), dtype=np.bool_)
     )
-    touched = (Stretch(4.0, 6.0, "contact"),)
+    touched = (Stretch(4.0, 6.0, Finding("stretch-over-capacity")),)
     seen = UndeterminedMotion(
         still.rig, slow, (time < 4) | (time > 6), touched, still.quality, still.observability
     )

@@ -14,6 +14,7 @@ from tdfscal.records import Rig, UncertainValue
 from tdfscal.simulation import Contact, Crosstalk, DeadAxis, Drift, Faults, Gain, Jolt, Options
 from tdfscal.simulation.faults import Walk
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study
+from tests.words import in_words
 
 RIG = simulation.reference_rig()
 SMALL = (0.004, 0.004, 0.004)
@@ -28,7 +29,7 @@ def test_touched_postures_are_rejected_by_name_and_no_other(touched: tuple[int, 
     contacts = tuple(Contact(k, (3.0, -4.0, 6.0), (1.0, 0.5, -0.5)) for k in touched)
     for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=2, trials=5).results:
         assert tuple(sorted(result.rejected)) == touched
-        assert all("contact" in reason for reason in result.rejected.values())
+        assert all("contact" in reason for reason in in_words(result.rejected.values()))
         assert not result.reasons
 
 
@@ -37,13 +38,19 @@ def test_more_than_a_tenth_rejected_is_a_failure() -> None:
     contacts = tuple(Contact(k, (30.0, -40.0, 60.0)) for k in (2, 8, 13, 19))
     for result in study(RIG, with_faults(Faults(contacts=contacts)), seed=3, trials=1).results:
         assert len(result.rejected) == 4
-        assert any("4 of 24 postures" in reason for reason in result.reasons)
+        assert any("4 of 24 postures" in reason for reason in in_words(result.reasons))
 
 
 def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[list[str]]:
     """What each of a few campaigns suspects, the surest first."""
     batch = simulation.simulate_dwells(real, options, np.random.default_rng(seed), 5)
-    return [[s.what for s in calibrated(batch, stated, i).suspicions] for i in range(5)]
+    return [
+        [
+            " ".join(in_words(s.findings(rejects=False)))
+            for s in calibrated(batch, stated, i).suspicions
+        ]
+        for i in range(5)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -79,7 +86,7 @@ def test_zeros_that_leave_where_they_were_tared_spoil_the_angles() -> None:
     """Drift weighs as unequal noise of the channels, and pulls at zeros stated where it begins."""
     drifts = (Drift(0, (10.0, -6.0, 15.0)), Drift(1, (-5.0, 8.0, 10.0)))
     found = study(RIG, with_faults(Faults(drifts=drifts)), seed=5, trials=2).results
-    assert all(any("drift" in reason for reason in r.reasons) for r in found)
+    assert all(any("drift" in reason for reason in in_words(r.reasons)) for r in found)
 
 
 @pytest.mark.slow
@@ -92,7 +99,9 @@ def test_a_walk_is_told_from_white_noise_with_its_size_and_cure() -> None:
         dwells = batch.dwells(i)
         first = result.suspicions[0]
         assert first.kind == "all walk"
-        said = re.search(r"`drift.walk: ([0-9.]+)`", first.advice)
+        said = re.search(
+            r"`drift.walk: ([0-9.]+)`", " ".join(in_words(first.findings(rejects=False)))
+        )
         assert said is not None
         hours = (dwells.end[-1] - dwells.start[0]) / 3600
         assert 0.6 < float(said[1]) / (3.0 / np.sqrt(hours)) < 1.5  # rounded up to one digit
@@ -131,7 +140,7 @@ def test_a_walks_likelihood_is_the_restricted_one_of_its_covariance() -> None:
     assert gain > 1.0
     tried = [cost(0.0) - cost(intensity**2) for intensity in np.geomspace(1e-3, 10.0, 400)]
     assert gain == pytest.approx(max(tried), abs=0.02)
-    said = re.search(r"`drift.walk: ([0-9.]+)`", first.advice)
+    said = re.search(r"`drift.walk: ([0-9.]+)`", " ".join(in_words(first.findings(rejects=False))))
     assert said is not None
     hours = float(said[1])
     best = 60 * np.geomspace(1e-3, 10.0, 400)[np.argmax(tried)]
@@ -165,7 +174,7 @@ def test_saturated_postures_are_named() -> None:
     )
     over = np.flatnonzero(np.abs(batch.dwells(0).force_max).max(axis=(1, 2)) >= 1.06 * share)
     assert set(over) <= set(result.rejected)
-    assert all("capacity" in result.rejected[int(k)] for k in over)
+    assert all("capacity" in in_words([result.rejected[int(k)]])[0] for k in over)
 
 
 def test_a_dead_axis_is_refused_by_name() -> None:
@@ -212,7 +221,7 @@ def test_averaged_postures_without_a_noise_take_it_from_the_residuals() -> None:
     for i in range(10):
         dwells = find_dwells(batch.log(i))
         result = self_calibrate(bare, dwells, rng=np.random.default_rng(0), max_trials=0)
-        assert "from the residuals" in result.warnings[0]
+        assert "from the residuals" in in_words(result.findings)[0]
         R = result.fit.state.rotation
         d = so3.log(batch.truth.rotation[i] @ np.swapaxes(R, 1, 2)).ravel()
         total += float(d @ np.linalg.solve(result.uncertainty.covariance, d))

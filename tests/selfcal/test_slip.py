@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
+from tdfscal.findings import Finding
 from tdfscal.records import Rig
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
@@ -26,8 +27,9 @@ def runs(faults: Faults, seed: int, trials: int, rig: Rig = RIG) -> list[SelfCal
     return [calibrated(batch, rig, i) for i in range(trials)]
 
 
-def turned(result: SelfCalibration) -> list[str]:
-    return [s.what for s in result.suspicions if "sensor of" in s.what and "turned" in s.what]
+def turned(result: SelfCalibration) -> list[Finding]:
+    causes = [cause for suspected in result.suspicions for cause in suspected.causes]
+    return [cause for cause in causes if cause.code == "sensor-slipped"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Verdicts:
 
 def slipped(turn: tuple[float, float, float], seed: int, trials: int, posture: int) -> Verdicts:
     results = runs(Faults(slips=(Slip(1, posture, turn),)), seed, trials)
-    named = sum(any("sensor of ncp2" in what for what in turned(r)) for r in results)
+    named = sum(any(each.subject == ("ncp2",) for each in turned(r)) for r in results)
     return Verdicts(named, sum(not r.reasons for r in results))
 
 
@@ -64,12 +66,11 @@ def test_nearly_every_slip_is_named(axis: int) -> None:
 
 def test_the_posture_and_the_turn_are_stated() -> None:
     (result,) = runs(Faults(slips=(Slip(0, 10, (0.0, 3e-3, 0.0)),)), seed=5, trials=1)
-    (what,) = turned(result)
-    numbers = what[what.index("(") + 1 : what.index(")")].split(", ")
-    stated = 1e-3 * np.array([float(number) for number in numbers])
+    (found,) = turned(result)
+    stated = np.array(found.values["amount"])
     assert np.abs(stated - [0.0, 3e-3, 0.0]).max() < 1e-3
     # Postures are counted from 1 in what users read, and from 0 in the simulator.
-    assert what.endswith("posture 11")
+    assert found.values["posture"] == 11
 
 
 @pytest.mark.slow
@@ -94,7 +95,8 @@ def test_other_faults_are_not_called_a_slip(faults: Faults) -> None:
 def test_a_zero_that_jumps_is_named_as_such() -> None:
     """A jump along the load; across it, a turn looks much alike."""
     for result in runs(Faults(zero_shifts=(ZeroShift(2, 12, (0.0, 0.0, 2.0)),)), seed=4, trials=2):
-        assert "the zero of ncp3 jumped" in result.suspicions[0].what
+        first = result.suspicions[0].causes[0]
+        assert (first.code, first.subject) == ("zero-jumped", ("ncp3",))
         assert not turned(result)
 
 
@@ -107,7 +109,7 @@ def test_postures_without_a_stated_noise_show_a_slip_too() -> None:
     dwells = batch.dwells(0)
     bare = replace(dwells, force_cov=np.zeros_like(dwells.force_cov))
     result = self_calibrate(rig, bare, rng=np.random.default_rng(0), max_trials=0)
-    assert any("sensor of ncp1" in what for what in turned(result))
+    assert any(each.subject == ("ncp1",) for each in turned(result))
     assert result.reasons
 
 

@@ -20,6 +20,7 @@ from tdfscal.selfcal.linear_method import (
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Faults, Gain, Options, Recorder
 from tests.selfcal.campaigns import SQUEEZED, calibrated, study, turns
+from tests.words import in_words
 
 #: A test fails by chance once in this many times the number of its checks.
 RARE = 1e-4
@@ -119,7 +120,9 @@ def test_one_noisy_sensor_is_named_and_weighted() -> None:
         stated = np.broadcast_to(std**2 * np.eye(3), dwells.force_cov.shape)
         dwells = replace(dwells, force=dwells.force + noise, force_cov=stated)
         result = self_calibrate(rig, dwells, rng=rng, max_trials=0)
-        said = next(text for text in result.warnings if "more noise than is stated" in text)
+        said = next(
+            text for text in in_words(result.findings) if "more noise than is stated" in text
+        )
         assert "ncp1" in said
         assert not result.reasons
         d = turns(batch.truth.rotation[i], result.fit.state.rotation)

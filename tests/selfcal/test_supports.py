@@ -27,6 +27,7 @@ from tdfscal.selfcal.observability import verdict
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.faults import Faults, Frame, Warming
+from tests.words import in_words
 
 OPTIONS = Options(internal=200.0, recorder=Recorder(mean_sd=0.1))
 
@@ -184,7 +185,7 @@ def test_a_turned_frame_is_named() -> None:
         doubts = misplaced(estimate(result))
         assert bool(doubts) is named
         if named:
-            assert "ncp2 is turned" in doubts[0].what
+            assert "ncp2 is turned" in " ".join(in_words(doubts[0].findings(rejects=False)))
 
 
 def test_declarations_that_contradict_the_log() -> None:
@@ -234,7 +235,7 @@ def test_a_parabola_is_estimated_where_the_residuals_ask_for_it() -> None:
         motion = found.fit.postures.motion
         assert motion is not None
         assert ("parabola" in motion.kind) is bent
-        assert any("parabola" in warning for warning in found.warnings) is bent
+        assert any("parabola" in warning for warning in in_words(found.findings)) is bent
 
 
 def test_the_linear_method_needs_every_component() -> None:

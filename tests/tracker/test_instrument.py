@@ -11,12 +11,14 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.trackercal import register
 from tdfscal.trackercal.best_fit import fit_one_by_one, moved_apart
 from tdfscal.trackercal.instrument import angle_covariance, observe, range_covariance
 from tdfscal.trackercal.judged_registration import Noise, fit_survey, point_noise
 from tdfscal.trackercal.point_matching import MatchedPoints
+from tests.words import in_words
 
 from .world import rotation, sight
 
@@ -172,19 +174,20 @@ def test_groups_that_moved_apart_are_said(stated: bool) -> None:
     """Stated noise is wide here, so that no point is an outlier."""
     noise = Noise({"x": isotropic(1e-3, 12)} if stated else {}, {})
 
-    def said(points: MatchedPoints) -> str | None:
+    def said(points: MatchedPoints) -> Finding | None:
         together = fit_survey(points, noise, common_shift=True, least=3, what="points")
         return moved_apart(points, noise, together)
 
     assert said(matched(5, groups=2)) is None
     note = said(shifted(3e-4))
     assert note is not None
-    assert "a translation of its own for each group (g0, g1)" in note
-    ratio = float(note.split(" fits ")[1].split()[0])
+    assert (note.values["model"], note.subject) == ("a translation", ("g0", "g1"))
+    ratio = note.values["ratio"]
+    assert isinstance(ratio, float)
     assert 5 < ratio < 30
     note = said(turned(1e-2))
     assert note is not None
-    assert note.startswith("a transform of its own")
+    assert note.values["model"] == "a transform"
 
 
 def test_groups_that_register_one_by_one() -> None:
@@ -283,9 +286,9 @@ def test_uncertainties_of_translation_and_angles_are_those_of_the_covariance() -
 
 def test_an_instrument_that_the_file_speaks_for_is_said() -> None:
     files = of_files(matched(13), 1e-5)
-    assert register(*files).warnings == ()
-    assert register(*of_files(matched(13)), instrument=TRACKER).warnings == ()
-    assert len(register(*files, instrument=TRACKER).warnings) == 1
+    assert in_words(register(*files).findings) == ()
+    assert register(*of_files(matched(13)), instrument=TRACKER).findings == ()
+    assert len(in_words(register(*files, instrument=TRACKER).findings)) == 1
 
 
 def four(shape: FloatArray, off: FloatArray) -> MatchedPoints:

@@ -38,7 +38,7 @@ class World:
 def part(dwells: Dwells, rows: FloatArray | np.typing.NDArray[np.int64]) -> Dwells:
     """Some of the dwells."""
     index = np.asarray(rows, dtype=np.int64)
-    whole = ("supports", "left_out", "warnings", "temperature", "absence", "force_range")
+    whole = ("supports", "left_out", "findings", "temperature", "absence", "force_range")
     names = [f.name for f in fields(Dwells) if f.name not in whole]
     return replace(dwells, **{name: getattr(dwells, name)[index] for name in names})
 

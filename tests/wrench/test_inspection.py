@@ -22,6 +22,7 @@ from tdfscal.workflows.calibrate import calibrate
 from tdfscal.wrench.contact_wrench import Wrenches
 from tdfscal.wrench.resampling import Samples
 from tests.cli.running import SAMPLES, Run, rows, run
+from tests.words import in_words
 
 from .held_out import HELD, USED, simulated, world
 
@@ -44,7 +45,7 @@ def inspect(seen: Samples, trial: int = 0, piece: int = 50) -> list[str]:
     inspection = Inspection(MANY.given[trial])
     cuts = [seen.rows(slice(a, a + piece)) for a in range(0, seen.time.size, piece)]
     assert list(inspection.watch(cuts)) == cuts
-    return inspection.finish()
+    return list(in_words(inspection.finish()))
 
 
 def read(seen: Samples, change: Callable[[FloatArray], FloatArray]) -> Samples:

@@ -16,6 +16,7 @@ from tdfscal.records import Dwells, UncertainValue
 from tdfscal.significance import DETECTION_POWER
 from tdfscal.simulation import Contact, Faults, ZeroShift
 from tdfscal.validation.residual_wrench import Validation, validate
+from tests.words import in_words
 
 from .held_out import HELD, RIG, USED, part, simulated, turned, world
 
@@ -200,7 +201,7 @@ def test_no_dwell_and_no_noise_are_refused() -> None:
         validate(world(TRIALS).given[0], silent, rig=quiet)
     v = validate(world(TRIALS).given[0], silent, rig=quiet, noise=0.2)
     assert v.holds
-    assert "residuals of the calibration" in v.warnings[0]
+    assert "residuals of the calibration" in in_words(v.findings)[0]
 
 
 def alone(given: Calibrated) -> Calibrated:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from tdfscal import __version__
-from tdfscal.acceptance.turns import locked_warnings, turn_std
-from tdfscal.errors import visible
+from tdfscal.acceptance.turns import locked_sensors, turn_std
+from tdfscal.catalogue import documents
+from tdfscal.files.calibration.consistency import status_of
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import HISTOGRAM_DEFINITION
 from tdfscal.files.calibration.parameters import turn_parameters
@@ -25,6 +26,7 @@ from tdfscal.files.calibration.parts import (
 )
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.findings import Finding
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.numerics.propagation import MonteCarlo
@@ -79,23 +81,22 @@ def assembled(
     angles: Angles,
     *,
     method: str,
-    reasons: Sequence[str],
-    warnings: Sequence[str],
+    findings: Sequence[Finding],
     budget: Mapping[str, FloatArray],
     exact: Sequence[ExactQuantity],
     zero: FloatArray,
     zero_std: FloatArray,
     sensitivity: FloatArray | None = None,
-    advice: Sequence[str] = (),
     **parts: Any,
 ) -> Calibration:
     """Return the file's model of a result; parts : its further keys."""
     rig = origin.rig.rig
     stand = np.repeat(angles.determined, 3)
     covariance = angles.covariance[np.ix_(stand, stand)]
+    found = documents((*findings, *locked_sensors(rig.supports, angles.rotation)))
     document = {
         "format": CALIBRATION_FORMAT,
-        "status": "rejected" if reasons else "accepted",
+        "status": status_of((f["code"], f["severity"]) for f in found),
         "method": method,
         "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "measured": measured_document(origin.measured),
@@ -116,9 +117,7 @@ def assembled(
         "budget": _budget(rig.supports, budget, angles.determined),
         "taken_as_exact": [_exact(rig.supports, angles, quantity) for quantity in exact],
         "monte_carlo": _trials(angles, origin.seed),
-        "quality": {"reasons": tuple(reasons), "advice": tuple(advice)},
-        # Names in files of others may hold control characters.
-        "warnings": (*map(visible, warnings), *locked_warnings(rig.supports, angles.rotation)),
+        "findings": found,
     }
     return Calibration.model_validate(document | parts)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,9 @@ from tdfscal.records import ANGLES, FloatArray
 if TYPE_CHECKING:
     from tdfscal.files.calibration.document import Calibration
 
+Status = Literal["accepted", "provisional", "rejected"]
+UNCONFIRMED = "draft-unconfirmed"
+"""Code of the finding that makes an accepted result provisional."""
 SAME = 1e-9
 """Two statements of one rotation agree within this, per matrix element."""
 SAME_STD = 1e-6
@@ -56,9 +59,17 @@ def check(c: Calibration) -> None:
         raise fault("was edited after the calibration", "rig", hint=ALTERED)
 
 
+def status_of(found: Iterable[tuple[str, str]]) -> Status:
+    """Return the verdict that follows from the codes and severities of all that was found."""
+    each = tuple(found)
+    if any(severity == "rejects" for _, severity in each):
+        return "rejected"
+    return "provisional" if any(code == UNCONFIRMED for code, _ in each) else "accepted"
+
+
 def _check_status(c: Calibration) -> None:
-    if (c.status == "accepted") == bool(c.quality.reasons):
-        raise fault(f"is `{c.status}` against `quality.reasons`", "status")
+    if c.status != status_of((f.code, f.severity) for f in c.findings):
+        raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)
     if c.method == "self" and c.estimator is None:
         raise fault("lacks `estimator`, which the method `self` has")
     if c.method == "tracker" and c.estimator is not None:

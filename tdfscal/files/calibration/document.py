@@ -13,7 +13,7 @@ from tdfscal.files.calibration import evidence_model as evidence
 from tdfscal.files.calibration import parts
 from tdfscal.files.calibration.consistency import ALTERED, check, from_directions
 from tdfscal.files.calibration.parameters import Parameters
-from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, Text, fault, key
+from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key
 from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.output_places import check_suffix
@@ -34,7 +34,10 @@ class Calibration(Strict):
     """
 
     format: Literal["tdfscal-calibration/1"] = key("name and version of this format")
-    status: Literal["accepted", "rejected"] = key("the quality gate's verdict")
+    status: Literal["accepted", "provisional", "rejected"] = key(
+        "the quality gate's verdict; provisional: accepted, but lines of a drafted rig file are "
+        "still to be confirmed"
+    )
     method: Literal["self", "tracker", "joint"] = key("self, tracker, or joint of both")
     estimator: Literal["ml", "linear"] | None = key(
         "of a self-calibration: ml, or the paper's linear method", None
@@ -98,8 +101,7 @@ class Calibration(Strict):
     history: tuple[parts.HistoryEntry, ...] = key(
         "the calibrations that an update stands on, oldest first", ()
     )
-    quality: parts.QualityResult = key("the quality gate's reasons", parts.QualityResult())
-    warnings: tuple[Text, ...] = key("what to know although the result may be good", ())
+    findings: tuple[parts.FindingResult, ...] = key("all that was found", ())
     content_sha256: Sha256 | None = key(
         "SHA-256 of all other keys, by which an edited file is refused", None, exclude=True
     )
@@ -116,6 +118,20 @@ class Calibration(Strict):
         return isinstance(other, Calibration) and self.model_dump() == other.model_dump()
 
     __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def accepted(self) -> bool:
+        """The quality gate accepts it, if provisionally; `reasons` says why not."""
+        return self.status != "rejected"
+
+    @property
+    def reasons(self) -> tuple[parts.FindingResult, ...]:
+        """The findings by which the quality gate rejects."""
+        return tuple(finding for finding in self.findings if finding.severity == "rejects")
+
+    def found(self, *codes: str) -> tuple[parts.FindingResult, ...]:
+        """Return the findings of these codes."""
+        return tuple(finding for finding in self.findings if finding.code in codes)
 
     @property
     def support_names(self) -> tuple[str, ...]:

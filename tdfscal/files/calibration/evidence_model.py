@@ -180,6 +180,7 @@ class LeftOutStretch(Strict):
 
     begin: Number = key("s in the log's time")
     end: Number = key("s in the log's time")
+    code: Text | None = key("of the finding about it", None)
     reason: Text = key("contact, a frozen channel, a sensor at its capacity")
 
 

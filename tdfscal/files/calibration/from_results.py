@@ -13,6 +13,7 @@ from tdfscal.files.calibration import statistics
 from tdfscal.files.calibration.assembled import Angles, Provenance, assembled
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import parameters_document
+from tdfscal.findings import Finding
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, layout, nominal, prior_std, symmetric
 from tdfscal.motioncal.pipeline import MotionCalibration
@@ -26,7 +27,7 @@ from tdfscal.trackercal import TrackerCalibration
 
 
 def from_self(
-    result: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[str] = ()
+    result: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[Finding] = ()
 ) -> Calibration:
     """Return the calibration file of a self-calibration, from postures or in motion."""
     if isinstance(result, MotionCalibration):
@@ -53,8 +54,7 @@ def from_self(
     return assembled(
         origin,
         angles,
-        reasons=result.reasons,
-        warnings=(*notes, *result.warnings),
+        findings=(*result.reasons, *notes, *_others(result.findings)),
         budget=found.contributions,
         exact=exact,
         **parts,
@@ -63,16 +63,18 @@ def from_self(
 
 
 def from_tracker(
-    result: TrackerCalibration, origin: Provenance, reasons: Sequence[str], notes: Sequence[str]
+    result: TrackerCalibration, origin: Provenance, notes: Sequence[Finding]
 ) -> Calibration:
-    """Return the calibration file of a laser-tracker calibration: zeros and load as stated."""
+    """Return the calibration file of a laser-tracker calibration: zeros and load as stated.
+
+    notes : findings beside its own.
+    """
     rig, at = origin.rig.rig, result.rotations
     return assembled(
         origin,
         Angles(at.rotation, at.covariance, np.ones(rig.n, dtype=np.bool_), result.monte_carlo),
         method="tracker",
-        reasons=reasons,
-        warnings=(*notes, *result.warnings),
+        findings=(*notes, *result.findings),
         budget=result.budget,
         exact=result.exact,
         tracker=statistics.tracker_statistics(result),
@@ -85,8 +87,7 @@ def from_joint(
     own: SelfCalibration,
     tracker: TrackerCalibration,
     origin: Provenance,
-    reasons: Sequence[str],
-    notes: Sequence[str],
+    findings: Sequence[Finding],
 ) -> Calibration:
     """Return the calibration file of both methods together.
 
@@ -113,8 +114,7 @@ def from_joint(
     return assembled(
         origin,
         Angles(R, C, determined),
-        reasons=reasons,
-        warnings=(*notes, *own.warnings, *tracker.warnings),
+        findings=findings,
         budget={
             "self-calibration": so3.rpy_variance(R, of_self @ C),
             "tracker": so3.rpy_variance(R, of_tracker @ C),
@@ -140,7 +140,6 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
     return {
         "method": "self",
         "estimator": "ml" if isinstance(result, MotionCalibration) else result.estimator,
-        "advice": _advice(result),
         "fit": statistics.fit(result, origin.campaigns),
         "observability": statistics.observability(result.observability),
         "validation": statistics.validation(result.validation),
@@ -164,17 +163,8 @@ def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
     }
 
 
-def _advice(result: SelfCalibration | MotionCalibration) -> tuple[str, ...]:
-    """Cures of what the residuals say, each once, that of the surest finding first."""
-    others = result.set_aside if isinstance(result, SelfCalibration) else ()
-    cures: dict[str, str] = {}
-    if isinstance(result, SelfCalibration) and result.gross is not None:
-        cures["gross noise"] = result.gross.advice
-    for doubt in (*result.suspicions, *others):
-        # One key of the rig file is one cure, whatever its size.
-        act, _, rest = doubt.advice.partition(": ")
-        cures.setdefault(act + rest.rpartition("`")[2], doubt.advice)
-    return tuple(cures.values())
+def _others(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    return tuple(finding for finding in findings if not finding.rejects)
 
 
 def _state(state: State, std: FloatArray, rig: Rig) -> dict[str, Any]:

@@ -229,6 +229,7 @@ class RejectedPosture(Strict):
     index: Count = key("number of the dwell, from 0")
     start: Number | None = key("s in the log's time", None)
     end: Number | None = key("s in the log's time", None)
+    code: Text | None = key("of the finding about it", None)
     reason: Text = key("in words")
 
 
@@ -423,11 +424,23 @@ class ConformityResult(Strict):
     torque: LimitedResult = key("N·m: length of the torque's error")
 
 
-class QualityResult(Strict):
-    """Why the gate rejects the result, and cures of what the residuals say, harmful or not."""
+class FindingResult(Strict):
+    """Something that was found; by its severity and code the status follows."""
 
-    reasons: Texts = key("why the gate rejects; empty where it accepts", ())
-    advice: Texts = key("cures of what the residuals say, the surest finding first", ())
+    code: Text = key("what it is; the catalogue lists all codes")
+    severity: Literal["refuses", "rejects", "warns", "notes"] = key("how grave it is")
+    subject: tuple[FreeText, ...] = key("supports, channels, files or lines that it is about", ())
+    size: Number | None = key("how much, in `unit`", None)
+    unit: FreeText | None = key("of the size", None)
+    p_value: Probability | None = key("probability that chance alone shows as much", None)
+    harm: NotNegative | None = key("rad: by how much it would move the worst angle", None)
+    text: Text = key("what was found, in words")
+    cure: FreeText | None = key("what to do about it, where something is", None)
+
+    @property
+    def told(self) -> str:
+        """What was found, and what to do about it."""
+        return f"{self.text}: {self.cure}" if self.cure else self.text
 
 
 def _finite(given: dict[str, Any]) -> dict[str, Any]:

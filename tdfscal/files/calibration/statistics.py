@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from tdfscal.acceptance.conformity import Conformity
+from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.evidence_model import POSTURES_DEFINITION
 from tdfscal.files.calibration.parts import measured_document
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
+from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.pose import register
@@ -70,10 +72,16 @@ def fit(
     return said
 
 
-def rejected(dwells: Dwells, reasons: Mapping[int, str]) -> list[dict[str, Any]]:
+def rejected(dwells: Dwells, reasons: Mapping[int, Finding]) -> list[dict[str, Any]]:
     """Postures left out, dwell index → reason, with their times."""
     return [
-        {"index": k, "start": dwells.start[k], "end": dwells.end[k], "reason": reason}
+        {
+            "index": k,
+            "start": dwells.start[k],
+            "end": dwells.end[k],
+            "code": reason.code,
+            "reason": sentence(reason),
+        }
         for k, reason in sorted(reasons.items())
     ]
 
@@ -167,7 +175,9 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
         "moment_after": _in_lcs(found, check.after[:, 3:]),
         "force_std": _std_in_lcs(found, check.cov[:, :3, :3]),
         "moment_std": _std_in_lcs(found, check.cov[:, 3:, 3:]),
-        "left_out": dwells.left_out,
+        "left_out": [
+            {"start": s.start, "end": s.end, "reason": sentence(s.reason)} for s in dwells.left_out
+        ],
     }
 
 
@@ -262,7 +272,15 @@ def motion(result: MotionCalibration) -> dict[str, Any]:
         "begin": result.begin,
         "seconds": result.seconds,
         "dwells": result.dwells,
-        "rejected": result.rejected,
+        "rejected": [
+            {
+                "begin": s.begin,
+                "end": s.end,
+                "code": s.reason.code,
+                "reason": sentence(s.reason),
+            }
+            for s in result.rejected
+        ],
         "delay": {"value": moving.delay, "std": std[DELAY]},
         "rate": {"value": moving.rate, "std": std[RATE]} if result.rate_told else None,
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},

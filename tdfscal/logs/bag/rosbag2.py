@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.yaml.reading import read_document
+from tdfscal.findings import Finding, Value
 from tdfscal.logs.common.damage import placed
 
 METADATA: Final = "metadata.yaml"
@@ -36,30 +37,33 @@ class Bag:
     unlisted: tuple[str, ...] = ()
     _found: dict[Path, Mapping[str, int]] = field(default_factory=dict)
 
-    def check(self, path: Path, found: Mapping[str, int]) -> tuple[list[str], list[str]]:
+    def check(self, path: Path, found: Mapping[str, int]) -> tuple[list[str], list[Finding]]:
         """Note the messages of a file that is read, by topic.
 
-        Returns contradictions and warnings between what is stated and what is there. Those of the
+        Returns contradictions and doubts between what is stated and what is there. Those of the
         topics and of the total come with the last file.
         """
         self._found[path] = found
         contradictions: list[str] = []
-        warnings: list[str] = []
+        doubts: list[Finding] = []
         there = sum(found.values())
         if (stated := self.stated.get(path, there)) != there:
             text = f"{there} messages are there where {METADATA} states {stated}"
             if self.topics is None:
                 contradictions.append(text)
             else:
-                warnings.append(f"{text}: the recorder has lost some")
+                values: dict[str, Value] = {"stated": stated, "metadata": METADATA}
+                doubts.append(Finding("messages-lost", size=there, values=values))
         if len(self._found) == len(set(self.files)):
             contradictions += self._in_all()
             if self.unlisted:
-                warnings.append(
-                    f"the folder also holds {_some(self.unlisted)}, which {METADATA} does not list "
-                    "and which is not read; `ros2 bag reindex` lists it"
+                doubts.append(
+                    Finding(
+                        "recordings-unlisted",
+                        values={"files": _some(self.unlisted), "metadata": METADATA},
+                    )
                 )
-        return contradictions, warnings
+        return contradictions, doubts
 
     def _in_all(self) -> list[str]:
         """Compare what is stated of all files with what is found, now that all are read."""

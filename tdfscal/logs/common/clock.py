@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rows
 
 MAX_STEP_BACK = 1.0
@@ -98,22 +99,27 @@ class Clock:
         self._note(kept, np.diff(kept, prepend=self._last))
         return keep
 
-    def finish(self) -> list[str]:
-        """Return the warnings at the file's end.
+    def finish(self) -> list[Finding]:
+        """Return what is to be said at the file's end.
 
         Raises DataError where more samples than MAX_DROPPED do not ascend.
         """
         dropped = self._duplicates + self._back
         if dropped > max(1.0, MAX_DROPPED * self.count):
             raise self._too_many()
-        said = [f"{self._found()}; they are left out"] if dropped else []
+        said = []
+        if dropped:
+            values: dict[str, Value] = {
+                "count": self.count,
+                "repeat": self._duplicates,
+                "back": self._back,
+                "worst": self._worst_back,
+            }
+            said.append(Finding("samples-not-ascending", (self.name,), dropped, values=values))
         if self.gaps:
             longest, at = self.longest
-            said.append(
-                f"{self.gaps} gap{'s' if self.gaps > 1 else ''} of more than {GAP:g} periods of "
-                f"{self.period:.2g} s in {self.name}, the longest of {longest:.3g} s at "
-                f"{shown(at)} s"
-            )
+            values = {"gaps": self.gaps, "periods": GAP, "period": self.period, "at": shown(at)}
+            said.append(Finding("stream-gaps", (self.name,), longest, "s", values=values))
         return said
 
     def _found(self) -> str:
@@ -197,7 +203,7 @@ class Clock:
         return int(self._intervals[middle + round(np.log10(GAP) * _BINS_PER_DECADE) + 1 :].sum())
 
 
-def apart(clocks: Sequence[Clock]) -> list[str]:
+def apart(clocks: Sequence[Clock]) -> list[Finding]:
     """Say which streams of one file begin long after, or end long before, the others.
 
     Long is more than MAX_APART and more than GAP of the stream's own periods: what a sensor's
@@ -211,14 +217,10 @@ def apart(clocks: Sequence[Clock]) -> list[str]:
     late = [(clock, first - earliest) for clock, first, _ in spans]
     early = [(clock, latest - last) for clock, _, last in spans]
     said = []
-    for distances, verb, way in ((late, "begin", "after"), (early, "end", "before")):
+    for distances, code in ((late, "streams-late"), (early, "streams-early")):
         found = {c.name: by for c, by in distances if by > max(MAX_APART, GAP * c.period)}
         if found:
-            does, most = (f"{verb}s", "") if len(found) == 1 else (verb, "up to ")
-            said.append(
-                f"{', '.join(found)} {does} {most}{max(found.values()):.3g} s {way} the others; "
-                "postures without all signals are not used"
-            )
+            said.append(Finding(code, tuple(found), max(found.values()), "s"))
     return said
 
 
@@ -246,15 +248,16 @@ class Skew:
         self._far += int(np.count_nonzero(away > MAX_SKEW))
         self.worst = max(self.worst, float(away.max()))
 
-    def warnings(self, topic: str) -> list[str]:
-        """Say where the two clocks part."""
+    def findings(self, topic: str) -> list[Finding]:
+        """Name where the two clocks part."""
         found = []
         if abs(self._usual) > MAX_CLOCK_OFFSET:
-            found.append(f"the header times of {topic} are {self._usual:+.3g} s off the recorder's")
+            found.append(Finding("header-clock-off", (topic,), self._usual, "s"))
         if self._far:
-            found.append(
-                f"of {self.count} messages of {topic}, {self._far} have a header time that "
-                f"departs by more than {MAX_SKEW:g} s from its usual offset to the recorder's, "
-                f"by {self.worst:.3g} s at most"
-            )
+            values: dict[str, Value] = {
+                "count": self.count,
+                "departing": self._far,
+                "limit": MAX_SKEW,
+            }
+            found.append(Finding("header-clock-departs", (topic,), self.worst, "s", values=values))
         return found

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tdfscal.findings import Finding, Value
 from tdfscal.logs.common.clock import shown
 from tdfscal.logs.common.request import Signal
 from tdfscal.records import BoolArray, FloatArray, IntArray
@@ -52,18 +53,20 @@ class LoneReadings:
         self.count += int(np.count_nonzero(~keep))
         return keep
 
-    def warnings(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         """Say how many there were, and where the first one."""
         if self._first is None:
             return []
         at, lone, before = self._first
-        unit = {"position": "m", "force": "N"}[self._signal.quantity]
-        many = "1 reading stands" if self.count == 1 else f"{self.count} readings stand"
-        return [
-            f"{many} alone in the {self._signal.quantity} of {self._signal.support} and left out, "
-            f"of {self._samples}: at {shown(at)} s {lone:.4g} {unit} follows {before:.4g} {unit}, "
-            "which then returns"
-        ]
+        values: dict[str, Value] = {
+            "signal": self._signal.quantity,
+            "samples": self._samples,
+            "at": shown(at),
+            "lone": lone,
+            "before": before,
+            "lone_unit": {"position": "m", "force": "N"}[self._signal.quantity],
+        }
+        return [Finding("readings-alone", (self._signal.support,), self.count, values=values)]
 
 
 def _usual(step: FloatArray) -> FloatArray:

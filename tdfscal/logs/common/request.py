@@ -12,6 +12,7 @@ import numpy as np
 
 from tdfscal.errors import DataError, RigError
 from tdfscal.files.yaml.scalars import shorten
+from tdfscal.findings import Finding
 from tdfscal.logs.common import units
 from tdfscal.logs.common.contents import Contents
 from tdfscal.records import BoolArray, FloatArray, IntArray, Integrity, LogMapping, Scale
@@ -109,7 +110,7 @@ class Outcome:
     """
 
     integrity: Integrity
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     contents: Contents | None = None
     cut_at: int | None = None
 

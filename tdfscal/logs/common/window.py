@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.logs.common.clock import shown
 from tdfscal.records import Log, Series
 
@@ -42,7 +43,7 @@ class TimeWindow:
         Raises DataError where no sample lies in it.
         """
         first, last, kept = np.inf, -np.inf, 0
-        said: tuple[str, ...] = (f"the log is used {self} only",)
+        said: tuple[Finding, ...] = (Finding("log-window", values={"window": str(self)}),)
         for piece in pieces:
             streams = (*piece.position, *piece.force)
             times = [series.time for series in streams if series.time.size]
@@ -55,7 +56,7 @@ class TimeWindow:
                 position=tuple(_between(s, low, high) for s in piece.position),
                 force=tuple(_between(s, low, high) for s in piece.force),
                 temperature=tuple(_between(s, low, high) for s in piece.temperature),
-                warnings=(*said, *piece.warnings),
+                findings=(*said, *piece.findings),
             )
             said = ()
             kept += sum(series.time.size for series in part.force)

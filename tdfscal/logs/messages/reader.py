@@ -10,6 +10,7 @@ from typing import Final
 from mcap.exceptions import McapError
 
 from tdfscal.errors import DataError
+from tdfscal.findings import Finding
 from tdfscal.logs.common.contents import Contents
 from tdfscal.logs.common.damage import damage
 from tdfscal.logs.common.request import Items, Outcome, Piece, Reached, Request, join, split
@@ -21,7 +22,7 @@ from tdfscal.records import Integrity
 _MAX_SAMPLES: Final = 1 << 16
 _ENOUGH: Final = 1 << 14
 _OPENING: Final = 1 << 20  # bytes
-Check = Callable[[Path, Mapping[str, int]], tuple[Sequence[str], Sequence[str]]]
+Check = Callable[[Path, Mapping[str, int]], tuple[Sequence[str], Sequence[Finding]]]
 """(file, messages by topic) → contradictions and doubts of what else states their counts."""
 
 
@@ -64,7 +65,7 @@ def read_recording(
     contradictions, doubts = check(path, topics.counts()) if check else ((), ())
     if contradictions and recording.cut_at is None:
         raise DataError(contradictions[0], hint="copy the recording again")
-    skewed = [w for topic, skew in topics.skews.items() for w in skew.warnings(topic)]
+    skewed = [f for topic, skew in topics.skews.items() for f in skew.findings(topic)]
     seen = look.contents() if look is not None else None
     whole = recording.checked and recording.cut_at is None
     integrity: Integrity = "verified" if whole else "unverified"

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from tdfscal.catalogue import sentence
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence_model import DwellTable, PostureTable
 from tdfscal.files.calibration.log_time import Clock, clock_from, log_clock
@@ -158,7 +159,7 @@ def moving(slow: Slow, rejected: Sequence[Stretch]) -> Drawing:
         axes = fig.subplots(3, 1, sharex=True)
         every = max(1, len(slow.time) // _INSTANTS)
         x, force = slow.time[::every] - time.origin, slow.force[::every]
-        gone = [(s.begin - time.origin, s.end - time.origin, s.reason) for s in rejected]
+        gone = [(s.begin - time.origin, s.end - time.origin, sentence(s.reason)) for s in rejected]
         _forces(axes, slow.supports, x, force, gone, " ", linewidth=1.1)
         axes[-1].set_xlabel(time.label)
         legend_outside(fig, axes[0])

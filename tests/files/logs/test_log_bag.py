@@ -23,6 +23,7 @@ from tests.files.logs.log_making import (
     rosbag2,
     same_numbers,
 )
+from tests.words import in_words
 
 TRUTH = make_truth()
 SPLIT = 36  # of 60 positions, in the first file
@@ -83,7 +84,7 @@ def test_by_rosbags(tmp_path: Path, compressed: bool) -> None:
     assert is_log(folder)
     log = read_log([folder], MAPPING, SUPPORTS)
     assert_holds(log, TRUTH)
-    assert log.warnings == ()
+    assert in_words(log.findings) == ()
     assert same_numbers(log, read_log(sorted(folder.glob("*.mcap")), MAPPING, SUPPORTS))
 
 
@@ -102,7 +103,7 @@ def test_split_in_two(tmp_path: Path, absent: str | None) -> None:
     changes = {absent: None} if absent else {}
     log = read_log([by_hand(tmp_path / "bag", **changes)], MAPPING, SUPPORTS)
     assert_holds(log, TRUTH)
-    assert log.warnings == ()
+    assert in_words(log.findings) == ()
     assert [entry.integrity for entry in log.inputs] == ["verified"] * 2
 
 
@@ -123,7 +124,7 @@ def test_a_file_with_fewer_messages_than_received(tmp_path: Path) -> None:
     files = [{"path": "bag_0.mcap", "message_count": 15 * SPLIT + 7}]
     log = read_log([by_hand(tmp_path / "bag", files=files)], MAPPING, SUPPORTS)
     assert_holds(log, TRUTH)
-    (warning,) = log.warnings
+    (warning,) = in_words(log.findings)
     assert "540 messages are there where metadata.yaml states 547" in warning
     folder = by_hand(tmp_path / "other", files=files, topics_with_message_count=None)
     with pytest.raises(DataError, match=r"540 messages are there .* states 547"):
@@ -169,7 +170,7 @@ def test_the_total_is_checked(tmp_path: Path, absent: str | None) -> None:
 
 def test_no_total_is_no_fault(tmp_path: Path) -> None:
     folder = by_hand(tmp_path / "bag", message_count=None)
-    assert read_log([folder], MAPPING, SUPPORTS).warnings == ()
+    assert in_words(read_log([folder], MAPPING, SUPPORTS).findings) == ()
 
 
 def test_a_folder_that_a_killed_recorder_leaves(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from tests.files.logs.log_making import (
     mcap_bytes,
     write,
 )
+from tests.words import in_words
 
 ONE = ("a",)
 DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
@@ -46,7 +47,7 @@ def test_samples_that_do_not_ascend_are_left_out_and_counted(tmp_path: Path) -> 
     kept = np.delete(np.arange(5000), [100, 200])
     np.testing.assert_array_equal(log.position[0].value[:, 0], kept)
     assert (np.diff(log.position[0].time) > 0.0).all()
-    (warning,) = log.warnings
+    (warning,) = in_words(log.findings)
     assert "of 5000 samples of column time, 1 repeat" in warning
     assert "1 step back by up to 0.009 s" in warning
 
@@ -70,12 +71,12 @@ def test_gaps_are_counted(tmp_path: Path) -> None:
     times[2000:] += 7.0
     log = read([csv(tmp_path, times)])
     assert len(log.position[0].time) == 3000
-    (warning,) = log.warnings
+    (warning,) = in_words(log.findings)
     assert "2 gaps of more than 5 periods of 0.01 s" in warning
     assert "longest of 7.01 s at 20.035 s" in warning
     times = np.arange(3000) * 0.01
     times[1000:] += 0.035
-    assert read([csv(tmp_path, times)]).warnings == ()
+    assert in_words(read([csv(tmp_path, times)]).findings) == ()
 
 
 def test_several_files_are_one_campaign_in_order_of_time(tmp_path: Path) -> None:

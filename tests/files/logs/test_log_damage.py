@@ -33,6 +33,7 @@ from tests.files.logs.log_making import (
     table,
     write,
 )
+from tests.words import in_words
 
 ONE = ("a",)
 DEFAULT = LogMapping(ONE, (("a.x", "a.y", "a.z"),), (("a.fx", "a.fy", "a.fz"),))
@@ -121,7 +122,9 @@ def test_a_recording_cut_short_is_read_to_its_sound_end(tmp_path: Path) -> None:
         (cut,) = log.truncated
         assert cut.byte == chunks[3]
         assert cut.end == max(series.time[-1] for series in (*log.position, *log.force))
-        assert log.warnings[0].startswith(f"{cut.path}: the file ends within a record at byte")
+        assert in_words(log.findings)[0].startswith(
+            f"{cut.path}: the file ends within a record at byte"
+        )
 
 
 def test_damage_within_is_refused_with_its_place(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from tdfscal.logs import iter_log, read_log
 from tdfscal.logs.text.rows import RowParser
 from tdfscal.records import Log, LogMapping
 from tests.files.logs.log_making import SUPPORTS, make_truth, same_numbers, table, write
+from tests.words import in_words
 
 ONE = ("a",)
 MAPPING = LogMapping(ONE, (("X", "Y", "Z"),), (("FX", "FY", "FZ"),), time_field="t")
@@ -205,7 +206,7 @@ def test_a_compressed_log_that_is_cut_short(tmp_path: Path, kind: str) -> None:
     (cut,) = log.truncated
     assert cut.end == log.position[0].time[-1]
     assert whole[: cut.byte].count(b"\n") == found.size + 1
-    (warning,) = log.warnings
+    (warning,) = in_words(log.findings)
     assert f"at byte {cut.byte}" in warning
     damaged = bytearray(content)
     damaged[len(content) // 2] ^= 255

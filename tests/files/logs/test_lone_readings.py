@@ -13,6 +13,7 @@ from tdfscal.errors import DataError
 from tdfscal.logs import read_log
 from tdfscal.records import Dwells, Log
 from tests.files.logs.log_making import SUPPORTS, make_truth, table
+from tests.words import in_words
 
 
 @pytest.fixture(scope="module", params=[50.0, 1000.0])
@@ -34,16 +35,16 @@ def read(folder: Path, lines: list[str], name: str) -> tuple[Log, Dwells]:
 def test_a_spoilt_cell_moves_nothing(campaign: Path, column: int, cell: str, part: float) -> None:
     lines = (campaign / "log.csv").read_text().splitlines()
     log, whole = read(campaign, lines, "whole.csv")
-    assert not log.warnings
+    assert not in_words(log.findings)
     time = log.force[0].time
     row = int(np.searchsorted(time, whole.start[2] + part * (whole.end[2] - whole.start[2])))
     cells = lines[row + 1].split(",")
     cells[column] = cell
     spoilt, found = read(campaign, [*lines[: row + 1], ",".join(cells), *lines[row + 2 :]], "1.csv")
     what = "force" if column % 6 in (0, 4, 5) else "position"
-    assert f"1 reading stands alone in the {what} of" in spoilt.warnings[0]
-    assert f"at {time[row]:.9g} s" in spoilt.warnings[0]
-    assert len(spoilt.warnings) == 1
+    assert f"1 reading stands alone in the {what} of" in in_words(spoilt.findings)[0]
+    assert f"at {time[row]:.9g} s" in in_words(spoilt.findings)[0]
+    assert len(in_words(spoilt.findings)) == 1
     assert len(found) == len(whole)
     # One sample less of some hundred: a tenth of a standard error where it was the worst.
     std = np.sqrt(np.diagonal(whole.force_cov, axis1=2, axis2=3))
@@ -59,7 +60,7 @@ def test_noise_and_what_lasts_are_no_lone_readings(tmp_path: Path) -> None:
     frame["ncp2.x"] += 5.0 * (np.arange(2000) >= 900)
     frame.to_csv(path, index=False)
     log = read_log([path], None, SUPPORTS)
-    assert not log.warnings
+    assert not in_words(log.findings)
     assert {len(series.time) for series in (*log.position, *log.force)} == {2000}
 
 
@@ -70,7 +71,7 @@ def test_a_flicker_of_the_last_digit_stays(tmp_path: Path) -> None:
     frame.loc[[400, 900, 1200], "ncp1.x"] = 0.660001
     frame.to_csv(path, index=False)
     log = read_log([path], None, SUPPORTS)
-    assert not log.warnings
+    assert not in_words(log.findings)
 
 
 @pytest.mark.parametrize("row", [0, 1000, 1999])

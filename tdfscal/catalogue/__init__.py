@@ -1,0 +1,77 @@
+"""The catalogue of findings: for each code its severity, its sentence, its cure.
+
+`python docs/generate.py` prints it into the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from tdfscal.catalogue.campaign import CAMPAIGN, GATE, POSTURES
+from tdfscal.catalogue.entry import Entry
+from tdfscal.catalogue.in_use import IN_USE
+from tdfscal.catalogue.logs import LOGS
+from tdfscal.catalogue.survey import SURVEY
+from tdfscal.catalogue.suspects import SUSPECTS
+from tdfscal.findings import Finding, Severity
+
+CATALOGUE: dict[str, Entry] = {
+    **GATE,
+    **SUSPECTS,
+    **POSTURES,
+    **CAMPAIGN,
+    **LOGS,
+    **SURVEY,
+    **IN_USE,
+}
+
+
+def severity(finding: Finding) -> Severity:
+    """Return how grave a finding is."""
+    return "rejects" if finding.rejects else CATALOGUE[finding.code].severity
+
+
+def sentence(finding: Finding) -> str:
+    """Return what a finding says."""
+    return CATALOGUE[finding.code].words(finding)
+
+
+def cure(finding: Finding) -> str:
+    """Return what to do about a finding; empty where nothing is to do."""
+    return CATALOGUE[finding.code].advice(finding)
+
+
+def told(finding: Finding) -> str:
+    """Return what a finding says, and what to do about it."""
+    advice = cure(finding)
+    return f"{sentence(finding)}: {advice}" if advice else sentence(finding)
+
+
+def told_of(entry: Mapping[str, Any]) -> str:
+    """Return the same of a finding as `document` has it."""
+    return f"{entry['text']}: {entry['cure']}" if entry["cure"] else str(entry["text"])
+
+
+def document(finding: Finding) -> dict[str, Any]:
+    """Return a finding as plain JSON values, as files and `--json` have it."""
+    return {
+        "code": finding.code,
+        "severity": severity(finding),
+        "subject": list(finding.subject),
+        "size": None if finding.size is None else float(finding.size),
+        "unit": finding.unit or None,
+        "p_value": finding.p_value,
+        "harm": finding.harm,
+        "text": sentence(finding),
+        "cure": cure(finding) or None,
+    }
+
+
+def documents(findings: Iterable[Finding]) -> list[dict[str, Any]]:
+    """Return findings as `document` has them, each once."""
+    found: list[dict[str, Any]] = []
+    for finding in findings:
+        if (entry := document(finding)) not in found:
+            found.append(entry)
+    return found

@@ -1,0 +1,105 @@
+"""How a finding is put into words: a template, its clauses, and what its fields may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from string import Formatter
+from typing import Any
+
+import numpy as np
+
+from tdfscal.errors import visible
+from tdfscal.findings import Finding, Severity
+from tdfscal.numerics.distributions import p_text
+
+#: Larger and smaller units in which a size is read, with their factors.
+_UNITS: Mapping[str, tuple[tuple[str, float], ...]] = {
+    "m": (("m", 1.0), ("mm", 1e3), ("µm", 1e6)),
+    "rad": (("rad", 1.0), ("mrad", 1e3), ("µrad", 1e6)),
+    "s": (("s", 1.0), ("ms", 1e3), ("µs", 1e6)),
+    "N": (("N", 1.0),),
+    "1": (("ppm", 1e6),),
+    "N·m": (("N·m", 1.0),),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What is said of a code.
+
+    sentence, cure : templates; the cure is an imperative, empty where nothing is to do. Their
+    fields: {subject} (names, joined), {size} (with its unit), {number} (without), {p}, {stated}
+    (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
+    colon with a unit, or with words for yes|no, where ~ is the value. clauses : what the sentence goes on with where a
+    value holds.
+    """
+
+    severity: Severity
+    sentence: str
+    cure: str = ""
+    clauses: tuple[tuple[str, str], ...] = ()
+
+    def words(self, finding: Finding) -> str:
+        """Return what a finding says."""
+        fields = _fields(finding)
+        said = [clause for name, clause in self.clauses if fields.get(name)]
+        return _FORMAT.vformat(self.sentence + "".join(said), (), fields)
+
+    def advice(self, finding: Finding) -> str:
+        """Return what to do about it."""
+        return _FORMAT.vformat(self.cure, (), _fields(finding))
+
+
+class _Words(Formatter):
+    """Fields with units, yes and no, and lists."""
+
+    def get_value(self, key: int | str, args: Any, kwargs: Any) -> Any:
+        return kwargs.get(key)
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if "|" in format_spec:
+            return format_spec.split("|")[0 if value else 1].replace("~", visible(str(value)))
+        if format_spec in _UNITS:
+            return quantity(value, format_spec)
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            value = ", ".join(map(str, value))
+        if isinstance(value, str):
+            return visible(value)
+        return str(format(value, format_spec))
+
+
+_FORMAT = _Words()
+
+
+def _fields(finding: Finding) -> dict[str, Any]:
+    size = finding.size
+    fields: dict[str, Any] = {"subject": finding.subject, **finding.values}
+    if size is not None:
+        fields |= {"size": quantity(size, finding.unit), "number": size}
+        fields["stated"] = _upwards(float(fields.get("component", size)))
+        fields["degrees"] = np.degrees(size)
+    if (std := finding.values.get("std")) is not None and isinstance(std, float):
+        fields["spread"] = quantity(std, finding.unit)
+    if finding.p_value is not None:
+        fields["p"] = p_text(finding.p_value)
+    return fields
+
+
+def quantity(size: float | Sequence[float], unit: str) -> str:
+    """Return a size with the unit in which it reads best: 0.0026, "m" as 2.6 mm; or several."""
+    each = [size] if isinstance(size, int | float) else list(size)
+    largest = max((abs(value) for value in each), default=0.0)
+    ways = _UNITS.get(unit, ((unit, 1.0),))
+    name, factor = next((way for way in ways if largest * way[1] >= 1.0), ways[-1])
+    if largest == 0.0:
+        name, factor = ways[0]
+    said = ", ".join(f"{value * factor:.3g}" for value in each)
+    said = said if isinstance(size, int | float) else f"({said})"
+    return f"{said} {name}".rstrip()
+
+
+def _upwards(size: float) -> str:
+    """Return a size with one significant digit, upwards."""
+    step = 10.0 ** np.floor(np.log10(max(abs(size), np.finfo(float).tiny)))
+    return f"{float(f'{np.ceil(abs(size) / step) * step:.1g}'):g}"

@@ -1,0 +1,163 @@
+"""What is said where a calibration is used, checked, updated or pooled."""
+
+from __future__ import annotations
+
+from tdfscal.catalogue.entry import Entry
+
+
+def _misfit(what: str) -> Entry:
+    """A campaign that does not fit the others, or the calibration before it."""
+    return Entry(
+        "rejects",
+        f"{{campaign}} does not fit {{than}} ({{p}}): {what}",
+        "{updating:calibrate anew instead of updating; or declare drift.angle, where the angles "
+        "walk|leave it out, or calibrate the campaigns before and after apart}",
+    )
+
+
+def _change(remedy: str) -> Entry:
+    """What may have changed since a calibration."""
+    return Entry("rejects", "{tied:or |}{said}", remedy)
+
+
+IN_USE: dict[str, Entry] = {
+    "rejected-in-use": Entry(
+        "warns", "{subject} IS A REJECTED CALIBRATION, not fit for use: {why}"
+    ),
+    "provisional-in-use": Entry(
+        "warns",
+        "{subject} is provisional: {number:.0f} lines of its rig file are still to be confirmed "
+        "({lines})",
+        "confirm them and calibrate again",
+    ),
+    "rig-renamed": Entry("warns", "{subject} is of {own}, the log's rig file of {other}"),
+    "calibration-unsealed": Entry(
+        "notes",
+        "{subject} has no `content_sha256`, by which an edited file is known: what stands in it "
+        "once only is taken on trust",
+    ),
+    "calibration-rejected": Entry("warns", "{subject} is a rejected calibration"),
+    "calibration-open": Entry(
+        "warns",
+        "the calibration leaves zeros, mass or barycentre open: the uncertainty of the components "
+        "that they touch is unknown (empty)",
+    ),
+    "log-used-before": Entry(
+        "warns", "{subject} went into this calibration: what it shows is no proof"
+    ),
+    "noise-of-calibration": Entry(
+        "notes",
+        "neither the log nor the rig file states a force noise; {size} per axis and posture was "
+        "taken from the residuals of the calibration",
+    ),
+    "noise-as-calibrated": Entry(
+        "notes",
+        "noise is taken as {number:.2f} times what is stated, as the calibration's residuals "
+        "showed it (fit.birge)",
+    ),
+    "channels-as-calibrated": Entry(
+        "notes",
+        "the channels' noise is taken as unequal as the calibration's residuals showed it "
+        "(fit.channel_noise)",
+    ),
+    "zeros-moved": Entry(
+        "notes",
+        "the zeros have moved since the calibration, by up to {size}, as a tare moves them",
+        "bring the new ones in by `tdfscal update`",
+    ),
+    "change-sensor-turned": _change("look at the mounting of this sensor, then calibrate again"),
+    "change-zero-drifted": _change("tare, and validate again; if it returns, calibrate again"),
+    "change-gain": _change(
+        "have this sensor, its amplifier and its cable checked; calibrate again with "
+        "uncertainty.force_sensitivity declared until then"
+    ),
+    "change-load": _change("correct the load, or the rig file and calibrate again"),
+    "change-base-tilted": _change(
+        "level the base, or calibrate again with gravity.tilt_std declared"
+    ),
+    "change-contact": _change("free these postures and record them again before anything else"),
+    "change-hinges-stick": _change(
+        "see whether the hinges move freely, or state uncertainty.hinge_moment"
+    ),
+    "change-noise-grown": _change(
+        "look for what shakes or hums, at cables and amplifiers, or state "
+        "uncertainty.force_noise, and validate again"
+    ),
+    "change-zeros-moved": _change(
+        "tare, or state in zero.std by how much zeros move, and validate again"
+    ),
+    "change-zeros-wander": _change(
+        "let sensors and amplifiers warm up, keep cables and temperature still, or state "
+        "drift.walk, and validate again"
+    ),
+    "change-unexplained": Entry(
+        "rejects",
+        "the residual wrench is not what the stated uncertainties explain, and no single cause "
+        "explains it ({p})",
+        "calibrate again",
+    ),
+    "samples-uncovered": Entry(
+        "notes",
+        "{number:.0f} force samples lie where another stream has a gap, has not begun or has "
+        "ended; they are left out",
+    ),
+    "samples-unreadable": Entry("notes", "{number:.0f} samples hold no number and are left out"),
+    "wrench-in-part": Entry("notes", "{components}"),
+    "wrench-rewired": Entry(
+        "warns",
+        "the median wrench over the log is {size} and {torque:N·m}, and {ratio:.2g} times smaller "
+        "with {other}",
+        "check the log block in rig.yaml, and the cabling",
+    ),
+    "wrench-large": Entry(
+        "warns",
+        "the median wrench over the log is {size} and {torque:N·m}, {ratio:.2g} times the weight "
+        "in force",
+        "unless that is contact, check log.force_unit, log.force_on, the force fields and the "
+        "cabling",
+    ),
+    "turns-visible": Entry(
+        "notes",
+        "a turn since {subject} would have been seen with {power:.0%} probability from this size "
+        "on, whatever the angle: {turns}",
+    ),
+    "misfit-turned": _misfit("{subject} seems turned by {size} there"),
+    "misfit-load": _misfit("the terminal seems loaded otherwise there"),
+    "misfit-sensitivity": _misfit("gains or crosstalk of the sensors seem otherwise there"),
+    "misfit-hinge": _misfit("the hinges seem to lie otherwise there"),
+    "misfit-datum": _misfit("the servo coordinates seem offset otherwise there"),
+    "misfit-tilt": _misfit("the base seems tilted otherwise there"),
+    "misfit-compliance": _misfit("what gives between encoders and hinges seems otherwise there"),
+    "misfit-unexplained": _misfit("no single cause explains it"),
+    "campaign-unsound": Entry(
+        "rejects",
+        "{subject} says nothing of any turn: calibrate rejects it by itself: {why}",
+    ),
+    "campaign-postures-rejected": Entry(
+        "rejects",
+        "{number:.0f} of {postures} postures of {subject} had to be rejected, above the limit of "
+        "{limit:.0%}",
+    ),
+    "campaign-left-out": Entry(
+        "warns", "{subject} takes no part, since calibrate rejects it by itself: {why}"
+    ),
+    "campaign-remark": Entry("warns", "{subject}: {said}"),
+    "campaign-noisy": Entry(
+        "warns",
+        "{subject} scatters {number:.2g} times as much as is stated, and counts with that",
+    ),
+    "checks-rejected": Entry("warns", "rejected by the quality gate: {subject}"),
+    "checks-undated": Entry(
+        "warns",
+        "nothing says when it was recorded, and the file's date stands for it: {subject}",
+    ),
+    "check-silent": Entry(
+        "notes", "{subject} leaves {sensors} undetermined and says nothing of it"
+    ),
+    "sensor-never-determined": Entry(
+        "warns",
+        "{subject}: no check determines the mounting of its sensor, which lacks an axis; it has no "
+        "angles, and its turn raises no alarm",
+    ),
+    "sensor-overdue": Entry("warns", "the sensor of {subject} was due for calibration on {due}"),
+}
