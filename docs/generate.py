@@ -8,7 +8,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from string import Formatter
 
+from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli.app import COMMANDS, described
 from tdfscal.workflows.options import sentence
 
@@ -32,6 +34,28 @@ def commands() -> Iterator[str]:
             shown = "" if isinstance(default, bool) else default
             yield f"| {names} | {value} | {shown} | {sentence(p.option)} |\n"
     yield "\n"
+
+
+def findings() -> Iterator[str]:
+    """Yield the catalogue of findings as a table."""
+    yield "\n| code | severity | says | cure |\n|---|---|---|---|\n"
+    for code, entry in sorted(CATALOGUE.items()):
+        says = entry.sentence + "".join(clause for _, clause in entry.clauses)
+        cells = (f"`{code}`", entry.severity, _plain(says), _plain(entry.cure))
+        yield f"| {' | '.join(cells)} |\n"
+    yield "\n"
+
+
+def _plain(template: str) -> str:
+    """Return a template without the formats of its fields."""
+    parts = []
+    for text, name, spec, _ in Formatter().parse(template):
+        parts.append(text)
+        if name is not None:
+            both = (spec or "").split("|")
+            said = both[0].replace("~", f"‹{name}›") if len(both) > 1 else f"‹{name}›"
+            parts.append(said)
+    return "".join(parts).replace("|", "or")
 
 
 def generated(page: str) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from tdfscal.catalogue import told
 from tdfscal.files.calibration.parts import FindingResult
@@ -12,3 +13,14 @@ from tdfscal.findings import Finding
 def in_words(findings: Iterable[Finding | FindingResult]) -> tuple[str, ...]:
     """What each says, with its cure."""
     return tuple(f.told if isinstance(f, FindingResult) else told(f) for f in findings)
+
+
+def found(text: str, severity: str = "warns") -> dict[str, Any]:
+    """One finding of a file."""
+    code = "residuals-large" if severity == "rejects" else "campaign-remark"
+    return {"code": code, "severity": severity, "text": text}
+
+
+def texts(document: Mapping[str, Any]) -> list[str]:
+    """What the findings of a document say."""
+    return [finding["text"] for finding in document["findings"]]

@@ -18,6 +18,7 @@ from tdfscal.records import Measured
 from tdfscal.simulation import MOVING, Recorder, reference_rig, scenarios
 from tdfscal.workflows.recordings import Recording, refuse_repeated
 from tests.cli.running import run
+from tests.words import texts
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +163,7 @@ def test_a_noisy_month_is_named_and_turns_no_sensor(
         rows.append(",".join(f"{float(cell) + part:.7f}" for cell, part in cells))
     (loud / "log.csv").write_text("\n".join(rows) + "\n")
     result = monitored(capsys, 0, first, *known, loud)
-    assert [text for text in result["warnings"] if str(loud) in text]
+    assert [text for text in texts(result) if str(loud) in text]
     now, before = (np.array(r["checks"][-1]["path_rpy_std"]) for r in (result, sound))
     assert np.all(now < 1.05 * before)
     base = tmp_path / "base.yaml"

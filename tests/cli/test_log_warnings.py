@@ -18,6 +18,7 @@ from tdfscal.findings import Finding
 from tdfscal.workflows.campaign import resolve
 from tdfscal.workflows.log_pass import LogPass, Settings
 from tests.cli.running import SAMPLES, run
+from tests.words import texts
 
 REPEATED = "1 repeat the time of the sample before"
 Change = Callable[[pa.Table], pa.Table]
@@ -50,9 +51,9 @@ def test_a_warning_of_the_log_is_stored_and_shown_once(
     seen = run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-q")
     assert seen.status == 0, seen.err
     assert " ".join(seen.out.split()).count(REPEATED) == 1
-    assert sum(REPEATED in w for w in json.loads(target.read_text())["warnings"]) == 1
+    assert sum(REPEATED in w for w in texts(json.loads(target.read_text()))) == 1
     validated = run(capsys, "validate", target, campaign, "-q", "--json")
-    assert sum(REPEATED in w for w in json.loads(validated.out)["warnings"]) == 1
+    assert sum(REPEATED in w for w in texts(json.loads(validated.out))) == 1
 
 
 @pytest.mark.parametrize(
@@ -144,4 +145,4 @@ def test_a_copy_by_another_clock_in_another_format_counts_once(
     for a, b in zip(once["supports"], twice["supports"], strict=True):
         assert np.allclose(b["rpy"], a["rpy"], rtol=0, atol=0.2 * max(a["rpy_std"]))
         assert np.allclose(b["rpy_std"], a["rpy_std"], rtol=0.1)
-    assert any("repeat earlier readings" in text for text in twice["warnings"])
+    assert any("repeat earlier readings" in text for text in texts(twice))

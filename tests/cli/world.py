@@ -14,6 +14,7 @@ import yaml
 from tdfscal.files.calibration.document import Calibration, save_calibration
 from tdfscal.workflows.calibrate import calibrate
 from tests.cli.running import SAMPLES
+from tests.words import found
 
 
 def build(home: Path) -> None:
@@ -56,7 +57,7 @@ def _calibrations(home: Path) -> None:
     own = calibrate([home / "campaign"], trials=0)
     survey = calibrate([home / "campaign"], method="tracker", trials=0)
     document: dict[str, Any] = own.model_dump()
-    document |= {"status": "rejected", "quality": {"reasons": ["a reason"]}}
+    document |= {"status": "rejected", "findings": [found("a reason", "rejects")]}
     save_calibration(own, home / "own.yaml")
     save_calibration(survey, home / "survey.json")
     save_calibration(Calibration.model_validate(document), home / "rejected.yaml")

@@ -26,6 +26,7 @@ from tdfscal.exports.urdf import urdf
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
 from tests.reporting.samples import NASTY, changed, run, sample, saved
+from tests.words import found
 
 PLAIN = sample().calibration
 CONVENTION = "rotation = Rz(yaw)·Ry(pitch)·Rx(roll)"
@@ -176,7 +177,7 @@ def test_command(to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_a_rejected_calibration_stays_at_home(
     to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    c = changed(PLAIN, status="rejected", quality={"reasons": ("too few postures",)})
+    c = changed(PLAIN, status="rejected", findings=(found("too few postures", "rejects"),))
     path, out = saved(c, tmp_path, "c.yaml"), tmp_path / "out"
     out.write_text("as it was", encoding="utf-8")
     done = run(capsys, "export", path, "--to", to, "-o", out)

@@ -28,6 +28,7 @@ from tdfscal.reporting.text import render, show_on
 from tests.reporting.pages import render_page, render_several
 from tests.reporting.samples import changed, sample
 from tests.reporting.test_page import read
+from tests.words import found, texts
 
 LINES = (
     *("a\u2028b", "a\u2029b", "a\x85b", "a\u00a0b", "a\ufeffb", "a\ufffeb", "a\uffffb"),
@@ -52,10 +53,11 @@ def poisoned(line: str, wild: str) -> Calibration:
     c = json.loads(json.dumps(content()))
     c["rig"] |= {"name": f"rig {line}", "content_sha256": None}
     c["software"] = {"name": f"software {line}", "version": f"version {line}"}
-    c["warnings"] = [f"warning {line}"]
+    c["findings"] = [found(f"warning {line}")]
     c["observability"]["verdict"] = f"verdict {line}"
     c["fit"]["rejected"][0]["reason"] = f"rejected {line}"
-    c["status"], c["quality"] = "rejected", {"reasons": [f"reason {line}"]}
+    c["status"] = "rejected"
+    c["findings"].append(found(f"reason {line}", "rejects"))
     old = c["budget"]["sources"][0]
     c["budget"]["sources"][0] = f"source {line}"
     for angle in c["budget"]["angles"]:
@@ -89,11 +91,11 @@ def no_controls(text: str) -> None:
 def test_files_of_ours_read_back() -> None:
     c = poisoned(LINES[0], WILD[-1])
     files = [c.inputs[0].model_dump() | {"path": wild} for wild in WILD]
-    c = changed(c, warnings=LINES, inputs=files)
+    c = changed(c, findings=tuple(map(found, LINES)), inputs=files)
     for form, parse in (("json", json.loads), ("yaml", yaml.safe_load)):
         text = dump_calibration(c, form)  # type: ignore[arg-type]
         document = parse(text)
-        assert document["warnings"] == list(LINES)
+        assert texts(document) == list(LINES)
         assert [entry["path"] for entry in document["inputs"]] == list(WILD)
         assert parse_calibration(text.encode(), "x") == c
 

@@ -22,6 +22,7 @@ from tests.reporting.samples import (
     surveyed,
     with_load_cell,
 )
+from tests.words import found
 
 VOID = {"meta", "br", "link", "img"}
 REASON = "the residuals are 13 times what the stated uncertainties explain"
@@ -63,8 +64,8 @@ def read(page: str) -> Reader:
 
 
 def rejected(c: Calibration) -> Calibration:
-    reasons = {"reasons": (REASON,)}
-    return changed(c, status="rejected", quality=reasons, fit=fit_with(c, 13.0))
+    reasons = (found(REASON, "rejects"),)
+    return changed(c, status="rejected", findings=reasons, fit=fit_with(c, 13.0))
 
 
 @pytest.fixture
@@ -109,7 +110,7 @@ def test_nothing_comes_from_outside(page: str) -> None:
 def test_words_of_the_user_stay_words() -> None:
     c = sample(n=6, name=NASTY).calibration
     content = c.model_dump()
-    content["warnings"] = ("<img src=x onerror=alert(1)> & more",)
+    content["findings"] = (found("<img src=x onerror=alert(1)> & more"),)
     page = render_page(Calibration.model_validate(content))
     reader = read(page)
     assert "script" not in reader.tags

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.cli.running import SAMPLES
 from tests.reporting.samples import run
+from tests.words import texts
 
 RPY = (0.1, -0.2, 0.3)
 SHIFT = np.array([1.0, -2.0, 0.5])
@@ -89,7 +90,7 @@ def test_groups_that_moved_against_each_other_are_named(
     in_groups(pair[1], lambda points: points)
     done = run(capsys, "register", *pair, "--unit", "mm", "--json")
     assert done.status == 0, done.err
-    said = [w for w in json.loads(done.out)["warnings"] if "of its own" in w]
+    said = [w for w in texts(json.loads(done.out)) if "of its own" in w]
     assert len(said) == (model is not None)
     assert all(w.startswith(f"{model} (jig, second) fits ") for w in said)
 

@@ -17,6 +17,7 @@ from tdfscal.reporting.several import letter, put_side_by_side, several_report
 from tdfscal.reporting.text import render
 from tests.reporting.pages import render_several
 from tests.reporting.samples import by_hand, changed, run, sample, saved
+from tests.words import found
 
 STD = 2e-4
 
@@ -40,7 +41,11 @@ def flat(yaw: float, created: str, status: str = "accepted") -> Calibration:
             "quaternion_xyzw": rotation.as_quat().tolist(),
         }
     reasons = ("too few postures",) if status == "rejected" else ()
-    content |= {"created": created, "status": status, "quality": {"reasons": reasons}}
+    content |= {
+        "created": created,
+        "status": status,
+        "findings": [found(reason, "rejects") for reason in reasons],
+    }
     content["inputs"] = [
         {"path": "log.csv", "sha256": hashlib.sha256(created.encode()).hexdigest(), "bytes": 1}
         | {"integrity": "verified"}

@@ -20,6 +20,7 @@ from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import show_on, shown, table
 from tests.reporting.pages import render_page
 from tests.reporting.samples import NASTY, changed, fit_with, sample, surveyed
+from tests.words import found
 
 
 def render(c: Calibration) -> str:
@@ -40,7 +41,7 @@ def shifted(c: Calibration, by: float) -> Calibration:
 
 
 def with_(c: Calibration, status: str = "rejected", **parts: Any) -> Calibration:
-    return changed(c, status=status, quality={"reasons": ("a reason",)}, **parts)
+    return changed(c, status=status, findings=(found("a reason", "rejects"),), **parts)
 
 
 def test_eighty_columns_and_verdict_first() -> None:
@@ -127,7 +128,7 @@ def test_no_color(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_markup_in_names_is_only_text(monkeypatch: pytest.MonkeyPatch) -> None:
-    c = changed(sample(n=6, name=NASTY).calibration, warnings=("[red]not markup[/red]",))
+    c = changed(sample(n=6, name=NASTY).calibration, findings=(found("[red]not markup[/red]"),))
     assert "[red]not markup[/red]" in on_terminal(c, monkeypatch)
 
 

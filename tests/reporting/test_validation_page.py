@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.findings import Finding
 from tdfscal.records import InputFile
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import Origin, validation_report
@@ -30,9 +31,9 @@ def validation(push: float, offset: float = 0.0) -> Validation:
     return validate(given, replace(dwells, force=force, **times), rig=sample().rig.rig)
 
 
-def words(v: Validation, *warnings: str) -> str:
+def words(v: Validation, *found: Finding) -> str:
     origin = Origin(sample().calibration, "january.yaml", COMMAND, "2026-03-02 10:00", (LOG,))
-    page = render_validation(v, warnings, origin)
+    page = render_validation(v, found, origin)
     assert "http" not in page.split("</style>")[1].split("<svg")[0]
     assert page.count("<svg") == 1
     return " ".join(read(page).words)
@@ -41,7 +42,7 @@ def words(v: Validation, *warnings: str) -> str:
 def test_still_valid() -> None:
     v = validation(0.0)
     assert v.holds
-    said = words(v, "a warning")
+    said = words(v, Finding("rig-renamed", values={"own": "a warning", "other": "b"}))
     assert "STILL VALID" in said
     assert "Keep this calibration in use" in said
     assert "a warning" in said

@@ -31,6 +31,7 @@ from tdfscal.workflows.calibrate import calibrate
 from tdfscal.workflows.calibration_in_use import calibrated
 from tdfscal.wrench.filtering import WALK, Walk
 from tests.cli.running import run
+from tests.words import found
 
 USED, HELD = 16, 4
 FORCE = (60.0, -40.0, 80.0)
@@ -252,7 +253,7 @@ def test_a_rejected_calibration_is_used_with_a_loud_warning(
 ) -> None:
     target = tmp_path / "rejected.yaml"
     shutil.copy(places.calibration, target)
-    rejected = {"status": "rejected", "quality": {"reasons": ["a test"]}}
+    rejected = {"status": "rejected", "findings": [found("a test", "rejects")]}
     edited(target, lambda d: d.update(rejected, content_sha256=None))
     seen = run(capsys, "validate", target, places.held)
     assert "IS A REJECTED CALIBRATION" in seen.err
