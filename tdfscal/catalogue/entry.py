@@ -31,8 +31,8 @@ class Entry:
     sentence, cure : templates; the cure is an imperative, empty where nothing is to do. Their
     fields: {subject} (names, joined), {size} (with its unit), {number} (without), {p}, {stated}
     (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
-    colon with a unit, or with words for yes|no, where ~ is the value. clauses : what the sentence goes on with where a
-    value holds.
+    colon with a unit, or with words for yes|no, where ~ is the value. clauses : what the sentence
+    goes on with where a value holds.
     """
 
     severity: Severity
@@ -60,6 +60,8 @@ class _Words(Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         if "|" in format_spec:
             return format_spec.split("|")[0 if value else 1].replace("~", visible(str(value)))
+        if value is None:
+            return "–"
         if format_spec in _UNITS:
             return quantity(value, format_spec)
         if isinstance(value, Sequence) and not isinstance(value, str):

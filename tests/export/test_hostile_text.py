@@ -91,7 +91,7 @@ def no_controls(text: str) -> None:
 def test_files_of_ours_read_back() -> None:
     c = poisoned(LINES[0], WILD[-1])
     files = [c.inputs[0].model_dump() | {"path": wild} for wild in WILD]
-    c = changed(c, findings=tuple(map(found, LINES)), inputs=files)
+    c = changed(c, status="accepted", findings=tuple(map(found, LINES)), inputs=files)
     for form, parse in (("json", json.loads), ("yaml", yaml.safe_load)):
         text = dump_calibration(c, form)  # type: ignore[arg-type]
         document = parse(text)

@@ -11,8 +11,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from tdfscal.catalogue import document
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.log_time import clock
+from tdfscal.findings import Finding
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.history import short
@@ -91,9 +93,10 @@ def test_advice_follows_the_cause() -> None:
     rig["acceptance"]["angle_std"] = 1e-6
     assert "weakest angle" in advise(with_(c, rig=rig))[0]
     joint = surveyed()[1]
-    assert joint.tracker is not None
-    far = joint.tracker | {"consistency_p_value": 1e-4}
-    assert "each method alone" in " ".join(advise(with_(joint, tracker=far)))
+    found_apart = document(Finding("methods-disagree", values={"verdict": "apart"}, rejects=True))
+    assert "each method alone" in " ".join(
+        advise(changed(joint, status="rejected", findings=[found_apart]))
+    )
 
 
 def on_terminal(c: Calibration, monkeypatch: pytest.MonkeyPatch, **settings: str) -> str:
