@@ -136,7 +136,7 @@ def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
     drawings = undetermined_drawings(moving)
     assert [d.name for d in drawings] == ["determined", "forces"]
     svg = to_svg(drawings[1])
-    assert "<title>contact</title>" in svg
+    assert "<title>a sensor is at its capacity</title>" in svg
     assert "support_2 Fy: −1.0 to 1.0 N" in svg.replace("-", "−")
     said = words(render(undetermined_report(moving, drawings)))
     assert "4.00 to 6.00 s: contact" in said
