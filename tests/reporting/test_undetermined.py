@@ -139,7 +139,7 @@ def test_a_motion_shows_its_forces_and_what_was_left_out() -> None:
     assert "<title>a sensor is at its capacity</title>" in svg
     assert "support_2 Fy: −1.0 to 1.0 N" in svg.replace("-", "−")
     said = words(render(undetermined_report(moving, drawings)))
-    assert "4.00 to 6.00 s: contact" in said
+    assert "4.00 to 6.00 s: a sensor is at its capacity" in said
     assert "plan RIG --motion" in said
 
 
