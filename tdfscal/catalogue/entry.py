@@ -31,8 +31,9 @@ class Entry:
     sentence, cure : templates; the cure is an imperative, empty where nothing is to do. Their
     fields: {subject} (names, joined), {size} (with its unit), {number} (without), {p}, {stated}
     (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
-    colon with a unit, or with words for yes|no, where ~ is the value. clauses : what the sentence
-    goes on with where a value holds.
+    colon with a unit, or with words for yes|no, where ~ is the value; so have {subjects} for more
+    than one name, {several} for a count above one. clauses : what the sentence goes on with where
+    a value holds.
     """
 
     severity: Severity
@@ -77,8 +78,10 @@ _FORMAT = _Words()
 def _fields(finding: Finding) -> dict[str, Any]:
     size = finding.size
     fields: dict[str, Any] = {"subject": finding.subject, **finding.values}
+    fields["subjects"] = len(finding.subject) > 1
     if size is not None:
         fields |= {"size": quantity(size, finding.unit), "number": size}
+        fields["several"] = f"{size:.0f}" if size > 1.0 else ""
         fields["stated"] = _upwards(float(fields.get("component", size)))
         fields["degrees"] = np.degrees(size)
     if (std := finding.values.get("std")) is not None and isinstance(std, float):

@@ -38,18 +38,18 @@ LOGS: dict[str, Entry] = {
     ),
     "stream-gaps": Entry(
         "warns",
-        "{file}: {gaps} gap(s) of more than {periods:g} periods of {period:.2g} s in {subject}, "
-        "the longest of {number:.3g} s at {at} s",
+        "{file}: {gaps} {several_gaps:gaps|gap} of more than {periods:g} periods of {period:.2g} s "
+        "in {subject}, the longest of {number:.3g} s at {at} s",
     ),
     "streams-late": Entry(
         "warns",
-        "{file}: {subject} begin(s) up to {number:.3g} s after the others; postures without all "
-        "signals are not used",
+        "{file}: {subject} {subjects:begin up to|begins} {number:.3g} s after the others; "
+        "postures without all signals are not used",
     ),
     "streams-early": Entry(
         "warns",
-        "{file}: {subject} end(s) up to {number:.3g} s before the others; postures without all "
-        "signals are not used",
+        "{file}: {subject} {subjects:end up to|ends} {number:.3g} s before the others; "
+        "postures without all signals are not used",
     ),
     "header-clock-off": Entry(
         "warns", "{file}: the header times of {subject} are {number:+.3g} s off the recorder's"
@@ -61,8 +61,9 @@ LOGS: dict[str, Entry] = {
     ),
     "readings-alone": Entry(
         "warns",
-        "{file}: {number:.0f} reading(s) stand alone in the {signal} of {subject} and are left "
-        "out, of {samples}: at {at} s {lone:.4g} {lone_unit} follows {before:.4g} {lone_unit}, "
+        "{file}: {several:~ readings stand|1 reading stands} alone in the {signal} of {subject} "
+        "and {several:are|is} left out, of {samples}: at {at} s {lone:.4g} {lone_unit} follows "
+        "{before:.4g} {lone_unit}, "
         "which then returns",
     ),
     "readings-zero": Entry(
@@ -73,8 +74,8 @@ LOGS: dict[str, Entry] = {
     ),
     "readings-return": Entry(
         "warns",
-        "readings leave their level and return within a stop in {number:.0f} place(s), first at "
-        "{first:.2f} s",
+        "readings leave their level and return within a stop in {several:~ places|one place}, "
+        "first at {first:.2f} s",
         "look for wrong samples in the log",
     ),
     "dwell-drifts": Entry(

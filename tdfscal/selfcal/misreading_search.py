@@ -29,8 +29,9 @@ _TOGETHER, _PURSUED, _RETURNED = 256, 40, 4
 _LOOK, _DESCENT = 8, 40
 #: Costs that differ by less, relative, are one.
 _ONE_COST = 1e-3
-#: Share of the trace that keeps a Gram matrix positive.
-_RIDGE = 1e-14
+#: Share of the trace that keeps a Gram matrix positive. |y| is the same for all rotations: it adds
+#: a constant.
+_RIDGE = 1e-12
 #: Postures on either side of a jump.
 _FEWEST = 2
 #: Logarithm of a scale below which it is a sensor's gain, and no mistake.

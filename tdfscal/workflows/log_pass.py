@@ -20,8 +20,15 @@ from tdfscal.records import Dwells, InputFile, Log, Rig
 from tdfscal.workflows.campaign import Campaign
 from tdfscal.workflows.progress import SILENT, Progress
 
-#: Warnings of a log that an error repeats at most.
+#: Warnings of a log that an error repeats at most; those of its clocks come first.
 _REPEATED = 3
+_CLOCK = (
+    "samples-not-ascending",
+    "header-clock-off",
+    "header-clock-departs",
+    "clocks-run-apart",
+    "clocks-apart",
+)
 #: Stops left out per dwell found, from which an error says so.
 _LOST = 2
 #: A reading this close to its capacity, relative, stands at it.
@@ -119,7 +126,8 @@ class LogPass:
         try:
             yield
         except (DataError, NotIdentifiableError, NotConvergedError) as error:
-            found = [*([self.stops] if self.stops else []), *self.messages]
+            messages = sorted(self.messages, key=lambda finding: finding.code not in _CLOCK)
+            found = [*([self.stops] if self.stops else []), *messages]
             what = "; ".join([error.what, *map(sentence, error.findings)])
             if not found and not error.findings:
                 raise

@@ -91,7 +91,7 @@ def test_a_rejected_result_is_written_only_on_request(
     seen = run(capsys, "calibrate", folder, "-o", target, "--trials", 0, "-q")
     assert seen.status == 1
     assert "REJECTED" in seen.out
-    assert "above the limit of 0.01 mrad" in " ".join(seen.out.split())
+    assert "above the limit of 10 µrad" in " ".join(seen.out.split())
     assert not target.exists()
     seen = run(capsys, "calibrate", folder, "-o", target, "--trials", 0, "-q", "--allow-rejected")
     assert seen.status == 1

@@ -14,6 +14,7 @@ from tdfscal.selfcal.exact_quantities import exact_quantities
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.simulation import Faults, Gain, Options, make_rig, simulate_dwells
+from tests.words import in_words
 
 #: Nothing but the error in question is uncertain, and nothing else scatters but a little.
 QUIET = DeclaredUncertainty(positioner=1e-5, force_noise=0.05)
@@ -118,8 +119,10 @@ def test_a_barycentre_taken_as_exact_moves_the_zeros_as_predicted_and_unseen() -
     assert not wrong.suspicions
     for result in (right, wrong):
         (said,) = (
-            text for text in result.warnings if "the zeros rest on it" in text and "bary" in text
+            text
+            for text in in_words(result.findings)
+            if "the zeros rest on it" in text and "bary" in text
         )
         assert "terminal.barycenter.std" in said
     declared, _ = calibrated(RIG, real)
-    assert not [text for text in declared.warnings if "the zeros rest on it" in text]
+    assert not [text for text in in_words(declared.findings) if "the zeros rest on it" in text]

@@ -14,7 +14,7 @@ from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options
 
-RIGS = {3: simulation.make_rig(3), 4: simulation.make_rig(4)}
+RIGS = {n: simulation.make_rig(n) for n in (3, 4, 6)}
 
 
 def recorded(n: int, squeeze: float, change: Callable[[FloatArray], None]) -> Dwells:
@@ -60,18 +60,20 @@ MISTAKES = {
     ),
     "two channels": (exchanged((0, 0), (2, 0)), "Fx of ncp1 and Fx of ncp3 exchanged"),
     "unlike channels": (exchanged((0, 0), (1, 1)), "Fx of ncp1 and Fy of ncp2 exchanged"),
+    "a sign": (scaled(-1.0, 0, 1), "the opposite sign of Fy of ncp1"),
     "a tare": (tared, r"the zero of ncp2 jumped by .* between postures 6 and 7 .* as a tare"),
 }
 
 
-#: Quick ones, of three kinds; the others are of these kinds too.
-_QUICK = ("a channel in kgf", "two channels", "a tare")
+#: One of each kind; the others are of these kinds too.
+_QUICK = ("a channel in kgf", "two channels", "a sign")
 
 
 @pytest.mark.parametrize(
     ("name", "n", "squeeze"),
     [
         *((name, 3, 150.0 if k % 2 else 0.0) for k, name in enumerate(_QUICK)),
+        ("a tare", 6, 300.0),
         *(
             pytest.param(name, n, squeeze, marks=pytest.mark.slow)
             for name in MISTAKES

@@ -22,7 +22,7 @@ from tdfscal.workflows.calibrate import calibrate
 from tdfscal.wrench.contact_wrench import Wrenches
 from tdfscal.wrench.resampling import Samples
 from tests.cli.running import SAMPLES, Run, rows, run
-from tests.words import in_words, texts
+from tests.words import in_words
 
 from .held_out import HELD, USED, simulated, world
 
@@ -212,9 +212,10 @@ def test_supports_renamed_in_a_circle_are_said(
 
     def heard(seen: Run) -> None:
         assert seen.status in (0, 1), seen.err
-        (warning,) = (w for w in texts(json.loads(seen.out)) if "turned by" in w)
-        assert "about Z of the BCS in every posture" in warning
-        assert told in warning
+        (warning,) = (f for f in json.loads(seen.out)["findings"] if "turned by" in f["text"])
+        assert warning["code"] == "terminal-turned"
+        assert "about Z of the BCS in every posture" in warning["text"]
+        assert told in warning["cure"]
 
     heard(run(capsys, "calibrate", campaign, "-o", target, "--trials", 0, "-q", "--json"))
     heard(run(capsys, "apply", calibration, campaign, "-o", tmp_path / "w.csv", "--json"))

@@ -118,7 +118,13 @@ class Clock:
             said.append(Finding("samples-not-ascending", (self.name,), dropped, values=values))
         if self.gaps:
             longest, at = self.longest
-            values = {"gaps": self.gaps, "periods": GAP, "period": self.period, "at": shown(at)}
+            values = {
+                "gaps": self.gaps,
+                "several_gaps": self.gaps > 1,
+                "periods": GAP,
+                "period": self.period,
+                "at": shown(at),
+            }
             said.append(Finding("stream-gaps", (self.name,), longest, "s", values=values))
         return said
 
