@@ -43,9 +43,10 @@ def test_a_displaced_hinge_is_named_and_rejects_where_it_harms(
     assert "the distances between hinges say that the hinge of ncp2" in " ".join(
         in_words(doubt.findings(rejects=False))
     )
-    told = re.search(r"by ([\d.]+) mm", " ".join(in_words(doubt.findings(rejects=False))))
+    told = re.search(r"by ([\d.]+) (mm|µm)", " ".join(in_words(doubt.findings(rejects=False))))
     assert told is not None
-    assert 1e-3 * float(told[1]) == pytest.approx(size, abs=1e-4)  # 20 µm per coordinate
+    unit = {"mm": 1e-3, "µm": 1e-6}[told[2]]
+    assert unit * float(told[1]) == pytest.approx(size, abs=1e-4)  # 20 µm per coordinate
     assert bool(result.reasons) is rejected
     assert any("hinge of ncp2" in text for text in in_words(result.findings))
     if not rejected:  # the stated uncertainty holds it: d² within χ² of 9 degrees at a thousandth
