@@ -289,7 +289,7 @@ def test_every_recorder_gives_the_same_angles(
 ) -> None:
     result = calibrated(record(frame[0], tmp_path), tmp_path)
     np.testing.assert_allclose(result.rpy, reference.rpy, rtol=0, atol=1e-9)
-    assert result.status == reference.status == "accepted"
+    assert result.status == reference.status == "provisional"  # on lines that nobody confirmed
 
 
 def test_the_angles_are_right(
