@@ -23,7 +23,7 @@ LOGS: dict[str, Entry] = {
     "log-window": Entry("notes", "the log is used {window} only"),
     "messages-lost": Entry(
         "warns",
-        "{file}: {number:.0f} messages are there where {metadata} states {stated}: the recorder "
+        "{file}: {number:.0f} messages are there where {metadata} states {recorded}: the recorder "
         "has lost some",
     ),
     "recordings-unlisted": Entry(

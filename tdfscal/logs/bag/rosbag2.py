@@ -52,7 +52,7 @@ class Bag:
             if self.topics is None:
                 contradictions.append(text)
             else:
-                values: dict[str, Value] = {"stated": stated, "metadata": METADATA}
+                values: dict[str, Value] = {"recorded": stated, "metadata": METADATA}
                 doubts.append(Finding("messages-lost", size=there, values=values))
         if len(self._found) == len(set(self.files)):
             contradictions += self._in_all()
