@@ -160,8 +160,3 @@ CONTRADICTION: Final = 3.0
 FAR_FROM_NOMINAL: Final = 5.0
 #: A wrench beyond this is there.
 WRENCH_PRESENT: Final = 6.0
-
-# Studies ------------------------------------------------------------------------------------------
-
-#: Standard errors from zero at which the mean error of a study is a bias.
-BIASED: Final = 3.0

@@ -54,14 +54,6 @@ def one(path: PathLike | None) -> Path | None:
     return None if path is None else Path(path)
 
 
-def one_of(option: str, value: str | None, choices: Sequence[str]) -> None:
-    """Raise UsageError for a value that is none of the choices; None leaves the choice open."""
-    if value is not None and value not in choices:
-        raise UsageError(
-            f"{value!r} is none of the choices", where=option, hint=f"use {', '.join(choices)}"
-        )
-
-
 def at_least(option: str, value: float | None, least: float) -> None:
     """Raise UsageError for a number below the least; None is the default."""
     if value is not None and not value >= least:

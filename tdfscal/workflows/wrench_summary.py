@@ -15,7 +15,6 @@ from tdfscal.model.zero_motion import ZeroAge
 from tdfscal.records import FloatArray
 from tdfscal.workflows.calibration_in_use import InUse
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
-from tdfscal.wrench.envelope import Envelope
 from tdfscal.wrench.filtering import Walk
 from tdfscal.wrench.observable import observable_text
 from tdfscal.wrench.resampling import Tally
@@ -32,10 +31,8 @@ class Totals:
 
     squares : (4, 6), sums of squares of the wrench, of the uncalibrated one, of its standard
     uncertainty and of the calibration's part of that. largest : (2,), lengths. begin, end : s.
-    envelope : extremes of the wrench, where figures are asked for.
     """
 
-    envelope: Envelope | None = None
     squares: FloatArray = field(default_factory=lambda: np.zeros((4, 6)))
     largest: FloatArray = field(default_factory=lambda: np.zeros(2))
     rows: int = 0
@@ -53,8 +50,6 @@ class Totals:
                 self.begin = float(piece.time[0])
             self.end = float(piece.time[-1])
             self.rows += len(piece.time)
-            if self.envelope is not None:
-                self.envelope.add(piece.time, np.hstack([piece.value, piece.raw]))
             yield piece
 
 

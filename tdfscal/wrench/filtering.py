@@ -70,24 +70,6 @@ class Walk:
         return (1.0 - self.gain) / self.gain * self.interval
 
 
-def checked_walk(kind: str, walk: float | None) -> float | None:
-    """N in a second for a filter of this kind as the options give them, None for no filter.
-
-    Raises UsageError for a walk that is none, or that nothing filters.
-    """
-    if kind == "none":
-        if walk is not None:
-            raise UsageError(
-                "a walk without a filter does nothing", where="--walk", hint="choose a --filter"
-            )
-        return None
-    if walk is None:
-        return WALK
-    if not 0.0 < walk < np.inf:
-        raise UsageError(f"a force cannot walk by {walk:g} N", where="--walk", hint="above zero")
-    return walk
-
-
 def measured_noise(signal: FloatArray) -> float:
     """Standard deviation of a sample's noise, rms over the channels of a signal (N, C).
 

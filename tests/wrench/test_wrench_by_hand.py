@@ -16,7 +16,7 @@ from tdfscal.model.calibrated import Calibrated, independent
 from tdfscal.model.parameters import layout
 from tdfscal.records import DeclaredUncertainty, FloatArray, Log, Rig, Series, UncertainValue
 from tdfscal.wrench.contact_wrench import single, wrenches
-from tdfscal.wrench.filtering import WALK, Walk, checked_walk, filter_for, filtered
+from tdfscal.wrench.filtering import Walk, filter_for, filtered
 from tdfscal.wrench.kinematics import derivative_kernels, motion, poses, rotations
 from tdfscal.wrench.resampling import Samples, Tally, aligned
 
@@ -252,17 +252,6 @@ def test_readings_that_are_no_numbers_are_left_out_and_counted(together: bool) -
 
 
 # Filters.
-
-
-def test_options_of_a_filter() -> None:
-    assert checked_walk("none", None) is None
-    assert checked_walk("kalman", None) == WALK
-    assert checked_walk("smooth", 3.0) == 3.0
-    for kind, walk in (("none", 1.0), ("kalman", 0.0), ("kalman", -1.0), ("smooth", np.inf),
-                       ("smooth", np.nan)):  # fmt: skip
-        with pytest.raises(UsageError) as refused:
-            checked_walk(kind, walk)
-        assert refused.value.where == "--walk"
 
 
 @pytest.mark.parametrize("numbers", [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 0.0),
