@@ -49,6 +49,7 @@ GATE: dict[str, Entry] = {
         "find what touched the terminal or a sensor at the postures that do not fit, and record "
         "them again; where nothing did, look at {channel}, its cable and amplifier, or leave that "
         "axis out of `axes` in rig.yaml",
+        (("alike", "; about as likely {alike}"),),
     ),
 }
 

@@ -59,6 +59,11 @@ SUSPECTS: dict[str, Entry] = {
         "have the sensor of {subject} checked, or write `uncertainty.force_sensitivity: {stated}` "
         "in rig.yaml",
     ),
+    "mounting-suspected": _suspected(
+        "the sensor of {subject} is not mounted as stated",
+        "see how it sits, and correct `nominal_rpy`, or write `rpy_std: {stated}` for {subject} in "
+        "rig.yaml",
+    ),
     "mass-suspected": _suspected(
         "the mass is not what is stated",
         "weigh again, or write `terminal.mass.std: {stated}` in rig.yaml",

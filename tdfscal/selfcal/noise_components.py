@@ -21,10 +21,11 @@ from tdfscal.findings import Finding, Value
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import FloatArray, IntArray
-from tdfscal.selfcal.covariance import Estimate
-from tdfscal.selfcal.estimator import ROWS, Fit, at_state
-from tdfscal.selfcal.scatter import by_readings, chance
+from tdfscal.selfcal.covariance import Estimate, estimate
+from tdfscal.selfcal.estimator import ROWS, Fit, fit
+from tdfscal.selfcal.scatter import by_readings, chance, likeliest
 from tdfscal.significance import (
+    CAUSES_APART,
     GROSS_NOISE_FACTOR,
     GROSS_NOISE_SHARE,
     OUTLYING_POSTURE,
@@ -46,7 +47,7 @@ class GrossNoise:
 
     support, axis : whose. factor : its noise over the stated one. noise, load : N, its standard
     deviation, and the force that its sensor carries. postures : (m,), numbers of those that do not
-    fit within the stated noise.
+    fit within the stated noise. alike : channels whose noise explains about as much.
     """
 
     support: str
@@ -55,6 +56,7 @@ class GrossNoise:
     noise: float
     load: float
     postures: IntArray
+    alike: tuple[str, ...] = ()
 
     @property
     def finding(self) -> Finding:
@@ -65,6 +67,7 @@ class GrossNoise:
             "share": self.noise / self.load,
             "postures": [str(k) for k in self.postures[:_LISTED]],
             "more": len(self.postures) > _LISTED,
+            "alike": self.alike,
         }
         return Finding(
             "channel-broken", (self.support,), self.noise, "N", values=values, rejects=True
@@ -84,16 +87,30 @@ def gross_noise(factor: FloatArray, weighted: Fit, stated: Postures) -> GrossNoi
     gross = (factor > GROSS_NOISE_FACTOR) & (noise > GROSS_NOISE_SHARE * load[:, None])
     if not gross.any():
         return None
-    i, a = np.unravel_index(int(np.argmax(np.where(gross, noise, 0.0))), gross.shape)
-    own = at_state(rig, stated, weighted.state, weighted.weight).distance
-    limit = chi2_quantile(1 - OUTLYING_POSTURE / len(own), ROWS)
+    known = estimate(fit(rig, stated, weighted.state, weighted.weight))
+    left = known.parts.left[: ROWS * len(stated)].reshape(len(stated), ROWS, -1)
+    white = known.fit.white[: ROWS * len(stated)].reshape(-1, ROWS)
+    gain = np.array(
+        [
+            [likeliest(sensor[..., [a]], white, left)[1] for a in range(3)]
+            for sensor in np.moveaxis(by_readings(known.fit), 1, 0)
+        ]
+    )
+    i, a = np.unravel_index(int(np.argmax(np.where(gross, gain, -1.0))), gross.shape)
+    limit = chi2_quantile(1 - OUTLYING_POSTURE / len(stated), ROWS)
+    near = [
+        f"F{'xyz'[c]} of {rig.supports[j]}"
+        for j, c in np.argwhere(gain > gain[i, a] - CAUSES_APART)
+        if (j, c) != (i, a)
+    ]
     return GrossNoise(
         rig.supports[i],
         "xyz"[a],
         float(factor[i, a]),
         float(noise[i, a]),
         float(load[i]),
-        np.flatnonzero(own > limit),
+        np.flatnonzero(known.fit.distance > limit),
+        tuple(near),
     )
 
 

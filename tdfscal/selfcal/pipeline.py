@@ -50,6 +50,8 @@ from tdfscal.significance import MOST_REJECTED
 MAX_TRIALS = 20_000
 #: Sensors up to which trials are made unasked: their work grows with the cube of that number.
 MOST_SIMULATED = 12
+#: Times that the noise of channels is sought again from the postures that it takes in.
+_ROUNDS = 3
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
 
@@ -81,8 +83,9 @@ def self_calibrate(
     """
     usable = usable_postures(rig, dwells)
     held = ((dwells.start + dwells.end) / 2)[usable.index]
+    warmth = None if dwells.temperature is None else dwells.temperature[usable.index]
     robust, known, channels = (
-        _likeliest_rotations(rig, usable, held)
+        _likeliest_rotations(rig, usable, held, warmth)
         if estimator == "ml"
         else _linear(rig, usable.postures, rng, max_trials or LINEAR_TRIALS)
     )
@@ -103,7 +106,6 @@ def self_calibrate(
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
     if estimator == "ml" and not any(doubt.harmful for doubt in doubts):
         placed = doubts
-        warmth = None if dwells.temperature is None else dwells.temperature[usable.index]
         many = len(robust.rejected) > MOST_REJECTED * len(usable.index)
         doubts = _doubts(known, usable, held, warmth, many_rejected=many)
         if any(doubt.kind in PARABOLAS for doubt in doubts):
@@ -145,17 +147,37 @@ def self_calibrate(
 
 
 def _likeliest_rotations(
-    rig: Rig, usable: Usable, held: FloatArray
+    rig: Rig, usable: Usable, held: FloatArray, warmth: FloatArray | None
 ) -> tuple[RobustFit, Estimate, FloatArray | None]:
-    """Maximum likelihood; with unequal noise where channels ask for it more than a slip does."""
+    """Maximum likelihood; with unequal noise where it explains more than any other cause."""
     robust = _fit(rig, usable.postures, usable.start)
     known = estimate(robust.fit, noise_from_residuals=usable.measured_noise)
     channels = None if usable.measured_noise else channel_noise(known)
     if channels is None:
         return robust, known, None
     weighted = _fit(rig, scaled(usable.postures, channels), robust.fit.state)
+    # What was out by the stated noise, and is none by the channels' own, tells of that noise too.
+    for _ in range(_ROUNDS):
+        if len(weighted.rejected) >= len(robust.rejected):
+            break
+        back = at_state(rig, usable.postures, weighted.fit.state, weighted.fit.weight)
+        again = channel_noise(estimate(back))
+        if again is None:
+            break
+        channels, before = again, weighted
+        weighted = _fit(rig, scaled(usable.postures, channels), weighted.fit.state)
+        if (weighted.fit.weight == before.fit.weight).all():
+            break
+    noise = worth(channels, robust.fit, weighted.fit)
     slip = find_slip(known, held, usable.index + 1)
-    if slip is not None and slip.weight > worth(channels, robust.fit, weighted.fit):
+    if slip is not None and slip.weight > noise:
+        return robust, known, None
+    whole = known
+    if robust.rejected:
+        whole = estimate(fit(rig, usable.postures, robust.fit.state))
+        noise = worth(channels, whole.fit, weighted.fit)
+    others = suspicions(whole, held, warmth)
+    if any(doubt.kind not in SCATTERS and doubt.weight > noise for doubt in others):
         return robust, known, None
     return weighted, estimate(weighted.fit), channels
 

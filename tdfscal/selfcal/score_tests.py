@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdfscal.model.parameters import State, layout, prior_std
+from tdfscal.model.parameters import State, layout, prior_std, rpy_prior_std
 from tdfscal.model.statics import balance, features_jacobian
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -173,6 +173,7 @@ def _suspects(fit: Fit, time: FloatArray, temperature: FloatArray | None) -> Ite
     columns = np.pad(fit.slopes.reshape(ROWS * K, -1), ((0, priors), (0, 0)))
     std = prior_std(rig, fit.postures.motion)
     yield from stated_suspects(rig, columns, std, fit.state.motions, priors)
+    yield from _mountings(rig, len(columns))
     zeros = columns[:, layout(rig.n)["zero"]].reshape(-1, rig.n, 3)
     for group, shape in _shapes(fit, time, temperature):
         size = 1.0 if group != "parabola" else float(np.sqrt(_HOUR / np.ptp(time)))
@@ -213,6 +214,19 @@ def stated_suspects(
                 if group == "sensitivity":
                     alike = columns[:, start : start + 3].sum(axis=1, keepdims=True)
                     yield "gain", index, alike, unit[:1]
+
+
+def _mountings(rig: Rig, rows: int) -> Iterator[Suspect]:
+    """Nominal mountings that are not as stated; the last of the rows are the angles' priors."""
+    if rig.earlier is not None:
+        return
+    angled = np.flatnonzero(np.isfinite(rpy_prior_std(rig)))
+    for i in range(rig.n):
+        own = np.flatnonzero((angled // 3 == i) & np.isfinite(rig.rpy_std).ravel()[angled])
+        if len(own):
+            shifted = np.zeros((rows, len(own)))
+            shifted[rows - len(angled) + own, np.arange(len(own))] = 1.0
+            yield "mounting", i, shifted, rig.rpy_std.ravel()[angled[own]]
 
 
 def _shapes(

@@ -23,6 +23,7 @@ CODES = {
     "zero": ("zero-suspected", "N", True),
     "sensitivity": ("sensitivity-suspected", "", True),
     "gain": ("gain-suspected", "", True),
+    "mounting": ("mounting-suspected", "rad", True),
     "mass": ("mass-suspected", "kg", False),
     "barycentre": ("barycentre-suspected", "m", False),
     "hinge": ("hinge-suspected", "m", True),

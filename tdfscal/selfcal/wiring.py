@@ -15,8 +15,10 @@ from tdfscal.model.parameters import nominal
 from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.selfcal.covariance import estimate
 from tdfscal.selfcal.estimator import Fit, spread
 from tdfscal.selfcal.misreadings import likeliest_misreading, refusal
+from tdfscal.selfcal.slip import find_slip
 
 #: Variance of the residuals, in units of the one stated, above which no mounting explains them.
 _LOST = 100.0
@@ -99,4 +101,8 @@ def check_readings(
         allowed = log_against_rig.weight_tolerance(0.0)
         raise log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
     number = np.arange(len(observed)) + 1 if number is None else number
+    if found.jump is not None and not found.tared and time is not None:
+        step = find_slip(estimate(present), time, number)
+        if step is not None and step.kind == "slip":  # a sensor that turned: for the gate to say
+            return
     raise refusal(rig, found, spread(present.distance, present.at.rows), number, time)

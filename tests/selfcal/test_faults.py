@@ -81,6 +81,17 @@ def test_what_was_not_declared_is_named_first(real: Rig, faults: Faults, words: 
     assert sum(bool(names) and words in names[0] for names in found) >= 4
 
 
+def test_a_mounting_that_contradicts_its_prior_is_named() -> None:
+    nominal = np.zeros((3, 3))
+    nominal[1] = (0.02, -0.02, 0.02)
+    stated = replace(RIG, rpy_std=np.full((3, 3), 2e-3), nominal_rpy=nominal)
+    true = replace(stated, nominal_rpy=np.zeros((3, 3)))
+    for names in suspects(true, stated, SQUEEZED, seed=6):
+        assert "the sensor of ncp2 is not mounted as stated" in names[0]
+    for names in suspects(true, true, SQUEEZED, seed=6):
+        assert not names
+
+
 @pytest.mark.slow
 def test_zeros_that_leave_where_they_were_tared_spoil_the_angles() -> None:
     """Drift weighs as unequal noise of the channels, and pulls at zeros stated where it begins."""

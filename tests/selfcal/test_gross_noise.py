@@ -11,7 +11,7 @@ from tdfscal import simulation
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.selfcal.result import SelfCalibration
-from tdfscal.simulation import Options, Recorder
+from tdfscal.simulation import Faults, Gain, Options, Recorder, Slip
 from tests.words import in_words
 
 RIG = simulation.reference_rig()
@@ -64,3 +64,62 @@ def test_a_broken_channel_is_named() -> None:
     assert (result.gross.support, result.gross.axis) == ("ncp3", "z")
     # χ² of 16 degrees: the scatter is known to 0.57 … 1.6 of itself, one in a thousand either way.
     assert 0.5 * 30.0 < result.gross.noise < 1.7 * 30.0
+
+
+@pytest.mark.parametrize("size", [0.01, -0.02, 0.05])
+def test_a_wrong_gain_is_named_before_the_noise_that_it_looks_like(size: float) -> None:
+    """Its misfit varies from posture to posture and is 14 to 500 times the noise of a channel."""
+    options = Options(
+        postures=27,
+        squeeze=400.0,
+        recorder=Recorder(mean_sd=0.05),
+        faults=Faults(gains=(Gain(3, (size,) * 3),)),
+    )
+    rig = simulation.make_rig(4, mass=1500.0, radius=0.4)
+    dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(1), 1).dwells(0)
+    result = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+    causes = [f for f in result.reasons if f.code not in ("residuals-large", "angle-uncertain")]
+    assert [(cause.code, cause.subject) for cause in causes] == [("gain-suspected", ("ncp4",))]
+
+
+def test_the_noise_of_a_channel_counts_the_postures_that_it_spoils() -> None:
+    """All 16 scatter by 5 N; by the stated noise the wildest third would be outliers."""
+    added = np.zeros((16, 3, 3))
+    added[:, 1, 0] = 5.0 * np.random.default_rng(8).standard_normal(16)
+    result = disturbed(8, added)
+    assert result.gross is not None
+    assert (result.gross.support, result.gross.axis) == ("ncp2", "x")
+    assert not result.rejected
+    assert 0.5 * 5.0 < result.gross.noise < 1.7 * 5.0
+
+
+def test_channels_that_explain_as_much_are_named_beside() -> None:
+    """Five sensors, three unknown forces at each posture at least: many channels look alike."""
+    rig = simulation.make_rig(5)
+    batch = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(4), 1)
+    dwells, noise = batch.dwells(0), np.random.default_rng(9).standard_normal(16)
+    for channel in range(3):
+        force = dwells.force.copy()
+        force[:, 1, channel] += 8.0 * noise
+        result = self_calibrate(
+            rig, replace(dwells, force=force), rng=np.random.default_rng(0), max_trials=0
+        )
+        assert result.gross is not None
+        named = {f"F{result.gross.axis} of {result.gross.support}", *result.gross.alike}
+        assert f"F{'xyz'[channel]} of ncp2" in named
+
+
+def test_a_slip_under_a_heavy_load_is_no_zero_that_jumps() -> None:
+    """5 mrad under 5 kN are 25 N, a hundred times what is stated."""
+    options = Options(
+        postures=18,
+        squeeze=200.0,
+        recorder=Recorder(mean_sd=0.05),
+        faults=Faults(slips=(Slip(2, 9, (3e-3, 4e-3, 0.0)),)),
+    )
+    rig = simulation.make_rig(3, mass=1500.0)
+    dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(2), 1).dwells(0)
+    result = self_calibrate(rig, dwells, rng=np.random.default_rng(0), max_trials=0)
+    first = result.suspicions[0].causes[0]
+    assert (first.code, first.subject) == ("sensor-slipped", ("ncp3",))
+    assert result.reasons
