@@ -2,7 +2,7 @@
 
     nice python -m benchmarks.edits [EDITS] > benchmarks/edits.md
 
-Each file is edited as tdfscal wrote it, and without its digests, as a program would write it that
+Each file is edited as tdfscal wrote it, and without its digest, as a program would write it that
 knows the format alone. What is read all the same is used: exported as CSV and C, applied to a log
 and validated on one, with the rig that the file embeds; every number of these is compared.
 """
@@ -127,8 +127,7 @@ def tried(document: dict[str, Any], count: int, seed: int, log: Path, tally: Tal
 
 def without_digests(document: dict[str, Any]) -> dict[str, Any]:
     """The document as a program would write it that knows the format alone."""
-    rig = {key: value for key, value in document["rig"].items() if key != "content_sha256"}
-    return {k: v for k, v in document.items() if k != "content_sha256"} | {"rig": rig}
+    return {k: v for k, v in document.items() if k != "content_sha256"}
 
 
 def main() -> None:

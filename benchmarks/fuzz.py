@@ -125,7 +125,7 @@ def build(home: Path) -> None:
     for name in ("c.yaml", "c.json"):
         found.save(home / name)
     content = json.loads((home / "c.json").read_text(encoding="utf-8"))
-    del content["content_sha256"], content["rig"]["content_sha256"]
+    del content["content_sha256"]
     (home / "bare.json").write_text(json.dumps(content), encoding="utf-8")
     plan(home / "C" / "rig.yaml", output=home / "plan.csv", postures=4)
     (home / "log.mcap").write_bytes(mcap_bytes(make_truth(12)))

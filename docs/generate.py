@@ -9,9 +9,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from string import Formatter
+from typing import Any
 
 from tdfscal.catalogue import CATALOGUE
 from tdfscal.cli.app import COMMANDS, described
+from tdfscal.files.schema import schemas
 from tdfscal.workflows.options import sentence
 
 PAGE = Path(__file__).with_name("reference.md")
@@ -43,6 +45,38 @@ def findings() -> Iterator[str]:
         says = entry.sentence + "".join(clause for _, clause in entry.clauses)
         cells = (f"`{code}`", entry.severity, _plain(says), _plain(entry.cure))
         yield f"| {' | '.join(cells)} |\n"
+    yield "\n"
+
+
+def points() -> Iterator[str]:
+    """Yield the keys of a point file in JSON as a table."""
+    return _keys("points")
+
+
+def calibration() -> Iterator[str]:
+    """Yield the keys of the calibration file as a table; those of its rig have one of their own."""
+    return _keys("calibration", "rig")
+
+
+def _keys(name: str, *closed: str) -> Iterator[str]:
+    schema = schemas()[f"{name}.schema.json"]
+    yield "\n| key | | meaning |\n|---|---|---|\n"
+
+    def below(node: dict[str, Any], path: str) -> Iterator[str]:
+        for member in [node, *node.get("anyOf", ())]:
+            here = schema["$defs"][member["$ref"].rsplit("/", 1)[1]] if "$ref" in member else member
+            if isinstance(here.get("items"), dict):
+                yield from below(here["items"], f"{path}[]")
+            if isinstance(here.get("additionalProperties"), dict):
+                yield from below(here["additionalProperties"], f"{path}.NAME")
+            for key, value in here.get("properties", {}).items():
+                full = f"{path}.{key}".removeprefix(".")
+                needed = "●" if key in here.get("required", ()) else ""
+                yield f"| `{full}` | {needed} | {value['description']} |\n"
+                if full not in closed:
+                    yield from below(value, full)
+
+    yield from below(schema, "")
     yield "\n"
 
 

@@ -7,7 +7,6 @@ parsers hand on `1e-5` as text; numpy arrays are taken as lists.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -26,7 +25,6 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from tdfscal.files.hashing import content_sha256
 from tdfscal.files.yaml.scalars import plain_scalar
 from tdfscal.records import BoolArray, FloatArray
 
@@ -50,12 +48,6 @@ class Strict(BaseModel):
         defer_build=True,
         from_attributes=True,
     )
-
-    def altered(self, digest: str | None, without: Iterable[str] = ()) -> bool:
-        """Tell whether this part is not the one whose digest, without some keys, was written."""
-        # Without defaults that a later version may add: the file does not state them.
-        own = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
-        return digest not in (None, content_sha256(own, without))
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -40,15 +40,13 @@ def printable(text: str) -> str:
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
-def content_sha256(content: Mapping[str, Any], without: Iterable[str]) -> str:
+def content_sha256(content: Mapping[str, Any]) -> str:
     """SHA-256 of a document's values, whatever their order and notation.
 
     It is that of the document as Python's JSON in UTF-8, its keys sorted. content : plain JSON
-    values. without : keys at its top that are left out.
+    values.
     """
-    left_out = set(without)
-    values = {key: value for key, value in content.items() if key not in left_out}
-    text = json.dumps(values, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(content, sort_keys=True, ensure_ascii=False, allow_nan=False)
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 

@@ -7,8 +7,12 @@ else. So a missing reading costs equations and adds no parameter, however many p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
+from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, IntArray
 
 #: A direction whose share of the columns is below this is rounding.
@@ -39,3 +43,23 @@ def least_squares(
     inverse = np.linalg.pinv(white, rcond=_ROUNDING)
     value = -(inverse @ (inverse_root @ residual[..., None]))[..., 0]
     return value, np.asarray(inverse @ np.swapaxes(inverse, 1, 2))
+
+
+def from_directions(
+    nominal_rpy: Sequence[float], directions: dict[Any, tuple[float, float, float]]
+) -> FloatArray:
+    """Rotation (3, 3) next to the nominal mounting whose measured axes point along directions.
+
+    What no axis shows stays as it is nominally: readings turned by it are the same.
+    """
+    R = so3.from_rpy(np.array(nominal_rpy))
+    if len(directions) != 1:
+        columns = [directions.get(axis, np.zeros(3)) for axis in "xyz"]
+        return so3.project(np.stack(columns, axis=1)) if directions else R
+    ((axis, towards),) = directions.items()
+    own, beside = R.T["xyz".index(axis)], R.T["yzx".index(axis)]
+    about = np.cross(own, towards)
+    sine, cosine = np.linalg.norm(about), float(own @ np.array(towards))
+    if sine < 1e-9:
+        return R if cosine > 0 else so3.exp(np.pi * beside) @ R
+    return np.asarray(so3.exp(np.arctan2(sine, cosine) * about / sine) @ R)

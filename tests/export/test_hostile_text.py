@@ -51,7 +51,7 @@ def content() -> dict[str, Any]:
 def poisoned(line: str, wild: str) -> Calibration:
     """A calibration with the text in every field that takes one, each marked by its place."""
     c = json.loads(json.dumps(content()))
-    c["rig"] |= {"name": f"rig {line}", "content_sha256": None}
+    c["rig"] |= {"name": f"rig {line}"}
     c["software"] = {"name": f"software {line}", "version": f"version {line}"}
     c["findings"] = [found(f"warning {line}")]
     c["observability"]["verdict"] = f"verdict {line}"

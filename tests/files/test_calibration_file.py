@@ -77,7 +77,6 @@ def test_both_forms_say_the_same_and_hold_all_that_was_given(
     del content["rig"]
     for angle in content["observability"]["angles"]:
         assert angle.pop("prior_std") is None
-    assert content["observability"]["weak"][0].pop("std") is None
     assert {key: as_json[key] for key in content} == content
 
 
@@ -234,31 +233,30 @@ BROKEN = [
     (reflect, "det", "supports[0].rotation"),
     (nudge(2e-9, "supports", 2, "rotation", 0, 0), "rotation", "supports[2].rotation"),
     (put("supports", 2, "rotation", 0, 0, 1e200), "rotation", "supports[2].rotation"),
-    (nudge(4e-9, "supports", 1, "rpy", 1), "angles", "supports[1].rpy"),
-    (nudge(4e-9, "supports", 1, "quaternion_xyzw", 3), "quaternion", "supports[1].quaternion_xyzw"),
+    (nudge(4e-9, "supports", 1, "rpy", 1), "elsewhere", "supports[1].rpy"),
+    (nudge(4e-9, "supports", 1, "quaternion_xyzw", 3), "elsewhere", "supports[1].quaternion_xyzw"),
     (put("supports", 1, "quaternion_xyzw", 3, 1e200), "quaternion", "supports[1].quaternion_xyzw"),
-    (nudge(1e-8, "supports", 0, "rpy_std", 2), "covariance", "supports[0].rpy_std"),
+    (nudge(1e-8, "supports", 0, "rpy_std", 2), "elsewhere", "supports[0].rpy_std"),
     (put("supports", 0, "rpy_std", 2, -1.0), "equal to 0", "supports[0].rpy_std[2]"),
     (put("supports", 0, "rpy_interval", "coverage", 95.0), "less than 1", "coverage"),
     (put("supports", 0, "rpy_interval", "low", [9.0, 9.0, 9.0]), "above", "rpy_interval"),
     (put("supports", 0, "name", "ncp9"), "embedded rig", "supports"),
     (swap_supports, "embedded rig", "supports"),
     (put("supports", 0, "zero_std", [0.1, 0.1]), "zero_std", "supports[0]"),
-    (put("covariance", "parameters", 0, "ncp1.ry"), "ncp1.rx", "covariance.parameters"),
+    (put("covariance", "parameters", 0, "ncp1.ry"), "ncp1, ncp2, ncp3", "covariance.parameters"),
     (put("covariance", "definition", "d in the LCS"), "definition", "covariance.definition"),
     (nudge(1e-15, "covariance", "matrix", 0, 1), "symmetric", "covariance.matrix"),
     (put("covariance", "matrix", [[1.0]]), "9 rows", "covariance.matrix"),
     (indefinite, "semidefinite", "covariance.matrix"),
     (put("terminal", "mass", "value", 0.0), "greater than 0", "terminal.mass.value"),
     (put("fit", "p_value", 1.5), "less than or equal to 1", "fit.p_value"),
-    (put("fit", "converged", 1), "boolean", "fit.converged"),
-    (put("observability", "correlations", 0, "value", -1.1), "equal to -1", "value"),
+    (put("monte_carlo", "linear_interval_validated", 1), "boolean", "monte_carlo"),
     (put("observability", "angles", 0, "angle", "tilt"), "'roll'", "angle"),
     (put("budget", "sources", ["noise"]), "sources", "budget.angles[0].variance"),
     (put("budget", "sources", ["noise", "zero", "noise"]), "twice", "budget.sources"),
-    (drop("budget", "angles", 8), "yaw of ncp1", "budget.angles"),
-    (put("budget", "angles", 3, "support", "ncp9"), "yaw of ncp1", "budget.angles"),
-    (put("budget", "angles", 3, "angle", "yaw"), "yaw of ncp1", "budget.angles"),
+    (drop("budget", "angles", 8), "ncp1, ncp2, ncp3", "budget.angles"),
+    (put("budget", "angles", 3, "support", "ncp9"), "ncp1, ncp2, ncp3", "budget.angles"),
+    (put("budget", "angles", 3, "angle", "yaw"), "ncp1, ncp2, ncp3", "budget.angles"),
     (exact_for(), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
     (exact_for("ncp1", "ncp2"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),
     (exact_for("ncp1", "ncp2", "ncp2"), "ncp1, ncp2, ncp3", "taken_as_exact[0].supports"),

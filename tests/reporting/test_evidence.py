@@ -58,9 +58,8 @@ def test_histogram_is_that_of_standard_normal_trials(made: Sample) -> None:
     trials = made.calibration.monte_carlo
     assert trials is not None
     assert trials.histogram is not None
-    edges = np.array(trials.histogram.edges)
-    middle = (edges[1:] + edges[:-1]) / 2
-    counts = np.array(trials.histogram.counts)
+    middle = np.arange(-3.875, 4.0, 0.25)
+    counts = np.array(trials.histogram)
     total = counts.sum(axis=-1)
     assert np.all(total <= 4000)
     assert np.all(total > 0.998 * 4000)  # 6e-5 of a normal lies beyond four standard deviations
@@ -121,15 +120,15 @@ def test_files_without_evidence_are_still_read(made: Sample) -> None:
     [
         (("postures", "start"), "one entry per posture"),
         (("postures", "moment_after"), "one entry per posture"),
-        (("monte_carlo", "histogram", "edges"), "one number per bin"),
-        (("monte_carlo", "histogram", "counts"), "row per support"),
+        (("monte_carlo", "histogram", 0, 0), "at least 32"),
+        (("monte_carlo", "histogram"), "row per support"),
     ],
 )
 def test_evidence_that_does_not_fit_is_refused(
-    made: Sample, place: tuple[str, ...], message: str
+    made: Sample, place: tuple[Any, ...], message: str
 ) -> None:
     content = made.calibration.model_dump(mode="json")
-    part = content
+    part: Any = content
     for key in place[:-1]:
         part = part[key]
     part[place[-1]] = part[place[-1]][:-1]

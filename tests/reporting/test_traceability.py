@@ -16,7 +16,6 @@ def stated(due: str = "2031-03-01", **more: Any) -> Calibration:
     rig = c.rig.model_dump(mode="json", exclude_none=True)
     rig |= {"serial": "RH-02", "campaign": {"operator": "A. Muster", "site": "Hall 3"}, **more}
     rig["supports"][1]["sensor"] = {"serial": "T-7", "certificate": "D-K-15", "due": due}
-    rig.pop("content_sha256", None)
     return changed(c, rig=rig)
 
 

@@ -15,13 +15,13 @@ from tdfscal.acceptance.turns import locked_sensors, turn_std
 from tdfscal.catalogue import documents
 from tdfscal.files.calibration.consistency import status_of
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import HISTOGRAM_DEFINITION
 from tdfscal.files.calibration.parameters import turn_parameters
 from tdfscal.files.calibration.parts import (
     CALIBRATION_FORMAT,
     CONVENTION,
     CONVENTION_WITH_SENSITIVITY,
     COVARIANCE_DEFINITION,
+    EDGES,
     measured_document,
 )
 from tdfscal.files.field_types import measured_only
@@ -34,8 +34,6 @@ from tdfscal.records import ANGLES, BoolArray, FloatArray, InputFile, Measured, 
 from tdfscal.selfcal.exact_quantities import ExactQuantity
 from tdfscal.significance import INTERVAL_COVERAGE
 
-#: Bins of a quarter of a standard uncertainty; normally one trial in 16 000 lies beyond.
-_EDGES = np.linspace(-4.0, 4.0, 33)
 _NORMAL = float(coverage_factor(INTERVAL_COVERAGE))
 
 
@@ -116,7 +114,7 @@ def assembled(
         },
         "budget": _budget(rig.supports, budget, angles.determined),
         "taken_as_exact": [_exact(rig.supports, angles, quantity) for quantity in exact],
-        "monte_carlo": _trials(angles, origin.seed),
+        "monte_carlo": _trials(angles),
         "findings": found,
     }
     return Calibration.model_validate(document | parts)
@@ -166,7 +164,7 @@ def _supports(
     return supports
 
 
-def _trials(angles: Angles, seed: int) -> dict[str, Any] | None:
+def _trials(angles: Angles) -> dict[str, Any] | None:
     """Monte Carlo of either method, with its trials in bins of the linear standard uncertainty."""
     trials = angles.trials
     if trials is None:
@@ -174,17 +172,12 @@ def _trials(angles: Angles, seed: int) -> dict[str, Any] | None:
     columns = np.moveaxis(trials.sample / angles.std, 0, -1)
     return {
         "trials": trials.trials,
-        "seed": seed,
         "rpy_std": trials.std,
         "low": trials.low,
         "high": trials.high,
         "tolerance": float(trials.tolerance.min()),
         "linear_interval_validated": trials.validated,
-        "histogram": {
-            "definition": HISTOGRAM_DEFINITION,
-            "edges": _EDGES,
-            "counts": [[np.histogram(angle, _EDGES)[0] for angle in three] for three in columns],
-        },
+        "histogram": [[np.histogram(angle, EDGES)[0] for angle in three] for three in columns],
     }
 
 

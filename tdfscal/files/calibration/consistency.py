@@ -1,8 +1,11 @@
-"""What a calibration file says several times agrees, and its parts fit together."""
+"""A calibration file is of its rig, has rotations and covariances, and does not contradict itself.
+
+What a digest does not cover is checked: files of other programs have none.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,21 +19,25 @@ from tdfscal.files.calibration.parameters import (
     places,
     turn_parameters,
 )
-from tdfscal.files.calibration.parts import CONVENTION, CONVENTION_WITH_SENSITIVITY, Mounting
+from tdfscal.files.calibration.parts import CONVENTION, CONVENTION_WITH_SENSITIVITY
 from tdfscal.files.field_types import fault
-from tdfscal.model.parameters import State, layout, symmetric
+from tdfscal.model.parameters import layout, symmetric
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_sf, coverage_factor
+from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import ANGLES, FloatArray
 
 if TYPE_CHECKING:
     from tdfscal.files.calibration.document import Calibration
 
 Status = Literal["accepted", "provisional", "rejected"]
+Place = tuple[str | int, ...]
+Statement = tuple[Place, Any, Any]
+"""What stands at a place of a file, and what follows from the rest of it."""
+
 UNCONFIRMED = "draft-unconfirmed"
 """Code of the finding that makes an accepted result provisional."""
 SAME = 1e-9
-"""Two statements of one rotation agree within this, per matrix element."""
+"""Two statements of one value agree within this, relative or in its unit."""
 SAME_STD = 1e-6
 """Two statements of one standard uncertainty agree within this, relative."""
 ALTERED = (
@@ -40,23 +47,21 @@ ALTERED = (
 """What to do with a calibration file that was edited."""
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def check(c: Calibration) -> None:
-    """Raise the model's fault, which names the place, where a file contradicts itself."""
-    _check_status(c)
+    """Raise the model's fault, which names the place, where a file is not whole or consistent."""
+    _check_method(c)
     _check_names(c)
-    matrix = checked_covariance(
-        c.covariance.matrix, 3 * int(c.determined.sum()), "covariance", "matrix"
-    )
+    size = 3 * int(c.determined.sum())
+    matrix = checked_covariance(c.covariance.matrix, size, "covariance", "matrix")
     if c.parameters is not None:
         _check_parameters(c, c.parameters, matrix)
-    for index, support in enumerate(c.supports):
-        block = slice(3 * index, 3 * index + 3)
-        if support.mounting is not None:
-            check_rotation(support.mounting, c.rotation_covariance[block, block], index)
     _check_rows(c)
-    check_stated(c)
-    if c.rig.edited:
-        raise fault("was edited after the calibration", "rig", hint=ALTERED)
+    for index in np.flatnonzero(c.determined).tolist():
+        check_rotation(c.rotation[index], "supports", index, "rotation")
+    for place, stated, other in said_twice(c):
+        std = str(place[-1]).endswith(("std", "variance"))
+        check_same(stated, other, *place, rtol=SAME_STD if std else SAME, atol=0 if std else SAME)
 
 
 def status_of(found: Iterable[tuple[str, str]]) -> Status:
@@ -67,76 +72,80 @@ def status_of(found: Iterable[tuple[str, str]]) -> Status:
     return "provisional" if any(code == UNCONFIRMED for code, _ in each) else "accepted"
 
 
-def _check_status(c: Calibration) -> None:
-    if c.status != status_of((f.code, f.severity) for f in c.findings):
-        raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)
-    if c.method == "self" and c.estimator is None:
-        raise fault("lacks `estimator`, which the method `self` has")
-    if c.method == "tracker" and c.estimator is not None:
-        raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
-    if c.method == "self" and (c.fit is None or c.observability is None):
-        raise fault("lacks `fit` or `observability`, which the method `self` has")
-    scaled = any(support.sensitivity is not None for support in c.supports)
-    if c.convention != (CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION):
-        given = "some supports" if scaled else "no support"
-        raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
+def said_twice(c: Calibration) -> Iterator[Statement]:
+    """Yield what follows from rotations, covariances, parameters and χ², where it stands too."""
+    variance = so3.rpy_variance(c.rotation, c.rotation_covariance)
+    turns = turn_std(c.rotation_covariance)
+    for i in np.flatnonzero(c.determined).tolist():
+        support, R, place = c.supports[i], c.rotation[i], ("supports", i)
+        yield (*place, "rpy"), so3.from_rpy(np.array(support.rpy, dtype=np.float64)), R
+        quaternion, stated = so3.to_quaternion(R), np.array(support.quaternion_xyzw)
+        yield (*place, "quaternion_xyzw"), stated * np.sign(stated @ quaternion), quaternion
+        if support.turn_std is not None:
+            yield (*place, "turn_std"), support.turn_std, turns[i]
+        if not so3.locked(R):
+            yield (*place, "rpy_std"), support.rpy_std, np.sqrt(np.maximum(variance[i], 0.0))
+            yield from _interval(c, i)
+    if c.parameters is not None:
+        yield from _zeros_and_load(c, c.parameters)
+    for k, entry in enumerate(c.budget.angles if c.budget is not None else ()):
+        i, j = c.support_names.index(entry.support), ANGLES.index(entry.angle)
+        if not so3.locked(c.rotation[i]):
+            std = np.sqrt(sum(entry.variance.values()))
+            yield ("budget", "angles", k, "variance"), std, np.sqrt(variance[i, j])
+    if c.fit is not None and c.fit.dof:
+        yield ("fit", "p_value"), c.fit.p_value, chi2_sf(c.fit.chi2, c.fit.dof)
+        yield ("fit", "birge"), c.fit.birge, np.sqrt(c.fit.chi2 / c.fit.dof)
 
 
-def _check_names(c: Calibration) -> None:
-    if c.support_names != tuple(support.name for support in c.rig.supports):
-        raise fault("are not those of the embedded rig, in its order", "supports")
-    for index, (support, rig) in enumerate(zip(c.supports, c.rig.supports, strict=True)):
-        if not support.determined and set(rig.axes) == {"x", "y", "z"}:
-            raise fault("is missing, though the sensor lacks no axis", "supports", index)
-    stand = tuple(support.name for support in c.supports if support.determined)
-    if not stand:
-        raise fault("have no rotation, none of them", "supports")
-    if c.covariance.parameters != turn_parameters(stand):
-        raise fault(
-            f"must be {stand[0]}.rx, {stand[0]}.ry and so on, in the order of the supports",
-            *("covariance", "parameters"),
-        )
-    _check_lists(c, stand)
+def _interval(c: Calibration, i: int) -> Iterator[Statement]:
+    """Yield the middle of a support's interval, unless it is that of the Monte Carlo."""
+    interval, trials = c.supports[i].rpy_interval, c.monte_carlo
+    if interval is not None:
+        low, high = np.array(interval.low), np.array(interval.high)
+        ends = None if trials is None else [trials.low[i], trials.high[i]]
+        if ends is None or not np.allclose([low, high], ends, rtol=0, atol=SAME):
+            yield ("supports", i, "rpy_interval"), (low + high) / 2, c.rpy[i]
 
 
-def _check_lists(c: Calibration, stand: tuple[str, ...]) -> None:
-    """Refuse a list per sensor that is not of those with a rotation, in their order."""
-    sensors = f"{', '.join(stand)}, in this order, each once"
-    for index, quantity in enumerate(c.taken_as_exact):
-        if tuple(effect.name for effect in quantity.supports) != stand:
-            raise fault(f"must be of {sensors}", "taken_as_exact", index, "supports", hint=ALTERED)
-    if c.budget is not None:
-        named = [(entry.support, entry.angle) for entry in c.budget.angles]
-        if named != list(product(stand, ANGLES)):
-            what = f"must be roll, pitch, yaw of {sensors}"
-            raise fault(what, "budget", "angles", hint=ALTERED)
+def _zeros_and_load(c: Calibration, block: Parameters) -> Iterator[Statement]:
+    """Yield zeros, sensitivities and load by the block of all parameters."""
+    given, n = calibrated_from(block, c.loaded_rig().rig, c.rotation), len(c.supports)
+    state, std, at = given.state, np.sqrt(np.diagonal(given.covariance)), layout(n)
+    zero_std, scale = std[at["zero"]].reshape(n, 3), np.eye(3) + symmetric(state.sensitivity)
+    for i, support in enumerate(c.supports):
+        yield ("supports", i, "zero"), support.zero, state.zero[i]
+        yield ("supports", i, "zero_std"), support.zero_std, zero_std[i]
+        yield ("supports", i, "sensitivity"), c.sensitivity[i], scale[i]
+    mass, bary = c.terminal.mass, c.terminal.barycenter
+    yield ("terminal", "mass", "value"), mass.value, state.mass
+    yield ("terminal", "mass", "std"), mass.std, std[at["mass"]]
+    yield ("terminal", "barycenter", "value"), bary.value, state.barycentre
+    yield ("terminal", "barycenter", "std"), bary.std, std[at["barycentre"]]
 
 
-def _check_rows(c: Calibration) -> None:
-    """Refuse a table that has not one row per support."""
-    histogram = c.monte_carlo and c.monte_carlo.histogram
-    tables: list[tuple[Any, tuple[str, ...], tuple[str | int, ...]]] = [
-        (c.monte_carlo, ("rpy_std", "low", "high"), ("monte_carlo",)),
-        (histogram, ("counts",), ("monte_carlo", "histogram")),
-        (c.fit, ("channel_noise",), ("fit",)),
-        (c.dwells, ("force",), ("dwells",)),
-        *((one, ("zero", "zero_std"), ("campaigns", k)) for k, one in enumerate(c.campaigns)),
-        *((one, ("rpy", "rpy_std"), ("methods", k)) for k, one in enumerate(c.methods or ())),
-    ]
-    n = len(c.supports)
-    for table, names, place in tables:
-        for name in names if table is not None else ():
-            rows = getattr(table, name)
-            if rows is not None and len(rows) != n:
-                raise fault(f"must have a row per support, {n}, got {len(rows)}", *place, name)
+def check_same(
+    stated: Any, other: npt.ArrayLike, *place: str | int, rtol: float, atol: float
+) -> None:
+    """Refuse what differs from what follows from the rest of a file; None stands for nothing."""
+    values = np.array(stated, dtype=np.float64)  # None becomes no number
+    if not np.all(np.isnan(values) | np.isclose(values, other, rtol=rtol, atol=atol)):
+        raise fault("does not follow from what the file says elsewhere", *place, hint=ALTERED)
+
+
+def check_rotation(R: FloatArray, *place: str | int) -> None:
+    """Refuse a matrix (3, 3) that is no rotation."""
+    orthonormal = np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME)
+    if not orthonormal or np.linalg.det(R) < 0:
+        raise fault("is not a rotation: not orthonormal, or det ≠ +1", *place, hint=ALTERED)
 
 
 def checked_covariance(
-    rows: Sequence[Sequence[float]] | FloatArray, size: int, *place: str, mixed: bool = False
+    rows: Sequence[Sequence[float]] | FloatArray, size: int, *place: str | int, mixed: bool = False
 ) -> FloatArray:
-    """Return a matrix, which must be symmetric and positive semidefinite to rounding.
+    """Return the matrix (size, size), symmetric and positive semidefinite to rounding.
 
-    mixed : its parameters have units of their own, and so each its own rounding.
+    mixed : parameters have units of their own, and so each its own rounding.
     """
     if len(rows) != size or any(len(row) != size for row in rows):
         raise fault(f"must have {size} rows of {size} numbers", *place)
@@ -152,50 +161,58 @@ def checked_covariance(
     return matrix
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def check_rotation(support: Mounting, covariance: FloatArray, index: int) -> None:
-    """Refuse a support whose rotation, angles, quaternion and uncertainties disagree.
-
-    covariance : (3, 3), rad², of the support's rotation, perturbed in the BCS.
-    """
-    R, place = np.array(support.rotation), ("supports", index)
-    if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) or np.linalg.det(R) < 0:
-        what = "is not a rotation: not orthonormal, or det ≠ +1"
-        raise fault(what, *place, "rotation", hint=ALTERED)
-    _same(so3.from_rpy(support.rpy), R, *place, "rpy", what="the angles of `rotation`")
-    turned = _from_quaternion(support.quaternion)
-    _same(turned, R, *place, "quaternion_xyzw", what="the quaternion of `rotation`")
-    if support.turn_std is not None:
-        _same_std(support.turn_std, turn_std(covariance)[0], *place, "turn_std")
-    if not so3.locked(R):
-        variance = so3.rpy_variance(R[None], covariance)[0]
-        _same_std(support.rpy_std, np.sqrt(np.maximum(variance, 0.0)), *place, "rpy_std")
+def _check_method(c: Calibration) -> None:
+    if c.status != status_of((f.code, f.severity) for f in c.findings):
+        raise fault(f"is `{c.status}` against `findings`", "status", hint=ALTERED)
+    if c.method == "self" and (None in (c.estimator, c.fit, c.observability)):
+        raise fault("lacks `estimator`, `fit` or `observability`, which the method `self` has")
+    if c.method == "tracker" and c.estimator is not None:
+        raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
+    scaled = any(support.sensitivity is not None for support in c.supports)
+    if c.convention != (CONVENTION_WITH_SENSITIVITY if scaled else CONVENTION):
+        given = "some supports" if scaled else "no support"
+        raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
 
 
-def from_directions(
-    nominal_rpy: Sequence[float], directions: dict[Any, tuple[float, float, float]]
-) -> FloatArray:
-    """Rotation (3, 3) next to the nominal mounting whose measured axes point along directions.
+def _check_names(c: Calibration) -> None:
+    if c.support_names != tuple(support.name for support in c.rig.supports):
+        raise fault("are not those of the embedded rig, in its order", "supports")
+    for index, (support, rig) in enumerate(zip(c.supports, c.rig.supports, strict=True)):
+        if not support.determined and set(rig.axes) == {"x", "y", "z"}:
+            raise fault("is missing, though the sensor lacks no axis", "supports", index)
+    stand = tuple(support.name for support in c.supports if support.determined)
+    if not stand:
+        raise fault("have no rotation, none of them", "supports")
+    lists: list[tuple[Any, Any, Place]] = [
+        (c.covariance.parameters, turn_parameters(stand), ("covariance", "parameters")),
+        *(
+            ([effect.name for effect in one.supports], stand, ("taken_as_exact", k, "supports"))
+            for k, one in enumerate(c.taken_as_exact)
+        ),
+    ]
+    if c.budget is not None:
+        named = [(entry.support, entry.angle) for entry in c.budget.angles]
+        lists.append((named, product(stand, ANGLES), ("budget", "angles")))
+    for names, expected, place in lists:
+        if list(names) != list(expected):
+            what = f"must be of {', '.join(stand)}, in this order, each once"
+            raise fault(what, *place, hint=ALTERED)
 
-    What no axis shows stays as it is nominally: readings turned by it are the same.
-    """
-    R = so3.from_rpy(np.array(nominal_rpy))
-    if len(directions) != 1:
-        columns = [directions.get(axis, np.zeros(3)) for axis in "xyz"]
-        return so3.project(np.stack(columns, axis=1)) if directions else R
-    ((axis, towards),) = directions.items()
-    own, beside = R.T["xyz".index(axis)], R.T["yzx".index(axis)]
-    about = np.cross(own, towards)
-    sine, cosine = np.linalg.norm(about), float(own @ np.array(towards))
-    if sine < SAME:
-        return R if cosine > 0 else so3.exp(np.pi * beside) @ R
-    return np.asarray(so3.exp(np.arctan2(sine, cosine) * about / sine) @ R)
 
-
-def _from_quaternion(q: tuple[float, float, float, float]) -> FloatArray:
-    """Rotation of q = (x, y, z, w); no rotation where q is not of unit length."""
-    v, w = np.array(q[:3]), np.float64(q[3])
-    return np.asarray((w**2 - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * so3.hat(v))
+def _check_rows(c: Calibration) -> None:
+    """Refuse a table that has not one row per support."""
+    tables: list[tuple[Any, tuple[str, ...], Place]] = [
+        (c.monte_carlo, ("rpy_std", "low", "high", "histogram"), ("monte_carlo",)),
+        (c.fit, ("channel_noise",), ("fit",)),
+        (c.dwells, ("force",), ("dwells",)),
+        *((one, ("zero", "zero_std"), ("campaigns", k)) for k, one in enumerate(c.campaigns)),
+        *((one, ("rpy", "rpy_std"), ("methods", k)) for k, one in enumerate(c.methods or ())),
+    ]
+    for holder, names, place in tables:
+        for name in names if holder is not None else ():
+            rows = getattr(holder, name)
+            if rows is not None and len(rows) != len(c.supports):
+                raise fault("must have one row per support", *place, name)
 
 
 def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) -> None:
@@ -212,98 +229,3 @@ def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) 
     own = matrix[np.ix_(rows, rows)]
     if np.abs(own - rotations).max() > 1e-9 * np.abs(own).max():
         raise fault("does not contain `covariance`", "parameters", "matrix", hint=ALTERED)
-
-
-def check_stated(c: Calibration) -> None:
-    """Refuse a file whose zeros, load, intervals, budget or χ² disagree with what they follow from.
-
-    Raises the model's fault, which names the place.
-    """
-    _check_intervals(c)
-    _check_budget(c)
-    _check_fit(c)
-    if c.parameters is not None:
-        given = calibrated_from(c.parameters, c.loaded_rig().rig, c.rotation)
-        _check_state(c, given.state, np.sqrt(np.diagonal(given.covariance)))
-
-
-def _check_state(c: Calibration, state: State, std: FloatArray) -> None:
-    """Compare with the block of all parameters; std (P,), by it."""
-    n, place = len(c.supports), layout(len(c.supports))
-    for index, support in enumerate(c.supports):
-        where = ("supports", index)
-        own = np.array([value is not None for value in support.zero])
-        _same(support.offset, np.where(own, state.zero[index], 0.0), *where, "zero")
-        stated = [s for s, there in zip(support.zero_std, own, strict=True) if there]
-        _same_std(stated, std[place["zero"]].reshape(n, 3)[index, own], *where, "zero_std")
-        scale = np.eye(3) + symmetric(state.sensitivity)[index]
-        _same(c.sensitivity[index], scale, *where, "sensitivity")
-    mass, bary = c.terminal.mass, c.terminal.barycenter
-    _same(mass.value, state.mass, "terminal", "mass", "value")
-    _same_std([mass.std], std[place["mass"]], "terminal", "mass", "std")
-    _same(bary.value, state.barycentre, "terminal", "barycenter", "value")
-    _same_std(bary.std, std[place["barycentre"]], "terminal", "barycenter", "std")
-
-
-def _check_intervals(c: Calibration) -> None:
-    """An interval is that of the Monte Carlo, or ± k standard uncertainties of some dof."""
-    trials = c.monte_carlo
-    for index, support in enumerate(c.supports):
-        mounting = support.mounting
-        if mounting is None or None in support.rpy_std:
-            continue
-        low, high = np.array(mounting.interval.low), np.array(mounting.interval.high)
-        if trials is not None:
-            drawn = np.array([trials.low[index], trials.high[index]])
-            if np.allclose([low, high], drawn, rtol=0, atol=SAME):
-                continue
-        half, coverage = (high - low) / 2, mounting.interval.coverage
-        least, most = (
-            coverage_factor(coverage, dof) * np.array(mounting.rpy_std) for dof in (np.inf, 1.0)
-        )
-        off = np.abs((low + high) / 2 - mounting.rpy)
-        if np.any((off > SAME) | (half < least - SAME) | (half > most + SAME)):
-            place = ("supports", index, "rpy_interval")
-            raise fault("does not follow from `rpy` and `rpy_std`", *place, hint=ALTERED)
-
-
-def _check_budget(c: Calibration) -> None:
-    """The sources' variances add up to each angle's."""
-    stds = {s.name: s.rpy_std for s in c.supports if None not in s.rpy_std}
-    for index, angle in enumerate(c.budget.angles if c.budget is not None else ()):
-        if angle.support in stds:
-            stated = stds[angle.support][ANGLES.index(angle.angle)]
-            total = np.sqrt(sum(angle.variance.values()))
-            _same_std([stated], np.array([total]), "budget", "angles", index, "variance")
-
-
-def _check_fit(c: Calibration) -> None:
-    """p-value and Birge ratio follow from χ² and its degrees of freedom; campaigns add up to it."""
-    if c.fit is None:
-        return
-    chi2, dof = c.fit.chi2, c.fit.dof
-    if dof:
-        _same(c.fit.p_value, chi2_sf(chi2, dof), "fit", "p_value")
-        _same(c.fit.birge, np.sqrt(chi2 / dof), "fit", "birge")
-    if c.campaigns:
-        _same(chi2, sum(one.chi2 for one in c.campaigns), "fit", "chi2")
-        _same(dof, sum(one.dof for one in c.campaigns), "fit", "dof")
-
-
-def _same(
-    stated: npt.ArrayLike,
-    other: npt.ArrayLike,
-    *place: str | int,
-    what: str = "what the file says elsewhere",
-) -> None:
-    """Compare two statements of a value to rounding; a nanometre, a nanonewton."""
-    if not np.allclose(stated, other, rtol=SAME, atol=SAME):
-        raise fault(f"is not {what}", *place, hint=ALTERED)
-
-
-def _same_std(stated: Sequence[float | None], other: FloatArray, *place: str | int) -> None:
-    """Compare standard uncertainties; None is open, which a covariance cannot say."""
-    values = np.array(stated, dtype=np.float64)  # None becomes no number
-    known = np.isfinite(values)
-    if not np.allclose(values[known], other[known], rtol=SAME_STD, atol=0):
-        raise fault("does not follow from the covariance", *place, hint=ALTERED)

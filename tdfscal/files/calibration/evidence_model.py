@@ -5,7 +5,7 @@ Postures, dwells, loads and trials; zeros that move and supports that give; samp
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -30,16 +30,6 @@ from tdfscal.files.field_types import (
     key,
 )
 
-PosturesDefinition = Literal[
-    "contact wrench that remains, N and N·m, LCS axes, moment about the LCS origin; "
-    "before: nominal mounting and stated zeros, after: calibrated without the posture"
-]
-(POSTURES_DEFINITION,) = get_args(PosturesDefinition)
-HistogramDefinition = Literal[
-    "trials per bin of (angle − estimate) / rpy_std; those beyond the edges are not counted"
-]
-(HISTOGRAM_DEFINITION,) = get_args(HistogramDefinition)
-
 Counts = Annotated[tuple[Count, ...], BeforeValidator(from_numpy)]
 
 
@@ -52,9 +42,12 @@ class Stretch(Strict):
 
 
 class PostureTable(Strict):
-    """The postures in the fit, column by column."""
+    """The postures in the fit, column by column: the contact wrench that remains, in LCS axes.
 
-    definition: PosturesDefinition = key("what the columns are")
+    Moments are about the LCS origin; before: nominal mounting and stated zeros, after: calibrated
+    without the posture.
+    """
+
     index: Counts = key("number of the dwell, from 0")
     start: Numbers = key("s in the log's time")
     end: Numbers = key("s in the log's time")
@@ -72,7 +65,7 @@ class PostureTable(Strict):
 
     @model_validator(mode="after")
     def _aligned(self) -> Self:
-        for name in type(self).model_fields.keys() - {"definition", "index", "left_out"}:
+        for name in type(self).model_fields.keys() - {"index", "left_out"}:
             column = getattr(self, name)
             if column is not None and len(column) != len(self.index):
                 raise fault("has not one entry per posture", name)
@@ -107,23 +100,6 @@ class SensorLoad(Strict):
     across: NotNegative = key("N: load across the mean line of action")
 
 
-class Histogram(Strict):
-    """Monte Carlo trials in bins, per support and angle (roll, pitch, yaw)."""
-
-    definition: HistogramDefinition = key("what is counted")
-    edges: Numbers = key("rad: edges of the bins, per angle")
-    counts: tuple[tuple[Counts, Counts, Counts], ...] = key("trials between two edges, per angle")
-
-    @model_validator(mode="after")
-    def _binned(self) -> Self:
-        if any(low >= high for low, high in zip(self.edges, self.edges[1:], strict=False)):
-            raise fault("must ascend", "edges")
-        for angles in self.counts:
-            if any(len(angle) != len(self.edges) - 1 for angle in angles):
-                raise fault("must have one number per bin", "counts")
-        return self
-
-
 class MethodAngles(Strict):
     """What one method alone says: roll, pitch, yaw per support with standard uncertainties, rad."""
 
@@ -133,43 +109,19 @@ class MethodAngles(Strict):
 
 
 class Slopes(Strict):
-    """A slope per channel; null for an axis that is not measured."""
+    """How the zeros moved by one cause; a walk has only its share."""
 
-    value: OpenRows = key("per support, of each axis; null where not measured")
-    std: OpenStdRows = key(
-        "standard uncertainties, in the same unit; null where not measured or open"
-    )
-    share: OpenRows = key("part of the variance of roll, pitch, yaw that knowing them takes away")
-
-
-class WalkShare(Strict):
-    """What a random walk of the zeros costs."""
-
+    value: OpenRows | None = key("per support, of each axis; null where not measured", None)
+    std: OpenStdRows | None = key("standard uncertainties, in the same unit; null where open", None)
     share: OpenRows = key("part of the variance of roll, pitch, yaw that knowing it takes away")
-
-
-class DriftResult(Strict):
-    """How the zeros moved: slopes in time (N/h) and temperature (N/K), a parabola (N/h²)."""
-
-    time: Slopes | None = key("slopes in time, N/h", None)
-    temperature: Slopes | None = key("slopes in temperature, N/K", None)
-    parabola: Slopes | None = key("where the residuals ask for it: N/h²", None)
-    walk: WalkShare | None = key("what a random walk costs", None)
 
 
 class Give(Strict):
     """A compliance between encoder and hinge, m/N."""
 
     value: Number = key("m/N")
-    std: OpenStd = key("m/N: its standard uncertainty; null where open")
+    std: OpenStd = key("m/N: its standard uncertainty; null where open", None)
     share: OpenRows = key("part of the variance of roll, pitch, yaw that knowing it takes away")
-
-
-class ComplianceResult(Strict):
-    """What gives between encoder and hinge, sideways and along Z of the BCS."""
-
-    lateral: Give | None = key("sideways", None)
-    vertical: Give | None = key("along Z of the BCS", None)
 
 
 Density = Annotated[tuple[NotNegative, ...], BeforeValidator(from_numpy), Field(min_length=2)]

@@ -143,7 +143,7 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
         "fit": statistics.fit(result, origin.campaigns),
         "observability": statistics.observability(result.observability),
         "validation": statistics.validation(result.validation),
-        "conformity": statistics.conformity(result.conformity),
+        "conformity": result.conformity,
     }
 
 
@@ -158,7 +158,6 @@ def _self_parts(result: SelfCalibration, origin: Provenance) -> dict[str, Any]:
         **parts,
         "postures": statistics.postures(result),
         "dwells": statistics.dwells(result),
-        "stability": result.stability,
         **({} if result.estimator == "linear" else statistics.nuisances(result)),
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +15,6 @@ from tdfscal.records import FloatArray, Rig
 if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
     from tdfscal.model.calibrated import Calibrated
 
-ParametersDefinition = Literal[
-    "value: estimate − stated value of the embedded rig, rotations 0; matrix: covariance, "
-    "rotations as in `covariance`; SI units"
-]
-(DEFINITION,) = get_args(ParametersDefinition)
 _COMPONENTS = {
     "rotation": ("rx", "ry", "rz"),
     "zero": ("zero.x", "zero.y", "zero.z"),
@@ -39,10 +34,9 @@ _OF_THE_RIG = ("mass", "barycentre", "tilt", "compliance", "friction")
 class Parameters(Strict):
     """Every parameter that was free, with the covariance of all of them together."""
 
-    definition: ParametersDefinition = key("what the parameters are")
     parameters: tuple[Text, ...] = key("names of rows and columns")
-    value: Numbers = key("estimate minus stated value, SI")
-    matrix: Matrix = key("joint covariance, SI")
+    value: Numbers = key("estimate minus stated value of the embedded rig, SI; rotations 0")
+    matrix: Matrix = key("joint covariance, SI; rotations as in `covariance`")
     unscaled: Matrix | None = key(
         "rad²: covariance of the rotations before the Birge ratio scaled it", None
     )
@@ -68,7 +62,6 @@ def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -
     used = np.flatnonzero(np.diagonal(given.covariance))
     start = replace(nominal(given.rig), rotation=given.state.rotation)
     return {
-        "definition": DEFINITION,
         "parameters": tuple(names[used].tolist()),
         "value": deviation(given.state, start)[used],
         "matrix": given.covariance[np.ix_(used, used)],

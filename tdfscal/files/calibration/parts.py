@@ -15,14 +15,14 @@ import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Field,
     JsonValue,
     StringConstraints,
     model_validator,
 )
 
-from tdfscal.files.calibration.evidence_model import Histogram, SensorLoad
+from tdfscal.files.calibration.evidence_model import Counts, SensorLoad
 from tdfscal.files.field_types import (
-    Correlation,
     Count,
     Coverage,
     Flag,
@@ -67,6 +67,10 @@ Angle = Literal["roll", "pitch", "yaw"]
 Turn = Literal["roll", "pitch", "yaw", "turn about X", "turn about Y", "turn about Z"]
 Quaternion = Annotated[tuple[Number, Number, Number, Number], BeforeValidator(from_numpy)]
 Texts = tuple[Text, ...]
+#: Edges of the bins of Monte Carlo trials, in standard uncertainties: normally one trial in 16 000
+#: lies beyond.
+EDGES = np.linspace(-4.0, 4.0, 33)
+Bins = Annotated[Counts, Field(min_length=len(EDGES) - 1, max_length=len(EDGES) - 1)]
 
 
 class Software(Strict):
@@ -244,8 +248,6 @@ class FitResult(Strict):
     birge: NotNegative = key("Birge ratio, √(χ²/dof)")
     rms_force: NotNegative = key("N: root mean square of the residual force")
     rms_moment: NotNegative = key("N·m: of the residual moment about the barycentre")
-    iterations: Count = key("of the estimator")
-    converged: Flag = key("whether the estimator found its minimum")
     channel_noise: Vectors | None = key(
         "of each channel over the stated one, where they are unequal", None
     )
@@ -266,37 +268,11 @@ class AngleSeen(Strict):
     identified: Flag = key("whether the data determine it")
 
 
-class WeakestAngle(Strict):
-    """The angle with the largest standard uncertainty, rad."""
-
-    name: Text = key("support and angle")
-    std: OpenStd = key("rad: standard uncertainty", None)
-    cause: Text = key("why it is the least known")
-
-
-class WeakAngle(WeakestAngle):
-    """An angle that the data do not determine, and what to do."""
-
-    cause: Text = key("why it is not determined")
-    advice: Text = key("what to do about it")
-
-
-class CloseCouple(Strict):
-    """Two angles whose errors go together."""
-
-    a: Text = key("one angle")
-    b: Text = key("the other angle")
-    value: Correlation = key("their coefficient of correlation")
-
-
 class ObservabilityResult(Strict):
     """The verdict in words and numbers."""
 
     verdict: Text = key("one sentence")
-    weakest: WeakestAngle | None = key("the least known angle", None)
     angles: tuple[AngleSeen, ...] = key("every angle with what is known of it")
-    weak: tuple[WeakAngle, ...] = key("angles that the data do not determine", ())
-    correlations: tuple[CloseCouple, ...] = key("pairs of angles above 0.8", ())
     loads: tuple[SensorLoad, ...] | None = key("where the loads on each sensor point", None)
     with_moves: NotNegative | None = key(
         "rad: quadratic mean of the angles' standard uncertainties to expect with --samples all",
@@ -360,13 +336,15 @@ class MonteCarloResult(Strict):
     """Standard deviation and interval ends of roll, pitch, yaw per support, rad."""
 
     trials: PositiveCount = key("number of trials")
-    seed: Count = key("of its random numbers")
     rpy_std: Vectors = key("rad: standard deviations over the trials")
     low: Vectors = key("rad: lower ends of the coverage intervals")
     high: Vectors = key("rad: upper ends of the coverage intervals")
     tolerance: NotNegative = key("rad: numerical tolerance δ (JCGM 101, 7.9.2)")
     linear_interval_validated: Flag = key("linear interval agrees (JCGM 101, 8)")
-    histogram: Histogram | None = key("how the trials fell", None)
+    histogram: tuple[tuple[Bins, Bins, Bins], ...] | None = key(
+        "per support and angle: trials by (angle − estimate) / rpy_std, from −4 to 4 by quarters",
+        None,
+    )
 
 
 class ResidualWrench(Strict):
@@ -387,32 +365,17 @@ class ValidationResult(Strict):
     moment: ResidualWrench = key("N·m: residual contact moment")
 
 
-class ChangeResult(Strict):
-    """A change of the unexplained wrench, N and N·m, and the chance that it is noise."""
-
-    force: NotNegative = key("N: size of the change")
-    moment: NotNegative = key("N·m: size of the change")
-    p_value: Probability = key("probability of such a change by chance")
-
-
-class StabilityResult(Strict):
-    """Drift over the campaign; repeatability and hysteresis where postures were visited again."""
-
-    drift: ChangeResult = key("change over the campaign")
-    returns: Count = key("number of postures visited again")
-    repeat: ChangeResult | None = key("change between visits of one posture", None)
-    hysteresis: ChangeResult | None = key("part of it between visits from opposite sides", None)
-
-
 class LimitedResult(Strict):
     """A contact force or torque, N or N·m: expanded uncertainty (k = 2), limit, and their verdict.
 
     Decision rule: guard band, |deviation| + U ≤ limit (JCGM 106).
     """
 
-    expanded_uncertainty: NotNegative = key("of the length, coverage 95.45 %")
-    limit: OpenStd = key("the rig file's; null where it states none", None)
-    probability_exceeding: Probability = key("that the error is beyond the limit")
+    expanded: NotNegative = key("uncertainty of the length, coverage 95.45 %")
+    limit: Annotated[
+        NotNegative | None, BeforeValidator(lambda limit: None if limit == np.inf else limit)
+    ] = key("the rig file's; null where it states none", None)
+    exceeding: Probability = key("that the error is beyond the limit")
     conforms: Flag = key("whether the expanded uncertainty is within the limit")
 
 

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.acceptance.conformity import Conformity
 from tdfscal.catalogue import sentence
-from tdfscal.files.calibration.evidence_model import POSTURES_DEFINITION
 from tdfscal.files.calibration.parts import measured_document
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
@@ -49,12 +47,8 @@ def terminal(
 def fit(
     result: SelfCalibration | MotionCalibration, campaigns: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Residuals, rejected postures, iterations; χ² of all campaigns, where there are several."""
-    said = {
-        **asdict(result.quality),
-        "iterations": result.fit.iterations,
-        "converged": result.fit.converged,
-    }
+    """Residuals, rejected postures; χ² of all campaigns, where there are several."""
+    said = asdict(result.quality)
     if isinstance(result, MotionCalibration):
         said["postures"] = result.dwells
     else:
@@ -87,19 +81,15 @@ def rejected(dwells: Dwells, reasons: Mapping[int, Finding]) -> list[dict[str, A
 
 
 def observability(seen: Observability) -> dict[str, Any]:
-    """Verdict, weakest turn, each angle against its prior, and advice."""
-    cause = "the smallest load across the direction of this turn"
+    """Verdict, and each angle against its prior."""
     return {
         "verdict": seen.verdict,
-        "weakest": {"name": seen.weakest.name, "std": seen.weakest.std, "cause": cause},
         "angles": [
             asdict(a)
             | {"prior_std": np.float64(a.prior_std)}
             | ({"std": None} if a.support in seen.undetermined else {})
             for a in seen.angles
         ],
-        "weak": [{"name": w.angle.name, "cause": w.cause, "advice": w.advice} for w in seen.weak],
-        "correlations": seen.correlations,
     }
 
 
@@ -116,22 +106,6 @@ def validation(check: CrossValidation | HeldOut | None) -> dict[str, Any] | None
     names = ("rms_before", "rms_after", "max_before", "max_after")
     force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
     return {"method": method, "postures": len(check.before), "force": force, "moment": moment}
-
-
-def conformity(judged: Conformity | None) -> dict[str, Any] | None:
-    """Contact wrench against its limits; None where none are stated."""
-    if judged is None:
-        return None
-    parts = {
-        part.quantity: {
-            "expanded_uncertainty": part.expanded,
-            "limit": np.float64(part.limit),
-            "probability_exceeding": part.exceeding,
-            "conforms": part.conforms,
-        }
-        for part in (judged.force, judged.torque)
-    }
-    return {"rpy": judged.rpy, **parts}
 
 
 def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
@@ -165,7 +139,6 @@ def postures(result: SelfCalibration | Undetermined) -> dict[str, Any]:
     stated, _ = register(result.rig.hinge, result.fit.postures.position[check.index])
     found = result.fit.at.rotation[check.index]
     return {
-        "definition": POSTURES_DEFINITION,
         "index": used,
         "start": dwells.start[used],
         "end": dwells.end[used],

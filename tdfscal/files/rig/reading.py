@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
-from tdfscal.files.hashing import content_sha256
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.model import RIG_FORMAT, RigFile, TrackerBlock
 from tdfscal.files.yaml.reading import Document, parse_document, read_document
@@ -31,7 +30,6 @@ from tdfscal.records import (
 
 #: s
 HOUR = 3600.0
-_HASHES = frozenset({"sha256", "content_sha256"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,19 +71,9 @@ class LoadedRig:
 
 
 class EmbeddedRig(RigFile):
-    """A resolved rig within a calibration file.
-
-    sha256 : of the file it came from. content_sha256 : of this copy, so that an edited one is
-    noticed; none in files of old.
-    """
+    """A resolved rig within a calibration file. sha256 : of the file it came from."""
 
     sha256: Sha256 = key("of the rig file")
-    content_sha256: Sha256 | None = key("of this copy: shows whether it was edited since", None)
-
-    @property
-    def edited(self) -> bool:
-        """Whether this copy is not the one that was written with the result."""
-        return self.altered(self.content_sha256, _HASHES)
 
 
 def load_rig(path: Path | str) -> LoadedRig:
@@ -116,15 +104,13 @@ def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
 def _from_document(document: Document, path: Path) -> LoadedRig:
     require_format(document, RIG_FORMAT, RigError)
     file = checked(RigFile, document, RigError)
-    content = file.model_dump(mode="json", exclude_none=True)
-    hashes = {"sha256": document.sha256, "content_sha256": content_sha256(content, _HASHES)}
     return LoadedRig(
         rig=_rig(file),
         log=_mapping(file),
         tracker=TrackerFiles(file.tracker, path.parent) if file.tracker else None,
         path=path,
         sha256=document.sha256,
-        document={**content, **hashes},
+        document=file.model_dump(mode="json", exclude_none=True) | {"sha256": document.sha256},
     )
 
 

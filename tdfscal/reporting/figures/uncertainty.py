@@ -10,10 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence_model import Histogram
-from tdfscal.files.calibration.parts import Budget, MonteCarloResult
+from tdfscal.files.calibration.parts import EDGES, Budget, MonteCarloResult
 from tdfscal.numerics.distributions import normal_quantile
-from tdfscal.records import ANGLES
+from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import ink
 from tdfscal.reporting.figures.angles import by_angle
 from tdfscal.reporting.figures.style import Drawing, figure, legend_outside, signed, tip
@@ -81,7 +80,7 @@ def trials(c: Calibration) -> Drawing | None:
     m = c.monte_carlo
     if m is None or m.histogram is None:
         return None
-    histogram = m.histogram
+    counts = np.array(m.histogram, dtype=float)[c.determined]
     ratio = (np.array(m.rpy_std) / c.rpy_std)[c.determined]
     confirm = "confirm" if m.linear_interval_validated else "do not confirm"
     return Drawing(
@@ -89,22 +88,20 @@ def trials(c: Calibration) -> Drawing | None:
         "Monte Carlo over the linear prediction",
         f"{m.trials} trials {confirm} the linear 95 % intervals; their standard deviations are "
         f"{ratio.min():.2f} to {ratio.max():.2f} times the linear ones.",
-        lambda: _paint_trials(c, m, histogram),
+        lambda: _paint_trials(c, m, counts),
     )
 
 
-def _paint_trials(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> Figure:
+def _paint_trials(c: Calibration, m: MonteCarloResult, counts: FloatArray) -> Figure:
     """A place per angle on one pair of axes, a sensor in each row, in standard uncertainties."""
     known = np.flatnonzero(c.determined)
     n = len(known)
     fig = figure(0.9 + 1.05 * n)
     ax = fig.subplots()
-    edges = np.array(histogram.edges)
-    width = float(edges[1] - edges[0])
-    across, k = _GAP * float(edges[-1] - edges[0]), _LIMIT
-    u = np.linspace(edges[0], edges[-1], 121)
+    width = float(EDGES[1] - EDGES[0])
+    across, k = _GAP * float(EDGES[-1] - EDGES[0]), _LIMIT
+    u = np.linspace(EDGES[0], EDGES[-1], 121)
     normal = 100 * width * np.exp(-(u**2) / 2) / np.sqrt(2 * np.pi)
-    counts = np.array(histogram.counts, dtype=float)[known]
     density = 100 * counts / np.maximum(counts.sum(axis=2, keepdims=True), 1.0)
     peak = max(float(density.max()), float(normal.max()))
     for row, i in enumerate(known):
@@ -112,7 +109,7 @@ def _paint_trials(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> 
         for j in range(3):
             middle, std = j * across, c.rpy_std[i, j]
             height = density[row, j] + floor
-            bars = ax.stairs(height, edges + middle, baseline=floor, fill=True, **_BARS)
+            bars = ax.stairs(height, EDGES + middle, baseline=floor, fill=True, **_BARS)
             tip(bars, f"{c.supports[i].name} {ANGLES[j]}: 1 std. unc. is {1e3 * std:.3f} mrad")
             ax.plot(u + middle, normal + floor, color=ink.ORANGE, linewidth=1.4)
             high = floor + 1.06 * peak
@@ -132,7 +129,7 @@ def _paint_trials(c: Calibration, m: MonteCarloResult, histogram: Histogram) -> 
     )
     ticks = [(value - row * _ROW * peak, f"{value:g}") for row in range(n) for value in (0, 5, 10)]
     ax.set_yticks([place for place, _ in ticks], [name for _, name in ticks])
-    ax.set_xlim(edges[0] - 0.3, 2 * across + edges[-1] + 0.3)
+    ax.set_xlim(EDGES[0] - 0.3, 2 * across + EDGES[-1] + 0.3)
     ax.set_ylim(-(n - 1) * _ROW * peak, 1.3 * peak)
     ax.grid(visible=False)
     ax.tick_params(labelsize=7)
