@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import documents, sentence, told
+from tdfscal.catalogue import documents, told
 from tdfscal.comparison.common import common, with_load
 from tdfscal.comparison.control_chart import Alarm, Check
 from tdfscal.comparison.eliminated import stated
@@ -40,10 +40,11 @@ from tdfscal.workflows.recordings import Recording, refuse_repeated, stated_date
 from tdfscal.workflows.result import Result, by_column
 from tdfscal.workflows.several_campaigns import (
     Read,
+    left_out,
     read_campaign,
     recorded,
-    rejected_alone,
     require_one_rig,
+    unsound,
 )
 
 
@@ -141,17 +142,17 @@ def monitor(
         raise UsageError(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
-    unsound = {read.name: found for read in reads if (found := rejected_alone(read))}
-    if len(known) + len(reads) - len(unsound) < 2:
-        unsound = {}
-    reads = [read for read in reads if read.name not in unsound]
+    rejected = unsound(reads)
+    if len(known) + len(reads) - len(rejected) < 2:
+        rejected = {}
+    reads = [read for read in reads if read.name not in rejected]
     progress.stage(f"going through {len(known) + len(reads)} checks")
     life, noisy = life_of(rig, known, reads)
     result = MonitorResult(
         rig,
         life,
         tuple(a for a in life.alarms if life.month[a.raised] >= first),
-        (*_left_out(unsound), *noisy, *_findings(life, known, reads)),
+        (*left_out(rejected), *noisy, *_findings(life, known, reads)),
     )
     result.save_page(page, progress)
     return result
@@ -209,12 +210,6 @@ def _papers(rig: Rig) -> tuple[Finding, ...]:
         for name, papers in zip(rig.supports, rig.sensors, strict=False)
         if papers.due is not None and papers.due < today
     )
-
-
-def _left_out(unsound: Mapping[str, Finding]) -> Iterator[Finding]:
-    """Campaigns whose own data do not agree among themselves: they say nothing of any turn."""
-    for name, reason in unsound.items():
-        yield Finding("campaign-left-out", (name,), values={"why": sentence(reason)})
 
 
 def _findings(life: Life, known: Sequence[Earlier], reads: Sequence[Read]) -> Iterator[Finding]:

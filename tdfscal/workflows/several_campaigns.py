@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import told
+from tdfscal.catalogue import sentence, told
 from tdfscal.checks.same_rig import different_constants
 from tdfscal.comparison.misfit import Misfit
 from tdfscal.comparison.pooling import Pool, Recorded, pool
@@ -107,6 +107,20 @@ def rejected_alone(read: Read) -> Finding | None:
     return next(iter(alone.reasons), None)
 
 
+def unsound(campaigns: Sequence[Read]) -> dict[str, Finding]:
+    """Campaigns whose own data do not agree among themselves, by name, each with why."""
+    return {read.name: why for read in campaigns if (why := rejected_alone(read)) is not None}
+
+
+def left_out(campaigns: Mapping[str, Finding], *, rejects: bool = False) -> tuple[Finding, ...]:
+    """Say that these campaigns say nothing of any turn; rejects : since too few others do."""
+    code = "campaign-unsound" if rejects else "campaign-left-out"
+    return tuple(
+        Finding(code, (name,), values={"why": sentence(why)}, rejects=rejects)
+        for name, why in campaigns.items()
+    )
+
+
 def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
     """Raise UsageError where two rigs state different constants."""
     found = different_constants(first, other)
@@ -122,7 +136,8 @@ def require_one_rig(first: Rig, other: Rig, where: str, than: str) -> None:
 def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> Calibration:
     """Calibrate from several campaigns: common angles, zeros and load of each campaign its own.
 
-    The angles are those at the time of the last campaign with a log.
+    The angles are those at the time of the last campaign with a log. One that the gate rejects by
+    itself takes no part, as long as two others do.
     """
     rigs = [(str(group[0]), resolve(group).rig.rig) for group in groups]
     for name, rig in rigs[1:]:
@@ -136,10 +151,15 @@ def calibrate_several(groups: Sequence[Sequence[Path]], settings: Settings) -> C
             where=", ".join(read.name for read in ordered),
             hint="calibrate surveys one by one, and compare them",
         )
-    last = max(k for k, read in enumerate(ordered) if read.dwells is not None)
     _require_dates(ordered)
     settings.progress.stage(f"pooling {len(ordered)} campaigns")
-    return _result(ordered, last, pool([recorded(read) for read in ordered]))
+    rejected = unsound(ordered)
+    sound = [read for read in ordered if read.name not in rejected]
+    enough = len(sound) > 1 and any(read.dwells is not None for read in sound)
+    said = left_out(rejected, rejects=not enough)
+    ordered = sound if enough else ordered
+    last = max(k for k, read in enumerate(ordered) if read.dwells is not None)
+    return _result(ordered, last, pool([recorded(read) for read in ordered]), said)
 
 
 def _require_dates(ordered: Sequence[Read]) -> None:
@@ -155,7 +175,9 @@ def _require_dates(ordered: Sequence[Read]) -> None:
             )
 
 
-def _result(ordered: Sequence[Read], last: int, pooled: Pool) -> Calibration:
+def _result(
+    ordered: Sequence[Read], last: int, pooled: Pool, said: tuple[Finding, ...]
+) -> Calibration:
     read = ordered[last]
     settings = read.log.settings
     inputs = tuple(entry for item in ordered for entry in item.inputs)
@@ -175,7 +197,7 @@ def _result(ordered: Sequence[Read], last: int, pooled: Pool) -> Calibration:
         ),
         campaigns=_campaigns(ordered, pooled),
     )
-    own = replace(own, findings=(*own.findings, *reasons))
+    own = replace(own, findings=(*own.findings, *reasons, *said))
     return as_calibration(own, origin, _notes(ordered, last))
 
 

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal.catalogue import sentence
 from tdfscal.comparison.eliminated import eliminate, of_estimate
 from tdfscal.comparison.misfit import Misfit, misfit_of
 from tdfscal.errors import UsageError
@@ -57,6 +56,7 @@ from tdfscal.workflows.samples import Own
 from tdfscal.workflows.several_campaigns import (
     Read,
     calibrate_informed,
+    left_out,
     misfit_finding,
     read_campaign,
     rejected_alone,
@@ -151,12 +151,11 @@ def _updated(earlier: Earlier, read: Read, trials: int | None) -> Calibration:
     level = float(alarm_level(read.measured.month - earlier.measured.month))
     found, this = _contribution(informed, own, read, level)
     if found.p_value <= level:
-        if unsound := rejected_alone(read):
-            values: dict[str, Value] = {"why": sentence(unsound)}
-            said = Finding("campaign-unsound", (read.name,), values=values, rejects=True)
+        if (unsound := rejected_alone(read)) is not None:
+            said = left_out({read.name: unsound}, rejects=True)
         else:
-            said = misfit_finding(found, since=earlier.name)
-        own = replace(own, findings=(*own.findings, said))
+            said = (misfit_finding(found, since=earlier.name),)
+        own = replace(own, findings=(*own.findings, *said))
     origin = Provenance(
         read.log.campaign.rig,
         tuple(read.inputs),

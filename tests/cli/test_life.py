@@ -171,6 +171,16 @@ def test_a_noisy_month_is_named_and_turns_no_sensor(
     done = run(capsys, "update", base, loud, "--trials", 0, "-o", tmp_path / "no.yaml", "-q")
     assert done.status == 1
     assert "turned" not in done.out.split("Installation")[0]
+    pools = []
+    for extra in ((), (loud,)):
+        target = tmp_path / f"pool{len(pools)}.yaml"
+        run(capsys, "calibrate", first, *known, *extra, "--trials", 0, "-o", target, "-q")
+        pools.append(yaml.safe_load(target.read_text()))
+    without, beside = pools
+    assert beside["covariance"] == without["covariance"]
+    assert len(beside["campaigns"]) == len(without["campaigns"])
+    assert any(str(loud) in text and "takes no part" in text for text in texts(beside))
+    assert run(capsys, "calibrate", first, loud, "--trials", 0, "-o", target, "-q").status == 1
     done = run(capsys, "update", base, known[0], "--trials", 0, "-o", tmp_path / "u.yaml", "-q")
     assert "would have been seen with 95% probability" in " ".join(done.out.split())
 
