@@ -171,7 +171,7 @@ def test_a_noisy_month_is_named_and_turns_no_sensor(
     done = run(capsys, "update", base, loud, "--trials", 0, "-o", tmp_path / "no.yaml", "-q")
     assert done.status == 1
     assert "turned" not in done.out.split("Installation")[0]
-    pools = []
+    pools: list[Any] = []
     for extra in ((), (loud,)):
         target = tmp_path / f"pool{len(pools)}.yaml"
         run(capsys, "calibrate", first, *known, *extra, "--trials", 0, "-o", target, "-q")
