@@ -44,8 +44,6 @@ def kinds() -> Iterator[tuple[str, Rig, Options]]:
 def questions(found: SelfCalibration) -> set[str]:
     """What questions a campaign, by kind."""
     asked = {doubt.kind or "frame" for doubt in found.suspicions[:1]}
-    if not found.suspicions and found.stability.findings:
-        asked.add("changed rig")
     if found.rejected:
         asked.add("lost posture")
     if found.channels is not None:

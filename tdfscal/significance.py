@@ -45,7 +45,7 @@ FRAME_MISFIT: Final = 0.025 * QUESTIONED
 MISFIT: Final = 0.075 * QUESTIONED
 #: That the campaign is weighted by unequal noise of its channels, which costs it little.
 UNEQUAL_NOISE: Final = 0.075 * QUESTIONED
-#: That noise alone is reported as drift, hysteresis or lack of repeatability, per test of three.
+#: That the halves of a log in motion are said to disagree in the angles, or in the delay.
 CHANGED_RIG: Final = 0.025 * QUESTIONED
 #: Beyond both of these a channel is not weighted as a noisy one, but rejected. A transducer and its
 #: amplifier that work keep within a thousandth of their load (class 0.1), whatever was stated, and

@@ -163,22 +163,6 @@ CAMPAIGN: dict[str, Entry] = {
         "the residuals are only {number:.2g} times what the stated uncertainties explain: those "
         "may be overstated (uncertainty.force_noise, positioner), and so the angles' own",
     ),
-    "wrench-drifts": Entry(
-        "warns",
-        "the unexplained wrench drifts by {size} and {moment:N·m} ({p}) over the campaign",
-        "warm up longer, tare just before, or record faster",
-    ),
-    "postures-hysteresis": Entry(
-        "warns",
-        "postures reached from opposite sides differ by {size} and {moment:N·m} ({p}): hinge "
-        "friction or backlash",
-        "declare uncertainty.hinge_moment in rig.yaml",
-    ),
-    "postures-changed": Entry(
-        "warns",
-        "postures visited again differ by {size} and {moment:N·m} ({p}): the machine or its "
-        "sensors changed between the visits",
-    ),
     "mass-exact": Entry(
         "warns",
         "the mass is called exact, and the zeros rest on it: an error of 0.1 % would move the zero "

@@ -15,7 +15,7 @@ from tdfscal.model.earlier import loosened
 from tdfscal.model.parameters import State
 from tdfscal.model.statics import Postures
 from tdfscal.records import Dwells, FloatArray, InputFile, Rig, Rotations
-from tdfscal.selfcal import observability, repeatability
+from tdfscal.selfcal import observability
 from tdfscal.selfcal.closure import misplaced
 from tdfscal.selfcal.covariance import (
     Estimate,
@@ -133,7 +133,6 @@ def self_calibrate(
         suspicions=doubts,
         channels=channels,
         gross=_gross(channels, result, usable),
-        stability=repeatability.examine(result, held),
         conformity=assess_stated(joint_posterior(result, uncertainty.covariance)),
         validation=cross_validate(result, known.parts),
         monte_carlo=trials,

@@ -22,7 +22,6 @@ from tdfscal.selfcal.exact_quantities import exact_caveats
 from tdfscal.selfcal.mounting_search import Rival, describe
 from tdfscal.selfcal.noise_components import GrossNoise, noisier
 from tdfscal.selfcal.observability import Observability, require_angles
-from tdfscal.selfcal.repeatability import Stability
 from tdfscal.selfcal.suspicion import Suspicion
 from tdfscal.significance import MISFIT, OVERSTATED_NOISE
 
@@ -55,7 +54,6 @@ class SelfCalibration:
     suspicions: tuple[Suspicion, ...]
     channels: FloatArray | None
     gross: GrossNoise | None
-    stability: Stability
     conformity: Conformity | None
     validation: CrossValidation
     monte_carlo: MonteCarlo | None
@@ -125,8 +123,6 @@ def caveats(of: SelfCalibration, measured_noise: bool, unasked: bool) -> tuple[F
             found += doubt.findings(rejects=False)
     for doubt in of.set_aside:
         found += doubt.findings(rejects=False, slip=True)
-    if not measured_noise and not of.suspicions:  # a named cause says more than the trend it makes
-        found += of.stability.findings
     if trials is not None and trials.unsettled:
         values: dict[str, Value] = {"trials": trials.trials}
         found.append(Finding("trials-unsettled", size=trials.unsettled, values=values))
